@@ -1,0 +1,58 @@
+# Everything a newcomer needs: `make demo` and `make test`. Each sets up what it uses.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+UV     := uv==0.13.9
+OUT    ?= out
+
+.PHONY: demo test test-slow lint bench docs wheel-test install clean
+.DEFAULT_GOAL := demo
+
+demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
+	$(BIN)/asperity demo --out $(OUT) --overwrite
+
+test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+
+test-slow: $(VENV)/installed-dev
+	$(BIN)/python -m pytest -m slow
+
+lint: $(VENV)/installed-dev          ## style, types, and the order of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/installed-run         ## speed, as ratios in one run
+	$(BIN)/python benchmarks/bench_studies.py
+
+docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+
+wheel-test: $(VENV)/installed-dev    ## build a wheel, install it in a bare environment, run the demo
+	sh .ci/wheel_test.sh $(BIN)/python
+
+install: $(VENV)/installed-run
+clean:
+	rm -rf $(VENV) $(OUT) docs/_build build dist .pytest_cache .ruff_cache .mypy_cache
+
+# Installation. uv does it in seconds; where uv cannot run, pip does the same more slowly.
+define INSTALL
+	@echo "asperity: installing into $(VENV) ..."
+	@start=$$(date +%s); \
+	  { $(BIN)/python -m pip install -q --disable-pip-version-check '$(UV)' \
+	    && $(BIN)/uv pip install -q --python $(BIN)/python -c constraints.txt -e '.$(1)'; } \
+	  || $(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.$(1)'; \
+	  status=$$?; [ $$status = 0 ] || exit $$status; \
+	  echo "asperity: download and installation took $$(( $$(date +%s) - start )) s"
+	@touch $@
+endef
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+$(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
+	$(call INSTALL,)
+$(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
+	$(call INSTALL,[dev])
+$(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(call INSTALL,[docs])

@@ -1,0 +1,67 @@
+"""The one door through which compiled kernels are made.
+
+Numba's disk cache keys a compiled function by the source of *its own* file: edit a function
+that it calls in another file and the cache silently returns the old machine code, with wrong
+numbers. So before Numba is imported, `NUMBA_CACHE_DIR` is pointed at a folder named by a hash of
+all of the package's sources and the versions of Numba and Python; any edit starts a fresh cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+_PACKAGE = Path(__file__).parent
+_PREFIX = "asperity-"
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def source_hash(package: Path = _PACKAGE) -> str:
+    """Return 16 hex digits that change when any source file, Numba or Python changes."""
+    digest = hashlib.sha256(f"{version('numba')} {sys.version}".encode())
+    for path in sorted(package.rglob("*.py")):
+        digest.update(str(path.relative_to(package)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Return the folder that holds the machine code of this very version of the sources.
+
+    It lies in `NUMBA_CACHE_DIR` where the user has set that, else in the user's cache folder
+    (`XDG_CACHE_HOME`, `LOCALAPPDATA`, or `~/.cache`).
+    """
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen and Path(chosen).name.startswith(_PREFIX):
+        # Set by a parent process of ours: stay beside its folder, not inside it.
+        root = Path(chosen).parent
+    elif chosen:
+        root = Path(chosen)
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+        root = (Path(base) if base else Path.home() / ".cache") / "asperity"
+    return root / (_PREFIX + source_hash())
+
+
+def cache_state() -> tuple[Path, int]:
+    """Return the cache folder and how many compiled functions lie in it."""
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    return folder, sum(1 for _ in folder.rglob("*.nbc")) if folder.is_dir() else 0
+
+
+os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
+
+import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
+
+# Numba may have been imported before us; then the variable alone comes too late.
+numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+
+
+def kernel(function: F) -> F:
+    """Compile `function` at its first call: cached on disk, without the interpreter's lock."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]

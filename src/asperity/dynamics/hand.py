@@ -1,0 +1,215 @@
+r"""The hand of Otaduy & Lin (2004, Eq. 7): a mass dragged over a texture by spring and damper.
+
+    m u'' = k (v t - u) + b (v - u') - F_u(u)
+
+`F_u` is the texture force at constant normal force (Eq. 6); positive F_u resists motion along u.
+
+The problem: F_u jumps where the probe's contact leaps from one asperity to the next, and u''
+with it, and the largest u'' often stands exactly at such a jump. A fixed step that runs across
+jumps is wrong there by as much as the jump.
+
+The idea: between two jumps the table of F_u is smooth, and so is the motion. Each step of the
+classical Runge-Kutta method uses the cubics of the current stretch alone (held constant beyond
+its ends); a step that leaves the stretch is cut back, by the secant method, to the moment when
+`u` meets the jump, and the next one starts on the other side. Motion may also turn back; and
+where a slow hand comes to rest in the notch between two asperities it stays until the drive has
+pulled hard enough to lift it out.
+
+The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
+*subharmonic* when it repeats only after two to eight periods; a run that never repeats says so,
+and its figures are then statistics over the last stretch of the run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.drag import advance_period, run_until_repeat
+from asperity.errors import AsperityError, require_positive
+from asperity.geometry.piecewise import PiecewiseCubic
+
+PERIODIC_TOLERANCE = 1e-6
+"""(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
+
+_MAX_SUBHARMONIC = 8
+_LEAST_STEPS = 128
+_LONGEST_RUN = 25.0
+"""Time constants of the hand after which a motion that has not repeated is called aperiodic."""
+_APERIODIC_RECORD = 16
+"""Periods of the surface that are recorded of a motion that does not repeat."""
+
+
+class MotionStatus(IntEnum):
+    """How a run of the hand ended."""
+
+    PERIODIC = 0
+    """(u - v t, u') repeats with the surface."""
+    SUBHARMONIC = 1
+    """It repeats after several periods of the surface."""
+    APERIODIC = 2
+    """It does not repeat; the figures are statistics over the recorded stretch."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Mass, stiffness and damping of the hand that holds the probe.
+
+    The seed paper prints no values; the defaults are asperity's.
+    """
+
+    mass: float = 0.05
+    """[kg], above 0."""
+    stiffness: float = 300.0
+    """[N/m], above 0."""
+    damping: float = 3.0
+    """[N s/m], above 0: without it no motion forgets how it began."""
+
+    def __post_init__(self) -> None:
+        require_positive("mass", self.mass, "[kg]")
+        require_positive("stiffness", self.stiffness, "[N/m]")
+        require_positive("damping", self.damping, "[N s/m]")
+
+    @property
+    def time_constant(self) -> float:
+        """Time in which a free motion of the hand falls by e [s]."""
+        half = 0.5 * self.damping / self.mass
+        inside = half**2 - self.stiffness / self.mass
+        return 1.0 / (half - math.sqrt(inside) if inside > 0.0 else half)
+
+
+class Motion(NamedTuple):
+    """The hand's motion over one repeat, or over the recorded stretch of a run."""
+
+    status: MotionStatus
+    periods: int
+    """Periods of the surface in the record."""
+    settled_after: float
+    """Time before the record begins [s]."""
+    step: float
+    """Time between samples [s]."""
+    place: NDArray[np.float64]
+    """u [m], relative to the start of the record's first period."""
+    speed: NDArray[np.float64]
+    """u' [m/s]."""
+    acceleration: NDArray[np.float64]
+    """u'' [m/s^2]."""
+    largest: float
+    """Largest u'' [m/s^2], between samples and on either side of jumps included."""
+    smallest: float
+    """Smallest u'' [m/s^2], likewise."""
+    mismatch: float
+    """What (u - v t, u') still missed a repeat by, in parts of the period and the speed."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the record [s]."""
+        return self.step * self.acceleration.size
+
+
+def drag(
+    force: PiecewiseCubic,
+    hand: Hand,
+    speed: float,
+    *,
+    start: float = 0.0,
+    refine: float = 1.0,
+    settle: float | None = None,
+    length: float | None = None,
+) -> Motion:
+    """Drag the hand over a texture at constant speed, and record its motion once it repeats.
+
+    Parameters
+    ----------
+    force : PiecewiseCubic
+        Texture force F_u [N] along the surface; positive resists.
+    hand : Hand
+        Mass, spring and damper of Eq. 7.
+    speed : float
+        Speed of the drive [m/s], above 0.
+    start : float
+        Where on the surface the drive sets out [m].
+    refine : float
+        Factor on the number of steps a period; 1 gives at least two steps for each cubic of
+        the table, and at least 128.
+    settle, length : float, optional
+        Give both to record `length` [m] of drag after `settle` [s] have passed, whether or not
+        the motion repeats: for long measured surfaces.
+
+    Returns
+    -------
+    Motion
+        Sampled at equal phase; where the motion never repeats, `status` says so.
+
+    References
+    ----------
+    Otaduy & Lin (2004), Eq. 7; the hand after Hasser & Cutkosky (2002).
+    """
+    require_positive("speed", speed, "[m/s]")
+    if (settle is None) != (length is None):
+        raise AsperityError("give both settle and length, or neither")
+    period = force.period
+    steps = max(math.ceil(refine * max(_LEAST_STEPS, 2 * (force.edges.size - 1))), 8)
+    step = period / speed / steps
+    shifted = _from_first_jump(force)
+    origin = force.jumps[0] if force.jumps.size else 0.0
+    table = (shifted.jumps, shifted.edges, shifted.coefficients)
+    numbers = np.array([hand.mass, hand.stiffness, hand.damping, speed])
+    first = float(np.mod(start - origin, period))
+    stretch = max(int(np.searchsorted(shifted.jumps, first, side="right")) - 1, 0)
+    state = np.array([first, speed, first, float(stretch), 0.0, np.nan])
+
+    status, mismatch = MotionStatus.APERIODIC, math.nan
+    if length is None or settle is None:
+        tolerance = PERIODIC_TOLERANCE * np.array([period, speed])
+        most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * _MAX_SUBHARMONIC
+        repeat, run, missed = run_until_repeat(
+            state, steps, step, *table, numbers, tolerance, most, np.empty((_MAX_SUBHARMONIC, 2))
+        )
+        mismatch = missed * PERIODIC_TOLERANCE
+        if repeat:
+            status = MotionStatus.PERIODIC if repeat == 1 else MotionStatus.SUBHARMONIC
+        samples, settled = (repeat or _APERIODIC_RECORD) * steps, run * steps
+    else:
+        samples, settled = max(round(length / speed / step), 2), math.ceil(settle / step)
+        nothing = np.empty((0, 3))
+        advance_period(state, settled, step, *table, numbers, np.zeros(2), nothing)
+
+    record, extremes = np.empty((samples, 3)), np.array([np.inf, -np.inf])
+    advance_period(state, samples, step, *table, numbers, extremes, record)
+    if not np.all(np.isfinite(extremes)):
+        raise AsperityError(
+            f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"
+        )
+    times = np.arange(samples) * step
+    return Motion(
+        status=status,
+        periods=max(round(samples / steps), 1),
+        settled_after=settled * step,
+        step=step,
+        place=record[:, 0] + np.mod(start + speed * (settled * step), period) + speed * times,
+        speed=record[:, 1],
+        acceleration=record[:, 2],
+        largest=float(extremes[1]),
+        smallest=float(extremes[0]),
+        mismatch=mismatch,
+    )
+
+
+def _from_first_jump(force: PiecewiseCubic) -> PiecewiseCubic:
+    """Return the table turned so that its period begins at its first jump, if it has one."""
+    if not force.jumps.size or force.jumps[0] == 0.0:
+        return force
+    first = int(np.searchsorted(force.edges, force.jumps[0]))
+    origin, period = force.edges[first], force.period
+    edges = np.concatenate([force.edges[first:-1] - origin, force.edges[:first] + period - origin])
+    return force._replace(
+        edges=np.append(edges, period),
+        coefficients=np.roll(force.coefficients, -first, axis=0),
+        jumps=force.jumps - force.jumps[0],
+    )

@@ -1,0 +1,1 @@
+"""Texture force laws, one a file."""

@@ -1,0 +1,1 @@
+"""Surfaces, and the offset surfaces that a probe traces on them."""

@@ -1,0 +1,1 @@
+"""Height textures: spline interpolation, bounds, procedural textures, reading of files."""

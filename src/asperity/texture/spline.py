@@ -1,0 +1,146 @@
+r"""Cubic B-spline interpolation of sampled heights, in one and two dimensions.
+
+Heights stand at `(i + 1/2) * pixel_size`. Between them the surface is the cubic B-spline that
+passes through every sample: twice continuously differentiable, so that a contact's slope has no
+texel-frequency buzz. In units of samples,
+
+    s(t) = sum_{a=0..3} B_a(t) c[i + a]
+
+with `t` the position inside cell `i`, the stretch from sample `i - 1` to sample `i`. The
+coefficients come padded, so that a kernel may index cell `i` with `c[i .. i+3]` and never tests
+a border.
+
+Beyond its ends a height map either *wraps* (period n) or *mirrors* (period 2 n, half-sample
+symmetric); the mirrored map is what a clamped map looks like from the inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from asperity.compiled import kernel
+
+BORDERS = ("wrap", "mirror")
+_MODES = {"wrap": "grid-wrap", "mirror": "reflect"}
+_PAD = {"wrap": "wrap", "mirror": "symmetric"}
+
+
+def spline_coefficients(
+    heights: NDArray[np.float64], border: str, margin: int = 0
+) -> NDArray[np.float64]:
+    """Return the B-spline coefficients of `heights`, padded on every side.
+
+    Parameters
+    ----------
+    heights : (n,) or (nv, nu) array
+        Heights at the centres of the samples.
+    border : {"wrap", "mirror"}
+        How the surface goes on beyond its ends.
+    margin : int
+        How many cells beyond each end are wanted, at most one period.
+
+    Returns
+    -------
+    (n + 4 + 2 margin,) or (nv + 4 + 2 margin, nu + 4 + 2 margin) array
+        Cell `i`, `-margin <= i <= n + margin`, uses entries `i + margin .. i + margin + 3`.
+    """
+    coefficients = ndimage.spline_filter(heights, order=3, mode=_MODES[border], output=np.float64)
+    return np.pad(coefficients, margin + 2, mode=_PAD[border])  # type: ignore[call-overload,no-any-return]
+
+
+@kernel
+def evaluate_1d(coefficients, cell, t):
+    """Return value, slope and curvature, per sample, of the spline at `t` in `cell`."""
+    s = 1.0 - t
+    c0, c1 = coefficients[cell], coefficients[cell + 1]
+    c2, c3 = coefficients[cell + 2], coefficients[cell + 3]
+    value = (
+        s * s * s * c0
+        + (4.0 - 6.0 * t * t + 3.0 * t * t * t) * c1
+        + (4.0 - 6.0 * s * s + 3.0 * s * s * s) * c2
+        + t * t * t * c3
+    ) / 6.0
+    slope = (
+        -0.5 * s * s * c0
+        + (1.5 * t * t - 2.0 * t) * c1
+        + (2.0 * s - 1.5 * s * s) * c2
+        + 0.5 * t * t * c3
+    )
+    curvature = s * c0 + (3.0 * t - 2.0) * c1 + (3.0 * s - 2.0) * c2 + t * c3
+    return value, slope, curvature
+
+
+@kernel
+def evaluate_2d(coefficients, row, column, tv, tu):
+    """Return value and all derivatives up to the second of the spline, per sample.
+
+    Returns
+    -------
+    tuple of 6 floats
+        `s, s_u, s_v, s_uu, s_uv, s_vv` at `(tv, tu)` in cell `(row, column)`.
+    """
+    ru = 1.0 - tu
+    wu0, wu1 = ru * ru * ru / 6.0, (4.0 - 6.0 * tu * tu + 3.0 * tu * tu * tu) / 6.0
+    wu2, wu3 = (4.0 - 6.0 * ru * ru + 3.0 * ru * ru * ru) / 6.0, tu * tu * tu / 6.0
+    du0, du1 = -0.5 * ru * ru, 1.5 * tu * tu - 2.0 * tu
+    du2, du3 = 2.0 * ru - 1.5 * ru * ru, 0.5 * tu * tu
+    cu0, cu1, cu2, cu3 = ru, 3.0 * tu - 2.0, 3.0 * ru - 2.0, tu
+    rv = 1.0 - tv
+    wv = (
+        rv * rv * rv / 6.0,
+        (4.0 - 6.0 * tv * tv + 3.0 * tv * tv * tv) / 6.0,
+        (4.0 - 6.0 * rv * rv + 3.0 * rv * rv * rv) / 6.0,
+        tv * tv * tv / 6.0,
+    )
+    dv = (-0.5 * rv * rv, 1.5 * tv * tv - 2.0 * tv, 2.0 * rv - 1.5 * rv * rv, 0.5 * tv * tv)
+    cv = (rv, 3.0 * tv - 2.0, 3.0 * rv - 2.0, tv)
+    s = s_u = s_v = s_uu = s_uv = s_vv = 0.0
+    for a in range(4):
+        c = coefficients[row + a]
+        c0, c1, c2, c3 = c[column], c[column + 1], c[column + 2], c[column + 3]
+        value = wu0 * c0 + wu1 * c1 + wu2 * c2 + wu3 * c3
+        slope = du0 * c0 + du1 * c1 + du2 * c2 + du3 * c3
+        s += wv[a] * value
+        s_v += dv[a] * value
+        s_vv += cv[a] * value
+        s_u += wv[a] * slope
+        s_uv += dv[a] * slope
+        s_uu += wv[a] * (cu0 * c0 + cu1 * c1 + cu2 * c2 + cu3 * c3)
+    return s, s_u, s_v, s_uu, s_uv, s_vv
+
+
+@kernel
+def _fill_1d(coefficients, places, values_out):
+    for i in range(places.size):
+        place = places[i] + 0.5
+        cell = min(max(int(place), 0), coefficients.size - 4)
+        values_out[i] = evaluate_1d(coefficients, cell, place - cell)[0]
+
+
+@kernel
+def _fill_2d(coefficients, rows, columns, values_out):
+    for i in range(rows.size):
+        v, u = rows[i] + 0.5, columns[i] + 0.5
+        row = min(max(int(v), 0), coefficients.shape[0] - 4)
+        column = min(max(int(u), 0), coefficients.shape[1] - 4)
+        values_out[i] = evaluate_2d(coefficients, row, column, v - row, u - column)[0]
+
+
+def values_1d(
+    coefficients: NDArray[np.float64], places: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the spline at `places` [samples, 0 to n], from coefficients without margin."""
+    values = np.empty(places.size)
+    _fill_1d(coefficients, places.ravel(), values)
+    return values.reshape(places.shape)
+
+
+def values_2d(
+    coefficients: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the spline at (rows, columns) [samples], from coefficients without margin."""
+    values = np.empty(rows.size)
+    _fill_2d(coefficients, rows.ravel(), columns.ravel(), values)
+    return values.reshape(rows.shape)
