@@ -132,6 +132,10 @@ def _note_extremes(extremes, a0, a1, state0, state1, step):
         else:
             high = t
     value = a0 + t * (j0 + t * (c + t * d))
+    # A smooth peak rises above its ends by less than the gentler jerk could lift it; a jerk read
+    # off in a very short stretch of the table may be wild, and must not invent a peak.
+    lift = min(abs(j0), abs(j1))
+    value = min(max(value, min(a0, a1) - lift), max(a0, a1) + lift)
     extremes[0] = min(extremes[0], value)
     extremes[1] = max(extremes[1], value)
 

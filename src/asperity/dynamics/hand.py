@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from asperity.dynamics.drag import advance_period, run_until_repeat
 from asperity.errors import AsperityError, require_positive
@@ -212,4 +213,48 @@ def _from_first_jump(force: PiecewiseCubic) -> PiecewiseCubic:
         edges=np.append(edges, period),
         coefficients=np.roll(force.coefficients, -first, axis=0),
         jumps=force.jumps - force.jumps[0],
+    )
+
+
+def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> Motion:
+    """Drag the hand under a force that is a series in time, held constant between ticks.
+
+    Eq. 7 is then linear and is solved exactly from tick to tick.
+
+    Parameters
+    ----------
+    force : (n,) array
+        F_u [N] at each tick; positive resists.
+    tick : float
+        Time between ticks [s].
+    hand, speed
+        As for `drag`.
+
+    Returns
+    -------
+    Motion
+        Status `APERIODIC`; the first five time constants of the hand are left out. The samples
+        of u'' stand just after each tick, where it is largest.
+    """
+    require_positive("tick", tick, "[s]")
+    require_positive("speed", speed, "[m/s]")
+    motion = np.array([[0.0, 1.0], [-hand.stiffness / hand.mass, -hand.damping / hand.mass]])
+    push = np.array([[0.0], [-1.0 / hand.mass]])
+    a, b, *_ = signal.cont2discrete((motion, push, np.eye(2), np.zeros((2, 1))), tick)
+    _, states, _ = signal.dlsim((a, b, np.eye(2), np.zeros((2, 1)), tick), force)
+    acceleration = states @ motion[1] + push[1, 0] * force
+    settled = min(math.ceil(5.0 * hand.time_constant / tick), force.size - 2)
+    times = np.arange(force.size - settled) * tick
+    acceleration = acceleration[settled:]
+    return Motion(
+        status=MotionStatus.APERIODIC,
+        periods=1,
+        settled_after=settled * tick,
+        step=tick,
+        place=states[settled:, 0] + speed * times,
+        speed=states[settled:, 1] + speed,
+        acceleration=acceleration,
+        largest=float(np.max(acceleration)),
+        smallest=float(np.min(acceleration)),
+        mismatch=math.nan,
     )

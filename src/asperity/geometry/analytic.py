@@ -83,10 +83,25 @@ class Sinusoid:
         """Distance after which the surface repeats [m]."""
         return self.spacing
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return False
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return 64
+
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] at places `u` [m]."""
         phase = 2.0 * np.pi * np.asarray(u, dtype=np.float64) / self.spacing
         return self.amplitude * np.cos(phase)
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du at places `u` [m]."""
+        wavenumber = 2.0 * np.pi / self.spacing
+        return -self.amplitude * wavenumber * np.sin(wavenumber * np.asarray(u, dtype=np.float64))
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a probe of `diameter` [m] over this surface."""
@@ -185,6 +200,16 @@ class Grating:
         """Distance after which the surface repeats [m]: one ridge and one gap."""
         return self.ridge + self.spacing
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return False
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return 96
+
     def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners (x, z) [m] of one period, which begins amid a ridge's top."""
         half, period = 0.5 * self.ridge, self.period
@@ -194,6 +219,14 @@ class Grating:
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] at places `u` [m]."""
         return np.interp(np.mod(u, self.period), *self.outline())
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du at places `u` [m]; walls have none, so flank 0 is refused."""
+        if self.flank == 0.0:
+            raise SurfaceError("a grating with walls has no slope; give a flank above 0 m")
+        xs, zs = self.outline()
+        segment = np.searchsorted(xs, np.mod(u, self.period), side="right") - 1
+        return (np.diff(zs) / np.diff(xs))[np.clip(segment, 0, 4)]
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a probe of `diameter` [m] over this surface."""

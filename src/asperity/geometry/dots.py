@@ -115,6 +115,16 @@ class DotPlate:
         """Length of the tile along u [m]."""
         return self.columns * self.pitch
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return False
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return 32 * self.columns
+
     def centres(self) -> NDArray[np.float64]:
         """Return the place of each dot within its lattice cell [m], shape (rows, columns, 2)."""
         shift = np.random.default_rng(self.seed).uniform(-1, 1, (self.rows, self.columns, 2))
@@ -125,19 +135,41 @@ class DotPlate:
 
     def heights(self, u: ArrayLike, v: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the heights [m] at places `u` [m] along the line, or at (u, v)."""
-        u, v = np.broadcast_arrays(
-            np.asarray(u, dtype=np.float64), self._line() if v is None else np.asarray(v)
-        )
+        away, _ = self._nearest(u, v)
+        return np.interp(away, *self._outline())
+
+    def slopes(self, u: ArrayLike, v: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return dh/du at places `u` [m] along the line, or at (u, v); flank 0 is refused."""
+        if self.flank == 0.0:
+            raise SurfaceError("dots with walls have no slope; give a flank above 0 m")
+        away, along = self._nearest(u, v)
+        top, base = self._outline()[0]
+        on_flank = (away > top) & (away < base)
+        return np.where(on_flank, -self.height / self.flank * along / np.maximum(away, top), 0.0)
+
+    def _outline(self) -> tuple[list[float], list[float]]:
+        """Return distances from the axis [m] and the heights there [m]: the edges of the flank."""
+        top = 0.5 * self.diameter
+        return [top, top + self.flank], [self.height, 0.0]
+
+    def _nearest(
+        self, u: ArrayLike, v: ArrayLike | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the distance to the nearest dot's axis, and how far it lies behind along u [m]."""
+        places_v = self._line() if v is None else np.asarray(v, dtype=np.float64)
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), places_v)
         column, row = np.floor(u / self.pitch).astype(int), np.floor(v / self.pitch).astype(int)
         centres, nearest = self.centres(), np.full(u.shape, np.inf)
+        along = np.zeros(u.shape)
         for r in (-1, 0, 1):
             for c in (-1, 0, 1):
                 at = centres[(row + r) % self.rows, (column + c) % self.columns]
-                du = at[..., 0] + (column + c) * self.pitch - u
-                dv = at[..., 1] + (row + r) * self.pitch - v
-                nearest = np.minimum(nearest, np.hypot(du, dv))
-        outline = ([0.5 * self.diameter, 0.5 * self.diameter + self.flank], [self.height, 0.0])
-        return np.interp(nearest, *outline)
+                du = u - at[..., 0] - (column + c) * self.pitch
+                dv = v - at[..., 1] - (row + r) * self.pitch
+                away = np.hypot(du, dv)
+                along = np.where(away < nearest, du, along)
+                nearest = np.minimum(nearest, away)
+        return nearest, along
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a sphere of `diameter` [m] along the line."""

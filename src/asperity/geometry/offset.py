@@ -50,8 +50,19 @@ class Surface(Protocol):
     def spacing(self) -> float:
         """Distance between neighbouring elements [m]: what the studies vary."""
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] at places `u` [m]."""
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du of the bare surface at places `u` [m]."""
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a probe of `diameter` [m] over this surface."""

@@ -25,8 +25,7 @@ Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
 _CHECKS = np.array([0.01, 0.35, 0.8])
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
-_HALVINGS_TO_SUSPECT = 4
-_MAX_HALVINGS = 12
+_MAX_HALVINGS = 8
 _JUMP_WIDTH = 2.0**-36
 """A jump is bracketed to this fraction of the period."""
 
@@ -81,61 +80,101 @@ def tabulate(
     """
     start = np.linspace(0.0, period, cells + 1)
     limit = tolerance * float(np.max(np.abs(function(start))))
-    _, _, suspects, _ = _refine(function, start, limit, _HALVINGS_TO_SUSPECT)
     least = 100.0 * limit
-    jumps = _bracket_jumps(function, suspects, period * _JUMP_WIDTH, least)
-    clear = np.ones(start.size, dtype=bool)
-    if jumps.size:
-        # A regular edge next to a jump would leave a sliver; the jump takes its place.
-        nearest = np.min(np.abs(start[:, None] - jumps[None, :]), axis=1)
-        clear = nearest > 1e-6 * period / cells
-        clear[[0, -1]] = True
-    edges = np.union1d(start[clear], jumps)
-    edges, coefficients, _, error = _refine(function, edges, limit, _MAX_HALVINGS)
-    # A jump that happened to lie on an edge was never inside a suspect interval: ask the table.
+    edges, coefficients, bad, error = _refine(function, start[:-1], start[1:], limit, 4)
+    if bad.size:
+        jumps = _bracket_jumps(function, bad, period * _JUMP_WIDTH, least)
+        low, high = _split(bad, jumps)
+        more = _refine(function, low, high, limit, _MAX_HALVINGS)
+        # What is still bad then is kept: it is too narrow to matter, and `error` tells.
+        rest = _cubics(function, *more[2].T, limit) if more[2].size else None
+        for extra in (more, rest):
+            if extra is not None:
+                edges = np.concatenate([edges, extra[0]])
+                coefficients = np.concatenate([coefficients, extra[1]])
+                error = max(error, extra[3])
+    order = np.argsort(edges)
+    edges, coefficients = edges[order], coefficients[order]
+    # A jump that happened to lie on an edge was never inside a bad interval: ask the table.
     leaps = np.abs(coefficients[:, 0] - np.roll(np.sum(coefficients, axis=1), 1))
-    return PiecewiseCubic(edges, coefficients, edges[:-1][leaps > least], error)
+    return PiecewiseCubic(np.append(edges, period), coefficients, edges[leaps > least], error)
+
+
+def mirrored(half: PiecewiseCubic) -> PiecewiseCubic:
+    """Return the odd continuation of a table of [0, l] over the period 2 l: f(2 l - u) = -f(u)."""
+    c0, c1, c2, c3 = half.coefficients[::-1].T
+    back = -np.stack([c0 + c1 + c2 + c3, -c1 - 2.0 * c2 - 3.0 * c3, c2 + 3.0 * c3, -c3], axis=1)
+    length = half.period
+    edges = np.concatenate([half.edges, 2.0 * length - half.edges[-2::-1]])
+    inside = half.jumps[half.jumps > 0.0]
+    jumps = [inside, np.sort(2.0 * length - inside)]
+    # The continuation is odd about both ends: it jumps there unless it is zero.
+    least = 100.0 * max(half.error, 1e-12 * float(np.max(np.abs(half.coefficients))))
+    if 2.0 * abs(c0[-1]) > least:
+        jumps.insert(0, np.zeros(1))
+    if 2.0 * abs(half.coefficients[-1].sum()) > least:
+        jumps.insert(-1, np.array([length]))
+    return PiecewiseCubic(
+        edges, np.concatenate([half.coefficients, back]), np.concatenate(jumps), half.error
+    )
+
+
+_Cubics = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]
+
+
+def _cubics(
+    function: Function, low: NDArray[np.float64], high: NDArray[np.float64], limit: float
+) -> _Cubics:
+    """Return starts, coefficients, errors and the worst error of one cubic an interval."""
+    width = (high - low)[:, None]
+    samples = function(low[:, None] + width * np.concatenate([_NODES, _CHECKS]))
+    powers = samples[:, :4] @ _TO_POWERS.T
+    expected = powers @ np.vander(_CHECKS, 4, increasing=True).T
+    error = np.max(np.abs(expected - samples[:, 4:]), axis=1, initial=0.0)
+    return low, powers, error, float(np.max(error, initial=0.0))
 
 
 def _refine(
-    function: Function, edges: NDArray[np.float64], limit: float, halvings: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-    """Return edges, coefficients, the intervals that stayed bad (k, 2), and the worst error."""
-    low, high = edges[:-1], edges[1:]
-    done_low: list[NDArray[np.float64]] = []
-    done: list[NDArray[np.float64]] = []
-    worst = 0.0
-    bad = np.empty((0, 2))
+    function: Function,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    limit: float,
+    halvings: int,
+) -> _Cubics:
+    """Return starts and coefficients of good cubics, the bad intervals (k, 2), the worst error."""
+    starts, cubics, worst = [np.empty(0)], [np.empty((0, 4))], 0.0
     for level in range(halvings + 1):
-        width = (high - low)[:, None]
-        samples = function(low[:, None] + width * np.concatenate([_NODES, _CHECKS]))
-        powers = samples[:, :4] @ _TO_POWERS.T
-        expected = powers @ np.vander(_CHECKS, 4, increasing=True).T
-        error = np.max(np.abs(expected - samples[:, 4:]), axis=1, initial=0.0)
+        _, powers, error, _ = _cubics(function, low, high, limit)
         good = error <= limit
-        if level == halvings:
-            bad = np.stack([low[~good], high[~good]], axis=1)
-            good[:] = True
         worst = max(worst, float(np.max(error[good], initial=0.0)))
-        done_low.append(low[good])
-        done.append(powers[good])
+        starts.append(low[good])
+        cubics.append(powers[good])
         low, high = low[~good], high[~good]
-        if not low.size:
+        if level == halvings or not low.size:
             break
         middle = 0.5 * (low + high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    starts = np.concatenate(done_low)
-    order = np.argsort(starts)
-    all_edges = np.append(starts[order], edges[-1])
-    return all_edges, np.concatenate(done)[order], bad, worst
+    return np.concatenate(starts), np.concatenate(cubics), np.stack([low, high], axis=1), worst
+
+
+def _split(
+    intervals: NDArray[np.float64], jumps: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the beginnings and ends of the intervals, cut at the jumps inside them."""
+    low, high = [], []
+    for start, stop in intervals[np.argsort(intervals[:, 0])]:
+        sliver = 1e-4 * (stop - start)
+        inside = jumps[(jumps > start + sliver) & (jumps < stop - sliver)]
+        cuts = np.concatenate([[start], inside, [stop]])
+        low.append(cuts[:-1])
+        high.append(cuts[1:])
+    return np.concatenate(low), np.concatenate(high)
 
 
 def _bracket_jumps(
     function: Function, suspects: NDArray[np.float64], width: float, least: float
 ) -> NDArray[np.float64]:
     """Return the places inside the suspect intervals where the function jumps by over `least`."""
-    if not suspects.size:
-        return np.empty(0)
     low, high = suspects[:, 0].copy(), suspects[:, 1].copy()
     at_low, at_high = function(low), function(high)
     while np.max(high - low) > width:
@@ -144,11 +183,8 @@ def _bracket_jumps(
         left = np.abs(value - at_low) > np.abs(at_high - value)
         high, at_high = np.where(left, middle, high), np.where(left, value, at_high)
         low, at_low = np.where(left, low, middle), np.where(left, at_low, value)
-    places = 0.5 * (low + high)[np.abs(at_high - at_low) > least]
-    if not places.size:
-        return places
-    places = np.sort(places)
-    return places[np.concatenate([[True], np.diff(places) > 4.0 * width])]
+    places = np.sort(0.5 * (low + high)[np.abs(at_high - at_low) > least])
+    return places[np.diff(places, prepend=-np.inf) > 4.0 * width]
 
 
 @kernel

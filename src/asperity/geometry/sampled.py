@@ -16,6 +16,9 @@ from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, val
 CERTIFIED_TO = 1e-10
 """An offset height lies at most this far below the true maximum [m]."""
 
+STEEPEST = 50.0
+"""Largest slope between samples that is taken for a surface: 89 degrees."""
+
 
 def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> NDArray[np.float64]:
     """Return `heights` as a float array, or raise `SurfaceError` saying what is wrong with it."""
@@ -32,6 +35,17 @@ def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> N
     if bad:
         raise SurfaceError(f"heights hold {bad} NaN or infinite values of {array.size}; fill them")
     return array
+
+
+def check_steepness(samples: NDArray[np.float64], pixel_size: float) -> None:
+    """Raise `SurfaceError` if neighbouring samples are steeper than any probe can follow."""
+    for axis in range(samples.ndim):
+        slope = float(np.max(np.abs(np.diff(samples, axis=axis)))) / pixel_size
+        if slope > STEEPEST:
+            raise SurfaceError(
+                f"heights are too steep: slope {slope:.3g} between neighbouring samples, at most "
+                f"{STEEPEST:g} is valid; are heights and pixel_size both in metres?"
+            )
 
 
 def _radius_of(diameter: float, extent: float) -> float:
@@ -80,6 +94,7 @@ class SampledProfile:
         object.__setattr__(self, "samples", check_heights(self.samples, (1,)))
         require_positive("pixel_size", self.pixel_size, "[m]")
         require_choice("border", self.border, BORDERS)
+        check_steepness(self.samples, self.pixel_size)
 
     @property
     def length(self) -> float:
@@ -91,11 +106,29 @@ class SampledProfile:
         """Distance after which the surface repeats [m]: the length, twice that if mirrored."""
         return self.length * (2.0 if self.border == "mirror" else 1.0)
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return self.border == "mirror"
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return round(self.period / self.pixel_size)
+
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] of the spline at places `u` [m]."""
-        place, _ = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
+        return self._along(u)[0]
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du of the spline at places `u` [m]."""
+        return self._along(u)[1]
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
         coefficients = spline_coefficients(self.samples, self.border)
-        return values_1d(coefficients, place / self.pixel_size)
+        values, slopes = values_1d(coefficients, place / self.pixel_size)
+        return values, slopes * sign / self.pixel_size
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a disk of `diameter` [m] over this profile."""
@@ -151,6 +184,7 @@ class HeightMap:
         object.__setattr__(self, "samples", check_heights(self.samples, (2,)))
         require_positive("pixel_size", self.pixel_size, "[m]")
         require_choice("border", self.border, BORDERS)
+        check_steepness(self.samples, self.pixel_size)
         width = self.samples.shape[0] * self.pixel_size
         if self.line is None:
             object.__setattr__(self, "line", 0.5 * width)
@@ -167,13 +201,31 @@ class HeightMap:
         """Distance after which the surface repeats [m]: the length, twice that if mirrored."""
         return self.length * (2.0 if self.border == "mirror" else 1.0)
 
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return self.border == "mirror"
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return round(self.period / self.pixel_size)
+
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] of the spline at places `u` [m] along the line."""
-        place, _ = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
+        return self._along(u)[0]
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du of the spline at places `u` [m] along the line."""
+        return self._along(u)[1]
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
         coefficients = spline_coefficients(self.samples, self.border)
         assert self.line is not None
         row = np.full_like(place, self.line / self.pixel_size)
-        return values_2d(coefficients, row, place / self.pixel_size)
+        values, slopes = values_2d(coefficients, row, place / self.pixel_size)
+        return values, slopes * sign / self.pixel_size
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a sphere of `diameter` [m] along the line."""

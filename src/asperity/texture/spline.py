@@ -112,35 +112,36 @@ def evaluate_2d(coefficients, row, column, tv, tu):
 
 
 @kernel
-def _fill_1d(coefficients, places, values_out):
+def _fill_1d(coefficients, places, values_out, slopes_out):
     for i in range(places.size):
         place = places[i] + 0.5
         cell = min(max(int(place), 0), coefficients.size - 4)
-        values_out[i] = evaluate_1d(coefficients, cell, place - cell)[0]
+        values_out[i], slopes_out[i], _ = evaluate_1d(coefficients, cell, place - cell)
 
 
 @kernel
-def _fill_2d(coefficients, rows, columns, values_out):
+def _fill_2d(coefficients, rows, columns, values_out, slopes_out):
     for i in range(rows.size):
         v, u = rows[i] + 0.5, columns[i] + 0.5
         row = min(max(int(v), 0), coefficients.shape[0] - 4)
         column = min(max(int(u), 0), coefficients.shape[1] - 4)
-        values_out[i] = evaluate_2d(coefficients, row, column, v - row, u - column)[0]
+        result = evaluate_2d(coefficients, row, column, v - row, u - column)
+        values_out[i], slopes_out[i] = result[0], result[1]
 
 
 def values_1d(
     coefficients: NDArray[np.float64], places: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the spline at `places` [samples, 0 to n], from coefficients without margin."""
-    values = np.empty(places.size)
-    _fill_1d(coefficients, places.ravel(), values)
-    return values.reshape(places.shape)
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return value and slope at `places` [samples, 0 to n]; coefficients without margin."""
+    out = np.empty((2, places.size))
+    _fill_1d(coefficients, places.ravel(), out[0], out[1])
+    return out[0].reshape(places.shape), out[1].reshape(places.shape)
 
 
 def values_2d(
     coefficients: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the spline at (rows, columns) [samples], from coefficients without margin."""
-    values = np.empty(rows.size)
-    _fill_2d(coefficients, rows.ravel(), columns.ravel(), values)
-    return values.reshape(rows.shape)
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return value and slope along a row at (rows, columns) [samples]; no margin."""
+    out = np.empty((2, rows.size))
+    _fill_2d(coefficients, rows.ravel(), columns.ravel(), out[0], out[1])
+    return out[0].reshape(rows.shape), out[1].reshape(rows.shape)

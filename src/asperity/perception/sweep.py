@@ -1,0 +1,88 @@
+"""One drag after another: the hand's response over spacing, probe, force and speed, remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from asperity.dynamics.hand import Hand, Motion, MotionStatus, drag, shake
+from asperity.errors import require_choice
+from asperity.forces import ho, minsky, otaduy_lin, siira_pai
+from asperity.geometry.offset import Surface
+from asperity.geometry.piecewise import PiecewiseCubic
+from asperity.perception.metrics import DEFAULT_BAND, evaluate
+from asperity.perception.stimuli import StimulusOptions, surface_maker
+
+MODELS = {
+    "otaduy-lin": "Otaduy & Lin 2004",
+    "minsky": "Minsky 1995",
+    "ho": "Ho et al. 1999",
+    "siira-pai": "Siira & Pai 1996",
+}
+_NOISE_SECONDS = 4.0
+_NOISE_TICK = 1e-3
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is dragged over what: SI units."""
+
+    spacing: float
+    diameter: float
+    normal_force: float
+    speed: float
+
+
+@dataclass
+class Sweep:
+    """Drags by condition. Tables of slopes and motions are kept, since the studies share them."""
+
+    surface: str = "sinusoid"
+    options: StimulusOptions = field(default_factory=StimulusOptions)
+    hand: Hand = field(default_factory=Hand)
+    model: str = "otaduy-lin"
+    band: tuple[float, float] = DEFAULT_BAND
+    _tables: dict[tuple[float, float], PiecewiseCubic] = field(default_factory=dict, repr=False)
+    _motions: dict[Condition, Motion] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        require_choice("model", self.model, MODELS)
+
+    @cached_property
+    def make_surface(self) -> Callable[[float], Surface]:
+        """The function from spacing [m] to surface."""
+        return surface_maker(self.surface, self.options)
+
+    def motion(self, condition: Condition) -> Motion:
+        """Return the hand's motion under a condition."""
+        if condition not in self._motions:
+            self._motions[condition] = self._drag(condition)
+        return self._motions[condition]
+
+    def metric(self, name: str, condition: Condition) -> float:
+        """Return a metric (a key of `METRICS`) of the motion under a condition."""
+        return evaluate(name, self.motion(condition), band=self.band)
+
+    def periodic(self, condition: Condition) -> bool:
+        """Return whether the motion under a condition repeats with the surface."""
+        return self.motion(condition).status == MotionStatus.PERIODIC
+
+    def _drag(self, condition: Condition) -> Motion:
+        if self.model == "siira-pai":
+            noise = siira_pai.texture_force(
+                condition.normal_force, _NOISE_SECONDS, seed=self.options.seed
+            )
+            return shake(noise, _NOISE_TICK, self.hand, condition.speed)
+        return drag(self._force(condition), self.hand, condition.speed)
+
+    def _force(self, condition: Condition) -> PiecewiseCubic:
+        surface, force = self.make_surface(condition.spacing), condition.normal_force
+        if self.model == "minsky":
+            return minsky.texture_force(surface, force)
+        if self.model == "ho":
+            return ho.texture_force(surface, force)
+        key = (condition.spacing, condition.diameter)
+        if key not in self._tables:
+            self._tables[key] = otaduy_lin.slope_table(surface, condition.diameter)
+        return self._tables[key].scaled(force)
