@@ -75,7 +75,6 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
     """Search one cell; return the best value and place, given those known so far."""
     left = coefficients[cell] - 2.0 * coefficients[cell + 1] + coefficients[cell + 2]
     right = coefficients[cell + 1] - 2.0 * coefficients[cell + 2] + coefficients[cell + 3]
-    ceiling = max(left, right) - 1.0 / radius
     edge = radius * (1.0 - 1e-12)
     spans[0, 0] = max(cell + 0.0, u - edge)
     spans[0, 1] = min(cell + 1.0, u + edge)
@@ -84,6 +83,8 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
         top -= 1
         low, high = spans[top, 0], spans[top, 1]
         middle = 0.5 * (low + high)
+        ends = left + (right - left) * (low - cell), left + (right - left) * (high - cell)
+        ceiling = max(ends[0], ends[1]) - 1.0 / radius
         if ceiling < 0.0:
             middle = _climb(coefficients, low, high, middle, u, radius)
         value, slope, _ = _evaluate(coefficients, middle, u, radius)
@@ -97,6 +98,28 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
             spans[top + 1, 0], spans[top + 1, 1] = middle, high
             top += 2
     return best, best_x
+
+
+@kernel
+def _polish(coefficients, x, u, radius):
+    """Return (value, place) of the local maximum next to `x`, by Newton steps that never descend.
+
+    The search stops once the height is certified; the contact, and so the slope, would then be
+    known only to the square root of that.
+    """
+    value, slope, curvature = _evaluate(coefficients, x, u, radius)
+    for _ in range(_NEWTON_STEPS):
+        if not curvature < 0.0:
+            break
+        target = x - slope / curvature
+        result = _evaluate(coefficients, target, u, radius)
+        if result[0] < value:
+            break
+        moved = abs(target - x)
+        x, (value, slope, curvature) = target, result
+        if moved < 1e-13:
+            break
+    return value, x
 
 
 @kernel
@@ -155,7 +178,7 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
         else:
             nodes[top, 0], nodes[top, 1] = level - 1, first
             top += 1
-    return best, best_x
+    return _polish(coefficients, best_x, u, radius)
 
 
 @kernel

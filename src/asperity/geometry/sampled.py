@@ -13,7 +13,7 @@ from asperity.geometry.offset import OffsetTrace, Tracer, slope_of
 from asperity.texture.bounds import max_pyramid
 from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, values_2d
 
-CERTIFIED_TO = 1e-10
+CERTIFIED_TO = 1e-12
 """An offset height lies at most this far below the true maximum [m]."""
 
 STEEPEST = 50.0

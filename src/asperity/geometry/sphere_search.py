@@ -259,7 +259,9 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
             bounds[place] = bound
             nodes[place, 0], nodes[place, 1], nodes[place, 2] = level - 1, r, c
             top += 1
-    return best
+    # Certified in height, the contact is known only to the square root of that; the slope needs it.
+    value, x, y, _, _ = _climb(coefficients, whole, best[1], best[2], u, v, radius)
+    return value, x, y
 
 
 @kernel

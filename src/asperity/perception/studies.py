@@ -89,6 +89,12 @@ class StudySettings:
         """Return the spacings [m], equally far apart in log."""
         return np.geomspace(*self.spacing_range, self.spacings)
 
+    def drags(self, study: str) -> int:
+        """Return how many drags a study makes at each spacing."""
+        if study == "models":
+            return len(MODELS) * len(self.diameters)
+        return len(self.levels()[study])
+
     def sweep(self, model: str = "otaduy-lin") -> Sweep:
         """Return a new sweep with these settings."""
         return Sweep(self.surface, self.stimulus, self.hand, model, self.band)

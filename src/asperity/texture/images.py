@@ -101,6 +101,7 @@ def _grey(pixels: NDArray[Any], notes: tuple[str, ...] = ()) -> GreyImage:
         ):
             pixels = pixels[..., :1]
         else:
+            _refuse_normal_map(pixels)
             notes = (*notes, "colour is read as its luminance (ITU-R BT.601)")
             step = 1.0 if pixels.dtype.kind in "ui" else 0.0
             return GreyImage(pixels.astype(np.float64) @ _LUMINANCE, step, notes)
@@ -109,6 +110,16 @@ def _grey(pixels: NDArray[Any], notes: tuple[str, ...] = ()) -> GreyImage:
     if pixels.ndim != 2:
         raise ValueError(f"pixels of shape {pixels.shape} are neither grey nor colour")
     return GreyImage(pixels.astype(np.float64), level_step(pixels), notes)
+
+
+def _refuse_normal_map(pixels: NDArray[Any]) -> None:
+    """Raise if the colours are unit vectors, with blue along the normal: no heights are there."""
+    if pixels.dtype.kind != "u":
+        return
+    vectors = pixels * (2.0 / np.iinfo(pixels.dtype).max) - 1.0
+    off_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0).mean()
+    if off_unit < 0.05 and vectors[..., 2].mean() > 0.5:
+        raise ValueError("its colours are unit vectors: a normal map; valid: a map of heights")
 
 
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:

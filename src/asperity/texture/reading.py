@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import sparse
 from scipy.sparse import linalg
 
 from asperity.errors import AsperityError, SurfaceError, require_choice
@@ -31,14 +31,12 @@ from asperity.texture.images import (
 )
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt")
-INSTRUMENT_SUFFIXES = tuple(
-    f".{name}"
-    for name in (
-        "001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx ezd frt gwy h5 hfm hgt ibw jpk "
-        "lext mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir qep sdf spm stp sur tmd "
-        "tom top vk3 vk4 vk6 vk7 x3p xlsx xyz zmg zon"
-    ).split()
-)
+_INSTRUMENTS = """
+    001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx ezd frt gwy h5 hfm hgt ibw jpk lext
+    mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir qep sdf spm stp sur tmd tom top
+    vk3 vk4 vk6 vk7 x3p xlsx xyz zmg zon
+"""
+INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
 """What SurfaceTopography reads and the other readers do not."""
 
 _KNOWN = (
@@ -405,8 +403,6 @@ def _filled(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[n
 
     The border is insulated, so gaps that reach it level out towards it.
     """
-    nearest = ndimage.distance_transform_edt(absent, return_distances=False, return_indices=True)
-    guess = values[tuple(nearest)]
     unknowns = np.full(values.shape, -1)
     unknowns[absent] = np.arange(np.count_nonzero(absent))
     size = int(unknowns.max()) + 1
@@ -420,15 +416,12 @@ def _filled(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[n
             row, column = unknowns[at][inside], unknowns[beside][inside]
             degree[row] += 1.0
             free = column >= 0
-            known[row[~free]] += guess[beside][inside][~free]
+            known[row[~free]] += values[beside][inside][~free]
             pairs.append((row[free], column[free]))
     rows = np.concatenate([row for row, _ in pairs])
     columns = np.concatenate([column for _, column in pairs])
     links = sparse.csr_matrix((np.ones(rows.size), (rows, columns)), shape=(size, size))
-    matrix = sparse.diags(degree) - links
-    solution, _ = linalg.cg(
-        matrix, known, x0=guess[absent], rtol=1e-9, maxiter=2000, M=sparse.diags(1.0 / degree)
-    )
-    filled = guess.copy()
-    filled[absent] = solution
+    matrix = (sparse.diags(degree) - links).tocsc()
+    filled = values.copy()
+    filled[absent] = linalg.spsolve(matrix, known)
     return filled

@@ -1,0 +1,7 @@
+"""`python -m asperity`."""
+
+import sys
+
+from asperity.cli import main
+
+sys.exit(main())

@@ -1,0 +1,5 @@
+"""The command line: `asperity COMMAND`."""
+
+from asperity.cli.main import main
+
+__all__ = ["main"]

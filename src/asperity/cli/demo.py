@@ -1,0 +1,65 @@
+"""`asperity demo`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from asperity.errors import AsperityError, OutputError
+
+
+@dataclass
+class Demo:
+    """Run the paper's studies and rub real surfaces; leave one self-contained page."""
+
+    out: Path = Path("out")
+    """Folder: report.html goes into it, figures, data and sounds into its subfolder demo."""
+    data: Path | None = None
+    """Folder of measured surfaces. Default: ../shared/data/measured, where that is present."""
+    overwrite: bool = False
+    """Replace an earlier report."""
+
+    def run(self) -> None:
+        """Run, write, and say where the page is."""
+        import time
+
+        start = time.perf_counter()
+        from asperity.cli.progress import compile_notice, progress_bars
+        from asperity.demo import run_demo, steps
+        from asperity.output import result_folder, write_whole
+        from asperity.perception.studies import StudySettings
+        from asperity.report import render
+
+        page = self.out / "report.html"
+        if page.exists() and not self.overwrite:
+            raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
+        settings = StudySettings()
+        drags, rubs = steps(settings)
+        with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
+            with progress_bars() as bars:
+                first = bars.add_task(compile_notice(), total=drags)
+                second = bars.add_task("real surfaces", total=rubs)
+                results = run_demo(
+                    folder,
+                    self._data(),
+                    settings=settings,
+                    on_drag=lambda: bars.advance(first),
+                    on_rub=lambda: bars.advance(second),
+                )
+            results.watch.seconds["loading the libraries"] = (
+                time.perf_counter() - start - sum(results.watch.seconds.values())
+            )
+            write_whole(page, render(results))
+        held = sum(claim["holds"] for claim in results.claims)
+        print(
+            f"{page}: {held} of {len(results.claims)} claims hold; "
+            f"took {time.perf_counter() - start:.1f} s"
+        )
+
+    def _data(self) -> Path | None:
+        if self.data is not None:
+            if not self.data.is_dir():
+                raise AsperityError(f"no such folder of measured surfaces: {self.data}")
+            return self.data
+        beside = Path("../shared/data/measured")
+        return beside if beside.is_dir() else None

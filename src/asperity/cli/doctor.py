@@ -1,0 +1,17 @@
+"""`asperity doctor`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Doctor:
+    """Print what this machine has: versions, compiled cache, graphics, timer, devices."""
+
+    def run(self) -> None:
+        """Print the report."""
+        from asperity.doctor import report
+
+        for subject, finding in report():
+            print(f"{subject + ':':16}{finding}")

@@ -1,0 +1,29 @@
+"""Opening what earlier commands wrote."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from asperity.errors import AsperityError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def open_dataset(path: Path) -> xr.Dataset:
+    """Return a dataset that `asperity` wrote, read into memory."""
+    import xarray as xr
+
+    if not path.exists():
+        raise AsperityError(f"no such file: {path}; give one that asperity study wrote")
+    if path.is_dir():
+        raise AsperityError(f"{path} is a folder; give a .nc file in it")
+    if path.stat().st_size == 0:
+        raise AsperityError(f"{path} is empty; give a .nc file that asperity study wrote")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as data:
+            return data.load()
+    except Exception as error:  # h5netcdf raises several kinds for files that are not HDF5
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise AsperityError(f"{path} is not a dataset that can be read: {reason}") from None

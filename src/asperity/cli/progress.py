@@ -1,0 +1,33 @@
+"""Progress bars for long work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+@contextmanager
+def progress_bars() -> Iterator[Progress]:
+    """Give a display on stderr to which tasks are added; silent where stderr is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description:<28}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as display:
+        yield display
+
+
+def compile_notice() -> str:
+    """Return a description for work that may have to compile first."""
+    from asperity.compiled import cache_state
+
+    return "studies" if cache_state()[1] else "studies (compiling first)"

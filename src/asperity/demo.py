@@ -1,0 +1,133 @@
+"""`asperity demo`: the paper's studies and real surfaces, end to end, into one report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import xarray as xr
+
+from asperity import plots
+from asperity.perception.claims import Claim
+from asperity.perception.rub import rub
+from asperity.perception.studies import STUDIES, StudySettings, run_study
+from asperity.perception.write import write_dataset, write_studies
+from asperity.real_surfaces import REAL_SURFACES
+from asperity.sound import Sound, from_run
+
+PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
+"""Diameters rubbed over the real surfaces [m]."""
+_SOUND_PROBE = 2
+_SOUND_RATE = 22050
+
+Advance = Callable[[], None]
+
+
+@dataclass
+class Stopwatch:
+    """How long each step took, by name [s]."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Time a block."""
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass
+class Results:
+    """All that the report shows."""
+
+    settings: StudySettings
+    studies: dict[str, xr.Dataset]
+    claims: list[Claim]
+    rubs: dict[str, xr.Dataset]
+    remarks: dict[str, str]
+    """What each real surface is, measured or generated."""
+    sounds: dict[str, Sound]
+    folder: Path
+    watch: Stopwatch
+
+
+def steps(settings: StudySettings) -> tuple[int, int]:
+    """Return how often each of the two progress callbacks of `run_demo` is called."""
+    drags = settings.spacings * sum(settings.drags(name) for name in STUDIES)
+    return drags, len(REAL_SURFACES) * len(PROBES)
+
+
+def run_demo(
+    folder: Path,
+    data: Path | None,
+    *,
+    settings: StudySettings | None = None,
+    on_drag: Advance = lambda: None,
+    on_rub: Advance = lambda: None,
+) -> Results:
+    """Run everything, write figures, datasets, claims and sounds into `folder`.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing folder.
+    data : Path or None
+        Folder of measured surfaces; what is not there is generated.
+    settings : StudySettings, optional
+    on_drag, on_rub : callable
+        Called after each drag of the studies, and after each probe on a real surface.
+    """
+    settings = settings or StudySettings()
+    watch = Stopwatch()
+    sweep = settings.sweep()
+    with watch.step("studies"):
+        studies = {
+            name: run_study(name, settings, sweep=sweep, progress=lambda _: on_drag())
+            for name in STUDIES
+        }
+    with watch.step("real surfaces"):
+        rubs, remarks = _rub_all(data, settings, on_rub)
+    with watch.step("figures and data"):
+        claims = write_studies(studies, "max_acceleration", folder)
+        sounds = {}
+        for name, dataset in rubs.items():
+            write_dataset(dataset, folder / f"{name}.nc")
+            plots.save(plots.rub_figure(dataset), folder, name)
+            sounds[name] = from_run(dataset, level=_SOUND_PROBE, rate=_SOUND_RATE)
+            sounds[name].write(folder / f"{name}.wav")
+    return Results(settings, studies, claims, rubs, remarks, sounds, folder, watch)
+
+
+def _rub_all(
+    data: Path | None, settings: StudySettings, on_rub: Advance
+) -> tuple[dict[str, xr.Dataset], dict[str, str]]:
+    """Rub every real surface, two at a time: the kernels let go of the interpreter's lock."""
+    middle = settings.middle()
+
+    def one(surface):  # type: ignore[no-untyped-def]
+        heights, remark = surface.load(data)
+        title = surface.title if remark.startswith("Measured") else f"Stand-in for: {surface.title}"
+        dataset = rub(
+            heights,
+            title=title,
+            diameters=PROBES,
+            normal_force=middle["normal_force"],
+            speed=middle["speed"],
+            hand=settings.hand,
+            band=settings.band,
+            progress=on_rub,
+        )
+        return dataset, remark
+
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        done = list(pool.map(one, REAL_SURFACES))
+    names = [surface.name for surface in REAL_SURFACES]
+    return (
+        {name: dataset for name, (dataset, _) in zip(names, done, strict=True)},
+        {name: remark for name, (_, remark) in zip(names, done, strict=True)},
+    )

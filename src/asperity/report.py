@@ -1,0 +1,277 @@
+"""The page that `asperity demo` leaves: one HTML file with everything inside it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from pathlib import Path
+from typing import Any
+
+from asperity import __version__
+from asperity.demo import PROBES, Results
+from asperity.perception.claims import Claim
+from asperity.perception.metrics import METRICS
+from asperity.report_style import STYLE
+from asperity.sound import Sound
+
+_STUDIES = {
+    "diameter": (
+        "Probe diameter",
+        "A smaller probe feels a higher peak of roughness, and feels it at a smaller spacing "
+        "(colour plate 1; Lederman et al. 2000).",
+    ),
+    "force": (
+        "Normal force",
+        "Pressing harder is rougher everywhere, and hardly moves the peak (colour plate 2; "
+        "Lederman et al. 2000).",
+    ),
+    "speed": (
+        "Speed",
+        "A faster probe peaks at a larger spacing, feels rougher there, and smoother at small "
+        "spacing (colour plate 3; Lederman et al. 1999). The paper's own metric misses the last "
+        "of these, here as there.",
+    ),
+}
+
+
+def render(results: Results) -> str:
+    """Return the page."""
+    parts = [
+        _header(results),
+        _settings(results),
+        *(_study(results, name) for name in _STUDIES),
+        _which_metric(results),
+        _models(results),
+        _surfaces(results),
+        _all_claims(results.claims),
+        _timing(results),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>asperity: texture through a probe</title><style>{STYLE}</style></head>"
+        f"<body><main>{''.join(parts)}</main></body></html>\n"
+    )
+
+
+def _header(results: Results) -> str:
+    held = sum(claim["holds"] for claim in results.claims)
+    return (
+        "<header><h1>Texture, felt through a probe</h1>"
+        "<p class='lead'>The studies of Otaduy &amp; Lin, <cite>A Perceptually-Inspired Force "
+        "Model for Haptic Texture Rendering</cite> (2004), run again, judged claim by claim, and "
+        "taken to measured surfaces.</p>"
+        f"<p class='meta'>asperity {__version__} &middot; {held} of {len(results.claims)} claims "
+        "hold over four metrics of vibration &middot; a claim that does not hold is a result, "
+        "not an error</p></header>"
+    )
+
+
+def _settings(results: Results) -> str:
+    settings, hand = results.settings, results.settings.hand
+    low, high = settings.spacing_range
+    rows = [
+        ("surface", f"{settings.surface}, amplitude {settings.stimulus.amplitude * 1e3:g} mm"),
+        ("spacing", f"{low * 1e3:g} to {high * 1e3:g} mm, {settings.spacings} values"),
+        ("probe diameter", _list(settings.diameters, 1e3, "mm")),
+        ("normal force", _list(settings.forces, 1.0, "N")),
+        ("speed", _list(settings.speeds, 1e3, "mm/s")),
+        (
+            "hand (Eq. 7)",
+            f"m = {hand.mass:g} kg, k = {hand.stiffness:g} N/m, b = {hand.damping:g} N s/m",
+        ),
+    ]
+    body = "".join(f"<tr><th>{a}</th><td>{b}</td></tr>" for a, b in rows)
+    return (
+        "<section><h2>What was simulated</h2><p>A disk is dragged over a sinusoid. Where it goes "
+        "is the surface's offset; its slope times the normal force is the texture force "
+        "(Eqs 4-6); the hand is a mass on a spring and a damper whose far end moves at constant "
+        "speed (Eq. 7). While one factor varies, the others stay at the middle of their values. "
+        "The paper prints none of these numbers: <b>all of them are asperity's choices.</b></p>"
+        f"<table class='facts'>{body}</table></section>"
+    )
+
+
+def _list(values: tuple[float, ...], scale: float, unit: str) -> str:
+    return ", ".join(f"{value * scale:g}" for value in values) + f" {unit}"
+
+
+def _study(results: Results, name: str) -> str:
+    title, finding = _STUDIES[name]
+    return (
+        f"<section><h2>{title}</h2><p>{finding}</p>"
+        f"{_figure(results.folder / f'{name}_metrics.svg', _CAPTION)}"
+        f"{_claims_table([c for c in results.claims if c['id'].startswith(name + '.')])}</section>"
+    )
+
+
+_CAPTION = (
+    "Points: simulated (hollow where the motion does not repeat with the surface). Lines: "
+    "quadratic fits in log-log. Large marks: peaks found by refining the spacing, with their "
+    "uncertainty."
+)
+
+
+def _figure(path: Path, caption: str) -> str:
+    kind = "svg+xml" if path.suffix == ".svg" else "png"
+    data = base64.b64encode(path.read_bytes()).decode()
+    alt = html.escape(caption)
+    return (
+        f"<figure><img alt='{alt}' src='data:image/{kind};base64,{data}'>"
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _claims_table(claims: list[Claim]) -> str:
+    """Return the claims of a study as a table: a row a claim, a column a metric."""
+    rows: dict[str, dict[str, Claim]] = {}
+    for claim in claims:
+        _, name, metric = claim["id"].rsplit(".", 2)
+        rows.setdefault(name, {})[metric] = claim
+    head = "".join(f"<th>{html.escape(metric.label)}</th>" for metric in METRICS.values())
+    body = ""
+    for by_metric in rows.values():
+        first = next(iter(by_metric.values()))
+        text = html.escape(first["claim"].rsplit(" [", 1)[0])
+        source = html.escape(first["source"])
+        cells = "".join(_verdict(by_metric[metric]) for metric in METRICS)
+        body += f"<tr><td>{text}<br><small>{source}</small></td>{cells}</tr>"
+    return f"<table class='claims'><tr><th>claim</th>{head}</tr>{body}</table>"
+
+
+def _verdict(claim: Claim) -> str:
+    word, kind = ("holds", "yes") if claim["holds"] else ("does not", "no")
+    return f"<td class='{kind}'>{word}<br><small>{_brief(claim)}</small></td>"
+
+
+def _brief(claim: Claim) -> str:
+    """Return the figure of a claim that a reader would ask for first."""
+    measured = claim["measured"]
+    name = claim["id"].rsplit(".", 2)[1]
+    if name == "quadratic":
+        return "R² " + _numbers(measured["r_squared"], 2)
+    if name == "peak_scales":
+        return f"ratios {_numbers(measured['ratio'], 2)}; spread {_percent(measured['spread'])}"
+    if name == "more_everywhere":
+        return "least ratio " + _numbers(measured["smallest_ratio_between_levels"], 2)
+    if name == "peak_higher":
+        return _numbers(measured["peak_value"], 3)
+    if name == "constant_at_small":
+        return f"spread {_percent(measured['spread'])}"
+    if "value" in measured:
+        return _numbers(measured["value"], 3)
+    places = f"{_numbers(measured['peak_spacing_mm'], 3)} mm"
+    return places + (f"; shift {_percent(measured['shift'])}" if "shift" in measured else "")
+
+
+def _numbers(values: Any, digits: int) -> str:
+    return " / ".join("-" if value is None else f"{value:.{digits}g}" for value in values)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.2g} %"
+
+
+def _which_metric(results: Results) -> str:
+    human = (
+        "faster_rougher_at_large", "slower_rougher_at_small", "peak_moves_right",
+    )  # fmt: skip
+    rows = ""
+    for key, metric in METRICS.items():
+        marks = ""
+        for name in human:
+            holds = any(c["holds"] for c in results.claims if c["id"] == f"speed.{name}.{key}")
+            marks += f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not'}</td>"
+        rows += (
+            f"<tr><td>{html.escape(metric.label)}<br><small>{html.escape(metric.origin)}</small>"
+            f"</td>{marks}</tr>"
+        )
+    return (
+        "<section><h2>Which metric gives the human findings on speed?</h2>"
+        "<p>People feel a faster probe as rougher at large spacing, smoother at small spacing, "
+        "and roughest at a larger spacing than a slow one (Lederman et al. 1999). Above the "
+        "resonance of the hand u'' is -F<sub>u</sub>/m whatever the speed, so the largest "
+        "acceleration cannot tell speeds apart at small spacing. The RMS of the same u'' in "
+        "20-200 Hz can. <b>That metric was chosen after the paper's had been seen to fail</b>: "
+        "it is a hypothesis to test on people, not a finding about them.</p>"
+        "<table class='claims'><tr><th>metric</th><th>faster is rougher at large spacing</th>"
+        f"<th>slower is rougher at small spacing</th><th>peak moves right with speed</th></tr>{rows}"
+        "</table></section>"
+    )
+
+
+def _models(results: Results) -> str:
+    caption = (
+        "max u'' over spacing for three probes, by force model. Curves that coincide are drawn "
+        "on top of each other, thick below thin. Spread: largest difference between probes over "
+        "their mean."
+    )
+    return (
+        "<section><h2>Which force models can feel the size of the probe?</h2><p>The same probes, "
+        "surface and hand under four models. The gradient of a height map (Minsky 1995), a "
+        "perturbed normal (Ho, Basdogan &amp; Srinivasan 1999) and noise (Siira &amp; Pai 1996) "
+        "act at a point: the diameter does not enter.</p>"
+        f"{_figure(results.folder / 'models.svg', caption)}</section>"
+    )
+
+
+def _surfaces(results: Results) -> str:
+    probes = _list(PROBES, 1e3, "mm")
+    body = ""
+    for name, data in results.rubs.items():
+        title = html.escape(str(data.attrs["title"]))
+        body += (
+            f"<h3>{title}</h3><p>{html.escape(results.remarks[name])}</p>"
+            f"{_figure(results.folder / f'{name}.png', f'{title}: probes of {probes}.')}"
+            f"{_audio(results.sounds[name])}"
+        )
+    middle = results.settings.middle()
+    return (
+        f"<section><h2>Real surfaces</h2><p>Probes of {probes} dragged along the white line at "
+        f"{middle['speed'] * 1e3:g} mm/s, pressed with {middle['normal_force']:g} N. A larger "
+        "probe bridges more of the relief; what is left of it is what the hand feels.</p>"
+        f"{body}</section>"
+    )
+
+
+def _audio(sound: Sound) -> str:
+    buffer = io.BytesIO()
+    sound.write(buffer)  # type: ignore[arg-type]
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return (
+        f"<p class='audio'><audio controls src='data:audio/wav;base64,{data}'></audio> "
+        f"{html.escape(sound.source)}; full scale is {sound.gain:.3g} m/s²</p>"
+    )
+
+
+def _all_claims(claims: list[Claim]) -> str:
+    rows = ""
+    for claim in claims:
+        kind = "yes" if claim["holds"] else "no"
+        measured = "; ".join(f"{key}: {value}" for key, value in claim["measured"].items())
+        rows += (
+            f"<tr><td><code>{claim['id']}</code></td><td>{html.escape(claim['claim'])}</td>"
+            f"<td class='{kind}'>{'holds' if claim['holds'] else 'does not'}</td>"
+            f"<td><small>{html.escape(measured)}</small></td>"
+            f"<td><small>{html.escape(claim['note'])}</small></td></tr>"
+        )
+    return (
+        f"<section><details><summary>All {len(claims)} claims with what was measured "
+        "(claims.json)</summary><table class='claims'><tr><th>id</th><th>claim</th><th></th>"
+        f"<th>measured</th><th>note</th></tr>{rows}</table></details></section>"
+    )
+
+
+def _timing(results: Results) -> str:
+    rows = "".join(
+        f"<tr><th>{html.escape(name)}</th><td>{seconds:.1f} s</td></tr>"
+        for name, seconds in results.watch.seconds.items()
+    )
+    total = sum(results.watch.seconds.values())
+    return (
+        "<section><h2>How long it took</h2>"
+        f"<table class='facts'>{rows}<tr><th>all</th><td>{total:.1f} s</td></tr></table>"
+        "<p><small>The first run after an installation compiles; later ones do not.</small></p>"
+        "</section>"
+    )

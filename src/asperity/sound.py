@@ -1,0 +1,140 @@
+"""Acceleration as sound: WAV files for ears and for voice-coil actuators."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.io import wavfile
+
+from asperity.errors import AsperityError, require_positive
+
+PEAK = 10.0 ** (-1.0 / 20.0)
+"""The largest sample stands 1 dB below full scale."""
+_FADE = 0.01
+
+
+@dataclass(frozen=True)
+class Sound:
+    """Samples between -1 and 1, and what they stand for."""
+
+    samples: NDArray[np.float64]
+    rate: int
+    """[Hz]"""
+    gain: float
+    """Acceleration that full scale stands for [m/s^2]."""
+    source: str
+    """Where the acceleration came from, in words."""
+
+    def write(self, path: Path) -> None:
+        """Write a 16-bit mono WAV file."""
+        wavfile.write(path, self.rate, np.round(self.samples * 32767.0).astype(np.int16))
+
+
+def from_acceleration(
+    acceleration: NDArray[np.float64],
+    step: float,
+    *,
+    rate: int = 44100,
+    seconds: float | None = None,
+    repeats: bool = False,
+    source: str = "",
+) -> Sound:
+    """Return acceleration, resampled and normalised, as sound.
+
+    Parameters
+    ----------
+    acceleration : (n,) array
+        u'' [m/s^2] at equal steps.
+    step : float
+        Time between samples [s].
+    rate : int
+        Of the sound [Hz], 1000 to 192000.
+    seconds : float, optional
+        Length of the sound; the record is repeated if `repeats`, else cut. Default: the record
+        once, or two seconds of repeats.
+    repeats : bool
+        Whether the record is one repeat of a periodic motion.
+    """
+    if not 1000 <= rate <= 192000:
+        raise AsperityError(f"rate must lie between 1000 and 192000 Hz, got {rate}")
+    require_positive("step", step, "[s]")
+    wanted = seconds if seconds is not None else (2.0 if repeats else step * acceleration.size)
+    require_positive("seconds", wanted, "[s]")
+    centred = acceleration - np.mean(acceleration)
+    if repeats:
+        copies = math.ceil(wanted / (step * centred.size)) + 2
+        centred = np.tile(centred, copies)
+    length = min(wanted, step * centred.size)
+    centred = centred[: math.ceil(length / step) + 2]
+    times = np.arange(max(int(length * rate), 2)) / rate
+    if step * rate < 1.0:
+        # More samples than the sound can hold: low-pass below half its rate first.
+        low_pass = signal.butter(8, 0.45 * rate, fs=1.0 / step, output="sos")
+        centred = signal.sosfiltfilt(low_pass, centred)
+    samples = np.interp(times, np.arange(centred.size) * step, centred)
+    fade = np.minimum(1.0, np.minimum(times, times[-1] - times) / _FADE)
+    samples = samples * fade
+    loudest = float(np.max(np.abs(samples)))
+    if loudest == 0.0:
+        raise AsperityError("the acceleration is zero throughout: there is nothing to hear")
+    return Sound(samples * (PEAK / loudest), rate, loudest / PEAK, source)
+
+
+def from_run(
+    data: xr.Dataset,
+    *,
+    spacing: float | None = None,
+    level: int | None = None,
+    rate: int = 44100,
+    seconds: float | None = None,
+) -> Sound:
+    """Return a run of a study, or a rub over a real surface, as sound.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As `asperity study` or `asperity demo` wrote it.
+    spacing : float, optional
+        Of a study: the nearest spacing [m] is taken. Default: where the middle level is largest.
+    level : int, optional
+        Of a study, the level of its factor, of a rub, the probe; from 0. Default: the middle.
+    """
+    if "acceleration" not in data:
+        raise AsperityError("the file holds no acceleration; give one that asperity study wrote")
+    acceleration = data["acceleration"]
+    if "model" in acceleration.dims:
+        data, acceleration = data.isel(model=0), acceleration.isel(model=0)
+    first = acceleration.dims[0]
+    count = data.sizes[first]
+    chosen = (count - 1) // 2 if level is None else level
+    if not 0 <= chosen < count:
+        raise AsperityError(f"level must lie between 0 and {count - 1}, got {level}")
+    if "time" in acceleration.dims:
+        time = data["time"].values
+        title = f"{data.attrs.get('title', 'rub')}, probe {data['diameter'].values[chosen] * 1e3:g} mm"
+        wave = acceleration.values[chosen].astype(np.float64)
+        return from_acceleration(
+            wave, float(time[1] - time[0]), rate=rate, seconds=seconds, source=title
+        )
+    spacings = data["spacing"].values
+    if spacing is None:
+        place = int(np.argmax(data["max_acceleration"].values[chosen]))
+    else:
+        require_positive("spacing", spacing, "[m]")
+        place = int(np.argmin(np.abs(np.log(spacings / spacing))))
+    wave = acceleration.values[chosen, place].astype(np.float64)
+    length = float(data["record_length"].values[chosen, place])
+    factor = data.attrs["factor"]
+    source = (
+        f"study of {data.attrs['study']}, spacing {spacings[place] * 1e3:.3g} mm, "
+        f"{factor} {float(data[factor].values[chosen]):.3g} {data[factor].attrs['units']}"
+    )
+    return from_acceleration(
+        wave, length / wave.size, rate=rate, seconds=seconds, repeats=True, source=source
+    )
