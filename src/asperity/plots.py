@@ -48,9 +48,11 @@ def style() -> Iterator[None]:
         yield
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as PNG and SVG into `folder`; return the paths."""
-    paths = [folder / f"{name}.png", folder / f"{name}.svg"]
+def save(
+    figure: Figure, folder: Path, name: str, kinds: Sequence[str] = ("png", "svg")
+) -> list[Path]:
+    """Write a figure into `folder`, by default as PNG and SVG; return the paths."""
+    paths = [folder / f"{name}.{kind}" for kind in kinds]
     for path in paths:
         metadata = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, metadata=metadata)  # type: ignore[arg-type]
@@ -121,6 +123,10 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
     _log_axes(axis)
     low, high = np.nanmin(data[metric].values), np.nanmax(data[metric].values)
     axis.set_ylim(low / (high / low) ** 0.08, high * (high / low) ** 0.12)
+    if data.attrs["factor"] == "diameter" and data.attrs["surface"] == "sinusoid":
+        for level, diameter in enumerate(data["diameter"].values):
+            drop = np.pi * np.sqrt(2.0 * data.attrs["amplitude"] * diameter) * 1e3
+            axis.axvline(drop, color=COLOURS[level % 6], lw=0.9, ls=(0, (2, 2)), zorder=0)
     axis.set_xlabel("texture spacing [mm]")
     axis.set_ylabel(("RMS of u''" if metric == "band_rms" else title) + unit)
     axis.legend(loc="best", handletextpad=0.3, labelspacing=0.3)
@@ -233,7 +239,8 @@ def _draw_map(figure: Figure, axis: Axes, data: xr.Dataset) -> None:
     axis.axhline(data.attrs["line"] * 1e3, color="white", lw=1.2)
     axis.set(xlabel="u [mm]", ylabel="v [mm]", title="Heights and the path")
     axis.grid(False)
-    figure.colorbar(image, ax=axis, label="height [µm]", shrink=0.85, pad=0.03)
+    bar = figure.colorbar(image, ax=axis, shrink=0.85, pad=0.03)
+    bar.ax.set_title("µm", fontsize=8)
 
 
 def _draw_offsets(axis: Axes, data: xr.Dataset) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import signal
 from scipy.io import wavfile
 
 from asperity.errors import AsperityError, require_positive
@@ -75,6 +74,8 @@ def from_acceleration(
     times = np.arange(max(int(length * rate), 2)) / rate
     if step * rate < 1.0:
         # More samples than the sound can hold: low-pass below half its rate first.
+        from scipy import signal  # slow to import
+
         low_pass = signal.butter(8, 0.45 * rate, fs=1.0 / step, output="sos")
         centred = signal.sosfiltfilt(low_pass, centred)
     samples = np.interp(times, np.arange(centred.size) * step, centred)
@@ -119,8 +120,9 @@ def from_run(
         time = data["time"].values
         title = f"{data.attrs.get('title', 'rub')}, probe {data['diameter'].values[chosen] * 1e3:g} mm"
         wave = acceleration.values[chosen].astype(np.float64)
+        repeats = int(data["status"].values[chosen]) == 0
         return from_acceleration(
-            wave, float(time[1] - time[0]), rate=rate, seconds=seconds, source=title
+            wave, float(time[1] - time[0]), rate=rate, seconds=seconds, repeats=repeats, source=title
         )
     spacings = data["spacing"].values
     if spacing is None:

@@ -18,8 +18,10 @@ PLACE, SPEED, DRIVE, STRETCH, INTERVAL, HOLD = range(6)
 
 _SECANT_STEPS = 40
 _MAX_EVENTS = 2000
-_AT_REST = 1e-5
-"""Part of the drive's speed below which a hand in a notch is at rest in it."""
+_SHORT_HOP = 0.002
+"""Part of a step: a hand that bounces in a notch for less than this at a time rests in it."""
+_LOW_HOP = 1e-7
+"""Part of the period, likewise: hops lower than an atom."""
 
 
 @kernel
@@ -91,8 +93,18 @@ def _step_to_jump(state, step, target, end_place, ends, edges, coefficients, han
     low, high = 0.0, step
     at_low, at_high = state[PLACE] - target, end_place - target
     if at_low * at_high >= 0.0:
-        # The state stands on the jump already and moves out of the stretch.
-        return 0.0
+        # The state stands on the jump already. It moves out of the stretch at once, or first
+        # into it and comes back: then shorten the step until it is inside.
+        if state[SPEED] * at_high >= 0.0:
+            return 0.0
+        while at_low * at_high >= 0.0:
+            if low > 0.0:
+                high, at_high = low, at_low
+            low = 0.5 * high
+            if low < 1e-15 * step:
+                return 0.0
+            place, _ = _runge_kutta(state, low, ends, edges, coefficients, hand)
+            at_low = place - target
     side = 0
     time = step
     for _ in range(_SECANT_STEPS):
@@ -151,23 +163,25 @@ def acceleration_and_jerk(state, ends, edges, coefficients, hand):
 
 
 @kernel
-def _cross_or_rest(state, ends, forward, jumps, edges, coefficients, hand):
+def _cross_or_rest(state, step, ends, forward, jumps, edges, coefficients, hand):
     """Move a state that stands on a jump to the other side, or lay it to rest in the notch.
 
-    Between two asperities the force on either side pushes the hand back into the notch. If it
-    arrives slowly, and the drive's pull lies between the two forces, it rests: on the far side,
-    until the pull exceeds the force there.
+    Between two asperities the force on either side pushes the hand back into the notch, and it
+    bounces from side to side, ever lower. Once the hops are too short or too low to matter, it
+    rests: on the far side, until the drive's pull exceeds the force there.
     """
     period = edges[edges.size - 1]
     before, _ = texture_force(state, state[PLACE], ends, edges, coefficients)
     _cross(state, forward, jumps, period)
     beyond = stretch_ends(jumps, period, int(state[STRETCH]))
     after, _ = texture_force(state, state[PLACE], beyond, edges, coefficients)
-    if abs(state[SPEED]) > _AT_REST * hand[3]:
-        return
     behind, ahead = (before, after) if forward else (after, before)
     pull = hand[1] * (state[DRIVE] - state[PLACE]) + hand[2] * hand[3]
-    if behind < pull < ahead:
+    back = min(pull - behind, ahead - pull)
+    momentum = hand[0] * abs(state[SPEED])
+    short = 2.0 * momentum <= _SHORT_HOP * step * back
+    low = momentum * abs(state[SPEED]) <= 2.0 * _LOW_HOP * period * back
+    if behind < pull < ahead and (short or low):
         if not forward:
             _cross(state, True, jumps, period)
         state[SPEED], state[HOLD] = 0.0, ahead
@@ -221,7 +235,8 @@ def advance(state, step, jumps, edges, coefficients, hand, extremes):
                 state[PLACE] -= wraps * period
                 state[DRIVE] -= wraps * period
             return
-        _cross_or_rest(state, ends, target == ends[1], jumps, edges, coefficients, hand)
+        forward = target == ends[1]
+        _cross_or_rest(state, step, ends, forward, jumps, edges, coefficients, hand)
     extremes[0] = extremes[1] = np.nan
 
 

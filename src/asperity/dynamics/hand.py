@@ -29,10 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from asperity.dynamics.drag import advance_period, run_until_repeat
-from asperity.errors import AsperityError, require_positive
+from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.geometry.piecewise import PiecewiseCubic
 
 PERIODIC_TOLERANCE = 1e-6
@@ -40,6 +39,8 @@ PERIODIC_TOLERANCE = 1e-6
 
 _MAX_SUBHARMONIC = 8
 _LEAST_STEPS = 128
+_STEPS_A_RADIAN = 8
+"""Of the hand's own motion, and of what its damper forgets: a slow drive must not outrun them."""
 _LONGEST_RUN = 25.0
 """Time constants of the hand after which a motion that has not repeated is called aperiodic."""
 _APERIODIC_RECORD = 16
@@ -79,9 +80,14 @@ class Hand:
     @property
     def time_constant(self) -> float:
         """Time in which a free motion of the hand falls by e [s]."""
-        half = 0.5 * self.damping / self.mass
-        inside = half**2 - self.stiffness / self.mass
-        return 1.0 / (half - math.sqrt(inside) if inside > 0.0 else half)
+        half, square = 0.5 * self.damping / self.mass, self.stiffness / self.mass
+        inside = half**2 - square
+        return (half + math.sqrt(inside)) / square if inside > 0.0 else 1.0 / half
+
+    @property
+    def fastest(self) -> float:
+        """Rate of the fastest thing the hand does of its own [rad/s]."""
+        return max(math.sqrt(self.stiffness / self.mass), self.damping / self.mass)
 
 
 class Motion(NamedTuple):
@@ -137,7 +143,7 @@ def drag(
         Where on the surface the drive sets out [m].
     refine : float
         Factor on the number of steps a period; 1 gives at least two steps for each cubic of
-        the table, and at least 128.
+        the table, at least 128, and at least eight for each radian of the hand's own motion.
     settle, length : float, optional
         Give both to record `length` [m] of drag after `settle` [s] have passed, whether or not
         the motion repeats: for long measured surfaces.
@@ -152,10 +158,17 @@ def drag(
     Otaduy & Lin (2004), Eq. 7; the hand after Hasser & Cutkosky (2002).
     """
     require_positive("speed", speed, "[m/s]")
+    require_positive("refine", refine)
+    if not math.isfinite(start):
+        raise AsperityError(f"start must be a finite number [m], got {start!r}")
     if (settle is None) != (length is None):
         raise AsperityError("give both settle and length, or neither")
+    if settle is not None and length is not None:
+        require_not_negative("settle", settle, "[s]")
+        require_positive("length", length, "[m]")
     period = force.period
-    steps = max(math.ceil(refine * max(_LEAST_STEPS, 2 * (force.edges.size - 1))), 8)
+    swift = _STEPS_A_RADIAN * hand.fastest * period / speed
+    steps = max(math.ceil(refine * max(_LEAST_STEPS, 2 * (force.edges.size - 1), swift)), 8)
     step = period / speed / steps
     shifted = _from_first_jump(force)
     origin = force.jumps[0] if force.jumps.size else 0.0
@@ -188,12 +201,14 @@ def drag(
             f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"
         )
     times = np.arange(samples) * step
+    # Whole periods are left out before rounding can make one of nothing.
+    phase = math.fmod(start, period) + (settled % steps) * (period / steps)
     return Motion(
         status=status,
         periods=max(round(samples / steps), 1),
         settled_after=settled * step,
         step=step,
-        place=record[:, 0] + np.mod(start + speed * (settled * step), period) + speed * times,
+        place=record[:, 0] + phase + speed * times,
         speed=record[:, 1],
         acceleration=record[:, 2],
         largest=float(extremes[1]),
@@ -236,13 +251,18 @@ def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> 
         Status `APERIODIC`; the first five time constants of the hand are left out. The samples
         of u'' stand just after each tick, where it is largest.
     """
+    from scipy import signal  # slow to import, and seldom needed
+
     require_positive("tick", tick, "[s]")
     require_positive("speed", speed, "[m/s]")
-    motion = np.array([[0.0, 1.0], [-hand.stiffness / hand.mass, -hand.damping / hand.mass]])
-    push = np.array([[0.0], [-1.0 / hand.mass]])
-    a, b, *_ = signal.cont2discrete((motion, push, np.eye(2), np.zeros((2, 1))), tick)
-    _, states, _ = signal.dlsim((a, b, np.eye(2), np.zeros((2, 1)), tick), force)
-    acceleration = states @ motion[1] + push[1, 0] * force
+    # Displacement over force of the mass on its spring and damper, held input, tick by tick.
+    response = ([-1.0], [hand.mass, hand.damping, hand.stiffness])
+    numerator, denominator, _ = signal.cont2discrete(response, tick)
+    lag = signal.lfilter(numerator.ravel(), denominator, force)
+    # Its speed: the same, times s.
+    numerator, denominator, _ = signal.cont2discrete(([-1.0, 0.0], response[1]), tick)
+    excess = signal.lfilter(numerator.ravel(), denominator, force)
+    acceleration = -(hand.stiffness * lag + hand.damping * excess + force) / hand.mass
     settled = min(math.ceil(5.0 * hand.time_constant / tick), force.size - 2)
     times = np.arange(force.size - settled) * tick
     acceleration = acceleration[settled:]
@@ -251,8 +271,8 @@ def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> 
         periods=1,
         settled_after=settled * tick,
         step=tick,
-        place=states[settled:, 0] + speed * times,
-        speed=states[settled:, 1] + speed,
+        place=lag[settled:] + speed * times,
+        speed=excess[settled:] + speed,
         acceleration=acceleration,
         largest=float(np.max(acceleration)),
         smallest=float(np.min(acceleration)),

@@ -19,13 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
-from asperity.geometry.offset import Surface
+from asperity.geometry.offset import Surface, Tracer
 from asperity.geometry.piecewise import PiecewiseCubic, mirrored, tabulate
 
 
-def slope_table(surface: Surface, diameter: float, *, tolerance: float = 1e-6) -> PiecewiseCubic:
-    """Return d(delta)/du over one period of the surface for a probe of `diameter` [m]."""
-    trace = surface.tracer(diameter)
+def slope_table(
+    surface: Surface, diameter: float, *, tolerance: float = 1e-6, trace: Tracer | None = None
+) -> PiecewiseCubic:
+    """Return d(delta)/du over one period of the surface for a probe of `diameter` [m].
+
+    `tolerance` is relative to the largest slope; `trace` is the surface's tracer for that probe,
+    where there is one already.
+    """
+    trace = trace or surface.tracer(diameter)
 
     def slope(u: NDArray[np.float64]) -> NDArray[np.float64]:
         return trace(u).slope

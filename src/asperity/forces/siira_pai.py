@@ -14,7 +14,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from asperity.errors import AsperityError, require_positive
 
@@ -45,6 +44,8 @@ def texture_force(
     seed : int
         Of the generator.
     """
+    from scipy import signal  # slow to import, and seldom needed
+
     require_positive("normal_force", normal_force, "[N]")
     require_positive("duration", duration, "[s]")
     require_positive("level", level)

@@ -130,7 +130,7 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
     ----------
     coefficients : (n + 4 + 2 margin,) array
         Spline coefficients, padded by at least `radius + 1` cells; divided by the pixel size.
-    pyramid : MaxPyramid
+    pyramid : Pyramid
         Of those coefficients.
     u : float
         Place of the disk's centre [samples], counted from the first cell's start.
@@ -156,7 +156,7 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
         low = float(index << level)
         high = min(float((index + 1) << level), float(count))
         away = max(low - u, u - high, 0.0)
-        bound = pyramid.values[pyramid.offsets[level] + index] + cap(away * away, radius)
+        bound = pyramid.heights[pyramid.offsets[level] + index] + cap(away * away, radius)
         if bound <= best + tolerance:
             continue
         if level == 0:

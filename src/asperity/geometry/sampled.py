@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
 from asperity.geometry import disk_search, sphere_search
 from asperity.geometry.offset import OffsetTrace, Tracer, slope_of
-from asperity.texture.bounds import max_pyramid
+from asperity.texture.bounds import pyramid_of
 from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, values_2d
 
 CERTIFIED_TO = 1e-12
@@ -135,7 +136,7 @@ class SampledProfile:
         radius = _radius_of(diameter, self.length) / self.pixel_size
         margin = int(radius) + 2
         coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
-        pyramid = max_pyramid(coefficients)
+        pyramid = pyramid_of(coefficients)
         tolerance = CERTIFIED_TO / self.pixel_size
 
         def trace(u: ArrayLike) -> OffsetTrace:
@@ -229,13 +230,13 @@ class HeightMap:
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a sphere of `diameter` [m] along the line."""
-        search = self._search(diameter)
+        assert self.line is not None
+        search = self._search(diameter, line=self.line)
         radius = 0.5 * diameter
 
         def trace(u: ArrayLike) -> OffsetTrace:
             u = np.asarray(u, dtype=np.float64)
             folded, sign = _fold(u, self.length, self.border)
-            assert self.line is not None
             heights, along, across = search(folded, np.full_like(folded, self.line))
             return OffsetTrace(
                 heights,
@@ -255,20 +256,29 @@ class HeightMap:
         )
         return self._search(diameter)(u, v)[0]
 
-    def _search(self, diameter: float):  # type: ignore[no-untyped-def]
-        """Return a function of (u, v) [m] that gives height and contact along u and v [m]."""
+    def _search(self, diameter: float, line: float | None = None) -> _Search:
+        """Return a function of (u, v) [m] that gives height and contact along u and v [m].
+
+        For places on one `line` only, the strip that the sphere can touch is searched.
+        """
         shortest = min(self.samples.shape) * self.pixel_size
         radius = _radius_of(diameter, shortest) / self.pixel_size
         margin = int(radius) + 2
         coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
-        pyramid = max_pyramid(coefficients)
+        first_row = 0
+        if line is not None:
+            first_row = int(line / self.pixel_size)
+            coefficients = np.ascontiguousarray(
+                coefficients[first_row : first_row + 2 * margin + 4]
+            )
+        pyramid = pyramid_of(coefficients)
         tolerance = CERTIFIED_TO / self.pixel_size
 
         def search(
             u: NDArray[np.float64], v: NDArray[np.float64]
         ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
             places_u = np.atleast_1d(u / self.pixel_size + 0.5 + margin).ravel()
-            places_v = np.atleast_1d(v / self.pixel_size + 0.5 + margin).ravel()
+            places_v = np.atleast_1d(v / self.pixel_size + 0.5 + margin - first_row).ravel()
             heights, contacts = np.empty(places_u.size), np.empty((places_u.size, 2))
             sphere_search.search_many(
                 coefficients, pyramid, places_u, places_v, radius, tolerance, heights, contacts

@@ -4,12 +4,17 @@ The two-dimensional twin of `disk_search`: over a bicubic spline `s(x, y)`, find
 
     f(x, y) = s(x, y) + sqrt(r^2 - (x - u)^2 - (y - v)^2) - r.
 
-All lengths are in samples. Blocks of cells are bounded by the pyramid plus the sphere's lowest
-point over the block. Inside a cell the surface's second differences bound its Hessian
-(Gershgorin), the sphere takes at least `1 / r` off, and what is left, `kappa`, decides: below
-zero `f` is concave on the cell, so the tangent plane at the Newton point bounds it; otherwise
-`f(c) + |grad f(c)| h + kappa h^2 / 2` from the middle of the box does. A box is closed only by
-such a bound; what cannot be closed is quartered.
+All lengths are in samples. A node is a square block of `2**level` cells a side, or, at negative
+levels, a square part of one cell. It is bounded twice:
+
+- by the highest coefficient under it plus the sphere's lowest point over it, which costs nothing;
+- by the second order. The curvature of the heights over the block is bounded by the pyramid, or,
+  if that is less, by the curvature at the middle `c` plus what the third derivatives allow it to
+  change; the sphere takes at least `1 / r` off, and what is left, `kappa`, decides. Below zero `f`
+  is concave on the whole block, however many cells that is, and the tangent plane at its Newton
+  point bounds it; otherwise `f(c) + |grad f(c)| h + kappa h^2 / 2` does.
+
+A node is closed only by such a bound; what cannot be closed is quartered.
 """
 
 from __future__ import annotations
@@ -24,10 +29,10 @@ from asperity.texture.spline import evaluate_2d
 
 _STACK = 512
 _NEWTON_STEPS = 20
-_SMALLEST = 1e-9
+_LOWEST = -30
 # Only where the relief is as tall as the sphere's radius is the rim of its disk ever searched
-# this far; f has no finite slope there, so no bound would close the box.
-_SMALLEST_AT_RIM = 1.0 / 64.0
+# this far; f has no finite slope there, so no bound would close the node.
+_LOWEST_AT_RIM = -6
 
 
 @kernel
@@ -53,11 +58,11 @@ def _evaluate(coefficients, x, y, u, v, radius):
 
 
 @kernel
-def _climb(coefficients, box, x, y, u, v, radius):
+def _climb(coefficients, box, x, y, stride, u, v, radius):
     """Return (value, x, y, f_x, f_y) of a local maximum over a box, climbing from (x, y).
 
-    Projected Newton where f is concave, steepest ascent of at most a sample where it is not,
-    and no step that goes down.
+    Projected Newton where f is concave, steepest ascent where it is not; no step is longer than
+    `stride`, and none goes down.
     """
     x0, x1, y0, y1 = box
     x, y = min(max(x, x0), x1), min(max(y, y0), y1)
@@ -70,12 +75,12 @@ def _climb(coefficients, box, x, y, u, v, radius):
             step_x = -(f_yy * f_x - f_xy * f_y) / determinant
             step_y = -(f_xx * f_y - f_xy * f_x) / determinant
         else:
-            step_x = (-f_x / f_xx if f_xx < 0.0 else math.copysign(1.0, f_x)) if free_x else 0.0
-            step_y = (-f_y / f_yy if f_yy < 0.0 else math.copysign(1.0, f_y)) if free_y else 0.0
+            step_x = (-f_x / f_xx if f_xx < 0.0 else math.copysign(stride, f_x)) if free_x else 0.0
+            step_y = (-f_y / f_yy if f_yy < 0.0 else math.copysign(stride, f_y)) if free_y else 0.0
         length = math.sqrt(step_x * step_x + step_y * step_y)
         if length < 1e-13:
             break
-        scale = min(1.0, 1.0 / length)
+        scale = min(1.0, stride / length)
         for _ in range(8):
             next_x = min(max(x + scale * step_x, x0), x1)
             next_y = min(max(y + scale * step_y, y0), y1)
@@ -91,126 +96,76 @@ def _climb(coefficients, box, x, y, u, v, radius):
 
 
 @kernel
-def hessian_ceiling(coefficients, row, column):
-    """Return a bound from above on the largest eigenvalue of the surface's Hessian over a cell.
-
-    Along each axis the second derivative lies in the hull of the second differences of the
-    cell's 4 x 4 coefficients; the mixed one in the hull of the 3 x 3 mixed differences.
-    """
-    xx = yy = -np.inf
-    xy = 0.0
-    for a in range(4):
-        for b in range(2):
-            c = coefficients[row + a]
-            xx = max(xx, c[column + b] - 2.0 * c[column + b + 1] + c[column + b + 2])
-            yy = max(
-                yy,
-                coefficients[row + b, column + a]
-                - 2.0 * coefficients[row + b + 1, column + a]
-                + coefficients[row + b + 2, column + a],
-            )
-    for a in range(3):
-        c, d = coefficients[row + a], coefficients[row + a + 1]
-        for b in range(3):
-            mixed = d[column + b + 1] - d[column + b] - c[column + b + 1] + c[column + b]
-            xy = max(xy, abs(mixed))
-    return max(xx, yy) + xy
+def _surface_bend(f_xx, f_xy, f_yy, dx, dy, radius):
+    """Return the largest second derivative of the heights alone, from those of f at (dx, dy)."""
+    inside = radius * radius - dx * dx - dy * dy
+    cube = inside * math.sqrt(inside)
+    xx, yy = f_xx + (inside + dx * dx) / cube, f_yy + (inside + dy * dy) / cube
+    xy = f_xy + dx * dy / cube
+    half = 0.5 * (xx - yy)
+    return 0.5 * (xx + yy) + math.sqrt(half * half + xy * xy)
 
 
 @kernel
-def _box_bound(coefficients, box, surface, highest, u, v, radius):
-    """Return (upper bound of f over a box, value, x, y of its best known place).
+def _bound(coefficients, pyramid, level, row, column, u, v, radius, enough):
+    """Return (upper bound of f over a node, value, x, y of the best place seen in it).
 
-    `surface` bounds the curvature of the heights over the box's cell, `highest` the heights.
+    Once the bound falls to `enough` it is not sharpened, and no place is looked at.
     """
-    x0, x1, y0, y1 = box
+    size = 2.0**level
+    x0, x1 = column * size, min((column + 1) * size, float(pyramid.shapes[0, 1]))
+    y0, y1 = row * size, min((row + 1) * size, float(pyramid.shapes[0, 0]))
     dx, dy = max(x0 - u, u - x1, 0.0), max(y0 - v, v - y1, 0.0)
     near = dx * dx + dy * dy
-    coarse = highest + cap(near, radius)
+    down = max(-level, 0)
+    level = max(level, 0)
+    place = pyramid.offsets[level]
+    place += (row >> down) * pyramid.shapes[level, 1] + (column >> down)
+    coarse = pyramid.heights[place] + cap(near, radius)
+    if coarse <= enough:
+        return coarse, -np.inf, u, v
     dx, dy = max(u - x0, x1 - u), max(v - y0, y1 - v)
     if dx * dx + dy * dy >= radius * radius * (1.0 - 1e-9):
+        # Part of the node lies beyond the sphere, where f has no slope to bound it by.
         x, y = min(max(u, x0), x1), min(max(v, y0), y1)
         return coarse, _evaluate(coefficients, x, y, u, v, radius)[0], x, y
-    ceiling = surface - 1.0 / math.sqrt(radius * radius - near)
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    if ceiling < 0.0:
-        value, x, y, f_x, f_y = _climb(coefficients, box, x, y, u, v, radius)
-    else:
-        value, f_x, f_y, _, _, _ = _evaluate(coefficients, x, y, u, v, radius)
-    half_x, half_y = max(x1 - x, x - x0), max(y1 - y, y - y0)
-    bound = value + max(f_x * (x1 - x), f_x * (x0 - x)) + max(f_y * (y1 - y), f_y * (y0 - y))
-    bound += 0.5 * max(ceiling, 0.0) * (half_x * half_x + half_y * half_y)
+    value, f_x, f_y, f_xx, f_xy, f_yy = _evaluate(coefficients, x, y, u, v, radius)
+    bend = _surface_bend(f_xx, f_xy, f_yy, x - u, y - v, radius)
+    # Each entry of the Hessian changes by at most `change` * (|dx| + |dy|) over the node.
+    bend += 2.0 * pyramid.changes[place] * (0.5 * (x1 - x0) + 0.5 * (y1 - y0))
+    kappa = min(pyramid.curvatures[place], bend) - 1.0 / math.sqrt(radius * radius - near)
+    half_x, half_y = x1 - x, y1 - y
+    bound = value + abs(f_x) * half_x + abs(f_y) * half_y
+    bound += 0.5 * max(kappa, 0.0) * (half_x * half_x + half_y * half_y)
+    if kappa < 0.0 and bound > enough:
+        box = (x0, x1, y0, y1)
+        value, x, y, f_x, f_y = _climb(coefficients, box, x, y, size, u, v, radius)
+        bound = value + max(f_x * (x1 - x), f_x * (x0 - x))
+        bound += max(f_y * (y1 - y), f_y * (y0 - y))
     return min(bound, coarse), value, x, y
 
 
 @kernel
-def _search_cell(coefficients, row, column, u, v, radius, tolerance, best, boxes):
-    """Search one cell; return the best (value, x, y), given the one known so far."""
-    surface = hessian_ceiling(coefficients, row, column)
-    highest = np.max(coefficients[row : row + 4, column : column + 4])
-    box = (float(column), column + 1.0, float(row), row + 1.0)
-    bound, value, x, y = _box_bound(coefficients, box, surface, highest, u, v, radius)
-    if bound <= best[0] + tolerance:
-        return best
-    # A good incumbent first: it closes most of the boxes that come after.
-    value, x, y, _, _ = _climb(coefficients, box, x, y, u, v, radius)
-    if value > best[0]:
-        best = (value, x, y)
-    boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3], boxes[0, 4] = (
-        box[0], box[1], box[2], box[3], bound,
-    )  # fmt: skip
-    top = 1
-    while top > 0:
-        top -= 1
-        if boxes[top, 4] <= best[0] + tolerance:
-            continue
-        x0, x1, y0, y1 = boxes[top, 0], boxes[top, 1], boxes[top, 2], boxes[top, 3]
-        size = 0.5 * (x1 - x0)
-        dx, dy = max(u - x0, x1 - u), max(v - y0, y1 - v)
-        at_rim = dx * dx + dy * dy >= radius * radius * (1.0 - 1e-9)
-        if size < (_SMALLEST_AT_RIM if at_rim else _SMALLEST):
-            continue
-        start = top
-        for k in range(4):
-            left, low = x0 + size * (k & 1), y0 + size * (k >> 1)
-            box = (left, left + size, low, low + size)
-            bound, value, x, y = _box_bound(coefficients, box, surface, highest, u, v, radius)
-            if value > best[0]:
-                best = (value, x, y)
-            if bound <= best[0] + tolerance:
-                continue
-            # Insertion keeps the most promising box on top of the stack.
-            place = top
-            while place > start and boxes[place - 1, 4] > bound:
-                boxes[place] = boxes[place - 1]
-                place -= 1
-            for axis in range(4):
-                boxes[place, axis] = box[axis]
-            boxes[place, 4] = bound
-            top += 1
-    return best
+def _may_be_divided(pyramid, level, row, column, u, v, radius):
+    """Return whether a node is large enough to be quartered."""
+    if level > _LOWEST_AT_RIM:
+        return True
+    size = 2.0**level
+    dx = max(u - column * size, (column + 1) * size - u)
+    dy = max(v - row * size, (row + 1) * size - v)
+    return level > _LOWEST and dx * dx + dy * dy < radius * radius * (1.0 - 1e-9)
 
 
 @kernel
-def _block_bound(pyramid, level, row, column, u, v, radius):
-    """Return an upper bound of f over a block of the pyramid."""
-    rows, columns = pyramid.shapes[0, 0], pyramid.shapes[0, 1]
-    x0, x1 = column << level, min((column + 1) << level, columns)
-    y0, y1 = row << level, min((row + 1) << level, rows)
-    dx, dy = max(x0 - u, u - x1, 0.0), max(y0 - v, v - y1, 0.0)
-    place = pyramid.offsets[level] + row * pyramid.shapes[level, 1] + column
-    return pyramid.values[place] + cap(dx * dx + dy * dy, radius)
-
-
-@kernel
-def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nodes, bounds, boxes):
+def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nodes, bounds):
     """Return (offset height, x, y of the contact) in samples, for a sphere above (u, v).
 
     Parameters
     ----------
     coefficients : (nv + 4 + 2 margin, nu + 4 + 2 margin) array
         Spline coefficients, padded by at least `radius + 1` cells; divided by the pixel size.
-    pyramid : MaxPyramid
+    pyramid : Pyramid
         Of those coefficients.
     u, v : float
         Place of the sphere's centre [samples], counted from the first cell's start.
@@ -218,18 +173,18 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
         The result is at most this far below the true maximum [samples].
     guess_x, guess_y : float
         A place to start from; the last contact, say.
-    nodes, bounds, boxes : (512, 3) int64, (512,) and (128, 5) float64 arrays
+    nodes, bounds : (512, 3) int64 and (512,) float64 arrays
         Working memory.
     """
     rows, columns = float(pyramid.shapes[0, 0]), float(pyramid.shapes[0, 1])
-    whole = (0.0, columns, 0.0, rows)
     centre = _evaluate(coefficients, u, v, u, v, radius)[0]
     if _evaluate(coefficients, guess_x, guess_y, u, v, radius)[0] < centre:
         guess_x, guess_y = u, v
-    value, x, y, _, _ = _climb(coefficients, whole, guess_x, guess_y, u, v, radius)
+    box = (0.0, columns, 0.0, rows)
+    stride = max(1.0, 0.1 * radius)
+    value, x, y, _, _ = _climb(coefficients, box, guess_x, guess_y, stride, u, v, radius)
     best = (value, x, y)
-    level = pyramid.offsets.size - 1
-    nodes[0, 0], nodes[0, 1], nodes[0, 2] = level, 0, 0
+    nodes[0, 0], nodes[0, 1], nodes[0, 2] = pyramid.offsets.size - 1, 0, 0
     bounds[0] = np.inf
     top = 1
     while top > 0:
@@ -237,31 +192,34 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
         if bounds[top] <= best[0] + tolerance:
             continue
         level, row, column = nodes[top, 0], nodes[top, 1], nodes[top, 2]
-        if level == 0:
-            best = _search_cell(
-                coefficients, row, column, u, v, radius, tolerance, best, boxes
-            )
+        if not _may_be_divided(pyramid, level, row, column, u, v, radius):
             continue
+        level -= 1
+        half = 2.0**level
         start = top
         for k in range(4):
             r, c = 2 * row + (k >> 1), 2 * column + (k & 1)
-            if r >= pyramid.shapes[level - 1, 0] or c >= pyramid.shapes[level - 1, 1]:
+            if r * half >= rows or c * half >= columns:
                 continue
-            bound = _block_bound(pyramid, level - 1, r, c, u, v, radius)
+            enough = best[0] + tolerance
+            bound, value, x, y = _bound(
+                coefficients, pyramid, level, r, c, u, v, radius, enough
+            )
+            if value > best[0]:
+                best = (value, x, y)
             if bound <= best[0] + tolerance:
                 continue
             # Insertion keeps the most promising child on top of the stack.
             place = top
             while place > start and bounds[place - 1] > bound:
                 bounds[place] = bounds[place - 1]
-                nodes[place] = nodes[place - 1]
+                for axis in range(3):
+                    nodes[place, axis] = nodes[place - 1, axis]
                 place -= 1
             bounds[place] = bound
-            nodes[place, 0], nodes[place, 1], nodes[place, 2] = level - 1, r, c
+            nodes[place, 0], nodes[place, 1], nodes[place, 2] = level, r, c
             top += 1
-    # Certified in height, the contact is known only to the square root of that; the slope needs it.
-    value, x, y, _, _ = _climb(coefficients, whole, best[1], best[2], u, v, radius)
-    return value, x, y
+    return best
 
 
 @kernel
@@ -271,13 +229,12 @@ def search_many(
     """Fill the offset height and the contact's x and y for every place; see `search`."""
     nodes = np.empty((_STACK, 3), dtype=np.int64)
     bounds = np.empty(_STACK)
-    boxes = np.empty((128, 5))
     shift_x = shift_y = 0.0
     for i in range(places_u.size):
         u, v = places_u[i], places_v[i]
         height, x, y = search(
             coefficients, pyramid, u, v, radius, tolerance,
-            u + shift_x, v + shift_y, nodes, bounds, boxes,
+            u + shift_x, v + shift_y, nodes, bounds,
         )  # fmt: skip
         heights_out[i] = height
         contacts_out[i, 0], contacts_out[i, 1] = x, y

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
-from scipy import signal
 
 from asperity.dynamics.hand import Hand, drag
 from asperity.errors import AsperityError
@@ -15,9 +14,9 @@ from asperity.geometry.sampled import HeightMap
 from asperity.perception.metrics import DEFAULT_BAND, METRICS, evaluate
 
 _RATE = 8000.0
-_SEGMENT = 0.25
-_TABLE_TOLERANCE = 1e-4
-"""Of the largest slope: below the accuracy of any measured map."""
+_SEGMENT = 0.125
+_TABLE_TOLERANCE = 1e-3
+"""Of the largest slope: well below the accuracy of any measured map."""
 _MAX_PIXELS_SHOWN = 400
 
 
@@ -62,6 +61,8 @@ def rub(
         `acceleration(diameter, time)` [m/s^2] at 8 kHz; `spectrum(diameter, frequency)`
         [m/s^2/sqrt(Hz)], Welch; the metrics by `diameter`; `heights` for a picture.
     """
+    from scipy import signal  # slow to import, and seldom needed
+
     if not diameters:
         raise AsperityError("rub needs at least one diameter")
     hand = hand or Hand()
@@ -73,9 +74,10 @@ def rub(
     time = np.arange(round(seconds * _RATE)) / _RATE
     frequency = np.zeros(0)
     for diameter in diameters:
-        offsets.append(surface.tracer(diameter)(u).height)
-        force = slope_table(surface, diameter, tolerance=_TABLE_TOLERANCE).scaled(normal_force)
-        motion = drag(force, hand, speed)
+        trace = surface.tracer(diameter)
+        offsets.append(trace(u).height)
+        slope = slope_table(surface, diameter, tolerance=_TABLE_TOLERANCE, trace=trace)
+        motion = drag(slope.scaled(normal_force), hand, speed)
         wave = np.interp(
             time, np.arange(motion.acceleration.size) * motion.step, motion.acceleration
         )

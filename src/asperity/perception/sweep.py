@@ -70,10 +70,15 @@ class Sweep:
 
     def _drag(self, condition: Condition) -> Motion:
         if self.model == "siira-pai":
+            # Neither spacing nor diameter enters the model: one motion serves them all.
+            key = Condition(1.0, 1.0, condition.normal_force, condition.speed)
+            if key in self._motions:
+                return self._motions[key]
             noise = siira_pai.texture_force(
                 condition.normal_force, _NOISE_SECONDS, seed=self.options.seed
             )
-            return shake(noise, _NOISE_TICK, self.hand, condition.speed)
+            self._motions[key] = shake(noise, _NOISE_TICK, self.hand, condition.speed)
+            return self._motions[key]
         return drag(self._force(condition), self.hand, condition.speed)
 
     def _force(self, condition: Condition) -> PiecewiseCubic:

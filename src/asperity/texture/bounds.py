@@ -1,8 +1,9 @@
-"""Upper bounds of a spline surface over blocks of cells.
+"""Upper bounds of a spline surface, and of its curvature, over blocks of cells.
 
 A B-spline lies in the convex hull of its coefficients, so the largest of the coefficients that a
-cell depends on bounds the surface over that cell from above. A pyramid of such maxima lets a
-search discard whole regions, and what it finds is then certified, not merely likely.
+cell depends on bounds the surface over that cell from above. Its second derivatives are B-splines
+too, of the coefficients' second differences. Pyramids of such maxima let a search discard whole
+regions, and what it finds is then certified, not merely likely.
 """
 
 from __future__ import annotations
@@ -13,19 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class MaxPyramid(NamedTuple):
-    """Maxima over blocks of `2**level` cells a side, all levels in one flat array."""
+class Pyramid(NamedTuple):
+    """Bounds over blocks of `2**level` cells a side, all levels in one flat array."""
 
-    values: NDArray[np.float64]
-    """Level after level, each row-major."""
+    heights: NDArray[np.float64]
+    """No point of the block lies higher; level after level, each row-major."""
+    curvatures: NDArray[np.float64]
+    """No second derivative in any direction is larger in the block (per sample squared)."""
+    changes: NDArray[np.float64]
+    """No third derivative is larger in size in the block (per sample cubed)."""
     offsets: NDArray[np.int64]
-    """Where each level begins in `values`, shape (levels,)."""
+    """Where each level begins in the three arrays, shape (levels,)."""
     shapes: NDArray[np.int64]
     """Rows and columns of each level, shape (levels, 2); a 1-D spline has one row."""
 
 
-def max_pyramid(coefficients: NDArray[np.float64]) -> MaxPyramid:
-    """Return the pyramid of maxima of the cells of padded spline `coefficients`.
+def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
+    """Return the bounds of the cells of padded spline `coefficients`, and of blocks of them.
 
     Parameters
     ----------
@@ -33,20 +38,45 @@ def max_pyramid(coefficients: NDArray[np.float64]) -> MaxPyramid:
         As `asperity.texture.spline.spline_coefficients` returns them: cell `i` depends on
         entries `i .. i + 3`.
     """
-    level = np.atleast_2d(coefficients)
+    c = np.atleast_2d(coefficients)
     if coefficients.ndim == 2:
-        level = np.maximum.reduce([level[a : level.shape[0] - 3 + a] for a in range(4)])
-    level = np.maximum.reduce([level[:, a : level.shape[1] - 3 + a] for a in range(4)])
+        along_u, along_v = _derivative(c, 2, 0), _derivative(c, 0, 2)
+        # Gershgorin: no eigenvalue of the Hessian exceeds the larger row sum.
+        curvatures = np.maximum(along_u, along_v) + _derivative(c, 1, 1, size=True)
+        thirds = [_derivative(c, nu, 3 - nu, size=True) for nu in range(4)]
+        level = (_derivative(c, 0, 0), curvatures, np.maximum.reduce(thirds))
+    else:
+        third = np.abs(np.diff(c, 3, axis=1))
+        level = (_running(c, 4, 1), _running(np.diff(c, 2, axis=1), 2, 1), third)
     levels = [level]
-    while max(level.shape) > 1:
-        level = _halve(_halve(level, 0), 1)
+    while max(level[0].shape) > 1:
+        level = tuple(_halve(_halve(part, 0), 1) for part in level)  # type: ignore[assignment]
         levels.append(level)
-    sizes = [entry.size for entry in levels]
-    return MaxPyramid(
-        values=np.concatenate([entry.ravel() for entry in levels]),
+    sizes = [entry[0].size for entry in levels]
+    return Pyramid(
+        *(np.concatenate([entry[k].ravel() for entry in levels]) for k in range(3)),
         offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64),
-        shapes=np.array([entry.shape for entry in levels], dtype=np.int64),
+        shapes=np.array([entry[0].shape for entry in levels], dtype=np.int64),
     )
+
+
+def _derivative(
+    c: NDArray[np.float64], order_u: int, order_v: int, size: bool = False
+) -> NDArray[np.float64]:
+    """Return for every cell the highest coefficient (or its size) of a partial derivative.
+
+    The derivative of order m of a cubic B-spline is a B-spline of the m-th differences, of which
+    a cell depends on 4 - m.
+    """
+    differences = np.diff(np.diff(c, order_u, axis=1), order_v, axis=0)
+    values = np.abs(differences) if size else differences
+    return _running(_running(values, 4 - order_v, 0), 4 - order_u, 1)
+
+
+def _running(values: NDArray[np.float64], width: int, axis: int) -> NDArray[np.float64]:
+    """Return the running maximum of `width` neighbours along `axis`."""
+    count = values.shape[axis] - width + 1
+    return np.maximum.reduce([values.take(range(a, a + count), axis) for a in range(width)])
 
 
 def _halve(level: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

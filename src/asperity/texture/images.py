@@ -238,8 +238,8 @@ def smooth_levels(values: NDArray[np.float64], step: float) -> NDArray[np.float6
 
     by 40 steps of the accelerated projected gradient method. So no height moves by more than
     half a level, and edges stay where they are. On waves 25 to 250 samples long that fill 8
-    bits, the noise in the slope falls by 8 to 16 dB; on surfaces whose detail is only a few
-    samples wide there is nothing to gain (at worst 2 dB are lost): keep such levels.
+    bits, the noise in the slope falls by 8 to 15 dB; on surfaces whose detail is only a few
+    samples wide there is nothing to gain (1 to 2 dB are lost): keep such levels.
 
     Parameters
     ----------
