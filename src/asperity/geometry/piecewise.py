@@ -27,8 +27,10 @@ _CHECKS = np.array([0.01, 0.35, 0.8])
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
 _MAX_HALVINGS = 8
 _QUARTERS = np.linspace(0.0, 1.0, 5)
-_JUMP_WIDTH = 2.0**-36
-"""A jump is bracketed to this fraction of the period."""
+_LEAST_JUMP = 1e-4
+"""A step of less than this part of the largest value is not counted as a jump."""
+_JUMP_WIDTH = 0.01
+"""A jump is bracketed to this times the tolerance, in cells."""
 
 
 class PiecewiseCubic(NamedTuple):
@@ -80,11 +82,12 @@ def tabulate(
         Relative to the largest absolute value.
     """
     start = np.linspace(0.0, period, cells + 1)
-    limit = tolerance * float(np.max(np.abs(function(start))))
-    least = 100.0 * limit
+    largest = float(np.max(np.abs(function(start))))
+    limit, least = tolerance * largest, max(_LEAST_JUMP, 2.0 * tolerance) * largest
     edges, coefficients, bad, error = _refine(function, start[:-1], start[1:], limit, 4)
     if bad.size:
-        jumps = _bracket_jumps(function, bad, period * _JUMP_WIDTH, least)
+        width = _JUMP_WIDTH * tolerance * period / cells
+        jumps = _bracket_jumps(function, bad, width, least)
         low, high = _split(bad, jumps)
         more = _refine(function, low, high, limit, _MAX_HALVINGS)
         # What is still bad then is kept: it is too narrow to matter, and `error` tells.
@@ -110,7 +113,7 @@ def mirrored(half: PiecewiseCubic) -> PiecewiseCubic:
     inside = half.jumps[half.jumps > 0.0]
     jumps = [inside, np.sort(2.0 * length - inside)]
     # The continuation is odd about both ends: it jumps there unless it is zero.
-    least = 100.0 * max(half.error, 1e-12 * float(np.max(np.abs(half.coefficients))))
+    least = _LEAST_JUMP * float(np.max(np.abs(half.coefficients[:, 0])))
     if 2.0 * abs(c0[-1]) > least:
         jumps.insert(0, np.zeros(1))
     if 2.0 * abs(half.coefficients[-1].sum()) > least:

@@ -107,12 +107,18 @@ def _surface_bend(f_xx, f_xy, f_yy, dx, dy, radius):
 
 
 @kernel
+def _size_of(level):
+    """Return 2**level, without the cost of a power."""
+    return float(1 << level) if level >= 0 else 1.0 / float(1 << -level)
+
+
+@kernel
 def _bound(coefficients, pyramid, level, row, column, u, v, radius, enough):
     """Return (upper bound of f over a node, value, x, y of the best place seen in it).
 
     Once the bound falls to `enough` it is not sharpened, and no place is looked at.
     """
-    size = 2.0**level
+    size = _size_of(level)
     x0, x1 = column * size, min((column + 1) * size, float(pyramid.shapes[0, 1]))
     y0, y1 = row * size, min((row + 1) * size, float(pyramid.shapes[0, 0]))
     dx, dy = max(x0 - u, u - x1, 0.0), max(y0 - v, v - y1, 0.0)
@@ -151,7 +157,7 @@ def _may_be_divided(pyramid, level, row, column, u, v, radius):
     """Return whether a node is large enough to be quartered."""
     if level > _LOWEST_AT_RIM:
         return True
-    size = 2.0**level
+    size = _size_of(level)
     dx = max(u - column * size, (column + 1) * size - u)
     dy = max(v - row * size, (row + 1) * size - v)
     return level > _LOWEST and dx * dx + dy * dy < radius * radius * (1.0 - 1e-9)
@@ -195,7 +201,7 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
         if not _may_be_divided(pyramid, level, row, column, u, v, radius):
             continue
         level -= 1
-        half = 2.0**level
+        half = _size_of(level)
         start = top
         for k in range(4):
             r, c = 2 * row + (k >> 1), 2 * column + (k & 1)

@@ -15,7 +15,7 @@ from asperity.perception.metrics import DEFAULT_BAND, METRICS, evaluate
 
 _RATE = 8000.0
 _SEGMENT = 0.125
-_TABLE_TOLERANCE = 1e-3
+_TABLE_TOLERANCE = 3e-3
 """Of the largest slope: well below the accuracy of any measured map."""
 _MAX_PIXELS_SHOWN = 400
 
