@@ -79,12 +79,12 @@ def ride(
     hand: tuple[float, float, float],
     drive: float,
     times: Array,
-    since: float,
+    start: tuple[float, float],
 ) -> Ride:
-    """Integrate Eq. 7 from u = 0, u' = drive by DOP853, stopped and started anew at every jump.
+    """Integrate Eq. 7 from (u, u') = start by DOP853, stopped and started anew at every jump.
 
-    `force` is asked only inside the stretch between jumps that the hand is in. Extremes of u''
-    are taken over times above `since`.
+    `force` is asked only inside the stretch between jumps that the hand is in. The drive stands
+    at `drive * t`; time runs from 0.
     """
     mass, stiffness, damping = hand
     if jumps.size:
@@ -105,8 +105,8 @@ def ride(
         pull = stiffness * (drive * t - u) + damping * (drive - s)
         return (pull - force(at % period)) / mass
 
-    t, state = 0.0, np.array([0.0, drive])
-    low, high = bounds(inset)
+    t, state = 0.0, np.array(start)
+    low, high = bounds(start[0] + inset)
     rows: list[Array] = []
     extremes = [np.inf, -np.inf]
     while t < times[-1]:
@@ -137,7 +137,7 @@ def ride(
             u, s = answer.sol(moment)
             rows.append(np.array([u, s, acceleration(moment, u, s, *ends)]))
         count = 2 + int(2000 * (end - t) * drive / period)
-        for moment in np.linspace(max(t, since), end, count) if end > since else ():
+        for moment in np.linspace(t, end, count):
             value = acceleration(moment, *answer.sol(moment), *ends)
             extremes = [min(extremes[0], value), max(extremes[1], value)]
         t, state = end, answer.y[:, -1].copy()

@@ -29,9 +29,7 @@ def require_positive(name: str, value: float, unit: str = "") -> float:
 def require_not_negative(name: str, value: float, unit: str = "") -> float:
     """Return `value` if it is finite and not below zero, else raise `AsperityError` naming it."""
     if not (math.isfinite(value) and value >= 0.0):
-        raise AsperityError(
-            f"{name} must be a finite number, 0 or above{_in(unit)}, got {value!r}"
-        )
+        raise AsperityError(f"{name} must be a finite number, 0 or above{_in(unit)}, got {value!r}")
     return float(value)
 
 

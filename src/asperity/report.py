@@ -183,7 +183,9 @@ def _which_metric(results: Results) -> str:
         marks = ""
         for name in human:
             holds = any(c["holds"] for c in results.claims if c["id"] == f"speed.{name}.{key}")
-            marks += f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not'}</td>"
+            marks += (
+                f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not'}</td>"
+            )
         rows += (
             f"<tr><td>{html.escape(metric.label)}<br><small>{html.escape(metric.origin)}</small>"
             f"</td>{marks}</tr>"

@@ -118,11 +118,18 @@ def from_run(
         raise AsperityError(f"level must lie between 0 and {count - 1}, got {level}")
     if "time" in acceleration.dims:
         time = data["time"].values
-        title = f"{data.attrs.get('title', 'rub')}, probe {data['diameter'].values[chosen] * 1e3:g} mm"
+        title = (
+            f"{data.attrs.get('title', 'rub')}, probe {data['diameter'].values[chosen] * 1e3:g} mm"
+        )
         wave = acceleration.values[chosen].astype(np.float64)
         repeats = int(data["status"].values[chosen]) == 0
         return from_acceleration(
-            wave, float(time[1] - time[0]), rate=rate, seconds=seconds, repeats=repeats, source=title
+            wave,
+            float(time[1] - time[0]),
+            rate=rate,
+            seconds=seconds,
+            repeats=repeats,
+            source=title,
         )
     spacings = data["spacing"].values
     if spacing is None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-import naive
 import numpy as np
 import pytest
 from scipy import optimize
 
+import naive
 from asperity.errors import AsperityError
 from asperity.geometry.analytic import Grating, Sinusoid
 from asperity.geometry.offset import drop_point

@@ -35,7 +35,9 @@ def _points(plate, u, v, radius):
     du, dv = np.outer(away, np.cos(turn)), np.outer(away, np.sin(turn))
     z = np.broadcast_to(rise[:, None], du.shape)
     centres, reach = plate.centres(), radius + top + plate.flank
-    for row in range(math.floor((v - reach) / plate.pitch), math.floor((v + reach) / plate.pitch) + 1):
+    for row in range(
+        math.floor((v - reach) / plate.pitch), math.floor((v + reach) / plate.pitch) + 1
+    ):
         for column in range(
             math.floor((u - reach) / plate.pitch), math.floor((u + reach) / plate.pitch) + 1
         ):

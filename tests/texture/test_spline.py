@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from asperity.texture.spline import (
     BORDERS,
     evaluate_1d,

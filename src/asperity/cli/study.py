@@ -121,5 +121,3 @@ class Study:
             claims = write_studies(results, self.metric, folder)
         held = sum(claim["holds"] for claim in claims)
         print(f"{out}: {', '.join(names)}; {held} of {len(claims)} claims hold (see claims.json)")
-
-

@@ -15,7 +15,7 @@ its ends); a step that leaves the stretch is cut back, by the secant method, to 
 where a slow hand comes to rest in the notch between two asperities it stays until the drive has
 pulled hard enough to lift it out.
 
-The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
+How the periodic motion is found stands in `asperity.dynamics.repeat`. The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
 *subharmonic* when it repeats only after two to eight periods; a run that never repeats says so,
 and its figures are then statistics over the last stretch of the run.
 """
@@ -30,15 +30,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.drag import advance_period, run_until_repeat
+from asperity.dynamics.repeat import drag_a_length, drag_until_repeat
 from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.geometry.piecewise import PiecewiseCubic
 
-PERIODIC_TOLERANCE = 1e-6
+PERIODIC_TOLERANCE = 1e-7
 """(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
 
 _MAX_SUBHARMONIC = 8
-_LEAST_STEPS = 128
+_LEAST_STEPS = 64
+_RECORDED_STEPS = 256
+"""The least number of samples a period in a record: its spectrum needs more than its motion."""
+_RECORDED_RATE = 5000.0
+"""And the least number a second [Hz]: ten times the highest frequency that people feel."""
+_LONG_PERIOD = 3.0
+"""Time constants of the hand; over a longer period a motion settles by itself."""
 _STEPS_A_RADIAN = 8
 """Of the hand's own motion, and of what its damper forgets: a slow drive must not outrun them."""
 _LONGEST_RUN = 25.0
@@ -102,6 +108,8 @@ class Motion(NamedTuple):
     """Time between samples [s]."""
     place: NDArray[np.float64]
     """u [m], relative to the start of the record's first period."""
+    lag: NDArray[np.float64]
+    """u - v t [m]: how far the hand is ahead of its drive."""
     speed: NDArray[np.float64]
     """u' [m/s]."""
     acceleration: NDArray[np.float64]
@@ -128,6 +136,7 @@ def drag(
     refine: float = 1.0,
     settle: float | None = None,
     length: float | None = None,
+    extrapolate: bool = True,
 ) -> Motion:
     """Drag the hand over a texture at constant speed, and record its motion once it repeats.
 
@@ -142,11 +151,16 @@ def drag(
     start : float
         Where on the surface the drive sets out [m].
     refine : float
-        Factor on the number of steps a period; 1 gives at least two steps for each cubic of
-        the table, at least 128, and at least eight for each radian of the hand's own motion.
+        Factor on the number of steps a period; 1 gives at least one step for each cubic of
+        the table, at least 64, and at least eight for each radian of the hand's own motion.
     settle, length : float, optional
         Give both to record `length` [m] of drag after `settle` [s] have passed, whether or not
         the motion repeats: for long measured surfaces.
+    extrapolate : bool
+        Whether to jump ahead to the periodic motion where one is found (see
+        `asperity.dynamics.repeat`). Without it the hand, set down at rest on its spring, is
+        dragged until its motion repeats; at some slow speeds that ends in a subharmonic motion
+        although a periodic one, as stable, stands beside it.
 
     Returns
     -------
@@ -168,66 +182,48 @@ def drag(
         require_positive("length", length, "[m]")
     period = force.period
     swift = _STEPS_A_RADIAN * hand.fastest * period / speed
-    steps = max(math.ceil(refine * max(_LEAST_STEPS, 2 * (force.edges.size - 1), swift)), 8)
+    steps = max(math.ceil(refine * max(_LEAST_STEPS, force.edges.size - 1, swift)), 8)
     step = period / speed / steps
-    shifted = _from_first_jump(force)
-    origin = force.jumps[0] if force.jumps.size else 0.0
-    table = (shifted.jumps, shifted.edges, shifted.coefficients)
-    numbers = np.array([hand.mass, hand.stiffness, hand.damping, speed])
-    first = float(np.mod(start - origin, period))
-    stretch = max(int(np.searchsorted(shifted.jumps, first, side="right")) - 1, 0)
-    state = np.array([first, speed, first, float(stretch), 0.0, np.nan])
-
+    finer = math.ceil(max(_RECORDED_STEPS, period / speed * _RECORDED_RATE) / steps)
+    table, numbers = force[:3], (hand.mass, hand.stiffness, hand.damping)
     status, mismatch = MotionStatus.APERIODIC, math.nan
     if length is None or settle is None:
-        tolerance = PERIODIC_TOLERANCE * np.array([period, speed])
         most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * _MAX_SUBHARMONIC
-        repeat, run, missed = run_until_repeat(
-            state, steps, step, *table, numbers, tolerance, most, np.empty((_MAX_SUBHARMONIC, 2))
-        )
-        mismatch = missed * PERIODIC_TOLERANCE
+        ahead = extrapolate and period / speed < _LONG_PERIOD * hand.time_constant
+        repeat, run, mismatch, *extremes, record = drag_until_repeat(
+            table, numbers, speed, start, steps, most, ahead,
+            (_MAX_SUBHARMONIC, _APERIODIC_RECORD, finer, PERIODIC_TOLERANCE),
+        )  # fmt: skip
+        step /= finer
         if repeat:
             status = MotionStatus.PERIODIC if repeat == 1 else MotionStatus.SUBHARMONIC
-        samples, settled = (repeat or _APERIODIC_RECORD) * steps, run * steps
+        before = run * period / speed
     else:
-        samples, settled = max(round(length / speed / step), 2), math.ceil(settle / step)
-        nothing = np.empty((0, 3))
-        advance_period(state, settled, step, *table, numbers, np.zeros(2), nothing)
-
-    record, extremes = np.empty((samples, 3)), np.array([np.inf, -np.inf])
-    advance_period(state, samples, step, *table, numbers, extremes, record)
+        settled = math.ceil(settle / step)
+        before = settled * step
+        samples = max(round(length / speed / step), 2)
+        *extremes, record = drag_a_length(table, numbers, speed, start, step, settled, samples)
+    samples = record.shape[0]
     if not np.all(np.isfinite(extremes)):
         raise AsperityError(
             f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"
         )
     times = np.arange(samples) * step
     # Whole periods are left out before rounding can make one of nothing.
-    phase = math.fmod(start, period) + (settled % steps) * (period / steps)
+    phase = math.fmod(start, period) + math.fmod(speed * before + 0.5 * step * speed, period)
+    phase -= 0.5 * step * speed
     return Motion(
         status=status,
-        periods=max(round(samples / steps), 1),
-        settled_after=settled * step,
+        periods=max(round(samples * step * speed / period), 1),
+        settled_after=before,
         step=step,
         place=record[:, 0] + phase + speed * times,
+        lag=record[:, 0],
         speed=record[:, 1],
         acceleration=record[:, 2],
         largest=float(extremes[1]),
         smallest=float(extremes[0]),
         mismatch=mismatch,
-    )
-
-
-def _from_first_jump(force: PiecewiseCubic) -> PiecewiseCubic:
-    """Return the table turned so that its period begins at its first jump, if it has one."""
-    if not force.jumps.size or force.jumps[0] == 0.0:
-        return force
-    first = int(np.searchsorted(force.edges, force.jumps[0]))
-    origin, period = force.edges[first], force.period
-    edges = np.concatenate([force.edges[first:-1] - origin, force.edges[:first] + period - origin])
-    return force._replace(
-        edges=np.append(edges, period),
-        coefficients=np.roll(force.coefficients, -first, axis=0),
-        jumps=force.jumps - force.jumps[0],
     )
 
 
@@ -272,6 +268,7 @@ def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> 
         settled_after=settled * tick,
         step=tick,
         place=lag[settled:] + speed * times,
+        lag=lag[settled:],
         speed=excess[settled:] + speed,
         acceleration=acceleration,
         largest=float(np.max(acceleration)),

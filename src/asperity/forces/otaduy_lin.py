@@ -37,9 +37,7 @@ def slope_table(
         return trace(u).slope
 
     if surface.mirrored:
-        half = tabulate(
-            slope, 0.5 * surface.period, cells=surface.cells // 2, tolerance=tolerance
-        )
+        half = tabulate(slope, 0.5 * surface.period, cells=surface.cells // 2, tolerance=tolerance)
         return mirrored(half)
     return tabulate(slope, surface.period, cells=surface.cells, tolerance=tolerance)
 

@@ -51,7 +51,9 @@ def texture_force(
     require_positive("level", level)
     require_positive("rate", rate, "[Hz]")
     if not 0.0 < bandwidth < 0.5 * rate:
-        raise AsperityError(f"bandwidth must lie between 0 and {0.5 * rate:g} Hz, got {bandwidth!r}")
+        raise AsperityError(
+            f"bandwidth must lie between 0 and {0.5 * rate:g} Hz, got {bandwidth!r}"
+        )
     noise = np.random.default_rng(seed).normal(size=math.ceil(duration * rate))
     smooth = signal.sosfilt(signal.butter(2, bandwidth, fs=rate, output="sos"), noise)
     return level * normal_force * smooth / np.std(smooth)

@@ -213,7 +213,9 @@ class Grating:
     def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners (x, z) [m] of one period, which begins amid a ridge's top."""
         half, period = 0.5 * self.ridge, self.period
-        xs = np.array([0, half, half + self.flank, period - half - self.flank, period - half, period])
+        xs = np.array(
+            [0, half, half + self.flank, period - half - self.flank, period - half, period]
+        )
         return xs, self.height * np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])
 
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:

@@ -46,7 +46,18 @@ def _touch_dots(centres, pitch, top, flank, height, reach, u, v, radius):
 
 @kernel
 def _trace_dots(
-    places, line, centres, pitch, top, flank, height, reach, radius, heights_out, slopes_out, contacts_out
+    places,
+    line,
+    centres,
+    pitch,
+    top,
+    flank,
+    height,
+    reach,
+    radius,
+    heights_out,
+    slopes_out,
+    contacts_out,
 ):
     for i in range(places.size):
         u = places[i]

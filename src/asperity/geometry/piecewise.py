@@ -7,7 +7,7 @@ size removes.
 
 The idea: find the jumps first, by quartering on the exact function, and put an edge of the table
 on each. Between jumps the function is smooth, and the intervals are halved until the cubic
-through four Chebyshev nodes agrees with the exact function at three other places.
+through four Chebyshev nodes agrees with the exact function at four other places.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
-
 Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
-_CHECKS = np.array([0.01, 0.35, 0.8])
+_CHECKS = np.array([0.01, 0.35, 0.8, 0.99])
+_FIRST_CHECKS = np.array([1e-8, 0.35, 0.8, 1.0 - 1e-8])
+"""While jumps are looked for: one that hides beside an edge would be put on that edge."""
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
 _MAX_HALVINGS = 8
 _QUARTERS = np.linspace(0.0, 1.0, 5)
 _LEAST_JUMP = 1e-4
 """A step of less than this part of the largest value is not counted as a jump."""
-_JUMP_WIDTH = 0.01
+_JUMP_WIDTH = 1e-3
 """A jump is bracketed to this times the tolerance, in cells."""
 
 
@@ -84,14 +84,16 @@ def tabulate(
     start = np.linspace(0.0, period, cells + 1)
     largest = float(np.max(np.abs(function(start))))
     limit, least = tolerance * largest, max(_LEAST_JUMP, 2.0 * tolerance) * largest
-    edges, coefficients, bad, error = _refine(function, start[:-1], start[1:], limit, 4)
+    edges, coefficients, bad, error = _refine(
+        function, start[:-1], start[1:], limit, 4, _FIRST_CHECKS
+    )
     if bad.size:
-        width = _JUMP_WIDTH * tolerance * period / cells
+        width = max(_JUMP_WIDTH * tolerance / cells, 1e-14) * period  # above rounding
         jumps = _bracket_jumps(function, bad, width, least)
-        low, high = _split(bad, jumps)
-        more = _refine(function, low, high, limit, _MAX_HALVINGS)
+        low, high = _split(bad, jumps, 100.0 * width)
+        more = _refine(function, low, high, limit, _MAX_HALVINGS, _CHECKS)
         # What is still bad then is kept: it is too narrow to matter, and `error` tells.
-        rest = _cubics(function, *more[2].T, limit) if more[2].size else None
+        rest = _cubics(function, *more[2].T, _CHECKS) if more[2].size else None
         for extra in (more, rest):
             if extra is not None:
                 edges = np.concatenate([edges, extra[0]])
@@ -127,13 +129,16 @@ _Cubics = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], f
 
 
 def _cubics(
-    function: Function, low: NDArray[np.float64], high: NDArray[np.float64], limit: float
+    function: Function,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    checks: NDArray[np.float64],
 ) -> _Cubics:
     """Return starts, coefficients, errors and the worst error of one cubic an interval."""
     width = (high - low)[:, None]
-    samples = function(low[:, None] + width * np.concatenate([_NODES, _CHECKS]))
+    samples = function(low[:, None] + width * np.concatenate([_NODES, checks]))
     powers = samples[:, :4] @ _TO_POWERS.T
-    expected = powers @ np.vander(_CHECKS, 4, increasing=True).T
+    expected = powers @ np.vander(checks, 4, increasing=True).T
     error = np.max(np.abs(expected - samples[:, 4:]), axis=1, initial=0.0)
     return low, powers, error, float(np.max(error, initial=0.0))
 
@@ -144,11 +149,12 @@ def _refine(
     high: NDArray[np.float64],
     limit: float,
     halvings: int,
+    checks: NDArray[np.float64],
 ) -> _Cubics:
     """Return starts and coefficients of good cubics, the bad intervals (k, 2), the worst error."""
     starts, cubics, worst = [np.empty(0)], [np.empty((0, 4))], 0.0
     for level in range(halvings + 1):
-        _, powers, error, _ = _cubics(function, low, high, limit)
+        _, powers, error, _ = _cubics(function, low, high, checks)
         good = error <= limit
         worst = max(worst, float(np.max(error[good], initial=0.0)))
         starts.append(low[good])
@@ -162,12 +168,11 @@ def _refine(
 
 
 def _split(
-    intervals: NDArray[np.float64], jumps: NDArray[np.float64]
+    intervals: NDArray[np.float64], jumps: NDArray[np.float64], sliver: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the beginnings and ends of the intervals, cut at the jumps inside them."""
+    """Return beginnings and ends of the intervals, cut at jumps that leave more than a sliver."""
     low, high = [], []
     for start, stop in intervals[np.argsort(intervals[:, 0])]:
-        sliver = 1e-4 * (stop - start)
         inside = jumps[(jumps > start + sliver) & (jumps < stop - sliver)]
         cuts = np.concatenate([[start], inside, [stop]])
         low.append(cuts[:-1])
@@ -193,25 +198,3 @@ def _bracket_jumps(
         at_low, at_high = values[row, odd], values[row, odd + 1]
     places = np.sort(0.5 * (low + high)[np.abs(at_high - at_low) > least])
     return places[np.diff(places, prepend=-np.inf) > 4.0 * width]
-
-
-@kernel
-def locate(edges, place, hint):
-    """Return the interval that holds `place`, found by walking from `hint`."""
-    last = edges.size - 2
-    i = min(max(hint, 0), last)
-    while i > 0 and place < edges[i]:
-        i -= 1
-    while i < last and place >= edges[i + 1]:
-        i += 1
-    return i
-
-
-@kernel
-def value_and_slope(edges, coefficients, i, place):
-    """Return the cubic of interval `i` and its derivative at `place`, inside it or just beyond."""
-    width = edges[i + 1] - edges[i]
-    t = (place - edges[i]) / width
-    c = coefficients[i]
-    value = c[0] + t * (c[1] + t * (c[2] + t * c[3]))
-    return value, (c[1] + t * (2.0 * c[2] + 3.0 * t * c[3])) / width

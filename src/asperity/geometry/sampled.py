@@ -14,7 +14,12 @@ from asperity.geometry.offset import OffsetTrace, Tracer, slope_of
 from asperity.texture.bounds import pyramid_of
 from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, values_2d
 
-CERTIFIED_TO = 1e-12
+_Search = Callable[
+    [NDArray[np.float64], NDArray[np.float64]],
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+]
+
+CERTIFIED_TO = 1e-9
 """An offset height lies at most this far below the true maximum [m]."""
 
 STEEPEST = 50.0

@@ -208,9 +208,7 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
             if r * half >= rows or c * half >= columns:
                 continue
             enough = best[0] + tolerance
-            bound, value, x, y = _bound(
-                coefficients, pyramid, level, r, c, u, v, radius, enough
-            )
+            bound, value, x, y = _bound(coefficients, pyramid, level, r, c, u, v, radius, enough)
             if value > best[0]:
                 best = (value, x, y)
             if bound <= best[0] + tolerance:
@@ -225,7 +223,9 @@ def search(coefficients, pyramid, u, v, radius, tolerance, guess_x, guess_y, nod
             bounds[place] = bound
             nodes[place, 0], nodes[place, 1], nodes[place, 2] = level, r, c
             top += 1
-    return best
+    # The search ends within the tolerance of the maximum; the slope wants its very place.
+    value, x, y, _, _ = _climb(coefficients, box, best[1], best[2], 1.0, u, v, radius)
+    return value, x, y
 
 
 @kernel

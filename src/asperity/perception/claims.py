@@ -57,7 +57,14 @@ def _of_study(study: str, data: xr.Dataset, metric: str) -> list[Claim]:
     judges: dict[str, list[Callable[[xr.Dataset, str], Claim]]] = {
         "diameter": [_quadratic, _peak_rises, _peak_shrinks, _peak_scales],
         "force": [_quadratic, _force_more, _force_place],
-        "speed": [_quadratic, _fast_large, _fast_largest, _slow_small, _constant_small, _peak_moves_right],
+        "speed": [
+            _quadratic,
+            _fast_large,
+            _fast_largest,
+            _slow_small,
+            _constant_small,
+            _peak_moves_right,
+        ],
     }
     return [judge(data, metric) for judge in judges[study] if data.sizes["level"] > 1]
 
@@ -280,10 +287,13 @@ def _of_models(data: xr.Dataset) -> list[Claim]:
             measured = {"median_spread": np.median(spread), "largest_spread": np.max(spread)}
             claims.append(
                 _claim(
-                    data, metric, f"probe_size.{model}",
+                    data,
+                    metric,
+                    f"probe_size.{model}",
                     f"The model of {MODELS[str(model)]} {verb} the size of the probe",
                     "[OL] 3.3: earlier models cannot capture the influence of probe geometry",
-                    measured, (np.max(spread) > BLIND) == feels,
+                    measured,
+                    (np.max(spread) > BLIND) == feels,
                     "Spread: (largest - smallest) / mean of the metric over the diameters.",
                 )  # fmt: skip
             )

@@ -57,9 +57,7 @@ class StudySettings:
         low, high = self.spacing_range
         require_positive("spacing", low, "[m]")
         if not high > low:
-            raise AsperityError(
-                f"spacing_range must rise, got {low * 1e3:g} to {high * 1e3:g} mm"
-            )
+            raise AsperityError(f"spacing_range must rise, got {low * 1e3:g} to {high * 1e3:g} mm")
         if self.spacings < 5:
             raise AsperityError(f"spacings must be at least 5 for a fit, got {self.spacings}")
         for name, values in self.levels().items():

@@ -40,7 +40,9 @@ def write_studies(studies: dict[str, xr.Dataset], metric: str, folder: Path) -> 
 
 def write_dataset(data: xr.Dataset, path: Path) -> None:
     """Write a dataset as netCDF-4, waveforms compressed."""
-    packed = {name: {"zlib": True, "complevel": 4} for name in data.data_vars if data[name].ndim > 2}
+    packed = {
+        name: {"zlib": True, "complevel": 4} for name in data.data_vars if data[name].ndim > 2
+    }
     data.to_netcdf(path, engine="h5netcdf", encoding=packed)
 
 

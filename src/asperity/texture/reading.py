@@ -7,47 +7,34 @@ be given; missing values are refused unless they may be filled.
 
 from __future__ import annotations
 
-import importlib
 import math
 import os
-import re
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
-from asperity.errors import AsperityError, SurfaceError, require_choice
-from asperity.texture.images import (
-    IMAGE_SUFFIXES,
-    check_size,
-    level_step,
-    read_image,
-    smooth_levels,
+from asperity.errors import AsperityError, require_choice
+from asperity.texture.arrays import (
+    ARRAY_SUFFIXES,
+    INSTRUMENT_SUFFIXES,
+    Stored,
+    load_instrument,
+    load_npy,
+    load_npz,
+    load_text,
+    refuse,
 )
-
-ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt")
-_INSTRUMENTS = """
-    001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx ezd frt gwy h5 hfm hgt ibw jpk lext
-    mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir qep sdf spm stp sur tmd tom top
-    vk3 vk4 vk6 vk7 x3p xlsx xyz zmg zon
-"""
-INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
-"""What SurfaceTopography reads and the other readers do not."""
+from asperity.texture.images import IMAGE_SUFFIXES, check_size, read_image, smooth_levels
 
 _KNOWN = (
     f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text ({', '.join(ARRAY_SUFFIXES)}); "
     f"an instrument's file ({', '.join(INSTRUMENT_SUFFIXES)})"
 )
-
-_UNITS = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0}
-_PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
-_HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
-_MISSING_WORDS = ("", "na", "n/a", "null", "none", "-")
 
 
 class Heights(NamedTuple):
@@ -66,16 +53,6 @@ class Heights(NamedTuple):
     samples: NDArray[np.float64]
     pixel_size: float
     notes: tuple[str, ...]
-
-
-class _Stored(NamedTuple):
-    """What a file holds: values in metres, or grey levels without a scale."""
-
-    values: NDArray[Any]
-    notes: tuple[str, ...] = ()
-    pixel_size: float | None = None
-    in_metres: bool = True
-    step: float = 0.0
 
 
 def read_heights(
@@ -158,202 +135,67 @@ def read_heights(
     return Heights(values, pixel_size, tuple(notes))
 
 
-def _refuse(path: Path, reason: str) -> NoReturn:
-    raise SurfaceError(f"{path}: {reason}") from None
-
-
 def _require_length(path: Path, name: str, value: Any) -> None:
     try:
         good = math.isfinite(value) and value > 0.0
     except TypeError:
         good = False
     if not good:
-        _refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
+        refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
 
 
-def _load(path: Path, array: str | None) -> _Stored:
+def _load(path: Path, array: str | None) -> Stored:
     """Return what the file at `path` holds, whatever its format."""
     suffix = path.suffix.lower()
     try:
         if not path.exists():
-            _refuse(path, "there is no such file")
+            refuse(path, "there is no such file")
         if path.is_dir():
-            _refuse(path, "this is a folder; valid: a file of heights")
+            refuse(path, "this is a folder; valid: a file of heights")
         if suffix not in _LOADERS:
-            _refuse(path, f"unknown kind of file {suffix!r}; valid: {_KNOWN}")
+            refuse(path, f"unknown kind of file {suffix!r}; valid: {_KNOWN}")
         if array is not None and suffix != ".npz":
-            _refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
+            refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
         if path.stat().st_size == 0:
-            _refuse(path, "the file is empty")
-        return _LOADERS[suffix](path) if array is None else _load_npz(path, array)
+            refuse(path, "the file is empty")
+        return _LOADERS[suffix](path) if array is None else load_npz(path, array)
     except AsperityError:
         raise
     except MemoryError:
-        _refuse(path, "too large for this computer's memory")
+        refuse(path, "too large for this computer's memory")
     except Exception as error:  # whatever a reader makes of a damaged file
         reason = " ".join(str(error).split()) or type(error).__name__
-        _refuse(path, f"cannot be read as a {suffix} file: {reason}")
+        refuse(path, f"cannot be read as a {suffix} file: {reason}")
 
 
-def _load_image(path: Path) -> _Stored:
+def _load_image(path: Path) -> Stored:
     image = read_image(path)
-    return _Stored(np.flipud(image.values), image.notes, in_metres=False, step=image.step)
+    return Stored(np.flipud(image.values), image.notes, in_metres=False, step=image.step)
 
 
-def _load_npy(path: Path) -> _Stored:
-    return _numbers(np.load(path, allow_pickle=False))
-
-
-def _numbers(values: Any, unit: float = 1.0, notes: tuple[str, ...] = ()) -> _Stored:
-    """Return an array as heights if it holds fractions, as grey levels if whole numbers."""
-    if values.dtype.kind in "ui":
-        notes = (*notes, "whole numbers are read as grey levels")
-        return _Stored(values, notes, in_metres=False, step=level_step(values))
-    if values.dtype.kind != "f":
-        raise ValueError(f"it holds {values.dtype} values; valid: real numbers")
-    return _Stored(values.astype(np.float64) * unit, notes)
-
-
-def _load_npz(path: Path, array: str | None = None) -> _Stored:
-    """Return one array of an archive, in metres, and the pixel size if it is there too."""
-    with zipfile.ZipFile(path) as members:
-        check_size(path, sum(member.file_size for member in members.infolist()) // 8)
-    with np.load(path, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    name = _choose_array(path, arrays, array)
-    unit = _unit_of(name)
-    if unit != "m" and arrays[name].dtype.kind in "ui":
-        stored = _Stored(arrays[name] * _UNITS[unit])
-    else:
-        stored = _numbers(arrays[name], _UNITS[unit])
-    if stored.in_metres:
-        stored = stored._replace(notes=(f"array {name!r}, in {unit}",))
-    for key, sizes in arrays.items():
-        found = _PIXEL_KEY.fullmatch(key)
-        if found and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):
-            sizes_m = np.ravel(sizes) * _UNITS[found.group(3) or "m"]
-            return stored._replace(pixel_size=_square(path, sizes_m))
-    return stored
-
-
-def _unit_of(name: str) -> str:
-    """Return the unit that the name of some heights ends in, metres if none."""
-    match = _HEIGHT_KEY.fullmatch(name)
-    return match.group(1) if match else "m"
-
-
-def _choose_array(path: Path, arrays: dict[str, Any], array: str | None) -> str:
-    if array is not None:
-        if array not in arrays:
-            _refuse(path, f"no array {array!r}; valid: {', '.join(arrays)}")
-        return array
-    numeric = {
-        name: values
-        for name, values in arrays.items()
-        if values.dtype.kind in "iuf" and not _PIXEL_KEY.fullmatch(name)
-    }
-    maps = [n for n, values in numeric.items() if values.ndim == 2] or [
-        n for n, values in numeric.items() if values.ndim == 1 and values.size > 3
-    ]
-    if len(maps) != 1:
-        how_many = "several arrays" if maps else "no array"
-        _refuse(path, f"{how_many} of heights; choose with array= from: {', '.join(arrays)}")
-    return maps[0]
-
-
-def _square(path: Path, sizes: Any) -> float:
-    if not np.all(np.isfinite(sizes)) or np.min(sizes) <= 0.0:
-        _refuse(path, f"the file's pixel size is {list(sizes)}; valid: above 0 [m]")
-    if np.ptp(sizes) > 1e-6 * np.max(sizes):
-        sides = " x ".join(f"{size * 1e6:g}" for size in sizes)
-        _refuse(path, f"the pixels are {sides} um; valid: square pixels")
-    return float(sizes[0])
-
-
-def _load_text(path: Path) -> _Stored:
-    """Return a column or a matrix of numbers; the first line may name the columns."""
-    check_size(path, path.stat().st_size // 16)
-    text = path.read_text(encoding="utf-8-sig")
-    lines = [line.split("#")[0].strip(" \r") for line in text.splitlines()]
-    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
-    separator = next((s for s in (";", "\t", ",") if any(s in line for _, line in numbered)), None)
-    rows: list[list[float]] = []
-    notes: tuple[str, ...] = ()
-    unit = "m"
-    for number, line in numbered:
-        # Where semicolons part the columns, a comma is a decimal mark.
-        words = line.replace(",", ".") if separator == ";" else line
-        try:
-            rows.append([_number(word) for word in words.split(separator)])
-        except ValueError as error:
-            if rows or notes:
-                _refuse(path, f"line {number}: {error}; valid: numbers")
-            unit = _unit_of(line.strip())
-            notes = (f"the first line is a heading: {line[:60].strip()}; heights in {unit}",)
-        if rows and len(rows[-1]) != len(rows[0]):
-            _refuse(path, f"line {number} has {len(rows[-1])} columns, the first {len(rows[0])}")
-    if not rows:
-        _refuse(path, "there are no numbers in it")
-    if len(rows[0]) == 2 and len(rows) > 2:
-        _refuse(path, "two columns, place and height?; valid: one column of heights or a matrix")
-    return _Stored(np.array(rows) * _UNITS[unit], notes)
-
-
-def _number(word: str) -> float:
-    return math.nan if word.strip().lower() in _MISSING_WORDS else float(word)
-
-
-def _load_instrument(path: Path) -> _Stored:
-    """Return the default channel of an instrument's file, through SurfaceTopography."""
-    try:
-        surfaces = importlib.import_module("SurfaceTopography")
-    except ImportError:
-        _refuse(
-            path,
-            f"{path.suffix} files need SurfaceTopography, which is not installed; "
-            "valid: pip install asperity[surfaces]",
-        )
-    with surfaces.open_topography(str(path)) as reader:
-        check_size(path, *reader.channels[0].nb_grid_pts)
-        topography, channels = reader.topography(), len(reader.channels)
-    notes = (f"the default channel of {channels} is read",) if channels > 1 else ()
-    if not topography.is_uniform:
-        _refuse(path, "its points are not evenly spaced; valid: heights on a grid")
-    if topography.unit is None:
-        heights, pixel_size = topography.heights(), None
-        notes = (*notes, "the file names no unit")
-    else:
-        notes = (*notes, f"heights in the file's unit, {topography.unit}, are turned into m")
-        topography = topography.to_unit("m")
-        heights, pixel_size = topography.heights(), _square(path, topography.pixel_size)
-    # There the first index runs along u.
-    values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan).T
-    return _Stored(values, notes, pixel_size, topography.unit is not None)
-
-
-_LOADERS: dict[str, Callable[[Path], _Stored]] = {
-    **dict.fromkeys(INSTRUMENT_SUFFIXES, _load_instrument),
+_LOADERS: dict[str, Callable[[Path], Stored]] = {
+    **dict.fromkeys(INSTRUMENT_SUFFIXES, load_instrument),
     **dict.fromkeys(IMAGE_SUFFIXES, _load_image),
-    ".npy": _load_npy,
-    ".npz": _load_npz,
-    ".csv": _load_text,
-    ".txt": _load_text,
+    ".npy": load_npy,
+    ".npz": load_npz,
+    ".csv": load_text,
+    ".txt": load_text,
 }
 
 
 def _shaped(path: Path, stored: NDArray[Any]) -> NDArray[np.float64]:
     values = np.squeeze(np.ascontiguousarray(stored, dtype=np.float64))
     if values.ndim > 2:
-        _refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
+        refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
     if values.size < 2:
-        _refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
+        refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
     check_size(path, *values.shape)
     return values
 
 
 def _pixel_size(
     path: Path,
-    stored: _Stored,
+    stored: Stored,
     pixel_size: float | None,
     height_range: float | None,
     notes: list[str],
@@ -365,9 +207,7 @@ def _pixel_size(
     if height_range is None and not stored.in_metres:
         wanted.append("height_range [m], lowest to highest")
     if wanted:
-        _refuse(
-            path, f"the file does not hold its scale; choose a value for {' and '.join(wanted)}"
-        )
+        refuse(path, f"the file does not hold its scale; choose a value for {' and '.join(wanted)}")
     if pixel_size is None:
         assert stored.pixel_size is not None
         notes.append(f"pixel size {stored.pixel_size * 1e6:.6g} um, from the file")
@@ -391,9 +231,9 @@ def _without_missing(
         return values
     told = f"{count} of {values.size} values are missing (NaN or infinite)"
     if count == values.size:
-        _refuse(path, f"all {count} values are missing (NaN or infinite)")
+        refuse(path, f"all {count} values are missing (NaN or infinite)")
     if missing == "refuse":
-        _refuse(path, f"{told}; valid: missing='fill', or a file without gaps")
+        refuse(path, f"{told}; valid: missing='fill', or a file without gaps")
     notes.append(f"{told} and are filled from their surroundings")
     return _filled(values, absent)
 

@@ -104,8 +104,9 @@ def evaluate_2d(coefficients, row, column, tv, tu):
     cv = (rv, 3.0 * tv - 2.0, 3.0 * rv - 2.0, tv)
     s = s_u = s_v = s_uu = s_uv = s_vv = 0.0
     for a in range(4):
-        c = coefficients[row + a]
-        c0, c1, c2, c3 = c[column], c[column + 1], c[column + 2], c[column + 3]
+        # Indexed one by one: a row taken out as an array would be reference-counted each time.
+        c0, c1 = coefficients[row + a, column], coefficients[row + a, column + 1]
+        c2, c3 = coefficients[row + a, column + 2], coefficients[row + a, column + 3]
         value = wu0 * c0 + wu1 * c1 + wu2 * c2 + wu3 * c3
         slope = du0 * c0 + du1 * c1 + du2 * c2 + du3 * c3
         s += wv[a] * value

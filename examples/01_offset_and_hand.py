@@ -1,0 +1,17 @@
+"""Three probes on a wavy plate: how deep they reach, and what the hand that drags them feels."""
+
+import numpy as np
+
+from asperity import Hand, Sinusoid, drag
+from asperity.forces import otaduy_lin
+from asperity.perception.metrics import evaluate
+
+plate = Sinusoid(amplitude=0.1e-3, spacing=1.5e-3)  # SI units throughout: [m]
+for diameter in (2e-3, 3e-3, 4e-3):
+    path = plate.tracer(diameter)(np.linspace(0.0, plate.period, 1001))  # the offset surface
+    force = otaduy_lin.texture_force(plate, diameter, normal_force=0.58)  # Eqs 4-6: F_u [N]
+    motion = drag(force, Hand(), speed=0.083)  # Eq. 7
+    print(
+        f"D = {diameter * 1e3:g} mm: reaches {np.ptp(path.height) * 1e6:.0f} of 200 um deep, "
+        f"max u'' {motion.largest:.2f} m/s2, in 20-200 Hz {evaluate('band_rms', motion):.2f} m/s2"
+    )
