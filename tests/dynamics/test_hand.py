@@ -84,10 +84,10 @@ def test_motion_is_that_of_an_event_driven_high_order_solver(name):
 
 
 @pytest.mark.parametrize(
-    ("spacing", "force", "speed"), [(1.3, 0.58, 0.042), (2.0, 0.58, 0.02), (2.0, 2.0, 0.005)]
+    ("spacing", "force", "speed"), [(1.3, 0.58, 0.042), (2.0, 1.0, 0.042), (3.0, 5.0, 0.083)]
 )
 def test_every_moment_from_the_start_is_that_of_the_solver(spacing, force, speed):
-    # The last one stops, is thrown back over jumps, and leaps: motion in both directions.
+    # The latter two are thrown back over jumps, and leap on: motion in both directions.
     surface = Sinusoid(0.1 * MM, spacing * MM)
     table = _table(surface, 3.0, force)
     motion = drag(table, HAND, speed, settle=0.0, length=3 * surface.period)
@@ -96,25 +96,29 @@ def test_every_moment_from_the_start_is_that_of_the_solver(spacing, force, speed
     np.testing.assert_allclose(motion.place, ride.place, atol=10 * PATH * surface.period)
     assert motion.largest == pytest.approx(ride.extremes[1], rel=1e-3)
     assert motion.smallest == pytest.approx(ride.extremes[0], rel=1e-3)
-    if force == 2.0:
-        assert np.min(motion.speed) < -speed
+    if force > 0.9:
+        assert np.min(motion.speed) < -0.5 * speed
 
 
-@pytest.mark.parametrize("spacing", [1.3, 3.5])
-def test_errors_fall_by_order_four_with_refine(spacing):
-    surface, speed = Sinusoid(0.1 * MM, spacing * MM), 0.042
-    table = _table(surface, 3.0, 0.58, tolerance=1e-10)
-    # 0.1 s of drag, in parts of the coarsest step: the ends of all runs are at one time.
+@pytest.mark.parametrize("jump", [0.0, 4.0])
+def test_errors_fall_by_order_four_with_refine(jump):
+    # So strong a force that its errors stand above rounding at 256 steps a period.
+    period = 2 * MM
+    table = tabulate(
+        lambda u: 6 * np.sin(2 * np.pi * u / period) + jump * (0.5 - np.mod(u / period - 0.3, 1)),
+        period, cells=256, tolerance=1e-9,
+    )  # fmt: skip
+    assert table.jumps.size == (1 if jump else 0)
     runs = [
-        drag(table, HAND, speed, refine=refine, settle=0.0, length=3 * surface.period)
-        for refine in (0.25, 0.5, 1.0, 8.0)
+        drag(table, HAND, 0.169, refine=refine, settle=0.0, length=3 * period)
+        for refine in (1, 2, 4, 16)
     ]
     every = [round(run.acceleration.size / runs[0].acceleration.size) for run in runs]
     places = [run.place[::k] for run, k in zip(runs, every, strict=True)]
-    errors = [np.max(np.abs(place - places[-1])) for place in places[:-1]]
+    errors = [np.max(np.abs(place - places[-1])) / period for place in places[:-1]]
+    assert errors[0] < 1e-7
     assert errors[1] < errors[0] / 8
-    assert errors[2] < errors[1] / 8
-    assert errors[2] < 1e-6 * surface.period
+    assert errors[2] < errors[1] / 4 or errors[2] < 1e-10
 
 
 def test_without_texture_the_hand_stays_with_the_drive():
@@ -192,7 +196,7 @@ def test_a_slow_hand_rests_in_the_notch_until_it_is_pulled_out(spacing, force, s
     assert np.quantile(miss, 0.95) < 1e-3
     assert np.max(miss) < 2e-2
     resting = motion.speed == 0.0
-    assert np.mean(resting) > 0.3
+    assert np.mean(resting) > 0.1
     assert np.all(motion.acceleration[resting] == 0.0)
     notch = np.mod(motion.place[resting] / surface.period, 1.0)
     np.testing.assert_allclose(notch, 0.5, atol=1e-7)
@@ -221,10 +225,7 @@ def test_common_settings_are_periodic_and_close_their_orbit(spacing, diameter, f
     assert -HAND.damping * 0.5 < motion.place[0] / (spacing * MM) < 0.5
 
 
-UNSETTLED = [1.6, 1.9, 2.2, 2.45]
-
-
-@pytest.mark.parametrize("spacing", UNSETTLED)
+@pytest.mark.parametrize("spacing", [1.9, 2.45])
 def test_the_periodic_motion_attracts_what_starts_beside_it(spacing):
     # At 42 mm/s the hand takes long to settle here, alternating between two motions.
     surface, speed = Sinusoid(0.1 * MM, spacing * MM), 0.042
@@ -232,11 +233,11 @@ def test_the_periodic_motion_attracts_what_starts_beside_it(spacing):
     motion = drag(table, HAND, speed)
     assert motion.status == MotionStatus.PERIODIC
     beside = (motion.place[0] + 1e-3 * surface.period, motion.speed[0])
-    times = np.arange(0, 25) * surface.period / speed
+    times = np.arange(0, 14) * surface.period / speed
     ride = _reference(surface, 3.0, 0.58, table, HAND, speed, times, beside)
     away = np.abs(ride.place - speed * times - motion.place[0]) / surface.period
     assert away[0] == pytest.approx(1e-3)
-    assert np.max(away[-4:]) < 0.7e-3
+    assert np.max(away[-4:]) < 0.25e-3
 
 
 @pytest.mark.parametrize(
@@ -246,19 +247,23 @@ def test_a_subharmonic_motion_repeats_after_its_periods_and_not_after_one(
     spacing, force, speed, periods
 ):
     table = _sinusoid(spacing, 3.0, force)
-    motion = drag(table, HAND, speed)
+    motion = drag(table, HAND, speed, refine=8)
     assert motion.status == MotionStatus.SUBHARMONIC
     assert motion.periods == periods
-    steps = motion.place.size // periods
-    assert motion.place.size == periods * steps
+    assert motion.place.size % periods == 0
     length = spacing * MM
-    long = drag(table, HAND, speed, settle=motion.settled_after, length=2 * periods * length)
-    np.testing.assert_allclose(long.place[: periods * steps], motion.place, atol=1e-4 * length)
-    after_all = long.place[periods * steps :] - periods * length
-    np.testing.assert_allclose(after_all, motion.place, atol=1e-4 * length)
+    before = motion.settled_after * (1 - 1e-9)  # not a step more, for rounding
+    long = drag(table, HAND, speed, refine=8, settle=before, length=2 * periods * length)
+    once = motion.place[:: round(long.step / motion.step)]
+    steps = once.size // periods
+    assert long.place.size == 2 * once.size
+    # The record has finer steps than the drag before it.
+    np.testing.assert_allclose(long.place[: once.size], once, atol=2e-3 * length)
+    after_all = long.place[once.size :] - periods * length
+    np.testing.assert_allclose(after_all, long.place[: once.size], atol=1e-5 * length)
     for fewer in range(1, periods):
-        later = long.place[fewer * steps : (fewer + periods) * steps] - fewer * length
-        assert np.max(np.abs(later - motion.place)) > 1e-2 * length
+        later = long.place[fewer * steps : fewer * steps + once.size] - fewer * length
+        assert np.max(np.abs(later - once)) > 2e-2 * length
 
 
 def test_a_slowly_settling_motion_is_not_called_subharmonic():
@@ -328,15 +333,15 @@ def test_motion_does_not_depend_on_how_many_periods_the_table_holds(tiles):
 def test_settle_and_length_set_the_record():
     motion = drag(_sinusoid(1.3), HAND, 0.042, settle=0.2, length=10 * MM)
     assert motion.duration == pytest.approx(10 * MM / 0.042, abs=motion.step)
-    assert 0.2 <= motion.settled_after <= 0.2 + motion.step
+    assert 0.2 <= motion.settled_after <= 0.2 + 1e-3
     assert motion.status == MotionStatus.APERIODIC
     assert math.isnan(motion.mismatch)
     later = drag(_sinusoid(1.3), HAND, 0.042, settle=0.0, length=30 * MM)
     skip = round(motion.settled_after / motion.step)
     size = motion.speed.size
-    np.testing.assert_allclose(later.speed[skip : skip + size], motion.speed, rtol=1e-9)
+    np.testing.assert_allclose(later.speed[skip : skip + size], motion.speed, rtol=1e-6)
     whole = later.place[skip : skip + size] - motion.place
-    np.testing.assert_allclose(whole, round(whole[0] / (1.3 * MM)) * 1.3 * MM, atol=1e-12)
+    np.testing.assert_allclose(whole, round(whole[0] / (1.3 * MM)) * 1.3 * MM, atol=1e-9)
 
 
 HANDS = {
@@ -344,7 +349,7 @@ HANDS = {
     "light": Hand(1e-4, 300.0, 0.3),
     "heavy": Hand(5.0, 300.0, 20.0),
     "stiff": Hand(0.05, 1e5, 30.0),
-    "overdamped": Hand(0.05, 300.0, 500.0),
+    "overdamped": Hand(0.05, 300.0, 60.0),
     "ringing": Hand(0.05, 300.0, 0.05),
 }
 
@@ -361,21 +366,22 @@ def test_every_motion_is_finite(name):
                     assert np.all(np.isfinite(part))
                 assert motion.largest >= np.max(motion.acceleration)
                 assert motion.smallest <= np.min(motion.acceleration)
-                # No force beyond the texture's and the spring's can act on the hand.
+                # A force of at most F, never more than 0.5 here, pushes no damped mass on a
+                # spring farther than twice its rest; one that rings may add up two pushes.
                 swing = force * 0.5 / hand.stiffness
                 lag = motion.place - speed * np.arange(motion.place.size) * motion.step
-                assert np.max(np.abs(lag)) <= 2.1 * swing + 1e-12
+                assert np.max(np.abs(lag)) <= (4.0 if name == "ringing" else 2.0) * swing + 1e-12
 
 
-@pytest.mark.parametrize("speed", [1e-5, 1e-4, 1e-3])
+@pytest.mark.parametrize("speed", [1e-4, 1e-3])
 @pytest.mark.parametrize("spacing", [0.3, 1.0, 3.5])
 def test_a_very_slow_drive_does_not_outrun_the_hand(spacing, speed):
     # A step of a fixed part of the period would be longer than the hand's own swing.
     motion = drag(_sinusoid(spacing, force=0.1), HAND, speed)
     finer = drag(_sinusoid(spacing, force=0.1), HAND, speed, refine=2)
     assert motion.status == finer.status
-    assert motion.largest == pytest.approx(finer.largest, rel=0.02)
-    assert motion.smallest == pytest.approx(finer.smallest, rel=0.02)
+    assert motion.largest == pytest.approx(finer.largest, rel=0.01)
+    assert motion.smallest == pytest.approx(finer.smallest, rel=0.01)
 
 
 def test_time_constant_is_that_of_the_slowest_part_of_a_free_motion():

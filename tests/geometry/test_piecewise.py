@@ -147,9 +147,7 @@ def test_the_table_of_a_jittered_dot_plate_has_the_jumps_of_a_dense_scan():
     # Smooth parts change by at most pixel / radius * a few; jumps by far more.
     leaps = np.flatnonzero(np.abs(np.diff(slope)) > 2e-3)
     dense = 0.5 * (u[leaps] + u[leaps + 1])
-    sizes = np.abs(
-        trace(table.jumps + 1e-9).slope - trace(table.jumps - 1e-9).slope
-    )
+    sizes = np.abs(trace(table.jumps + 1e-9).slope - trace(table.jumps - 1e-9).slope)
     np.testing.assert_allclose(table.jumps[sizes > 2e-3], dense, atol=plate.period / 400000)
     clear = np.min(np.abs(np.subtract.outer(u[::37], table.jumps)), axis=1) > 1e-8
     assert np.max(np.abs(table(u[::37]) - slope[::37])[clear]) < 5e-6

@@ -26,7 +26,9 @@ SECONDS = 30.0  # for 2304 places that take 2 s: a search that does not prune ta
 def _rough(*shape, roughness=10e-6, power=2.0, seed=0):
     """Return a periodic self-affine surface with `roughness` [m] RMS."""
     rng = np.random.default_rng(seed)
-    waves = np.sqrt(sum(np.square(k) for k in np.meshgrid(*map(np.fft.fftfreq, shape), indexing="ij")))
+    waves = np.sqrt(
+        sum(np.square(k) for k in np.meshgrid(*map(np.fft.fftfreq, shape), indexing="ij"))
+    )
     waves.flat[0] = np.inf
     heights = np.fft.ifftn(waves**-power * np.fft.fftn(rng.normal(size=shape))).real
     return heights * roughness / np.std(heights)

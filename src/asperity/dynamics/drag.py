@@ -19,10 +19,11 @@ PLACE, SPEED, DRIVE, STRETCH, INTERVAL, HOLD = range(6)
 
 _SECANT_STEPS = 40
 _MAX_EVENTS = 2000
-_SHORT_HOP = 0.002
-"""Part of a step: a hand that bounces in a notch for less than this at a time rests in it."""
-_LOW_HOP = 1e-7
-"""Part of the period, likewise: hops lower than an atom."""
+_SHORT_HOP = 2e-3
+"""Part of the hand's own time, sqrt(m / k): a hand that bounces in a notch for less than this at
+a time rests in it."""
+_LOW_HOP = 1e-6
+"""Part of the period: hops of lower height, a few atoms, are no motion either."""
 
 
 class Course(NamedTuple):
@@ -185,7 +186,7 @@ def _time_to_jump(state, step, target, end_place, course, pull):
         time = (low * at_high - high * at_low) / (at_high - at_low)
         place, _ = _runge_kutta(state, time, course, pull)
         miss = place - target
-        if abs(miss) < 1e-12 or high - low < 1e-15 * step:
+        if abs(miss) < 1e-13 or high - low < 1e-15 * step:
             break
         if miss * at_high > 0.0:
             high, at_high = time, miss
@@ -216,7 +217,7 @@ def _cross(state, forward, course):
 
 
 @kernel
-def _cross_or_rest(state, step, forward, course, pull):
+def _cross_or_rest(state, forward, course, pull):
     """Move a state that stands on a jump to the other side, or lay it to rest in the notch.
 
     Between two asperities the force on either side pushes the hand back into the notch, and it
@@ -232,7 +233,7 @@ def _cross_or_rest(state, step, forward, course, pull):
         return
     back = min(tension - behind, ahead - tension)
     momentum = pull.mass * abs(state[SPEED])
-    short = 2.0 * momentum <= _SHORT_HOP * step * back
+    short = 2.0 * momentum <= _SHORT_HOP * math.sqrt(pull.mass / pull.stiffness) * back
     period = course.jumps[course.jumps.size - 1]
     low = momentum * abs(state[SPEED]) <= 2.0 * _LOW_HOP * period * back
     if short or low:
@@ -319,7 +320,7 @@ def advance(state, step, course, pull, extremes, watch):
                 state[PLACE] -= wraps * course.jumps[0]
                 state[DRIVE] -= wraps * course.jumps[0]
             return
-        _cross_or_rest(state, step, place > target, course, pull)
+        _cross_or_rest(state, place > target, course, pull)
     extremes[0] = extremes[1] = np.nan
 
 

@@ -194,16 +194,17 @@ def drag(
             table, numbers, speed, start, steps, most, ahead,
             (_MAX_SUBHARMONIC, _APERIODIC_RECORD, finer, PERIODIC_TOLERANCE),
         )  # fmt: skip
-        step /= finer
         if repeat:
             status = MotionStatus.PERIODIC if repeat == 1 else MotionStatus.SUBHARMONIC
         before = run * period / speed
     else:
         settled = math.ceil(settle / step)
         before = settled * step
-        samples = max(round(length / speed / step), 2)
-        *extremes, record = drag_a_length(table, numbers, speed, start, step, settled, samples)
-    samples = record.shape[0]
+        samples = max(round(length / speed / step * finer), 2)
+        *extremes, record = drag_a_length(
+            table, numbers, speed, start, step, settled, finer, samples
+        )
+    samples, step = record.shape[0], step / finer
     if not np.all(np.isfinite(extremes)):
         raise AsperityError(
             f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"

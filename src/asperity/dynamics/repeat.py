@@ -228,8 +228,10 @@ def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolat
 
 
 @kernel
-def drag_a_length(table, hand, speed, start, step, settle_steps, record_steps):
+def drag_a_length(table, hand, speed, start, step, settle_steps, finer, record_steps):
     """Record a stretch of the motion after some steps, whether or not it repeats.
+
+    The record's steps are `finer` times shorter than `step`.
 
     Returns
     -------
@@ -244,5 +246,5 @@ def drag_a_length(table, hand, speed, start, step, settle_steps, record_steps):
     place_at(state, 0.0, speed, phase, course)
     advance_period(state, settle_steps, step, course, pull, np.zeros(2), np.empty((0, 3)))
     record, extremes = np.empty((record_steps, 3)), np.array([np.inf, -np.inf])
-    advance_period(state, record_steps, step, course, pull, extremes, record)
+    advance_period(state, record_steps, step / finer, course, pull, extremes, record)
     return extremes[0], extremes[1], record
