@@ -53,7 +53,7 @@ def plain_docstring(
     if what in ("attribute", "data", "property"):
         if lines and lines[0].startswith("Alias for field number"):
             lines.clear()
-        lines.insert(0, "")
+        lines[:0] = ["..", ""]  # an empty comment
     marked: list[str] = []
     above = ""  # the last line that was not empty
     formula = False

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import time
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from asperity.errors import AsperityError
 from asperity.geometry.analytic import Grating, Sinusoid
 from asperity.geometry.sampled import CERTIFIED_TO, HeightMap, SampledProfile, offset_surface

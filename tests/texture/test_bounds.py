@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -88,7 +90,7 @@ def test_each_level_holds_the_maxima_of_the_level_below():
     pyramid = pyramid_of(spline_coefficients(MAPS["white noise"], "wrap", 2))
     for which in (pyramid.heights, pyramid.curvatures, pyramid.changes):
         levels = [block for _, block in _blocks(pyramid, which)]
-        for below, above in zip(levels, levels[1:], strict=False):
+        for below, above in itertools.pairwise(levels):
             for (r, c), value in np.ndenumerate(above):
                 assert value == np.max(below[2 * r : 2 * r + 2, 2 * c : 2 * c + 2])
 

@@ -1,0 +1,52 @@
+"""The compile cache must never return machine code of older sources."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+SOURCES = Path(__file__).resolve().parents[1] / "src" / "asperity"
+
+
+def run(package, cache):
+    environment = os.environ | {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(cache)}
+    code = (
+        "from asperity.caller import outer; import asperity.compiled as c; print(outer(1.0), "
+        "c.cache_folder().name)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    value, folder = done.stdout.split()
+    return float(value), folder
+
+
+def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path):
+    package = tmp_path / "asperity"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    for name in ("compiled.py", "errors.py"):
+        (package / name).write_text((SOURCES / name).read_text())
+    (package / "callee.py").write_text(
+        "from asperity.compiled import kernel\n@kernel\ndef inner(x):\n    return x + 1.0\n"
+    )
+    (package / "caller.py").write_text(
+        "from asperity.compiled import kernel\nfrom asperity.callee import inner\n"
+        "@kernel\ndef outer(x):\n    return 10.0 * inner(x)\n"
+    )
+    first, old = run(package, tmp_path / "cache")
+    again, same = run(package, tmp_path / "cache")
+    assert (first, again, same) == (20.0, 20.0, old)
+    callee = package / "callee.py"
+    callee.write_text(callee.read_text().replace("+ 1.0", "+ 2.0"))
+    edited, new = run(package, tmp_path / "cache")
+    assert new != old
+    assert edited == 30.0
+
+
+def test_child_processes_share_the_parents_folder():
+    import asperity.compiled as compiled
+
+    folder = Path(os.environ["NUMBA_CACHE_DIR"])
+    assert folder.name == f"asperity-{compiled.source_hash()}"
+    assert compiled.cache_folder() == folder

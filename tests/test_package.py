@@ -1,0 +1,76 @@
+"""What a newcomer meets first: names, start-up, README, version."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import asperity
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.mark.parametrize("name", asperity.__all__)
+def test_public_names_load_and_are_documented(name):
+    thing = getattr(asperity, name)
+    if callable(thing):
+        assert thing.__doc__, name
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(AttributeError, match="no attribute 'offset_surfaces'"):
+        _ = asperity.offset_surfaces
+
+
+def test_version_is_told_once():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["version"] == asperity.__version__
+    assert f"version: {asperity.__version__}" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_importing_and_help_load_nothing_heavy():
+    code = (
+        "import sys, asperity, asperity.cli; asperity.cli.main(['--help']);"
+        "print(sorted({'numpy', 'numba', 'scipy', 'matplotlib', 'xarray'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().endswith("[]")
+
+
+def test_first_force_loads_no_plotting_or_signal_library():
+    code = (
+        "import sys, asperity as a\n"
+        "from asperity.forces.otaduy_lin import texture_force\n"
+        "a.drag(texture_force(a.Sinusoid(1e-4, 1e-3), 3e-3, 0.5), a.Hand(), 0.08)\n"
+        "print(sorted({'matplotlib', 'xarray', 'scipy.signal', 'pandas'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_readmes_example_is_the_example_that_runs(capsys):
+    block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S)
+    example = (ROOT / "examples" / "01_offset_and_hand.py").read_text("utf-8")
+    assert block is not None
+    assert block.group(1).strip() in example
+    assert len([line for line in block.group(1).splitlines() if line.strip()]) <= 12
+    exec(compile(block.group(1), "README.md", "exec"), {})
+    assert re.search(r"\d", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "examples").glob("[0-9]*.py")), ids=lambda p: p.name
+)
+def test_examples_run(path, tmp_path):
+    subprocess.run([sys.executable, str(path)], cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_every_module_says_what_it_is():
+    for path in sorted((ROOT / "src" / "asperity").rglob("*.py")):
+        name = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+        if not name.endswith("__main__"):
+            assert import_module(name.removesuffix(".__init__")).__doc__, name

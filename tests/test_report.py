@@ -1,0 +1,67 @@
+"""The demo and its page, on the generated stand-ins (measured files are not needed)."""
+
+import re
+
+import pytest
+
+from asperity.demo import PROBES, run_demo, steps
+from asperity.perception.studies import StudySettings
+from asperity.real_surfaces import REAL_SURFACES
+from asperity.report import render
+
+SETTINGS = StudySettings(spacings=6)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo")
+    told = {"drags": 0, "rubs": 0}
+
+    def count(what):
+        told[what] += 1
+
+    results = run_demo(
+        folder, None, settings=SETTINGS,
+        on_drag=lambda: count("drags"), on_rub=lambda: count("rubs"),
+    )  # fmt: skip
+    return results, told
+
+
+def test_progress_is_told_as_often_as_announced(demo):
+    _, told = demo
+    assert (told["drags"], told["rubs"]) == steps(SETTINGS)
+
+
+def test_the_page_is_self_contained_and_complete(demo):
+    results, _ = demo
+    page = render(results)
+    links = re.findall(r"(?:src|href)=['\"]([^'\"]{0,30})", page)
+    assert links
+    assert all(link.startswith("data:") for link in links)
+    assert page.count("<audio") == len(REAL_SURFACES)
+    assert page.count("<img") == 4 + len(REAL_SURFACES)
+    for claim in results.claims:
+        assert f"<code>{claim['id']}</code>" in page
+    assert "How long it took" in page
+    assert "chosen after the paper" in page
+
+
+def test_missing_surfaces_are_said_to_be_generated(demo):
+    results, _ = demo
+    for surface in REAL_SURFACES:
+        assert results.remarks[surface.name].startswith("Generated")
+        assert "Stand-in" in results.rubs[surface.name].attrs["title"]
+
+
+def test_larger_probes_shake_less_on_rough_ground(demo):
+    results, _ = demo
+    for data in results.rubs.values():
+        assert list(data["diameter"].values) == list(PROBES)
+        assert data["band_rms"].values[-1] < data["band_rms"].values[0]
+
+
+def test_measured_surfaces_are_used_where_present(data):
+    for surface in REAL_SURFACES:
+        heights, remark = surface.load(data / "measured")
+        assert remark.startswith("Measured")
+        assert heights.samples.ndim == 2
