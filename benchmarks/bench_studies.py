@@ -109,7 +109,9 @@ def compare(spacing: float, speed: float) -> dict[str, tuple[float, float]] | No
             motion = peer(arguments, start, waited, method, tolerance)
             if worst_error(motion, reference) <= ACCURACY:
                 end = start / speed + waited.settled_after + waited.duration
-                took = seconds(lambda m=method, t=tolerance: solve(arguments, start, end, m, t), 3)
+                took = seconds(
+                    lambda m=method, t=tolerance, e=end: solve(arguments, start, e, m, t), 3
+                )
                 found[method] = (took / mine, tolerance)
                 break
     return found

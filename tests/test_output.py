@@ -21,9 +21,14 @@ def test_a_good_block_leaves_its_files_and_nothing_else(tmp_path):
 def test_a_stopped_block_leaves_what_was_there(tmp_path, stop):
     with result_folder(tmp_path / "out") as folder:
         (folder / "old").write_text("1")
-    with pytest.raises(stop), result_folder(tmp_path / "out", overwrite=True) as folder:
-        (folder / "new").write_text("2")
-        raise stop
+
+    def stopped():
+        with result_folder(tmp_path / "out", overwrite=True) as folder:
+            (folder / "new").write_text("2")
+            raise stop
+
+    with pytest.raises(stop):
+        stopped()
     assert entries(tmp_path) == ["out"]
     assert entries(tmp_path / "out") == ["old"]
 
@@ -38,7 +43,9 @@ def test_nothing_is_overwritten_unasked(tmp_path):
         pass
     with result_folder(tmp_path / "out", overwrite=True) as folder:
         (folder / "new").write_text("2")
-    assert entries(tmp_path / "out") == ["new"]
+    # Somebody's own file of another name is never lost.
+    assert entries(tmp_path / "out") == ["mine", "new"]
+    assert entries(tmp_path) == ["out"]
 
 
 def test_a_file_in_the_way_is_named(tmp_path):
@@ -47,6 +54,18 @@ def test_a_file_in_the_way_is_named(tmp_path):
         pass
     with pytest.raises(OutputError, match="cannot write"), result_folder(tmp_path / "out" / "x"):
         pass
+
+
+def test_a_device_is_never_replaced(tmp_path):
+    import os
+
+    os.mkfifo(tmp_path / "pipe")
+    with (
+        pytest.raises(OutputError, match="is a file"),
+        result_folder(tmp_path / "pipe", overwrite=True),
+    ):
+        pass
+    assert not (tmp_path / "pipe").is_dir()
 
 
 def test_a_page_is_replaced_in_one_go(tmp_path):

@@ -29,14 +29,19 @@ _HOME = {
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
-    from asperity.dynamics.hand import Hand, Motion, drag
-    from asperity.errors import AsperityError
-    from asperity.geometry.analytic import Grating, Sinusoid
-    from asperity.geometry.dots import DotPlate
-    from asperity.geometry.offset import drop_point
-    from asperity.geometry.sampled import HeightMap, SampledProfile, offset_surface
-    from asperity.texture.procedural import self_affine
-    from asperity.texture.reading import read_heights
+    from asperity.dynamics.hand import Hand as Hand
+    from asperity.dynamics.hand import Motion as Motion
+    from asperity.dynamics.hand import drag as drag
+    from asperity.errors import AsperityError as AsperityError
+    from asperity.geometry.analytic import Grating as Grating
+    from asperity.geometry.analytic import Sinusoid as Sinusoid
+    from asperity.geometry.dots import DotPlate as DotPlate
+    from asperity.geometry.offset import drop_point as drop_point
+    from asperity.geometry.sampled import HeightMap as HeightMap
+    from asperity.geometry.sampled import SampledProfile as SampledProfile
+    from asperity.geometry.sampled import offset_surface as offset_surface
+    from asperity.texture.procedural import self_affine as self_affine
+    from asperity.texture.reading import read_heights as read_heights
 
 
 def __getattr__(name: str) -> Any:

@@ -14,18 +14,18 @@ from asperity.errors import OutputError
 
 @contextmanager
 def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Give a fresh folder to write into; it takes the place of `folder` when all went well.
+    """Give a fresh folder to write files into; they come to stand in `folder` when all went well.
 
-    If the block raises or is interrupted, nothing new is left behind, and what stood at `folder`
-    before stays.
+    If the block raises or is interrupted, nothing new is left behind. With `overwrite`, files of
+    the same names are replaced; whatever else stands in `folder` stays.
 
     Raises
     ------
     OutputError
-        `folder` is a file, holds something and `overwrite` is false, or cannot be written.
+        `folder` is no folder, holds something and `overwrite` is false, or cannot be written.
     """
     folder = Path(os.path.abspath(folder))
-    if folder.is_file():
+    if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder} is a file; give a folder with --out")
     if folder.is_dir() and any(folder.iterdir()) and not overwrite:
         raise OutputError(f"{folder} is not empty; give --overwrite, or another folder with --out")
@@ -37,26 +37,25 @@ def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
         raise OutputError(f"cannot write to {folder}: {error.strerror or error}") from None
     try:
         yield fresh
-        _replace(fresh, folder)
+        _move_in(fresh, folder)
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
 
 
-def _replace(fresh: Path, folder: Path) -> None:
-    """Put `fresh` where `folder` stands; what stood there is removed last."""
-    if not folder.exists():
-        fresh.rename(folder)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
+def _move_in(fresh: Path, folder: Path) -> None:
+    """Give `fresh` the name `folder`, or, where that stands already, move its files there."""
     try:
-        folder.rename(old / "was")
-        fresh.rename(folder)
+        if not folder.exists():
+            fresh.rename(folder)
+            return
+        files = list(fresh.iterdir())
+        for file in files:
+            if (folder / file.name).is_dir():
+                raise OutputError(f"{folder / file.name} is a folder in the way of a file")
+        for file in files:
+            file.replace(folder / file.name)
     except OSError as error:
-        if not folder.exists() and (old / "was").exists():
-            (old / "was").rename(folder)
         raise OutputError(f"cannot write to {folder}: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(old, ignore_errors=True)
 
 
 def write_whole(path: Path, text: str) -> None:

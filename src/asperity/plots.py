@@ -55,7 +55,7 @@ def save(
     paths = [folder / f"{name}.{kind}" for kind in kinds]
     for path in paths:
         metadata = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(path, metadata=metadata)  # type: ignore[arg-type]
+        figure.savefig(path, metadata=metadata)
     return paths
 
 
@@ -146,7 +146,7 @@ def _log_axes(axis: Axes) -> None:
         axis.yaxis.set_minor_formatter(NullFormatter())
     axis.set_ylim(low, high)
     axis.minorticks_off()
-    lines = np.concatenate([line.get_xdata() for line in axis.get_lines()])  # type: ignore[arg-type]
+    lines = np.concatenate([line.get_xdata() for line in axis.get_lines()])
     axis.set_xlim(np.nanmin(lines) * 0.95, np.nanmax(lines) * 1.05)
 
 

@@ -196,11 +196,13 @@ def _which_metric(results: Results) -> str:
         "and roughest at a larger spacing than a slow one (Lederman et al. 1999). Above the "
         "resonance of the hand u'' is -F<sub>u</sub>/m whatever the speed, so the largest "
         "acceleration cannot tell speeds apart at small spacing. The RMS of the same u'' in "
-        "20-200 Hz can; at 2.5 mm it still puts the middle speed just above the fast one. <b>That metric was chosen after the paper's had been seen to fail</b>: "
+        "20-200 Hz can, though at 2.5 mm it still puts the middle speed just above the fast one. "
+        "<b>That metric was chosen after the paper's had been seen to fail</b>: "
         "it is a hypothesis to test on people, not a finding about them.</p>"
         "<table class='claims'><tr><th>metric</th><th>faster is rougher at 2.5 mm</th>"
         "<th>faster is rougher at the largest spacing</th>"
-        f"<th>slower is rougher at small spacing</th><th>peak moves right with speed</th></tr>{rows}"
+        "<th>slower is rougher at small spacing</th>"
+        f"<th>peak moves right with speed</th></tr>{rows}"
         "</table></section>"
     )
 

@@ -81,7 +81,7 @@ def test_a_shaken_hand_is_scipys_linear_system():
 
 @pytest.mark.parametrize("surface", [Grating(0.4e-3, 1e-3), DotPlate(1e-3, flank=0.0)])
 def test_point_models_refuse_walls(surface):
-    with pytest.raises(AsperityError, match="walls have? no slope|flank"):
+    with pytest.raises(AsperityError, match=r"walls have? no slope|flank"):
         minsky.texture_force(surface, 0.5)
 
 

@@ -97,7 +97,7 @@ def test_threshold_weighted_power_counts_each_line_by_its_own_threshold():
 
 
 def test_band_rms_needs_a_band():
-    with pytest.raises(AsperityError, match="band must rise.*200 to 20"):
+    with pytest.raises(AsperityError, match=r"band must rise.*200 to 20"):
         band_rms(np.array([1.0]), np.array([1.0]), (200.0, 20.0))
 
 

@@ -15,7 +15,9 @@ its ends); a step that leaves the stretch is cut back, by the secant method, to 
 where a slow hand comes to rest in the notch between two asperities it stays until the drive has
 pulled hard enough to lift it out.
 
-How the periodic motion is found stands in `asperity.dynamics.repeat`. The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
+How the periodic motion is found stands in `asperity.dynamics.repeat`.
+
+The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
 *subharmonic* when it repeats only after two to eight periods; a run that never repeats says so,
 and its figures are then statistics over the last stretch of the run.
 """
@@ -253,11 +255,12 @@ def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> 
     require_positive("tick", tick, "[s]")
     require_positive("speed", speed, "[m/s]")
     # Displacement over force of the mass on its spring and damper, held input, tick by tick.
-    response = ([-1.0], [hand.mass, hand.damping, hand.stiffness])
+    inertia = np.array([hand.mass, hand.damping, hand.stiffness])
+    response = (np.array([-1.0]), inertia)
     numerator, denominator, _ = signal.cont2discrete(response, tick)
     lag = signal.lfilter(numerator.ravel(), denominator, force)
     # Its speed: the same, times s.
-    numerator, denominator, _ = signal.cont2discrete(([-1.0, 0.0], response[1]), tick)
+    numerator, denominator, _ = signal.cont2discrete((np.array([-1.0, 0.0]), inertia), tick)
     excess = signal.lfilter(numerator.ravel(), denominator, force)
     acceleration = -(hand.stiffness * lag + hand.damping * excess + force) / hand.mass
     settled = min(math.ceil(5.0 * hand.time_constant / tick), force.size - 2)

@@ -54,7 +54,7 @@ def place_at(state, lag, speed, phase, course):
 
 @kernel
 def _jacobian(y, jacobian_out):
-    """Fill the Jacobian of P from four points in a row, shape (4, 2); return whether it is known."""
+    """Fill the Jacobian of P from four points in a row, shape (4, 2); tell whether it is known."""
     a, c = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]
     b, d = y[2, 0] - y[1, 0], y[2, 1] - y[1, 1]
     e, f = y[3, 0] - y[2, 0], y[3, 1] - y[2, 1]

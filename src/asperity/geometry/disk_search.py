@@ -38,7 +38,7 @@ def cap(distance_squared, radius):
 @kernel
 def _evaluate(coefficients, x, u, radius):
     """Return f, f' and f'' at `x` (samples); -inf outside the disk."""
-    cell = min(max(int(math.floor(x)), 0), coefficients.size - 4)
+    cell = min(max(math.floor(x), 0), coefficients.size - 4)
     value, slope, curvature = evaluate_1d(coefficients, cell, x - cell)
     inside = radius * radius - (x - u) * (x - u)
     if inside <= 0.0:

@@ -24,10 +24,10 @@ def _touch_dots(centres, pitch, top, flank, height, reach, u, v, radius):
     """
     rows, columns = centres.shape[0], centres.shape[1]
     best, best_u, best_v = 0.0, u, v
-    row = int(math.floor((v - reach) / pitch))
-    while row <= int(math.floor((v + reach) / pitch)):
-        column = int(math.floor((u - reach) / pitch))
-        while column <= int(math.floor((u + reach) / pitch)):
+    row = math.floor((v - reach) / pitch)
+    while row <= math.floor((v + reach) / pitch):
+        column = math.floor((u - reach) / pitch)
+        while column <= math.floor((u + reach) / pitch):
             cu = centres[row % rows, column % columns, 0] + column * pitch
             cv = centres[row % rows, column % columns, 1] + row * pitch
             away = math.sqrt((cu - u) ** 2 + (cv - v) ** 2)

@@ -93,7 +93,7 @@ def tabulate(
         low, high = _split(bad, jumps, 100.0 * width)
         more = _refine(function, low, high, limit, _MAX_HALVINGS, _CHECKS)
         # What is still bad then is kept: it is too narrow to matter, and `error` tells.
-        rest = _cubics(function, *more[2].T, _CHECKS) if more[2].size else None
+        rest = _cubics(function, more[2][:, 0], more[2][:, 1], _CHECKS) if more[2].size else None
         for extra in (more, rest):
             if extra is not None:
                 edges = np.concatenate([edges, extra[0]])

@@ -38,8 +38,8 @@ _LOWEST_AT_RIM = -6
 @kernel
 def _evaluate(coefficients, x, y, u, v, radius):
     """Return f, f_x, f_y, f_xx, f_xy, f_yy at (x, y); -inf outside the sphere's disk."""
-    column = min(max(int(math.floor(x)), 0), coefficients.shape[1] - 4)
-    row = min(max(int(math.floor(y)), 0), coefficients.shape[0] - 4)
+    column = min(max(math.floor(x), 0), coefficients.shape[1] - 4)
+    row = min(max(math.floor(y), 0), coefficients.shape[0] - 4)
     s, s_x, s_y, s_xx, s_xy, s_yy = evaluate_2d(coefficients, row, column, y - row, x - column)
     dx, dy = x - u, y - v
     inside = radius * radius - dx * dx - dy * dy

@@ -71,7 +71,7 @@ def _of_study(study: str, data: xr.Dataset, metric: str) -> list[Claim]:
 
 def _claim(
     data: xr.Dataset, metric: str, name: str, text: str, source: str,
-    measured: dict[str, Any], holds: bool, note: str = "",
+    measured: dict[str, Any], holds: bool | np.bool_, note: str = "",
 ) -> Claim:  # fmt: skip
     notes = [note] if note else []
     if metric == "band_rms":
@@ -295,6 +295,6 @@ def _of_models(data: xr.Dataset) -> list[Claim]:
                     measured,
                     (np.max(spread) > BLIND) == feels,
                     "Spread: (largest - smallest) / mean of the metric over the diameters.",
-                )  # fmt: skip
+                )
             )
     return claims

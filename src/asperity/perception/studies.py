@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.hand import Hand
 from asperity.errors import AsperityError, require_choice, require_positive
-from asperity.perception.fit import Peak, fit_quadratic, refine_peak
+from asperity.perception.fit import Peak, QuadraticFit, fit_quadratic, refine_peak
 from asperity.perception.metrics import DEFAULT_BAND, METRICS
 from asperity.perception.stimuli import StimulusOptions
 from asperity.perception.sweep import MODELS, Condition, Sweep
@@ -170,7 +171,8 @@ def _run_factor(
         fixed = middle | {factor: level}
         peak_rows.append(_peaks(sweep, fixed, spacing, {n: r[-1] for n, r in data.items()}, peaks))
 
-    both, dims = {}, ("level", "spacing")
+    dims = ("level", "spacing")
+    both: dict[str, Any] = {}
     for name, rows in data.items():
         metric = METRICS[name]
         attrs = {"units": metric.unit, "long_name": metric.label, "origin": metric.origin}
@@ -220,7 +222,7 @@ def _peaks(
     return found
 
 
-def _fit_variables(name: str, fits: list, found: list[Peak]) -> dict[str, tuple]:  # type: ignore[type-arg]
+def _fit_variables(name: str, fits: list[QuadraticFit], found: list[Peak]) -> dict[str, Any]:
     """Return the dataset's variables for one metric's fits and peaks."""
     level = ("level",)
     return {

@@ -53,11 +53,12 @@ def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
         level = tuple(_halve(_halve(part, 0), 1) for part in level)  # type: ignore[assignment]
         levels.append(level)
     sizes = [entry[0].size for entry in levels]
-    return Pyramid(
-        *(np.concatenate([entry[k].ravel() for entry in levels]) for k in range(3)),
-        offsets=np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64),
-        shapes=np.array([entry[0].shape for entry in levels], dtype=np.int64),
+    heights, curvatures, changes = (
+        np.concatenate([entry[k].ravel() for entry in levels]) for k in range(3)
     )
+    offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+    shapes = np.array([entry[0].shape for entry in levels], dtype=np.int64)
+    return Pyramid(heights, curvatures, changes, offsets, shapes)
 
 
 def _derivative(

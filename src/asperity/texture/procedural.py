@@ -202,7 +202,7 @@ def _generator(seed: int) -> np.random.Generator:
 
 def _wavenumbers(sizes: tuple[int, ...], pixel_size: float) -> NDArray[np.float64]:
     """Return |q| [rad/m] of every wave, laid out as by `numpy.fft.rfftn`."""
-    along_u = 2.0 * math.pi * np.fft.rfftfreq(sizes[-1], pixel_size)
+    along_u = 2.0 * math.pi * np.fft.rfftfreq(sizes[-1], pixel_size).astype(np.float64)
     if len(sizes) == 1:
         return along_u
     along_v = 2.0 * math.pi * np.fft.fftfreq(sizes[0], pixel_size)

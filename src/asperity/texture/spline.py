@@ -51,9 +51,9 @@ def spline_coefficients(
     mode, shape = _MODES[border], np.shape(heights)
     if border == "mirror" and min(shape) < _EXACT_FROM:
         heights, mode = np.pad(heights, [(0, n) for n in shape], mode="symmetric"), "grid-wrap"
-    coefficients = ndimage.spline_filter(heights, order=3, mode=mode, output=np.float64)
+    coefficients = ndimage.spline_filter(heights, 3, np.float64, mode)  # type: ignore[call-overload]
     coefficients = coefficients[tuple(slice(n) for n in shape)]
-    return np.pad(coefficients, margin + 2, mode=_PAD[border])  # type: ignore[call-overload,no-any-return]
+    return np.pad(coefficients, margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
 
 
 @kernel
