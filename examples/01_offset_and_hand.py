@@ -11,7 +11,5 @@ for diameter in (2e-3, 3e-3, 4e-3):
     path = plate.tracer(diameter)(np.linspace(0.0, plate.period, 1001))  # the offset surface
     force = otaduy_lin.texture_force(plate, diameter, normal_force=0.58)  # Eqs 4-6: F_u [N]
     motion = drag(force, Hand(), speed=0.083)  # Eq. 7
-    print(
-        f"D = {diameter * 1e3:g} mm: reaches {np.ptp(path.height) * 1e6:.0f} of 200 um deep, "
-        f"max u'' {motion.largest:.2f} m/s2, in 20-200 Hz {evaluate('band_rms', motion):.2f} m/s2"
-    )
+    depth, band = np.ptp(path.height) * 1e6, evaluate("band_rms", motion)
+    print(f"D = {diameter:g} m: {depth:.0f} um; max u'' {motion.largest:.2f}, band {band:.2f} m/s2")

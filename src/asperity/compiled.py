@@ -65,4 +65,4 @@ numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 def kernel(function: F) -> F:
     """Compile `function` at its first call: cached on disk, without the interpreter's lock."""
     options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-    return numba.njit(**options)(function)  # type: ignore[no-any-return]
+    return numba.njit(**options)(function)
