@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 
+from asperity import __version__
+
 _PACKAGES = (
     "numba", "numpy", "scipy", "xarray", "h5netcdf", "h5py", "matplotlib", "tyro", "rich",
 )  # fmt: skip
@@ -27,7 +29,7 @@ _DEVICE_MODULES = {
 def report() -> list[tuple[str, str]]:
     """Return what there is to say, as (subject, finding) lines."""
     return [
-        ("asperity", _versions(("asperity",))),
+        ("asperity", __version__),
         ("python", f"{platform.python_version()} ({sys.platform}, {platform.machine()})"),
         ("packages", _versions(_PACKAGES)),
         ("processor", f"{_cores()} cores usable, load {_load()}"),
@@ -70,7 +72,7 @@ def _versions(names: tuple[str, ...]) -> str:
     found = []
     for name in names:
         try:
-            found.append(f"{name} {version(name)}" if len(names) > 1 else version(name))
+            found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
             found.append(f"{name} missing")
     return ", ".join(found)

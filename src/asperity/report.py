@@ -101,7 +101,7 @@ def _study(results: Results, name: str) -> str:
     title, finding = _STUDIES[name]
     return (
         f"<section><h2>{title}</h2><p>{finding}</p>"
-        f"{_figure(results.folder / f'{name}_metrics.svg', _CAPTION)}"
+        f"{_figure(results.folder / f'{name}_metrics.svg', _CAPTION + _EXTRA.get(name, ''))}"
         f"{_claims_table([c for c in results.claims if c['id'].startswith(name + '.')])}</section>"
     )
 
@@ -111,6 +111,9 @@ _CAPTION = (
     "quadratic fits in log-log. Large marks: peaks found by refining the spacing, with their "
     "uncertainty."
 )
+_EXTRA = {
+    "diameter": " Dotted: the drop point of each probe, where it first touches the bottom.",
+}
 
 
 def _figure(path: Path, caption: str) -> str:
@@ -274,10 +277,9 @@ def _timing(results: Results) -> str:
         f"<tr><th>{html.escape(name)}</th><td>{seconds:.1f} s</td></tr>"
         for name, seconds in results.watch.seconds.items()
     )
-    total = sum(results.watch.seconds.values())
     return (
         "<section><h2>How long it took</h2>"
-        f"<table class='facts'>{rows}<tr><th>all</th><td>{total:.1f} s</td></tr></table>"
+        f"<table class='facts'>{rows}</table>"
         "<p><small>The first run after an installation compiles; later ones do not.</small></p>"
         "</section>"
     )

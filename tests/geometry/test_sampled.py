@@ -38,12 +38,19 @@ def _map_heights(samples, pixel, border):
     return lambda u, v: naive.spline(samples, border, v / pixel, u / pixel)
 
 
+def _block(rows, columns, height=0.6 * MM):
+    heights = np.zeros((rows, columns))
+    heights[rows - 20 : rows - 8, columns - 20 : columns - 8] = height
+    return heights
+
+
 PROFILES = {
     "smooth": (_rough(90), 2.0),
     "rough": (_rough(90, power=1.0), 2.0),
     "white noise": (np.random.default_rng(1).normal(size=60) * 10e-6, 1.0),
     "one spike": (np.eye(41)[20] * 0.1 * MM, 2.0),
     "one step taller than the probe": (np.repeat([0.0, 1.0 * MM], 30), 0.6),
+    "a block within reach beyond the border": (np.repeat([0.0, 0.6 * MM, 0.0], [40, 12, 8]), 1.0),
     "as long as the probe is wide": (_rough(40), 2.0),
     "two samples": (np.array([0.0, 20e-6]), 0.1),
     "three samples": (np.array([0.0, 20e-6, -7e-6]), 0.12),
@@ -77,6 +84,7 @@ MAPS = {
     "white noise": (np.random.default_rng(1).normal(size=(24, 31)) * 10e-6, 1.0),
     "one spike": (np.outer(np.eye(25)[12], np.eye(29)[14]) * 0.1 * MM, 1.0),
     "as wide as the probe": (_rough(20, 24), 1.0),
+    "a block within reach beyond the border": (_block(24, 28), 1.0),
     "two by two": (np.array([[0.0, 20e-6], [5e-6, -9e-6]]), 0.1),
     "two by five": (_rough(2, 5), 0.1),
     "constant": (np.full((30, 20), 0.2 * MM), 0.7),
@@ -100,6 +108,54 @@ def test_map_offset_is_the_dense_maximum(name, border):
             )
             assert height >= dense - CERTIFIED_TO - ABOVE
             assert height <= dense + FOUND
+
+
+def test_map_offset_reaches_across_both_borders():
+    # Above the corner the block is 8 samples away along u and v, beyond the wrapped borders.
+    surface = HeightMap(_block(40, 40), PIXEL, "wrap", line=0.0)
+    height = float(surface.tracer(1.8 * MM)(0.0).height)
+    heights = _map_heights(_block(40, 40), PIXEL, "wrap")
+    dense = naive.rest_on_map(heights, 1.8 * MM, 0.0, 0.0, PIXEL / 8)
+    assert dense > 0.01 * MM
+    assert dense - CERTIFIED_TO - ABOVE <= height <= dense + FOUND
+
+
+@pytest.mark.parametrize("height", [2e-6, 20e-6, 200e-6])
+def test_no_point_of_rough_profiles_lies_above_the_certified_maximum(height):
+    # Many maxima compete: a bound that is a little too low shows at one place in hundreds.
+    rng = np.random.default_rng(16)
+    finer, n = 32, 40
+    for diameter in (0.2 * MM, 0.5 * MM, 1.5 * MM):
+        samples = rng.normal(size=n) * height
+        u = rng.uniform(0, n * PIXEL, 400)
+        x = np.arange(-n * finer, 2 * n * finer) * PIXEL / finer
+        z = naive.spline(samples, "wrap", np.mod(x / PIXEL, n))
+        dense = naive.rest_on_points(x, z, diameter, u)
+        surface = SampledProfile(samples, PIXEL, "wrap")
+        assert np.min(surface.tracer(diameter)(u).height - dense) >= -CERTIFIED_TO - ABOVE
+
+
+@pytest.mark.parametrize("height", [2e-6, 20e-6, 200e-6])
+def test_no_point_of_rough_maps_lies_above_the_certified_maximum(height):
+    rng = np.random.default_rng(17)
+    finer, n = 8, 24
+    for diameter in (0.2 * MM, 0.5 * MM, 1.1 * MM):
+        samples = rng.normal(size=(n, n)) * height
+        reach = int(diameter / 2 / PIXEL * finer) + 1
+        steps = np.arange(-reach, n * finer + reach)
+        places = np.mod(steps / finer, n)
+        z = naive.spline(samples, "wrap", *np.meshgrid(places, places, indexing="ij"))
+        across = np.arange(-reach, reach + 1) * PIXEL / finer
+        inside = (diameter / 2) ** 2 - across[:, None] ** 2 - across**2
+        tip = np.where(inside > 0, np.sqrt(np.maximum(inside, 0)), -np.inf) - diameter / 2
+        # A sphere above every fourth of these points, along eight of their rows.
+        columns = np.arange(0, n * finer, 4)
+        for row in rng.integers(0, n * finer, 8):
+            surface = HeightMap(samples, PIXEL, "wrap", line=float(row * PIXEL / finer))
+            found = surface.tracer(diameter)(columns * PIXEL / finer).height
+            band = z[row : row + 2 * reach + 1]
+            dense = [np.max(band[:, c : c + 2 * reach + 1] + tip) for c in columns]
+            assert np.min(found - dense) >= -CERTIFIED_TO - ABOVE
 
 
 def test_map_offset_is_the_dense_maximum_on_the_coin(data):

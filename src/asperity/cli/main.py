@@ -25,7 +25,7 @@ LogLevel = Literal["debug", "info", "warning", "error"]
 
 @dataclass
 class Arguments:
-    """asperity: contact forces and torques between two textured objects, at haptic rates."""
+    """asperity: texture forces through a probe, and the perceptual studies behind them."""
 
     command: (
         Annotated[Demo, tyro.conf.subcommand("demo")]

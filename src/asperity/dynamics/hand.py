@@ -36,7 +36,7 @@ from asperity.dynamics.repeat import drag_a_length, drag_until_repeat
 from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.geometry.piecewise import PiecewiseCubic
 
-PERIODIC_TOLERANCE = 1e-7
+PERIODIC_TOLERANCE = 1e-6
 """(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
 
 _MAX_SUBHARMONIC = 8

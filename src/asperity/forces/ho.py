@@ -14,6 +14,8 @@ left along u, counted as resistance, is
 
 Unlike Minsky's, the force grows with the height and the stiffness, up to the same limit.
 
+The formulas are quoted as other work gives them; they were not checked against the paper.
+
 What it is not: the probe is a point. Its diameter does not enter.
 """
 

@@ -4,6 +4,8 @@ Haptic textures: a stochastic approach, *Proc. IEEE ICRA*, 557-562. A new force 
 tick of the servo loop from N(0, sigma^2). Here sigma is `level` times the normal force, the
 noise is low-passed to `bandwidth`, and the generator is seeded, so that a run can be repeated.
 
+The model is quoted as other work gives it; it was not checked against the paper.
+
 What it is not: it has no geometry at all; neither the probe's diameter nor the surface's spacing
 enters, only the level of roughness that somebody chose.
 """

@@ -2,11 +2,12 @@ r"""Metrics of vibration: from the hand's acceleration to one number that may tr
 
 The seed paper measures `max(u'')` (Otaduy & Lin 2004, section 4.2). The others here:
 
-- `max|u''|`, which differs from it by 6 to 172 % over the studied range;
+- `max|u''|`, which differs from it by 6 to 138 % over the default studies;
 - the RMS of u'' in a band, 20 to 200 Hz by default. It was chosen *after* the paper's metric
   was seen to miss the effect of speed, because it does not: a metric found after the fact;
-- the power of u'' weighted by the threshold of detection, `P = sum_f (A_f / T_f)^2`, the form
-  of Bensmaia & Hollins (2003), with the threshold curve of the MPEG haptics reference model.
+- the power of u'' weighted by the threshold of detection, `P = sum_f (A_f / T_f)^2`, after
+  Bensmaia & Hollins (2003) as others quote them (not checked against the paper), with the
+  threshold curve of the MPEG haptics reference model.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ METRICS = {
     "threshold_power": Metric(
         "threshold-weighted power of u''",
         "1",
-        "form of Bensmaia & Hollins (2003); threshold curve of the MPEG haptics model",
+        "after Bensmaia & Hollins (2003), as quoted; threshold curve of the MPEG haptics model",
     ),
 }
 
