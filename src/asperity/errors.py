@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable
+from typing import Any
 
 
 class AsperityError(ValueError):
@@ -21,26 +22,42 @@ class OutputError(AsperityError):
 
 def require_positive(name: str, value: float, unit: str = "") -> float:
     """Return `value` if it is finite and above zero, else raise `AsperityError` naming it."""
-    if not (math.isfinite(value) and value > 0.0):
+    if not (_is_finite(value) and value > 0.0):
         raise AsperityError(f"{name} must be a finite number above 0{_in(unit)}, got {value!r}")
     return float(value)
 
 
 def require_not_negative(name: str, value: float, unit: str = "") -> float:
     """Return `value` if it is finite and not below zero, else raise `AsperityError` naming it."""
-    if not (math.isfinite(value) and value >= 0.0):
+    if not (_is_finite(value) and value >= 0.0):
         raise AsperityError(f"{name} must be a finite number, 0 or above{_in(unit)}, got {value!r}")
+    return float(value)
+
+
+def require_between(name: str, value: float, low: float, high: float, unit: str = "") -> float:
+    """Return `value` if it lies between `low` and `high`, else raise `AsperityError` naming it."""
+    if not (_is_finite(value) and low <= value <= high):
+        raise AsperityError(
+            f"{name} must lie between {low:.12g} and {high:.12g}{_in(unit)}, got {value!r}"
+        )
     return float(value)
 
 
 def require_choice(name: str, value: str, choices: Iterable[str]) -> str:
     """Return `value` if it is one of `choices`, else raise, listing them and the nearest."""
     known = list(choices)
-    if value in known:
+    if isinstance(value, str) and value in known:
         return value
-    near = difflib.get_close_matches(value, known, n=1)
+    near = difflib.get_close_matches(str(value), known, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     raise AsperityError(f"unknown {name} {value!r}{hint}; choose from: {', '.join(known)}")
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except (TypeError, OverflowError):
+        return False
 
 
 def _in(unit: str) -> str:

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from asperity.errors import OutputError
@@ -24,46 +24,62 @@ def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     OutputError
         `folder` is no folder, holds something and `overwrite` is false, or cannot be written.
     """
-    folder = Path(os.path.abspath(folder))
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder} is a file; give a folder with --out")
-    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-        raise OutputError(f"{folder} is not empty; give --overwrite, or another folder with --out")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    folder = Path(os.path.realpath(folder))
+    with _told(folder), ExitStack() as undo:
+        _refuse_taken(folder, overwrite)
+        for parent in reversed(folder.parents):
+            if not parent.exists():
+                parent.mkdir()
+                undo.callback(_remove_if_empty, parent)
+        fresh = Path(tempfile.mkdtemp(prefix=".asperity-", dir=folder.parent))
+        undo.callback(shutil.rmtree, fresh, ignore_errors=True)
         fresh.chmod(0o755)
-    except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror or error}") from None
-    try:
         yield fresh
         _move_in(fresh, folder)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn what the system says of a failed writing into one line that names `path`."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write to {path}: {error.strerror or error}") from None
+
+
+def _refuse_taken(folder: Path, overwrite: bool) -> None:
+    nearest = next(path for path in (folder, *folder.parents) if path.exists())
+    if not nearest.is_dir():
+        raise OutputError(f"cannot write to {folder}: {nearest} is a file; give a folder with --out")
+    if nearest == folder and any(folder.iterdir()) and not overwrite:
+        raise OutputError(f"{folder} is not empty; give --overwrite, or another folder with --out")
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _move_in(fresh: Path, folder: Path) -> None:
     """Give `fresh` the name `folder`, or, where that stands already, move its files there."""
-    try:
-        if not folder.exists():
-            fresh.rename(folder)
-            return
-        files = list(fresh.iterdir())
-        for file in files:
-            if (folder / file.name).is_dir():
-                raise OutputError(f"{folder / file.name} is a folder in the way of a file")
-        for file in files:
-            file.replace(folder / file.name)
-    except OSError as error:
-        raise OutputError(f"cannot write to {folder}: {error.strerror or error}") from None
+    if not folder.exists():
+        fresh.rename(folder)
+        return
+    files = list(fresh.iterdir())
+    for file in files:
+        if (folder / file.name).is_dir():
+            raise OutputError(f"{folder / file.name} is a folder in the way of a file")
+    for file in files:
+        file.replace(folder / file.name)
 
 
 def write_whole(path: Path, text: str) -> None:
     """Write a text file in one go: a reader sees the old one or the new one."""
     part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(text, "utf-8")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
+    with _told(path):
+        try:
+            part.write_text(text, "utf-8")
+            part.replace(path)
+        finally:
+            with suppress(OSError):
+                part.unlink()

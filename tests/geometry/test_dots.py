@@ -11,7 +11,7 @@ from asperity.errors import AsperityError
 from asperity.geometry.dots import DotPlate
 
 MM = 1e-3
-ANGLES, SHARES = 1440, 241
+ANGLES, SHARES = 720, 241
 ABOVE = 1e-15  # [m] rounding
 STEP = 1e-8  # [m] for central differences of the height
 SLOPE = 1e-7  # rounding of heights of 1e-4 m over STEP, twice

@@ -55,6 +55,14 @@ class Study:
     """Of ridges and dots [mm]."""
     element_width_mm: float = 0.5
     """Of a ridge's top, or of a dot's [mm]."""
+    flank_mm: float = 0.05
+    """Horizontal width of the sloping sides of ridges and dots [mm]."""
+    jitter: float = 0.5
+    """Of the dots, as a part of half the spacing, 0 to 1."""
+    hurst: float = 0.8
+    """Hurst exponent of the self-affine surface, 0 to 1."""
+    rms_slope: float = 0.3
+    """Of the self-affine surface."""
     height_range_mm: float | None = None
     """Peak to peak of a height map that carries no scale [mm]."""
     band_hz: tuple[float, float] = (20.0, 200.0)
@@ -78,6 +86,10 @@ class Study:
             amplitude=self.amplitude_mm * 1e-3,
             element_height=self.element_height_mm * 1e-3,
             element_width=self.element_width_mm * 1e-3,
+            flank=self.flank_mm * 1e-3,
+            jitter=self.jitter,
+            hurst=self.hurst,
+            rms_slope=self.rms_slope,
             height_range=None if self.height_range_mm is None else self.height_range_mm * 1e-3,
             seed=self.seed,
         )

@@ -11,6 +11,7 @@ from asperity.errors import require_choice
 from asperity.forces import ho, minsky, otaduy_lin, siira_pai
 from asperity.geometry.offset import Surface
 from asperity.geometry.piecewise import PiecewiseCubic
+from asperity.geometry.sampled import HeightMap
 from asperity.perception.metrics import DEFAULT_BAND, evaluate
 from asperity.perception.stimuli import StimulusOptions, surface_maker
 
@@ -89,5 +90,8 @@ class Sweep:
             return ho.texture_force(surface, force)
         key = (condition.spacing, condition.diameter)
         if key not in self._tables:
-            self._tables[key] = otaduy_lin.slope_table(surface, condition.diameter)
+            tolerance = 1e-3 if isinstance(surface, HeightMap) else 1e-6
+            self._tables[key] = otaduy_lin.slope_table(
+                surface, condition.diameter, tolerance=tolerance
+            )
         return self._tables[key].scaled(force)
