@@ -15,8 +15,8 @@ from asperity.geometry.dots import DotPlate
 from asperity.geometry.piecewise import PiecewiseCubic, tabulate
 
 MM = 1e-3
-ACCURACY = 1e-4  # of the largest u'', by 64 steps a period; the study's metrics need 1e-3
-PATH = 1e-5  # of the period, and of the drive's speed, likewise
+ACCURACY = 2e-5  # of the largest |u''|; the metrics of the study need 1e-3
+PATH = 1e-6  # of the period, and of the drive's speed, likewise
 HAND = Hand()
 
 

@@ -13,7 +13,7 @@ MM = 1e-3
 PIXEL = 0.05 * MM
 BELOW = 1e-9  # [m] the samples are on the surface, so no dilation of them lies above the offset
 ROUNDING = 1e-13  # [m]
-CERTIFIED = 2e-12  # [m] two results, each certified to 1e-12
+CERTIFIED = 2e-12  # [m] of two results: the search polishes its maximum far below its certificate
 MODES = {"wrap": "wrap", "mirror": "reflect"}
 
 

@@ -19,7 +19,7 @@ _Search = Callable[
     tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 ]
 
-CERTIFIED_TO = 1e-9
+CERTIFIED_TO = 1e-12
 """An offset height lies at most this far below the true maximum [m]."""
 
 STEEPEST = 50.0
