@@ -9,6 +9,7 @@ all of the package's sources and the versions of Numba and Python; any edit star
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -44,8 +45,19 @@ def cache_folder() -> Path:
         root = Path(chosen)
     else:
         base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-        root = (Path(base) if base else Path.home() / ".cache") / "asperity"
+        home = os.path.expanduser("~")
+        # A user without a home has no cache either: nothing can lie below the null device.
+        root = Path(base or (os.devnull if home == "~" else home + "/.cache")) / "asperity"
     return root / (_PREFIX + source_hash())
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Return whether files can be put into `folder`, which is made if need be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def cache_state() -> tuple[Path, int]:
@@ -55,6 +67,13 @@ def cache_state() -> tuple[Path, int]:
 
 
 os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
+# Numba would fall back to folders that are not keyed by the sources: better no cache than that.
+_CACHED = _can_be_written(Path(os.environ["NUMBA_CACHE_DIR"]))
+if not _CACHED:
+    logging.getLogger(__name__).warning(
+        "cannot write to %s: every run compiles anew; set NUMBA_CACHE_DIR to a folder that can",
+        os.environ["NUMBA_CACHE_DIR"],
+    )
 
 import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
 
@@ -64,5 +83,5 @@ numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 def kernel(function: F) -> F:
     """Compile `function` at its first call: cached on disk, without the interpreter's lock."""
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    options = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
     return numba.njit(**options)(function)

@@ -8,16 +8,17 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import xarray as xr
-
-from asperity import plots
-from asperity.perception.claims import Claim
 from asperity.perception.rub import rub
 from asperity.perception.studies import STUDIES, StudySettings, run_study
-from asperity.perception.write import write_dataset, write_studies
 from asperity.real_surfaces import REAL_SURFACES, RealSurface
 from asperity.sound import Sound, from_run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from asperity.perception.claims import Claim
 
 PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
 """Diameters rubbed over the real surfaces [m]."""
@@ -92,13 +93,17 @@ def run_demo(
         pending = [
             pool.submit(_rub_one, surface, data, settings, on_rub) for surface in REAL_SURFACES
         ]
+        # Slow to import; by now the rubs are under way.
+        from asperity import plots
+        from asperity.perception.write import write_dataset, write_studies
+
         with watch.step("studies"):
             studies = {
                 name: run_study(name, settings, sweep=sweep, progress=lambda _: on_drag())
                 for name in STUDIES
             }
         with watch.step("figures and data of the studies"):
-            claims = write_studies(studies, "max_acceleration", folder)
+            claims = write_studies(studies, None, folder)
         done = [future.result() for future in pending]
         watch.seconds["real surfaces (beside the two above)"] = time.perf_counter() - start
     rubs, remarks, sounds = {}, {}, {}

@@ -50,7 +50,9 @@ def _told(path: Path) -> Iterator[None]:
 def _refuse_taken(folder: Path, overwrite: bool) -> None:
     nearest = next(path for path in (folder, *folder.parents) if path.exists())
     if not nearest.is_dir():
-        raise OutputError(f"cannot write to {folder}: {nearest} is a file; give a folder with --out")
+        raise OutputError(
+            f"cannot write to {folder}: {nearest} is a file; give a folder with --out"
+        )
     if nearest == folder and any(folder.iterdir()) and not overwrite:
         raise OutputError(f"{folder} is not empty; give --overwrite, or another folder with --out")
 

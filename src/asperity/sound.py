@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.io import wavfile
 
-from asperity.errors import AsperityError, require_positive
+from asperity.errors import AsperityError, require_between, require_positive
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PEAK = 10.0 ** (-1.0 / 20.0)
 """The largest sample stands 1 dB below full scale."""
+LENGTHS = (0.05, 60.0)
+"""The shortest and the longest sound [s]."""
 _FADE = 0.01
 
 
@@ -55,21 +60,24 @@ def from_acceleration(
     rate : int
         Of the sound [Hz], 1000 to 192000.
     seconds : float, optional
-        Length of the sound; the record is repeated if `repeats`, else cut. Default: the record
-        once, or two seconds of repeats.
+        Length of the sound, 0.05 to 60; the record is repeated if `repeats`, else cut. Default:
+        the record once, or two seconds of repeats.
     repeats : bool
         Whether the record is one repeat of a periodic motion.
     """
-    if not 1000 <= rate <= 192000:
-        raise AsperityError(f"rate must lie between 1000 and 192000 Hz, got {rate}")
+    require_between("rate", rate, 1000, 192000, "[Hz]")
     require_positive("step", step, "[s]")
-    wanted = seconds if seconds is not None else (2.0 if repeats else step * acceleration.size)
-    require_positive("seconds", wanted, "[s]")
-    centred = acceleration - np.mean(acceleration)
+    record = step * acceleration.size
     if repeats:
-        copies = math.ceil(wanted / (step * centred.size)) + 2
-        centred = np.tile(centred, copies)
-    length = min(wanted, step * centred.size)
+        length = 2.0 if seconds is None else seconds
+    else:
+        length = min(LENGTHS[1] if seconds is None else seconds, record)
+    require_between("seconds", length, *LENGTHS, "[s]")
+    centred = acceleration - np.mean(acceleration)
+    if not np.all(np.isfinite(centred)):
+        raise AsperityError("the acceleration holds NaN or infinite values; give a whole run")
+    if repeats:
+        centred = np.tile(centred, math.ceil(length / record) + 2)
     centred = centred[: math.ceil(length / step) + 2]
     times = np.arange(max(int(length * rate), 2)) / rate
     if step * rate < 1.0:

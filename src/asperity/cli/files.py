@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ def open_dataset(path: Path) -> xr.Dataset:
     """Return a dataset that `asperity` wrote, read into memory."""
     import xarray as xr
 
-    if not path.exists():
+    if not os.path.exists(path):
         raise AsperityError(f"no such file: {path}; give one that asperity study wrote")
     if path.is_dir():
         raise AsperityError(f"{path} is a folder; give a .nc file in it")
@@ -23,7 +24,10 @@ def open_dataset(path: Path) -> xr.Dataset:
         raise AsperityError(f"{path} is empty; give a .nc file that asperity study wrote")
     try:
         with xr.open_dataset(path, engine="h5netcdf") as data:
-            return data.load()
+            data.load()
     except Exception as error:  # h5netcdf raises several kinds for files that are not HDF5
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise AsperityError(f"{path} is not a dataset that can be read: {reason}") from None
+    if data.attrs.get("schema") != 1:
+        raise AsperityError(f"{path} is no run of asperity's; give one that asperity study wrote")
+    return data

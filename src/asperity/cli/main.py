@@ -5,9 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import math
+import os
 import re
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -21,6 +26,9 @@ from asperity.cli.study import Study
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
+_DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
+_ONE_INTERRUPTION = 2.0
+"""Signals closer than this are one [s]."""
 
 
 @dataclass
@@ -40,24 +48,68 @@ class Arguments:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Not every terminal has every character, nor every file name a decoding.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        with _stopped_by_signals():
+            code = _obey(arguments)
+            if sys.stdout:
+                sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        print("asperity: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Nobody reads on. Python will flush once more at exit: into nothing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (AsperityError, OSError, MemoryError) as error:
+        logging.getLogger("asperity").debug("where it happened:", exc_info=True)
+        return _refuse(str(error) or "not enough memory")
+
+
+def _obey(arguments: list[str]) -> int:
+    """Do what the arguments say; return the exit code."""
     if arguments == ["--version"]:
         print(f"asperity {__version__}")
         return 0
     parsed = _parse(arguments)
     if isinstance(parsed, int):
         return parsed
-    logging.basicConfig(level=parsed.log_level.upper(), format="asperity: %(message)s")
-    try:
-        parsed.command.run()
-    except AsperityError as error:
-        return _refuse(str(error))
-    except KeyboardInterrupt:
-        print("asperity: interrupted; nothing was written", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+    logging.basicConfig(format="asperity: %(message)s")
+    logging.getLogger("asperity").setLevel(parsed.log_level.upper())
+    parsed.command.run()
     return 0
+
+
+@contextlib.contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Let the signals that end a process interrupt the block as Ctrl-C does, so that it cleans up.
+
+    Signals in quick succession count as one: a second Ctrl-C must not interrupt the cleaning up.
+    """
+    last = -math.inf
+
+    def interrupt(*_: object) -> None:
+        nonlocal last
+        before, last = last, time.monotonic()
+        if last - before > _ONE_INTERRUPTION:
+            raise KeyboardInterrupt
+
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    usual = {getattr(signal, name): signal.getsignal(getattr(signal, name)) for name in names}
+    # What the caller ignores or handles stays so; only the main thread may handle signals.
+    mine = [s for s, handler in usual.items() if handler in _DEFAULTS]
+    if threading.current_thread() is not threading.main_thread():
+        mine = []
+    try:
+        for number in mine:
+            signal.signal(number, interrupt)
+        yield
+    finally:
+        for number in mine:
+            signal.signal(number, usual[number])
 
 
 def _parse(arguments: list[str]) -> Arguments | int:
@@ -79,17 +131,19 @@ def _parse(arguments: list[str]) -> Arguments | int:
 
 def _global_first(arguments: list[str]) -> list[str]:
     """Return the arguments with --log-level, which any command takes, in front of the command."""
-    if "--log-level" not in arguments:
-        return arguments
-    at = arguments.index("--log-level")
-    return arguments[at : at + 2] + arguments[:at] + arguments[at + 2 :]
+    for at, word in enumerate(arguments):
+        name, equals, _ = word.partition("=")
+        if name == "--log-level":
+            end = at + (1 if equals else 2)
+            return arguments[at:end] + arguments[:at] + arguments[end:]
+    return arguments
 
 
 def _one_line(text: str) -> str:
-    """Return a parser's boxed message as one line."""
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", text)
-    plain = re.sub(r"[╭╮╰╯│─]", " ", plain)
-    return re.sub(r"\s+", " ", plain).replace("Parsing error", "").strip()
+    """Return a parser's boxed message as one line: what its rules part, parted by semicolons."""
+    plain = re.sub(r"\x1b\[[0-9;]*m|[╭╮╰╯│]", " ", text)
+    parts = [" ".join(part.split()).strip("─ ") for part in re.split(r"[─-]{3,}", plain)]
+    return "; ".join(part for part in parts if part)
 
 
 def _refuse(reason: str) -> int:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
+from asperity.cli.ranges import Between, check_ranges
+
 
 @dataclass
 class SoundCommand:
@@ -15,13 +17,13 @@ class SoundCommand:
 
     run_file: Annotated[Positional[Path], "file"]
     """A dataset that `asperity study` or `asperity demo` wrote, such as diameter.nc."""
-    spacing_mm: float | None = None
+    spacing_mm: Annotated[float | None, Between(1e-3, 1e3)] = None
     """Of a study: the nearest spacing is taken. Default: where the middle level is largest."""
     level: int | None = None
     """Level of the study's factor, or the probe of a rub, from 0. Default: the middle one."""
-    seconds: float | None = None
+    seconds: Annotated[float | None, Between(0.05, 60.0)] = None
     """Length. Default: 2 s of a periodic motion, the whole of another."""
-    rate: int = 44100
+    rate: Annotated[int, Between(1000, 192000)] = 44100
     """Samples per second."""
     out: Path = Path("out/sound")
     """Folder for the WAV file and its sidecar, sound.json."""
@@ -32,6 +34,7 @@ class SoundCommand:
         """Write sound.wav and sound.json, and say what full scale stands for."""
         import json
 
+        check_ranges(self)
         from asperity.cli.files import open_dataset
         from asperity.output import result_folder
         from asperity.sound import from_run

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional
 
+from asperity.cli.ranges import Between, check_ranges
 from asperity.errors import require_choice
 
 if TYPE_CHECKING:
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 class HandOptions:
     """The hand of Eq. 7."""
 
-    mass_kg: float = 0.05
+    mass_kg: Annotated[float, Between(1e-3, 10.0)] = 0.05
     """Mass [kg]."""
-    stiffness_n_m: float = 300.0
+    stiffness_n_m: Annotated[float, Between(10.0, 1e5)] = 300.0
     """Stiffness [N/m]."""
-    damping_n_s_m: float = 3.0
+    damping_n_s_m: Annotated[float, Between(0.01, 100.0)] = 3.0
     """Damping [N s/m]."""
 
 
@@ -39,36 +40,38 @@ class Study:
     """sinusoid, trapezoid, square, dots, self-affine, or a file of heights."""
     metric: str = "max_acceleration"
     """Of the main figure: max_acceleration, max_abs_acceleration, band_rms, threshold_power."""
-    spacing_range_mm: tuple[float, float] = (0.5, 3.5)
+    spacing_range_mm: Annotated[tuple[float, float], Between(0.05, 20.0)] = (0.5, 3.5)
     """Smallest and largest spacing [mm]."""
-    spacings: int = 40
+    spacings: Annotated[int, Between(5, 1000)] = 40
     """How many, equally far apart in log."""
-    diameters_mm: tuple[float, ...] = (2.0, 3.0, 4.0)
+    diameters_mm: Annotated[tuple[float, ...], Between(0.05, 50.0)] = (2.0, 3.0, 4.0)
     """Of the probe [mm]; the middle one serves the other studies."""
-    forces_n: tuple[float, ...] = (0.29, 0.58, 0.87)
+    forces_n: Annotated[tuple[float, ...], Between(1e-3, 100.0)] = (0.29, 0.58, 0.87)
     """Normal force [N]."""
-    speeds_mm_s: tuple[float, ...] = (42.0, 83.0, 169.0)
+    speeds_mm_s: Annotated[tuple[float, ...], Between(0.1, 1e4)] = (42.0, 83.0, 169.0)
     """Speed [mm/s]."""
-    amplitude_mm: float = 0.1
+    amplitude_mm: Annotated[float, Between(1e-4, 10.0)] = 0.1
     """Of the sinusoid [mm]."""
-    element_height_mm: float = 0.4
+    element_height_mm: Annotated[float, Between(1e-3, 10.0)] = 0.4
     """Of ridges and dots [mm]."""
-    element_width_mm: float = 0.5
+    element_width_mm: Annotated[float, Between(1e-3, 20.0)] = 0.5
     """Of a ridge's top, or of a dot's [mm]."""
-    flank_mm: float = 0.05
+    flank_mm: Annotated[float, Between(0.0, 20.0)] = 0.05
     """Horizontal width of the sloping sides of ridges and dots [mm]."""
-    jitter: float = 0.5
+    jitter: Annotated[float, Between(0.0, 1.0)] = 0.5
     """Of the dots, as a part of half the spacing, 0 to 1."""
-    hurst: float = 0.8
+    hurst: Annotated[float, Between(0.0, 1.0)] = 0.8
     """Hurst exponent of the self-affine surface, 0 to 1."""
-    rms_slope: float = 0.3
+    rms_slope: Annotated[float, Between(1e-3, 10.0)] = 0.3
     """Of the self-affine surface."""
-    height_range_mm: float | None = None
+    height_range_mm: Annotated[float | None, Between(1e-4, 10.0)] = None
     """Peak to peak of a height map that carries no scale [mm]."""
-    band_hz: tuple[float, float] = (20.0, 200.0)
+    missing: str = "refuse"
+    """What to do with gaps (NaN) in a height map: refuse, or fill from their surroundings."""
+    band_hz: Annotated[tuple[float, float], Between(0.1, 1e4)] = (20.0, 200.0)
     """Of the band metric [Hz]."""
     hand: HandOptions = field(default_factory=HandOptions)
-    seed: int = 0
+    seed: Annotated[int, Between(0, 2**31 - 1)] = 0
     """Of jitter, roughness and noise."""
     out: Path | None = None
     """Folder for the results. Default: out/study."""
@@ -91,6 +94,7 @@ class Study:
             hurst=self.hurst,
             rms_slope=self.rms_slope,
             height_range=None if self.height_range_mm is None else self.height_range_mm * 1e-3,
+            missing=self.missing,
             seed=self.seed,
         )
         return StudySettings(
@@ -107,6 +111,7 @@ class Study:
 
     def run(self) -> None:
         """Run, write, and print what holds."""
+        check_ranges(self)
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.output import result_folder
         from asperity.perception.metrics import METRICS
@@ -116,7 +121,9 @@ class Study:
         require_choice("study", self.name, [*STUDIES, "all"])
         require_choice("metric", self.metric, METRICS)
         settings = self.settings()
-        settings.sweep().make_surface(settings.spacing_range[1]).tracer(max(settings.diameters))
+        make_surface = settings.sweep().make_surface
+        for spacing in settings.spacing_range:
+            make_surface(spacing).tracer(max(settings.diameters))
         names = STUDIES if self.name == "all" else (self.name,)
         total = settings.spacings * sum(settings.drags(name) for name in names)
         out = self.out or Path("out/study")

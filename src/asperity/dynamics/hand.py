@@ -161,8 +161,7 @@ def drag(
     extrapolate : bool
         Whether to jump ahead to the periodic motion where one is found (see
         `asperity.dynamics.repeat`). Without it the hand, set down at rest on its spring, is
-        dragged until its motion repeats; at some slow speeds that ends in a subharmonic motion
-        although a periodic one, as stable, stands beside it.
+        dragged until its motion repeats, however long that takes.
 
     Returns
     -------

@@ -9,15 +9,17 @@ quadratic, as [OL] section 3.1 reports them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from asperity.perception.metrics import METRICS
 from asperity.perception.studies import FACTORS
 from asperity.perception.sweep import MODELS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LARGE_SPACING = 2.5e-3
 """Where "large spacing" is read off [m]; ours."""

@@ -100,8 +100,10 @@ def acceleration_spectrum(motion: Motion) -> tuple[NDArray[np.float64], NDArray[
 def band_gain(frequencies: ArrayLike, band: tuple[float, float]) -> NDArray[np.float64]:
     """Return the power gain of a second-order Butterworth band-pass at `frequencies` [Hz]."""
     low, high = band
-    if not 0.0 < low < high:
-        raise AsperityError(f"band must rise from above 0 Hz, got {low:g} to {high:g} Hz")
+    if not 0.0 < low < high < np.inf:
+        raise AsperityError(
+            f"band must rise from above 0 Hz and be finite, got {low:g} to {high:g} Hz"
+        )
     f = np.asarray(frequencies, dtype=np.float64)
     return 1.0 / (1.0 + ((f**2 - low * high) / (f * (high - low))) ** 4)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from asperity.dynamics.hand import Hand, drag
 from asperity.errors import AsperityError
 from asperity.forces.otaduy_lin import slope_table
 from asperity.geometry.sampled import HeightMap
 from asperity.perception.metrics import DEFAULT_BAND, METRICS, evaluate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _RATE = 8000.0
 _SEGMENT = 0.125
@@ -123,4 +126,6 @@ def rub(
         "map_length": columns * surface.pixel_size,
         "map_width": rows * surface.pixel_size,
     }
+    import xarray as xr  # slow to import: the probes have been rubbed by now
+
     return xr.Dataset(data, coords, attrs)

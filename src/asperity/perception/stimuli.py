@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +20,7 @@ from asperity.texture.procedural import self_affine
 from asperity.texture.reading import read_heights
 
 SURFACES = ("sinusoid", "trapezoid", "square", "dots", "self-affine")
+_LOG = logging.getLogger(__name__)
 _AFFINE_SAMPLES = 2048
 _AFFINE_ROLLOFFS = 16
 
@@ -42,6 +45,8 @@ class StimulusOptions:
     """Of self-affine roughness."""
     height_range: float | None = None
     """Peak to peak of a height map that has no scale of its own [m]."""
+    missing: str = "refuse"
+    """What to do with gaps in a height map, as for `asperity.read_heights`: refuse or fill."""
     seed: int = 0
     """Of jitter and roughness."""
 
@@ -59,7 +64,7 @@ def surface_maker(name: str, options: StimulusOptions) -> Callable[[float], Surf
         One of `SURFACES`, or the path of a file that `asperity.read_heights` reads.
     options : StimulusOptions
     """
-    if name not in SURFACES and (Path(name).suffix or Path(name).exists()):
+    if name not in SURFACES and (Path(name).suffix or os.path.exists(name)):
         return _from_file(name, options)
     require_choice("surface", name, [*SURFACES, "a file of heights"])
     makers: dict[str, Callable[[float], Surface]] = {
@@ -103,7 +108,11 @@ def _self_affine(spacing: float, options: StimulusOptions) -> SampledProfile:
 
 def _from_file(path: str, options: StimulusOptions) -> Callable[[float], Surface]:
     # The pixel size is set by each spacing; any value reads the heights.
-    heights = read_heights(path, pixel_size=1e-5, height_range=options.height_range, missing="fill")
+    heights = read_heights(
+        path, pixel_size=1e-5, height_range=options.height_range, missing=options.missing
+    )
+    for note in heights.notes:
+        _LOG.info("%s: %s", path, note)
     samples = heights.samples
     if not np.ptp(samples) > 0.0:
         raise SurfaceError(f"{path}: a constant map has no spacing to vary; give one with relief")

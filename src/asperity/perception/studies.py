@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from asperity.dynamics.hand import Hand
@@ -22,6 +21,9 @@ from asperity.perception.fit import Peak, QuadraticFit, fit_quadratic, refine_pe
 from asperity.perception.metrics import DEFAULT_BAND, METRICS
 from asperity.perception.stimuli import StimulusOptions
 from asperity.perception.sweep import MODELS, Condition, Sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FACTORS = {
     "diameter": ("diameter", "probe diameter", "m"),
@@ -69,9 +71,10 @@ class StudySettings:
                 require_positive(name, value, f"[{FACTORS[name][2]}]")
             if list(values) != sorted(set(values)):
                 raise AsperityError(f"levels of {name} must rise, got {list(values)}")
-        if not 0.0 < self.band[0] < self.band[1]:
+        if not 0.0 < self.band[0] < self.band[1] < np.inf:
             raise AsperityError(
-                f"band must rise from above 0 Hz, got {self.band[0]:g} to {self.band[1]:g} Hz"
+                f"band must rise from above 0 Hz and be finite, "
+                f"got {self.band[0]:g} to {self.band[1]:g} Hz"
             )
 
     def levels(self) -> dict[str, tuple[float, ...]]:
@@ -135,6 +138,8 @@ def run_study(
     require_choice("study", name, STUDIES)
     if name != "models":
         return _run_factor(name, settings, sweep or settings.sweep(), peaks, progress, name)
+    import xarray as xr  # slow to import
+
     parts = []
     for model in MODELS:
         part_sweep = sweep if sweep and sweep.model == model else settings.sweep(model)
@@ -195,6 +200,8 @@ def _run_factor(
         factor: ("level", np.array(levels), {"units": unit, "long_name": label}),
         "phase": ("phase", np.arange(_PHASES) / _PHASES, {"units": "1"}),
     }
+    import xarray as xr  # slow to import
+
     return xr.Dataset(both, coords, _attributes(study, factor, settings))
 
 

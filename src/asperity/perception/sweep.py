@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
 from asperity.dynamics.hand import Hand, Motion, MotionStatus, drag, shake
-from asperity.errors import require_choice
+from asperity.errors import SurfaceError, require_choice
 from asperity.forces import ho, minsky, otaduy_lin, siira_pai
 from asperity.geometry.offset import Surface
 from asperity.geometry.piecewise import PiecewiseCubic
@@ -21,6 +23,8 @@ MODELS = {
     "ho": "Ho et al. 1999",
     "siira-pai": "Siira & Pai 1996",
 }
+LEAST_SLOPE = 1e-12
+"""A texture that is nowhere steeper than this is flat: an atom's height in a hundred metres."""
 _NOISE_SECONDS = 4.0
 _NOISE_TICK = 1e-3
 
@@ -80,7 +84,14 @@ class Sweep:
             )
             self._motions[key] = shake(noise, _NOISE_TICK, self.hand, condition.speed)
             return self._motions[key]
-        return drag(self._force(condition), self.hand, condition.speed)
+        force = self._force(condition)
+        if not np.max(np.abs(force.coefficients)) > LEAST_SLOPE * condition.normal_force:
+            raise SurfaceError(
+                f"surface {self.surface!r} is flat for a probe of {condition.diameter * 1e3:g} mm "
+                f"at spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
+                "give one with relief along the probe's path"
+            )
+        return drag(force, self.hand, condition.speed)
 
     def _force(self, condition: Condition) -> PiecewiseCubic:
         surface, force = self.make_surface(condition.spacing), condition.normal_force

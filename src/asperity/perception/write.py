@@ -13,26 +13,28 @@ from asperity.perception.metrics import METRICS
 from asperity.perception.sweep import MODELS
 
 
-def write_studies(studies: dict[str, xr.Dataset], metric: str, folder: Path) -> list[Claim]:
+def write_studies(studies: dict[str, xr.Dataset], metric: str | None, folder: Path) -> list[Claim]:
     """Write figures (PNG, SVG), datasets (netCDF) and `claims.json`; return the claims.
 
     Parameters
     ----------
     studies : dict
         Study name -> dataset, as `run_study` returns it.
-    metric : str
-        A key of `METRICS`, for the main figure of each study.
+    metric : str or None
+        A key of `METRICS`, for a figure of that metric alone; None leaves that figure out (the
+        one of the models then shows max u'').
     folder : Path
         An existing folder.
     """
     for name, data in studies.items():
         write_dataset(data, folder / f"{name}.nc")
         if name == "models":
-            figure = plots.models_figure(data, metric, list(MODELS.values()))
-        else:
-            figure = plots.study_figure(data, [metric])
-            plots.save(plots.study_figure(data, list(METRICS)), folder, f"{name}_metrics")
-        plots.save(figure, folder, name)
+            shown = metric or "max_acceleration"
+            plots.save(plots.models_figure(data, shown, list(MODELS.values())), folder, name)
+            continue
+        plots.save(plots.study_figure(data, list(METRICS)), folder, f"{name}_metrics")
+        if metric:
+            plots.save(plots.study_figure(data, [metric]), folder, name)
     claims = evaluate_claims(studies)
     write_claims(claims, folder / "claims.json")
     return claims

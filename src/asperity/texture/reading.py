@@ -106,7 +106,7 @@ def read_heights(
         A file that is missing, empty, damaged, of unknown kind, larger than 2**27 samples, or
         without a scale; one line that names the file and what is valid.
     """
-    path = Path(path).expanduser()
+    path = Path(os.path.expanduser(path))
     require_choice("missing", missing, ("refuse", "fill"))
     require_choice("quantised", quantised, ("smooth", "keep"))
     for name, value in (("pixel_size", pixel_size), ("height_range", height_range)):
