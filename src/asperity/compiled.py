@@ -71,7 +71,7 @@ os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
 _CACHED = _can_be_written(Path(os.environ["NUMBA_CACHE_DIR"]))
 if not _CACHED:
     logging.getLogger(__name__).warning(
-        "cannot write to %s: every run compiles anew; set NUMBA_CACHE_DIR to a folder that can",
+        "cannot write to %s: every run compiles anew; name another folder with NUMBA_CACHE_DIR",
         os.environ["NUMBA_CACHE_DIR"],
     )
 

@@ -24,7 +24,7 @@ class RealSurface:
     """Peak to peak [m], where the file carries no vertical scale: then it is chosen."""
     scale_note: str
     shape: tuple[int, int]
-    """Of the stand-in."""
+    """Samples of the map that are used, and of the stand-in."""
     hurst: float
     rms_slope: float
     rolloff: float
@@ -42,7 +42,8 @@ class RealSurface:
             heights = read_heights(
                 path, pixel_size=self.pixel_size, height_range=self.height_range, missing="fill"
             )
-            return HeightMap(heights.samples, heights.pixel_size), f"Measured. {self.scale_note}"
+            samples = heights.samples[: self.shape[0], : self.shape[1]]
+            return HeightMap(samples, heights.pixel_size), f"Measured. {self.scale_note}"
         samples = self_affine(
             self.shape,
             self.pixel_size,
@@ -80,9 +81,9 @@ REAL_SURFACES = (
         height_range=0.3 * 425e-6,
         scale_note=(
             "The file lost its vertical scale: 0.3 of a grain's diameter (425 µm) was chosen; "
-            "9 µm a pixel is inferred."
+            "9 µm a pixel is inferred. A piece of 9 by 8.1 mm is used."
         ),
-        shape=(1004, 1500),
+        shape=(1000, 900),
         hurst=0.8,
         rms_slope=0.1,
         rolloff=1.5e-3,
@@ -96,9 +97,9 @@ REAL_SURFACES = (
         height_range=0.3 * 115e-6,
         scale_note=(
             "The file lost its vertical scale: 0.3 of a grain's diameter (115 µm) was chosen; "
-            "9 µm a pixel is inferred."
+            "9 µm a pixel is inferred. A piece of 9 by 8.1 mm is used."
         ),
-        shape=(1004, 1500),
+        shape=(1000, 900),
         hurst=0.8,
         rms_slope=0.05,
         rolloff=0.5e-3,

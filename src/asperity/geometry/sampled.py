@@ -76,36 +76,23 @@ def _fold(
 
 
 @dataclass(frozen=True)
-class SampledProfile:
-    """Heights along one line, with a cubic spline between the samples.
-
-    Parameters
-    ----------
-    samples : (n,) array
-        Heights [m] at `(i + 1/2) * pixel_size`.
-    pixel_size : float
-        Distance between samples [m], above 0.
-    border : {"mirror", "wrap"}
-        How the profile goes on beyond its ends.
-    spacing : float
-        Distance between neighbouring elements [m], if there is one; for labels only.
-    """
+class _Sampled:
+    """What a line of samples and a grid of them have in common: how they lie along u."""
 
     samples: NDArray[np.float64]
     pixel_size: float
     border: str = "mirror"
-    spacing: float = float("nan")
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", check_heights(self.samples, (1,)))
+    def _check(self, dimensions: int) -> None:
+        object.__setattr__(self, "samples", check_heights(self.samples, (dimensions,)))
         require_positive("pixel_size", self.pixel_size, "[m]")
         require_choice("border", self.border, BORDERS)
         check_steepness(self.samples, self.pixel_size)
 
     @property
     def length(self) -> float:
-        """Length of the samples [m]."""
-        return self.samples.size * self.pixel_size
+        """Extent of the samples along u [m]."""
+        return self.samples.shape[-1] * self.pixel_size
 
     @property
     def period(self) -> float:
@@ -129,6 +116,32 @@ class SampledProfile:
     def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return dh/du of the spline at places `u` [m]."""
         return self._along(u)[1]
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return heights and slopes at places `u`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SampledProfile(_Sampled):
+    """Heights along one line, with a cubic spline between the samples.
+
+    Parameters
+    ----------
+    samples : (n,) array
+        Heights [m] at `(i + 1/2) * pixel_size`.
+    pixel_size : float
+        Distance between samples [m], above 0.
+    border : {"mirror", "wrap"}
+        How the profile goes on beyond its ends.
+    spacing : float
+        Distance between neighbouring elements [m], if there is one; for labels only.
+    """
+
+    spacing: float = float("nan")
+
+    def __post_init__(self) -> None:
+        self._check(1)
 
     def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
@@ -163,7 +176,7 @@ class SampledProfile:
 
 
 @dataclass(frozen=True)
-class HeightMap:
+class HeightMap(_Sampled):
     """Heights on a square grid, with a bicubic spline between the samples.
 
     Parameters
@@ -180,50 +193,16 @@ class HeightMap:
         Distance between neighbouring elements [m], if there is one; for labels only.
     """
 
-    samples: NDArray[np.float64]
-    pixel_size: float
-    border: str = "mirror"
     line: float | None = None
     spacing: float = float("nan")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", check_heights(self.samples, (2,)))
-        require_positive("pixel_size", self.pixel_size, "[m]")
-        require_choice("border", self.border, BORDERS)
-        check_steepness(self.samples, self.pixel_size)
+        self._check(2)
         width = self.samples.shape[0] * self.pixel_size
         if self.line is None:
             object.__setattr__(self, "line", 0.5 * width)
         elif not 0.0 <= self.line <= width:
             raise AsperityError(f"line must lie on the map, 0 to {width:g} m, got {self.line!r}")
-
-    @property
-    def length(self) -> float:
-        """Extent of the samples along u [m]."""
-        return self.samples.shape[1] * self.pixel_size
-
-    @property
-    def period(self) -> float:
-        """Distance after which the surface repeats [m]: the length, twice that if mirrored."""
-        return self.length * (2.0 if self.border == "mirror" else 1.0)
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the second half of the period is the first, run backwards."""
-        return self.border == "mirror"
-
-    @property
-    def cells(self) -> int:
-        """Number of intervals in which a table of one period should begin."""
-        return round(self.period / self.pixel_size)
-
-    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Return the heights [m] of the spline at places `u` [m] along the line."""
-        return self._along(u)[0]
-
-    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Return dh/du of the spline at places `u` [m] along the line."""
-        return self._along(u)[1]
 
     def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
