@@ -107,6 +107,11 @@ def _stopped_by_signals() -> Iterator[None]:
         for number in mine:
             signal.signal(number, interrupt)
         yield
+    except BaseException:
+        # Numba makes a SystemError of an interruption that meets it between two kernels.
+        if last > -math.inf:
+            raise KeyboardInterrupt from None
+        raise
     finally:
         for number in mine:
             signal.signal(number, usual[number])

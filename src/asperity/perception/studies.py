@@ -7,6 +7,7 @@ other force models.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -258,7 +259,8 @@ def _attributes(study: str, factor: str, settings: StudySettings) -> dict[str, o
         "schema": 1,
         "study": study,
         "factor": factor,
-        "surface": settings.surface,
+        # A file's name may be no text at all.
+        "surface": os.fsencode(settings.surface).decode("utf-8", "replace"),
         "amplitude": stimulus.amplitude,
         "element_height": stimulus.element_height,
         "element_width": stimulus.element_width,

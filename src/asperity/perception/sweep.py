@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from asperity.dynamics.hand import Hand, Motion, MotionStatus, drag, shake
-from asperity.errors import SurfaceError, require_choice
+from asperity.errors import AsperityError, SurfaceError, require_choice
 from asperity.forces import ho, minsky, otaduy_lin, siira_pai
 from asperity.geometry.offset import Surface
 from asperity.geometry.piecewise import PiecewiseCubic
@@ -91,7 +91,14 @@ class Sweep:
                 f"at spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
                 "give one with relief along the probe's path"
             )
-        return drag(force, self.hand, condition.speed)
+        motion = drag(force, self.hand, condition.speed)
+        if not motion.largest > 0.0:
+            raise AsperityError(
+                f"the hand rests in a notch all the time under {condition.normal_force:g} N at "
+                f"spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
+                "give a smaller force or a stiffer hand"
+            )
+        return motion
 
     def _force(self, condition: Condition) -> PiecewiseCubic:
         surface, force = self.make_surface(condition.spacing), condition.normal_force
