@@ -103,7 +103,7 @@ def run_demo(
                 for name in STUDIES
             }
         with watch.step("figures and data of the studies"):
-            claims = write_studies(studies, None, folder)
+            claims = write_studies(studies, None, folder, ("svg",))
         done = [future.result() for future in pending]
         watch.seconds["real surfaces (beside the two above)"] = time.perf_counter() - start
     rubs, remarks, sounds = {}, {}, {}

@@ -81,9 +81,9 @@ REAL_SURFACES = (
         height_range=0.3 * 425e-6,
         scale_note=(
             "The file lost its vertical scale: 0.3 of a grain's diameter (425 µm) was chosen; "
-            "9 µm a pixel is inferred. A piece of 9 by 8.1 mm is used."
+            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
         ),
-        shape=(1000, 900),
+        shape=(1000, 780),
         hurst=0.8,
         rms_slope=0.1,
         rolloff=1.5e-3,
@@ -97,9 +97,9 @@ REAL_SURFACES = (
         height_range=0.3 * 115e-6,
         scale_note=(
             "The file lost its vertical scale: 0.3 of a grain's diameter (115 µm) was chosen; "
-            "9 µm a pixel is inferred. A piece of 9 by 8.1 mm is used."
+            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
         ),
-        shape=(1000, 900),
+        shape=(1000, 780),
         hurst=0.8,
         rms_slope=0.05,
         rolloff=0.5e-3,

@@ -27,7 +27,7 @@ from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
 _DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
-_ONE_INTERRUPTION = 2.0
+_ONE_INTERRUPTION = 0.5
 """Signals closer than this are one [s]."""
 
 

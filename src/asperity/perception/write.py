@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -13,7 +14,12 @@ from asperity.perception.metrics import METRICS
 from asperity.perception.sweep import MODELS
 
 
-def write_studies(studies: dict[str, xr.Dataset], metric: str | None, folder: Path) -> list[Claim]:
+def write_studies(
+    studies: dict[str, xr.Dataset],
+    metric: str | None,
+    folder: Path,
+    kinds: Sequence[str] = ("png", "svg"),
+) -> list[Claim]:
     """Write figures (PNG, SVG), datasets (netCDF) and `claims.json`; return the claims.
 
     Parameters
@@ -25,16 +31,19 @@ def write_studies(studies: dict[str, xr.Dataset], metric: str | None, folder: Pa
         one of the models then shows max u'').
     folder : Path
         An existing folder.
+    kinds : sequence of str
+        Of the figures' files.
     """
     for name, data in studies.items():
         write_dataset(data, folder / f"{name}.nc")
         if name == "models":
             shown = metric or "max_acceleration"
-            plots.save(plots.models_figure(data, shown, list(MODELS.values())), folder, name)
+            figure = plots.models_figure(data, shown, list(MODELS.values()))
+            plots.save(figure, folder, name, kinds)
             continue
-        plots.save(plots.study_figure(data, list(METRICS)), folder, f"{name}_metrics")
+        plots.save(plots.study_figure(data, list(METRICS)), folder, f"{name}_metrics", kinds)
         if metric:
-            plots.save(plots.study_figure(data, [metric]), folder, name)
+            plots.save(plots.study_figure(data, [metric]), folder, name, kinds)
     claims = evaluate_claims(studies)
     write_claims(claims, folder / "claims.json")
     return claims
@@ -43,7 +52,7 @@ def write_studies(studies: dict[str, xr.Dataset], metric: str | None, folder: Pa
 def write_dataset(data: xr.Dataset, path: Path) -> None:
     """Write a dataset as netCDF-4, waveforms compressed."""
     packed = {
-        name: {"zlib": True, "complevel": 4} for name in data.data_vars if data[name].ndim > 2
+        name: {"zlib": True, "complevel": 1} for name in data.data_vars if data[name].ndim > 2
     }
     data.to_netcdf(path, engine="h5netcdf", encoding=packed)
 
