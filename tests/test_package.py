@@ -1,5 +1,6 @@
 """What a newcomer meets first: names, start-up, README, version."""
 
+import os
 import re
 import subprocess
 import sys
@@ -66,7 +67,10 @@ def test_the_readmes_example_is_the_example_that_runs(capsys):
     "path", sorted((ROOT / "examples").glob("[0-9]*.py")), ids=lambda p: p.name
 )
 def test_examples_run(path, tmp_path):
-    subprocess.run([sys.executable, str(path)], cwd=tmp_path, check=True, capture_output=True)
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    subprocess.run(
+        [sys.executable, str(path)], cwd=tmp_path, env=environment, check=True, capture_output=True
+    )
 
 
 def test_every_module_says_what_it_is():
