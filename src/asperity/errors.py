@@ -62,3 +62,14 @@ def _is_finite(value: Any) -> bool:
 
 def _in(unit: str) -> str:
     return f" {unit}" if unit else ""
+
+
+def require_finite(name: str, values: Any, count: int) -> tuple[float, ...]:
+    """Return `values` as `count` finite floats, else raise `AsperityError` naming them."""
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise AsperityError(f"{name} must be {count} finite numbers, got {values!r}")
+    return numbers

@@ -21,6 +21,7 @@ import tyro
 from asperity import __version__
 from asperity.cli.demo import Demo
 from asperity.cli.doctor import Doctor
+from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.study import Study
 from asperity.errors import AsperityError
@@ -38,6 +39,7 @@ class Arguments:
     command: (
         Annotated[Demo, tyro.conf.subcommand("demo")]
         | Annotated[Study, tyro.conf.subcommand("study")]
+        | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )

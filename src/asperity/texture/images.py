@@ -55,6 +55,19 @@ def read_image(path: Path) -> GreyImage:
     SurfaceError
         A file that is too large, or of a kind that cannot be read with all its bits.
     """
+    return _grey(*read_pixels(path))
+
+
+def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
+    """Return the pixels of an image with all their bits, and notes; for `_grey` or as normals.
+
+    Returns
+    -------
+    pixels : (rows, columns) or (rows, columns, channels) array
+        As stored, palettes looked up, the first row at the top of the picture.
+    notes : tuple of str
+        What was done to get them.
+    """
     suffix = path.suffix.lower()
     if suffix == ".exr":
         return _read_exr(path)
@@ -66,7 +79,7 @@ def read_image(path: Path) -> GreyImage:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:
             check_size(path, rows, columns)
-            return _grey(_png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced))
+            return _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced), ()
     return _read_pillow(path)
 
 
@@ -112,14 +125,29 @@ def _grey(pixels: NDArray[Any], notes: tuple[str, ...] = ()) -> GreyImage:
     return GreyImage(pixels.astype(np.float64), level_step(pixels), notes)
 
 
+def unit_vectors(pixels: NDArray[Any]) -> tuple[NDArray[np.float64], bool]:
+    """Return colours as vectors, -1 to 1, and whether they are unit normals, blue along them.
+
+    Whole numbers are taken from 0 to the largest of their type, fractions from 0 to 1, or as they
+    are where some are negative.
+    """
+    if pixels.dtype.kind == "u":
+        vectors = pixels[..., :3] * (2.0 / np.iinfo(pixels.dtype).max) - 1.0
+    else:
+        vectors = pixels[..., :3].astype(np.float64)
+        if vectors.min() >= 0.0:
+            vectors = 2.0 * vectors - 1.0
+    off_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0).mean()
+    return vectors, bool(off_unit < 0.05 and vectors[..., 2].mean() > 0.5)
+
+
 def _refuse_normal_map(pixels: NDArray[Any]) -> None:
     """Raise if the colours are unit vectors, with blue along the normal: no heights are there."""
-    if pixels.dtype.kind != "u":
-        return
-    vectors = pixels * (2.0 / np.iinfo(pixels.dtype).max) - 1.0
-    off_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0).mean()
-    if off_unit < 0.05 and vectors[..., 2].mean() > 0.5:
-        raise ValueError("its colours are unit vectors: a normal map; valid: a map of heights")
+    if pixels.dtype.kind == "u" and unit_vectors(pixels)[1]:
+        raise ValueError(
+            "its colours are unit vectors: a normal map; valid: a map of heights, or "
+            "HeightField.from_file with kind='normal-opengl' (green up) or 'normal-directx'"
+        )
 
 
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
@@ -149,7 +177,7 @@ def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDA
     return decoded(mode, f"{mode};16B") * np.uint16(256) + decoded(mode, f"{mode};16L")
 
 
-def _read_pillow(path: Path) -> GreyImage:
+def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     from PIL import Image
 
     with warnings.catch_warnings():
@@ -167,15 +195,15 @@ def _read_pillow(path: Path) -> GreyImage:
         if frames > 1:
             notes = (f"the first of {frames} pictures in the file is read",)
         if image.mode == "1":
-            return _grey(np.asarray(image.convert("L")), notes)
+            return np.asarray(image.convert("L")), notes
         if image.mode in ("P", "PA"):
-            return _grey(np.asarray(image.convert("RGB")), (*notes, "the palette is looked up"))
+            return np.asarray(image.convert("RGB")), (*notes, "the palette is looked up")
         if image.mode in ("L", "LA", "RGB", "RGBA", "I", "F") or image.mode.startswith("I;16"):
-            return _grey(np.asarray(image), notes)
-        return _grey(np.asarray(image.convert("RGB")), notes)
+            return np.asarray(image), notes
+        return np.asarray(image.convert("RGB")), notes
 
 
-def _read_tiff(path: Path) -> GreyImage:
+def _read_tiff(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     import tifffile
 
     with tifffile.TiffFile(path) as file:
@@ -204,10 +232,10 @@ def _read_tiff(path: Path) -> GreyImage:
             notes = (*notes, "the file stores white as 0; read as its grey values")
         if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
             pixels = np.moveaxis(pixels, 0, -1)
-    return _grey(pixels, notes)
+    return pixels, notes
 
 
-def _read_exr(path: Path) -> GreyImage:
+def _read_exr(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     try:
         openexr = importlib.import_module("OpenEXR")
     except ImportError:
@@ -220,9 +248,9 @@ def _read_exr(path: Path) -> GreyImage:
     channels = openexr.File(str(path)).channels()
     for name in ("Y", "RGB", "RGBA", "Z"):
         if name in channels:
-            return _grey(channels[name].pixels)
+            return channels[name].pixels, ()
     if len(channels) == 1:
-        return _grey(next(iter(channels.values())).pixels)
+        return next(iter(channels.values())).pixels, ()
     raise SurfaceError(
         f"{path}: none of the channels {', '.join(channels)} is a height; valid: Y, Z, RGB or one"
     )

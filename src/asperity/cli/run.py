@@ -1,0 +1,148 @@
+"""`asperity run`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional
+
+from asperity.cli.ranges import Between, check_ranges
+from asperity.errors import require_choice
+
+if TYPE_CHECKING:
+    from asperity.scene import Scene
+    from asperity.trajectory import ScriptedMotion, Trajectory
+
+
+@dataclass
+class Run:
+    """Move a textured tool over a textured scene, in simulated time.
+
+    Writes summary.json, recording.h5, a picture of the contact, and plots of force, torque and
+    the spectrum of the tangential force. What is not given, the scene says.
+    """
+
+    scene: Annotated[Positional[str], "scene"]
+    """probe-plate, probe-plate-dots, probe-plate-grating, or a folder with a scene."""
+    trajectory: str | None = None
+    """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz)."""
+    seconds: Annotated[float | None, Between(0.01, 3600.0)] = None
+    """Duration of a scripted trajectory."""
+    speed_mm_s: Annotated[float | None, Between(0.1, 1e4)] = None
+    """Of sliding [mm/s]."""
+    length_mm: Annotated[float | None, Between(0.1, 1e4)] = None
+    """Of a line, which is done to and fro [mm]."""
+    direction_deg: Annotated[float | None, Between(-360.0, 360.0)] = None
+    """Of the line, from x towards y [degrees]."""
+    radius_mm: Annotated[float | None, Between(0.1, 1e4)] = None
+    """Of the circle [mm]."""
+    turning_deg_s: Annotated[float | None, Between(-1e5, 1e5)] = None
+    """Of rotate [degrees/s]."""
+    force_n: Annotated[float | None, Between(0.0, 100.0)] = None
+    """Normal force at the start; the depth that gives it is searched [N]."""
+    depth_mm: Annotated[float | None, Between(-100.0, 100.0)] = None
+    """How deep to press instead [mm]."""
+    anti_alias: str | None = None
+    """off, tick, or band: what is done about texture faster than the tick."""
+    seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
+    """Of textures that have one. Default: as the scene says."""
+    out: Path = Path("out/run")
+    """Folder for the results."""
+    overwrite: bool = False
+    """Replace what is in the folder."""
+
+    def run(self) -> None:
+        """Run, write, and say what was felt."""
+        check_ranges(self)
+        from asperity.cli.progress import progress_bars
+        from asperity.compiled import cache_state
+        from asperity.headless import run_scene, take_pictures, write_figures, write_summary
+        from asperity.output import result_folder
+
+        scene = self._scene()
+        motion = self._motion(scene)
+        with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
+            what = scene.name if cache_state()[1] else f"{scene.name} (compiling first)"
+            task = bars.add_task(what, total=None)
+
+            def show(i: int, rollout: Any) -> None:
+                if i % 25 == 0 or i + 1 == len(rollout.time):
+                    fx, fy, fz = rollout.device_wrench[i, :3]
+                    force = (fx * fx + fy * fy + fz * fz) ** 0.5
+                    told = f"{scene.name}  {force:6.3f} N"
+                    bars.update(task, completed=i + 1, total=len(rollout.time), description=told)
+
+            done = run_scene(scene, folder / "recording.h5", motion=motion, on_tick=show)
+            bars.update(task, description="figures")
+            write_summary(done, folder / "summary.json")
+            write_figures(done, take_pictures(done, scene), folder)
+        self._say(done.summary)
+
+    def _scene(self) -> Scene:
+        from asperity.anti_alias import MODES
+        from asperity.scenes import load_scene
+
+        if self.anti_alias is not None:
+            require_choice("--anti-alias", self.anti_alias, MODES)
+        scene = load_scene(self.scene, seed=self.seed)
+        if self.anti_alias is not None:
+            scene = scene.changed(force={"anti_alias": self.anti_alias})
+        return scene
+
+    def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:
+        """Return the scene's motion with what the options change."""
+        import math
+        from dataclasses import replace
+
+        from asperity.errors import AsperityError
+        from asperity.trajectory import KINDS, ScriptedMotion
+        from asperity.trajectory_file import read_poses
+
+        given = {
+            "seconds": (self.seconds, 1.0), "speed": (self.speed_mm_s, 1e-3),
+            "length": (self.length_mm, 1e-3), "direction": (self.direction_deg, math.pi / 180.0),
+            "radius": (self.radius_mm, 1e-3), "turning": (self.turning_deg_s, math.pi / 180.0),
+            "press_force": (self.force_n, 1.0), "press_depth": (self.depth_mm, 1e-3),
+        }  # fmt: skip
+        changes = {name: x * scale for name, (x, scale) in given.items() if x is not None}
+        if self.force_n is not None and self.depth_mm is not None:
+            raise AsperityError("give --force-n or --depth-mm, not both")
+        if self.trajectory is not None and self.trajectory not in KINDS:
+            if Path(self.trajectory).suffix.lower() in (".csv", ".txt", ".npy", ".npz"):
+                if changes:
+                    raise AsperityError(
+                        f"a file of poses takes no {', '.join(changes)}; leave these options out"
+                    )
+                return read_poses(self.trajectory)
+            require_choice("--trajectory", self.trajectory, [*KINDS, "FILE.csv, .npy or .npz"])
+        motion = scene.motion
+        if not isinstance(motion, ScriptedMotion):
+            if self.trajectory is None and not changes:
+                return motion
+            motion = ScriptedMotion()
+        if self.force_n is not None:
+            motion = replace(motion, press_depth=None)
+        return replace(motion, **changes, kind=self.trajectory or motion.kind)  # type: ignore[arg-type]
+
+    def _say(self, summary: dict[str, Any]) -> None:
+        us, status = summary["tick_us"], summary["status"]
+        contacts = sum(status.values())
+        aliasing = summary["anti_alias"]
+        active = (
+            f"; texture averaged ({aliasing['mode']}) in {aliasing['ticks_active']} ticks"
+            if aliasing["ticks_active"]
+            else f"; texture faster than the tick in {aliasing['ticks_too_fast_and_off']} ticks: "
+            "see --anti-alias"
+            if aliasing["ticks_too_fast_and_off"]
+            else ""
+        )
+        print(
+            f"{self.out}: {summary['ticks']} ticks, median {us['median']:.0f} us, "
+            f"p99 {us['p99']:.0f} us; at most {summary['largest_force_n']:.3g} N and "
+            f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m; {status['certified']} of {contacts} "
+            f"depths certified{active}"
+        )
+        for note in summary["notes"]:
+            print(f"  {note}")

@@ -1,0 +1,1 @@
+"""Contact between textured bodies: low-resolution query, penetration depth, its gradient."""

@@ -1,0 +1,163 @@
+"""From a place uphill to a local maximum of the overlap, within the charts' borders.
+
+Each step maximises the quadratic that agrees with the overlap in value, slope and curvature,
+within a box and the borders taken as straight lines (sequential quadratic programming). With two
+unknowns that needs no solver: the maximum is inside, on one line, or where two lines meet, and
+all of these are looked at.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import kernel
+from asperity.contact.overlap import (
+    BORDER_SIZE,
+    F,
+    F_X,
+    F_XX,
+    F_XY,
+    F_Y,
+    F_YY,
+    MAX_BORDERS,
+    OVERLAP_SIZE,
+    borders_at,
+    overlap_at,
+)
+
+FEASIBLE = 1e-11
+"""A place this far beyond a border is still on it [m]."""
+_STEPS = 40
+_SHORTEST = 1e-14
+
+
+@kernel
+def _best_step(at, lines, count):
+    """Return the step (dx, dy) that maximises the quadratic at `at` where all lines allow it.
+
+    A line allows `lines[i, 1] dx + lines[i, 2] dy <= lines[i, 0]`. Without an allowed step the
+    flag returned third is false.
+    """
+    g_x, g_y = at[F_X], at[F_Y]
+    h_xx, h_xy, h_yy = at[F_XX], at[F_XY], at[F_YY]
+    det = h_xx * h_yy - h_xy * h_xy
+    if h_xx < 0.0 and det > 0.0:
+        dx, dy = -(h_yy * g_x - h_xy * g_y) / det, -(h_xx * g_y - h_xy * g_x) / det
+        fits = True
+        for i in range(count):
+            if lines[i, 1] * dx + lines[i, 2] * dy > lines[i, 0]:
+                fits = False
+                break
+        if fits:
+            return dx, dy, True
+    best, best_x, best_y, found = -np.inf, 0.0, 0.0, False
+    for i in range(count):
+        a, b, r = lines[i, 1], lines[i, 2], lines[i, 0]
+        square = a * a + b * b
+        if square == 0.0:
+            continue
+        base_x, base_y = a * r / square, b * r / square
+        along_x, along_y = -b, a
+        bend = h_xx * along_x * along_x + 2.0 * h_xy * along_x * along_y + h_yy * along_y * along_y
+        rise = (g_x + h_xx * base_x + h_xy * base_y) * along_x
+        rise += (g_y + h_xy * base_x + h_yy * base_y) * along_y
+        for j in range(i, count):
+            if j == i:
+                if bend >= 0.0:
+                    continue
+                s = -rise / bend
+            else:
+                cross = lines[j, 1] * along_x + lines[j, 2] * along_y
+                if abs(cross) <= 1e-14 * square:
+                    continue
+                s = (lines[j, 0] - lines[j, 1] * base_x - lines[j, 2] * base_y) / cross
+            dx, dy = base_x + s * along_x, base_y + s * along_y
+            value = g_x * dx + g_y * dy
+            value += 0.5 * (h_xx * dx * dx + 2.0 * h_xy * dx * dy + h_yy * dy * dy)
+            if value <= best:
+                continue
+            fits = True
+            for k in range(count):
+                if k != i and k != j:
+                    over = lines[k, 1] * dx + lines[k, 2] * dy - lines[k, 0]
+                    if over > 1e-15 + 1e-12 * abs(lines[k, 0]):
+                        fits = False
+                        break
+            if fits:
+                best, best_x, best_y, found = value, dx, dy, True
+    return best_x, best_y, found
+
+
+@kernel
+def _over(borders, count):
+    """Return how far the worst border is passed [m]."""
+    worst = 0.0
+    for i in range(count):
+        worst = max(worst, borders[i, 0])
+    return worst
+
+
+@kernel
+def climb(textures, cx, cy, box, x, y, stride, work, at_out):
+    """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
+
+    Returns whether the place is within the borders. `box` is (x0, x1, y0, y1); no step is longer
+    than `stride` along an axis.
+    """
+    x0, x1, y0, y1 = box
+    x, y = min(max(x, x0), x1), min(max(y, y0), y1)
+    at = at_out
+    trial = np.empty(OVERLAP_SIZE)
+    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
+    lines = np.empty((MAX_BORDERS + 4, 3))
+    overlap_at(textures, cx, cy, x, y, work, at)
+    if at[F] == -np.inf:
+        return False
+    count = borders_at(cx, cy, at, borders)
+    over = _over(borders, count)
+    for _ in range(_STEPS):
+        near = 0
+        for i in range(count):
+            # Lines that no step of this length can reach are left out.
+            if stride * (abs(borders[i, 1]) + abs(borders[i, 2])) > -borders[i, 0]:
+                lines[near, 0] = -borders[i, 0]
+                lines[near, 1], lines[near, 2] = borders[i, 1], borders[i, 2]
+                near += 1
+        for side in range(4):
+            lines[near, 1], lines[near, 2] = 0.0, 0.0
+            lines[near, 1 + (side >> 1)] = 1.0 if side & 1 else -1.0
+            near += 1
+        lines[near - 4, 0] = min(x - x0, stride)
+        lines[near - 3, 0] = min(x1 - x, stride)
+        lines[near - 2, 0] = min(y - y0, stride)
+        lines[near - 1, 0] = min(y1 - y, stride)
+        dx, dy, found = _best_step(at, lines, near)
+        if not found:
+            # Out of reach of the borders: what can be gained is a shorter way over them.
+            return over <= FEASIBLE
+        if abs(dx) + abs(dy) < _SHORTEST:
+            break
+        penalty = 10.0 * (1.0 + abs(at[F_X]) + abs(at[F_Y]))
+        new_x, new_y = min(max(x + dx, x0), x1), min(max(y + dy, y0), y1)
+        overlap_at(textures, cx, cy, new_x, new_y, work, trial)
+        better = False
+        if trial[F] > -np.inf:
+            trial_count = borders_at(cx, cy, trial, borders)
+            trial_over = _over(borders, trial_count)
+            gain = trial[F] - at[F] - penalty * (trial_over - over)
+            better = gain >= -1e-18
+        if better:
+            for i in range(OVERLAP_SIZE):
+                at[i] = trial[i]
+            x, y, over, count = new_x, new_y, trial_over, trial_count
+            # Newton's steps have reached the grain of the numbers.
+            if gain < 1e-17 and abs(dx) + abs(dy) < 1e-11:
+                break
+        else:
+            stride = 0.25 * max(abs(dx), abs(dy))
+            if stride < _SHORTEST:
+                break
+            count = borders_at(cx, cy, at, borders)
+    return over <= FEASIBLE

@@ -1,0 +1,225 @@
+"""The overlap of two charts, and where they end: the function that the search maximises.
+
+The point `p(x, y)` of chart X is compared with the height of chart Y over the same place. Each
+body's heights count along its own outward z, so the overlap is their plain sum
+
+    f(x, y) = z_X(x, y) + H_Y(q_X(x, y)),      q the place in (u, v).
+
+Where the two charts end are inequalities `g(x, y) <= 0`: the rows of both charts, the ellipse of
+a curved one and the four sides of Y's rectangle. The sides of X's rectangle are the sides of the
+box that is searched.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import kernel, small_kernel
+from asperity.contact.chart import (
+    E_MOST,
+    LEAST_ROOT,
+    LEVEL,
+    QINV,
+    RECTANGLE,
+    RECTANGLE_HARD,
+    ROWS,
+    TEXTURE,
+    C,
+    E,
+    O,
+    Q,
+)
+from asperity.contact.surface import (
+    P_X,
+    P_XX,
+    P_XY,
+    P_Y,
+    P_YY,
+    POINT_SIZE,
+    P,
+    height_at,
+    height_on,
+    over_base,
+    root_at,
+    surface_at,
+)
+
+F, F_X, F_Y, F_XX, F_XY, F_YY = 0, 1, 2, 3, 4, 5
+X, Y, ON_X, ON_Y = 6, 7, 8, 9  # where: parameters on chart X, and on chart Y
+TURN = 10  # derivatives of Y's parameters by X's: 11, 12, 21, 22
+SLOPE_X, SLOPE_Y = 14, 16  # slopes over (u, v) of the two surfaces
+POINT = 18  # the point of X; Y's has the same u and v
+ABOVE = 21  # z of Y's point
+OVERLAP_SIZE = 22
+MAX_BORDERS = 12
+BORDER_SIZE = 4  # g, g_x, g_y, code
+"""Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
+WORK_SIZE = 2 * POINT_SIZE
+
+
+@small_kernel
+def _over_level(textures, cx, cy, x, y, out):
+    """Do `overlap_at` for a level chart X below a smooth Y: a probe on a plate, the common case."""
+    u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
+    t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
+    z, g1, g2, k11, k12, k22 = over_base(cy, u, v)
+    out[X], out[Y] = x, y
+    if not z == z:
+        out[F] = -np.inf
+        return
+    if cx[TEXTURE] >= 0.0:
+        t, t_x, t_y, t_xx, t_xy, t_yy = height_on(
+            textures, cx, x, y, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        )
+    a, b, c, d = cx[Q], cx[Q + 1], cx[Q + 2], cx[Q + 3]
+    out[POINT], out[POINT + 1], out[POINT + 2] = u, v, cx[O + 2] + t
+    out[F] = out[POINT + 2] + z
+    out[F_X] = t_x + g1 * a + g2 * c
+    out[F_Y] = t_y + g1 * b + g2 * d
+    out[F_XX] = t_xx + a * (k11 * a + k12 * c) + c * (k12 * a + k22 * c)
+    out[F_XY] = t_xy + a * (k11 * b + k12 * d) + c * (k12 * b + k22 * d)
+    out[F_YY] = t_yy + b * (k11 * b + k12 * d) + d * (k12 * b + k22 * d)
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    du, dv = u - cy[O], v - cy[O + 1]
+    out[ON_X], out[ON_Y] = i * du + j * dv, k * du + m * dv
+    out[TURN], out[TURN + 1] = i * a + j * c, i * b + j * d
+    out[TURN + 2], out[TURN + 3] = k * a + m * c, k * b + m * d
+    i, j, k, m = cx[QINV], cx[QINV + 1], cx[QINV + 2], cx[QINV + 3]
+    out[SLOPE_X], out[SLOPE_X + 1] = i * t_x + k * t_y, j * t_x + m * t_y
+    out[SLOPE_Y], out[SLOPE_Y + 1] = g1, g2
+    out[ABOVE] = z
+
+
+@kernel
+def overlap_at(textures, cx, cy, x, y, work, out):
+    """Fill `out` (22,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
+
+    The overlap is -inf where one of the two has no such point. `work` (36,) is written to.
+    """
+    if cx[LEVEL] == 1.0 and cy[TEXTURE] < 0.0:
+        _over_level(textures, cx, cy, x, y, out)
+        return
+    surface_at(textures, cx, x, y, work)
+    out[X], out[Y] = x, y
+    u, v = work[P], work[P + 1]
+    out[F] = -np.inf
+    if not (u == u and v == v and work[P + 2] == work[P + 2]):
+        return
+    below = work[POINT_SIZE:]
+    z, g1, g2, k11, k12, k22, bx, by = height_at(textures, cy, u, v, below)
+    out[ON_X], out[ON_Y] = bx, by
+    if z == -np.inf:
+        return
+    u_x, v_x, u_y, v_y = work[P_X], work[P_X + 1], work[P_Y], work[P_Y + 1]
+    ku_x, kv_x = k11 * u_x + k12 * v_x, k12 * u_x + k22 * v_x
+    ku_y, kv_y = k11 * u_y + k12 * v_y, k12 * u_y + k22 * v_y
+    out[F] = work[P + 2] + z
+    out[F_X] = work[P_X + 2] + g1 * u_x + g2 * v_x
+    out[F_Y] = work[P_Y + 2] + g1 * u_y + g2 * v_y
+    out[F_XX] = work[P_XX + 2] + g1 * work[P_XX] + g2 * work[P_XX + 1] + u_x * ku_x + v_x * kv_x
+    out[F_XY] = work[P_XY + 2] + g1 * work[P_XY] + g2 * work[P_XY + 1] + u_x * ku_y + v_x * kv_y
+    out[F_YY] = work[P_YY + 2] + g1 * work[P_YY] + g2 * work[P_YY + 1] + u_y * ku_y + v_y * kv_y
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
+        a, b, c, d = below[P_X], below[P_Y], below[P_X + 1], below[P_Y + 1]
+        det = a * d - b * c
+        i, j, k, m = d / det, -b / det, -c / det, a / det
+    out[TURN], out[TURN + 1] = i * u_x + j * v_x, i * u_y + j * v_y
+    out[TURN + 2], out[TURN + 3] = k * u_x + m * v_x, k * u_y + m * v_y
+    det = u_x * v_y - u_y * v_x
+    out[SLOPE_X] = (v_y * work[P_X + 2] - v_x * work[P_Y + 2]) / det
+    out[SLOPE_X + 1] = (u_x * work[P_Y + 2] - u_y * work[P_X + 2]) / det
+    out[SLOPE_Y], out[SLOPE_Y + 1] = g1, g2
+    out[POINT], out[POINT + 1], out[POINT + 2] = u, v, work[P + 2]
+    out[ABOVE] = z
+
+
+@small_kernel
+def _border(borders, count, g, g_a, g_b, turn, at, code):
+    """Add a border whose slope in its own parameters is (g_a, g_b)."""
+    if turn:
+        borders[count, 1] = g_a * at[TURN] + g_b * at[TURN + 2]
+        borders[count, 2] = g_a * at[TURN + 1] + g_b * at[TURN + 3]
+    else:
+        borders[count, 1], borders[count, 2] = g_a, g_b
+    borders[count, 0], borders[count, 3] = g, code
+    return count + 1
+
+
+@small_kernel
+def _own_borders(chart, x, y, turn, at, hard, borders, count):
+    """Add the ellipse and the rows of one chart."""
+    if chart[C] > 0.0:
+        scale = 0.5 / math.sqrt(chart[E_MOST])
+        qx, qy = chart[E] * x + chart[E + 1] * y, chart[E + 1] * x + chart[E + 2] * y
+        g = scale * (x * qx + y * qy - 1.0 + chart[LEAST_ROOT] ** 2)
+        count = _border(borders, count, g, 2.0 * scale * qx, 2.0 * scale * qy, turn, at, 0.0)
+    for i in range(int(chart[ROWS])):
+        row = ROWS + 1 + 6 * i
+        r, r_x, r_y, _, _, _ = root_at(chart, x, y)
+        k3, k4 = chart[row + 3], chart[row + 4]
+        g = chart[row] + chart[row + 1] * x + chart[row + 2] * y + k3 * r + k4 * (x * x + y * y)
+        g_a = chart[row + 1] + k3 * r_x + 2.0 * k4 * x
+        g_b = chart[row + 2] + k3 * r_y + 2.0 * k4 * y
+        code = (hard if chart[row + 5] == 1.0 else 0.0) + (4.0 if k3 > 0.0 else 0.0)
+        count = _border(borders, count, g, g_a, g_b, turn, at, code)
+    return count
+
+
+@kernel
+def borders_at(cx, cy, at, borders_out):
+    """Fill value and slope of every border at a place of `overlap_at`; return how many."""
+    count = _own_borders(cx, at[X], at[Y], False, at, 1.0, borders_out, 0)
+    x, y = at[ON_X], at[ON_Y]
+    if cy[C] == 0.0:
+        code = 2.0 * cy[RECTANGLE_HARD]
+        for side in range(4):
+            sign = 1.0 if side & 1 else -1.0
+            along = side >> 1
+            place = x if along == 0 else y
+            g = sign * (place - cy[RECTANGLE + side])
+            g_a, g_b = (sign, 0.0) if along == 0 else (0.0, sign)
+            count = _border(borders_out, count, g, g_a, g_b, True, at, code)
+    return _own_borders(cy, x, y, True, at, 2.0, borders_out, count)
+
+
+@kernel
+def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack):
+    """Return the largest `g_x dx + g_y dy` over a box within borders taken as straight lines.
+
+    The box is given relative to the place of `borders`; -inf if nothing of it is within them.
+    `slack` is what a border that is not convex may give way.
+    """
+    xs, ys = np.empty(24), np.empty(24)
+    xs[0], xs[1], xs[2], xs[3] = x0, x1, x1, x0
+    ys[0], ys[1], ys[2], ys[3] = y0, y0, y1, y1
+    size = 4
+    new_x, new_y = np.empty(24), np.empty(24)
+    for i in range(count):
+        a, b = borders[i, 1], borders[i, 2]
+        r = -borders[i, 0] + (slack if borders[i, 3] >= 4.0 else 0.0)
+        most = max(a * x0, a * x1) + max(b * y0, b * y1)
+        if most <= r:
+            continue
+        kept = 0
+        for j in range(size):
+            k = (j + 1) % size
+            d0, d1 = a * xs[j] + b * ys[j] - r, a * xs[k] + b * ys[k] - r
+            if d0 <= 0.0:
+                new_x[kept], new_y[kept] = xs[j], ys[j]
+                kept += 1
+            if (d0 < 0.0 and d1 > 0.0) or (d0 > 0.0 and d1 < 0.0):
+                t = d0 / (d0 - d1)
+                new_x[kept], new_y[kept] = xs[j] + t * (xs[k] - xs[j]), ys[j] + t * (ys[k] - ys[j])
+                kept += 1
+        size = kept
+        if size == 0:
+            return -np.inf
+        for j in range(size):
+            xs[j], ys[j] = new_x[j], new_y[j]
+    best = -np.inf
+    for j in range(size):
+        best = max(best, g_x * xs[j] + g_y * ys[j])
+    return best

@@ -1,0 +1,361 @@
+r"""Penetration depth of two bodies along n, and its gradient.
+
+Along `n`, B's low-resolution normal, each body shows charts; the depth is the largest overlap of
+any pair. Its gradient in the six directions in which A can move is, by the envelope theorem, that
+of the overlap at the deepest place (n fixed in B's frame):
+
+    d(delta)/d(translation) = -m,    d(delta)/d(rotation) = -(r x m),    m = n - s_u u - s_v v,
+
+s the common slope of the two textured surfaces there and r the way from A's centre to the point
+of A's surface. Where the deepest place lies on an edge, the slopes differ: on an edge of A, which
+moves with A, B's slope counts; on an edge of B, A's; edge on edge, m is perpendicular to both.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.compiled import kernel
+from asperity.contact.chart import LEVEL, RECTANGLE, RECTANGLE_HARD, SIZE, TEXTURE, C, charts_of
+from asperity.contact.climb import FEASIBLE
+from asperity.contact.overlap import (
+    ABOVE,
+    BORDER_SIZE,
+    MAX_BORDERS,
+    ON_X,
+    ON_Y,
+    OVERLAP_SIZE,
+    POINT,
+    SLOPE_X,
+    SLOPE_Y,
+    TURN,
+    WORK_SIZE,
+    F,
+    X,
+    Y,
+    borders_at,
+)
+from asperity.contact.search import (
+    BEST,
+    LIMIT,
+    MOST_TIES,
+    NODES,
+    SPENT,
+    STATE_SIZE,
+    TIE,
+    TIES,
+    UPPER,
+    search_pair,
+)
+from asperity.contact.surface import P_X, P_Y, surface_at
+from asperity.texture.packed import Textures
+
+CERTIFIED, BUDGET_SPENT = 0, 1
+"""Whether the gap is within the tolerance, or the search ran out of nodes before it was."""
+
+# What a search leaves; one row of numbers.
+DEPTH, GAP, COUNT_NODES, STATUS, COUNT_TIES = 0, 1, 2, 3, 4
+POINT_X, M_X, MOMENT = 5, 8, 11  # place on A, m and the mean of place x m; all seen from the origin
+RESULT_SIZE = 14
+
+
+class Geometry(NamedTuple):
+    """All geoms of a scene, as kernels want them; rows are geoms."""
+
+    kind: NDArray[np.int64]
+    size: NDArray[np.float64]
+    position: NDArray[np.float64]
+    """In the body's frame [m], (geoms, 3)."""
+    rotation: NDArray[np.float64]
+    """From the geom's frame into the body's, (geoms, 3, 3)."""
+    body: NDArray[np.int64]
+    texture: NDArray[np.int64]
+    """Of each body: which texture, -1 for none."""
+    mapping: NDArray[np.int64]
+    origin: NDArray[np.float64]
+    """Of each body: where (u, v) = (0, 0) lies in its frame [m], (bodies, 3)."""
+
+
+class Workspace(NamedTuple):
+    """What the search writes to, allocated once."""
+
+    charts_a: NDArray[np.float64]
+    charts_b: NDArray[np.float64]
+    state: NDArray[np.float64]
+    best: NDArray[np.float64]
+    ties: NDArray[np.float64]
+    nodes: NDArray[np.float64]
+
+
+def workspace(geoms: int) -> Workspace:
+    """Return room for the search between bodies of at most `geoms` geoms each."""
+    return Workspace(
+        np.zeros((3 * geoms, SIZE)),
+        np.zeros((3 * geoms, SIZE)),
+        np.zeros(STATE_SIZE),
+        np.zeros(OVERLAP_SIZE + 1),
+        np.zeros((MOST_TIES, OVERLAP_SIZE + 2)),
+        np.zeros((1024, 5)),
+    )
+
+
+@kernel
+def _charts(geometry, geoms, count, frame, body, charts_out):
+    """Fill the charts of `count` geoms of one body, as seen along the third row of `frame`."""
+    made = 0
+    place, axes = np.empty(3), np.empty((3, 3))
+    for n in range(count):
+        g = geoms[n]
+        b = geometry.body[g]
+        for i in range(3):
+            place[i] = 0.0
+            for k in range(3):
+                world = body[k, 3]
+                for j in range(3):
+                    world += body[k, j] * geometry.position[g, j]
+                place[i] += frame[i, k] * world
+        for i in range(3):
+            for c in range(3):
+                total = 0.0
+                for k in range(3):
+                    world = 0.0
+                    for j in range(3):
+                        world += body[k, j] * geometry.rotation[g, j, c]
+                    total += frame[i, k] * world
+                axes[i, c] = total
+        made = charts_of(
+            geometry.kind[g], geometry.size[g], place, axes, frame, body,
+            geometry.texture[b], float(geometry.mapping[b]), geometry.origin[b],
+            charts_out, made,
+        )  # fmt: skip
+    return made
+
+
+@kernel
+def _hidden(chart):
+    """Return whether the height over a place has to be found by iteration."""
+    return chart[TEXTURE] >= 0.0 and chart[LEVEL] == 0.0
+
+
+@kernel
+def walks_on_a(a, b):
+    """Return whether the search walks over A's chart: over the one that is harder to look up."""
+    if _hidden(a) != _hidden(b):
+        return _hidden(a)
+    if _hidden(a):
+        return True
+    if b[TEXTURE] >= 0.0 or a[TEXTURE] >= 0.0:
+        return b[TEXTURE] < 0.0
+    return a[C] == 0.0
+
+
+@kernel
+def _edge(chart, at, borders, count, code):
+    """Return the direction across the edge of a chart that a place lies on, if it lies on one."""
+    for i in range(count):
+        if borders[i, 3] % 4.0 == code and borders[i, 0] > -10.0 * FEASIBLE:
+            return True, borders[i, 1], borders[i, 2]
+    return False, 0.0, 0.0
+
+
+@kernel
+def _on_rectangle(chart, x, y):
+    """Return whether (x, y) lies on a side of a chart's rectangle that is an edge."""
+    if chart[RECTANGLE_HARD] == 0.0:
+        return False, 0.0, 0.0
+    near = 10.0 * FEASIBLE
+    if x < chart[RECTANGLE] + near or x > chart[RECTANGLE + 1] - near:
+        return True, 1.0, 0.0
+    if y < chart[RECTANGLE + 2] + near or y > chart[RECTANGLE + 3] - near:
+        return True, 0.0, 1.0
+    return False, 0.0, 0.0
+
+
+@kernel
+def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
+    """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
+    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
+    count = borders_at(cx, cy, at, borders)
+    edge_x, across_x, across_y = _on_rectangle(cx, at[X], at[Y])
+    if not edge_x:
+        edge_x, across_x, across_y = _edge(cx, at, borders, count, 1.0)
+    edge_y, over_x, over_y = _edge(cy, at, borders, count, 2.0)
+    sign_x, sign_y = (-1.0, 1.0) if x_is_a else (1.0, -1.0)
+    out[2] = 1.0
+    if edge_x and edge_y:
+        # Both edges in (u, v, n); m is perpendicular to them.
+        surface_at(textures, cx, at[X], at[Y], work)
+        e = (
+            across_x * work[P_Y] - across_y * work[P_X],
+            across_x * work[P_Y + 1] - across_y * work[P_X + 1],
+            sign_x * (across_x * work[P_Y + 2] - across_y * work[P_X + 2]),
+        )
+        det = at[TURN] * at[TURN + 3] - at[TURN + 1] * at[TURN + 2]
+        g_a = (over_x * at[TURN + 3] - over_y * at[TURN + 2]) / det
+        g_b = (over_y * at[TURN] - over_x * at[TURN + 1]) / det
+        surface_at(textures, cy, at[ON_X], at[ON_Y], work)
+        f = (
+            g_a * work[P_Y] - g_b * work[P_X],
+            g_a * work[P_Y + 1] - g_b * work[P_X + 1],
+            sign_y * (g_a * work[P_Y + 2] - g_b * work[P_X + 2]),
+        )
+        up = e[0] * f[1] - e[1] * f[0]
+        size = math.sqrt((e[0] ** 2 + e[1] ** 2) * (f[0] ** 2 + f[1] ** 2))
+        if abs(up) > 1e-6 * size:
+            out[0] = (e[1] * f[2] - e[2] * f[1]) / up
+            out[1] = (e[2] * f[0] - e[0] * f[2]) / up
+            return
+    # An edge of one body slides on the other: the other's slope counts.
+    from_y = edge_x if edge_x != edge_y else x_is_a
+    slope, sign = (SLOPE_Y, sign_y) if from_y else (SLOPE_X, sign_x)
+    out[0], out[1] = -sign * at[slope], -sign * at[slope + 1]
+
+
+@kernel
+def frame_round(n, frame_out):
+    """Fill a right-handed frame with rows u, v, n."""
+    # The axis that n is least along gives u; for n along z, u and v are x and y.
+    if abs(n[0]) < 0.9:
+        x, y, z = 1.0 - n[0] * n[0], -n[0] * n[1], -n[0] * n[2]
+    else:
+        x, y, z = -n[1] * n[0], 1.0 - n[1] * n[1], -n[1] * n[2]
+    size = math.sqrt(x * x + y * y + z * z)
+    frame_out[0, 0], frame_out[0, 1], frame_out[0, 2] = x / size, y / size, z / size
+    frame_out[1, 0] = (n[1] * z - n[2] * y) / size
+    frame_out[1, 1] = (n[2] * x - n[0] * z) / size
+    frame_out[1, 2] = (n[0] * y - n[1] * x) / size
+    frame_out[2, 0], frame_out[2, 1], frame_out[2, 2] = n[0], n[1], n[2]
+
+
+@kernel
+def depth_along(
+    textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
+    tolerance, max_nodes, space, result_out,
+):  # fmt: skip
+    """Fill `result_out` (14,) with the depth of A in B along `n`, and where; see `DEPTH`, ...
+
+    Parameters
+    ----------
+    textures : Textures
+    geometry : Geometry
+    geoms_a, geoms_b : int64 arrays
+        Geoms of A and of B that may touch; the first `count_a` and `count_b` count.
+    body_a, body_b : (3, 4) arrays
+        Rotation of each body, and in the last column its place seen from the origin of the
+        contact [m]; world axes.
+    n : (3,) array
+        Unit normal of B towards A, world axes.
+    guess : (3,) array
+        Where the contact was last, seen from the origin; nan if unknown.
+    tolerance : float
+        The gap between the bounds that is asked for [m].
+    max_nodes : int
+        Most boxes to look at.
+    space : Workspace
+    result_out : (14,) array
+        Depth [m] (-inf: nothing overlaps along n), gap between the bounds [m], nodes looked at,
+        status, number of places that are equally deep; their mean place on A's surface, m, and
+        the mean of place x m, seen from the origin in world axes.
+    """
+    frame = np.empty((3, 3))
+    frame_round(n, frame)
+    made_b = _charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
+    gu = frame[0, 0] * guess[0] + frame[0, 1] * guess[1] + frame[0, 2] * guess[2]
+    gv = frame[1, 0] * guess[0] + frame[1, 1] * guess[1] + frame[1, 2] * guess[2]
+    for i in range(3):
+        frame[2, i] = -n[i]
+    made_a = _charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
+    state = space.state
+    state[BEST], state[UPPER], state[NODES] = -np.inf, -np.inf, 0.0
+    state[LIMIT], state[TIES], state[SPENT] = max_nodes, 0.0, 0.0
+    space.best[OVERLAP_SIZE] = -1.0
+    for i in range(made_a):
+        for j in range(made_b):
+            a, b = space.charts_a[i], space.charts_b[j]
+            pair = i * made_b + j
+            if walks_on_a(a, b):
+                search_pair(
+                    textures, a, b, pair, gu, gv, tolerance, state, space.best, space.ties,
+                    space.nodes,
+                )  # fmt: skip
+            else:
+                search_pair(
+                    textures, b, a, pair, gu, gv, tolerance, state, space.best, space.ties,
+                    space.nodes,
+                )  # fmt: skip
+    result_out[:] = 0.0
+    result_out[DEPTH] = state[BEST]
+    result_out[COUNT_NODES] = state[NODES]
+    if state[BEST] == -np.inf:
+        return
+    gap = max(state[UPPER] - state[BEST], 0.0)
+    result_out[GAP] = gap
+    result_out[STATUS] = CERTIFIED if gap <= tolerance else BUDGET_SPENT
+    work, m = np.empty(WORK_SIZE), np.empty(3)
+    total = 0.0
+    for t in range(int(state[TIES])):
+        at = space.ties[t]
+        if at[F] < state[BEST] - TIE:
+            continue
+        i, j = int(at[OVERLAP_SIZE]) // made_b, int(at[OVERLAP_SIZE]) % made_b
+        a, b = space.charts_a[i], space.charts_b[j]
+        x_is_a = walks_on_a(a, b)
+        if x_is_a:
+            _slope_normal(textures, a, b, True, at, work, m)
+            height = -at[POINT + 2]
+        else:
+            _slope_normal(textures, b, a, False, at, work, m)
+            height = -at[ABOVE]
+        result_out[COUNT_TIES] += 1.0
+        total += 1.0
+        p = np.empty(3)
+        q = np.empty(3)
+        for k in range(3):
+            p[k] = frame[0, k] * at[POINT] + frame[1, k] * at[POINT + 1] + n[k] * height
+            q[k] = frame[0, k] * m[0] + frame[1, k] * m[1] + n[k]
+        for k in range(3):
+            result_out[POINT_X + k] += p[k]
+            result_out[M_X + k] += q[k]
+            one, two = (k + 1) % 3, (k + 2) % 3
+            result_out[MOMENT + k] += p[one] * q[two] - p[two] * q[one]
+    for k in range(POINT_X, RESULT_SIZE):
+        result_out[k] /= total
+
+
+def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def]
+    """Return the geoms of `bodies` as arrays; `textures_of[i]` is the texture of body i or -1."""
+    from asperity.geometry.bodies import KINDS, MAPPINGS
+
+    geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
+    origins = []
+    for body in bodies:
+        origin = np.array([*body.offset, 0.0])
+        if body.texture is not None and body.texture.border == "clamp":
+            origin[:2] -= 0.5 * np.asarray(body.texture.size)
+        origins.append(origin)
+    return Geometry(
+        np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
+        np.array([geom.size for geom, _ in geoms], dtype=np.float64),
+        np.array([geom.position for geom, _ in geoms], dtype=np.float64),
+        np.array([rotation_of(np.asarray(geom.quaternion)) for geom, _ in geoms]),
+        np.array([number for _, number in geoms], dtype=np.int64),
+        np.asarray(textures_of, dtype=np.int64),
+        np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
+        np.array(origins, dtype=np.float64),
+    )
+
+
+def rotation_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a unit quaternion wxyz."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,276 @@
+"""The deepest overlap of two charts, by branch and bound.
+
+A box of chart X's parameters is either closed, because its upper bound does not exceed what has
+been found already, or quartered. The deepest place has been climbed to, so the result is a local
+maximum to the grain of the numbers, and no other place is deeper by more than the gap.
+
+Places within a nanometre of the deepest count as equally deep: flat on flat, or textures in
+register, have many, and the force acts at their middle. So boxes that may hold one are divided
+further, though not for ever: down to a fortieth of the contact.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import kernel
+from asperity.contact.bound import base_bound, node_bound, texture_over
+from asperity.contact.chart import (
+    B0,
+    B1,
+    B2,
+    LEVEL,
+    MAPPING,
+    PLANAR,
+    PZ,
+    Q_LEAST,
+    QINV,
+    RECTANGLE,
+    TEXTURE,
+    C,
+    E,
+    O,
+    Q,
+)
+from asperity.contact.climb import climb
+from asperity.contact.overlap import OVERLAP_SIZE, WORK_SIZE, F, X, Y
+from asperity.contact.surface import parameters_under
+
+TIE = 1e-9
+"""Places that are less deep than the deepest by at most this count as equally deep [m]."""
+MOST_TIES = 256
+_SAME = 1e-6  # places closer than this are one [m]
+_FINEST_TIE = 1.0 / 40.0
+_STACK = 1024
+_GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
+_SMALLEST = 1e-10  # boxes are not divided below this [m]
+
+# What a search knows; one row of numbers.
+BEST, UPPER, NODES, LIMIT, TIES, SPENT = 0, 1, 2, 3, 4, 5
+STATE_SIZE = 6
+
+
+@kernel
+def _extent(chart):
+    """Return the half sides in (u, v) of what a chart covers, and its middle."""
+    if chart[C] == 0.0 or chart[E] == 0.0:
+        x = 0.5 * (chart[RECTANGLE] + chart[RECTANGLE + 1])
+        y = 0.5 * (chart[RECTANGLE + 2] + chart[RECTANGLE + 3])
+        half_x, half_y = chart[RECTANGLE + 1] - x, chart[RECTANGLE + 3] - y
+    else:
+        x = y = 0.0
+        half_x, half_y = chart[RECTANGLE + 1], chart[RECTANGLE + 3]
+    u, v = chart[O] + chart[Q] * x + chart[Q + 1] * y, chart[O + 1] + chart[Q + 2] * x + chart[Q + 3] * y
+    half_u = abs(chart[Q]) * half_x + abs(chart[Q + 1]) * half_y
+    half_v = abs(chart[Q + 2]) * half_x + abs(chart[Q + 3]) * half_y
+    return u, v, half_u, half_v
+
+
+@kernel
+def _window(cx, cy, shift):
+    """Return the box of X's parameters that Y covers, as far as X goes."""
+    u, v, half_u, half_v = _extent(cy)
+    half_u, half_v = half_u + shift, half_v + shift
+    x, y = parameters_under(cx, u, v)
+    i, j, k, m = cx[QINV], cx[QINV + 1], cx[QINV + 2], cx[QINV + 3]
+    half_x, half_y = abs(i) * half_u + abs(j) * half_v, abs(k) * half_u + abs(m) * half_v
+    return (
+        max(x - half_x, cx[RECTANGLE]), min(x + half_x, cx[RECTANGLE + 1]),
+        max(y - half_y, cx[RECTANGLE + 2]), min(y + half_y, cx[RECTANGLE + 3]),
+    )  # fmt: skip
+
+
+@kernel
+def _blocks(textures, cx, window, boxes_out):
+    """Fill start boxes that cover the window; blocks of the texture's pyramid where they fit.
+
+    Bounds over a whole block are read at one place, and are sharper than over any other box.
+    """
+    x0, x1, y0, y1 = window
+    boxes_out[0, 0], boxes_out[0, 1], boxes_out[0, 2], boxes_out[0, 3] = x0, x1, y0, y1
+    if cx[LEVEL] == 0.0 or cx[TEXTURE] < 0.0 or cx[MAPPING] != PLANAR:
+        return 1
+    k = int(cx[TEXTURE])
+    along = abs(cx[B1 + 1]) < 1e-12 and abs(cx[B2]) < 1e-12
+    if not along and not (abs(cx[B1]) < 1e-12 and abs(cx[B2 + 1]) < 1e-12):
+        return 1
+    a, b = (0, 1) if along else (1, 0)
+    # Cells along x and along y: place = start + step * x.
+    step_x, step_y = cx[B1 + a] * textures.scales[k, a], cx[B2 + b] * textures.scales[k, b]
+    start_x = cx[B0 + a] * textures.scales[k, a] + 0.5
+    start_y = cx[B0 + b] * textures.scales[k, b] + 0.5
+    size = max(abs(step_x) * (x1 - x0), abs(step_y) * (y1 - y0))
+    block = 1.0
+    while block < size:
+        block *= 2.0
+    low_x = min(start_x + step_x * x0, start_x + step_x * x1)
+    low_y = min(start_y + step_y * y0, start_y + step_y * y1)
+    first_x, first_y = math.floor(low_x / block) * block, math.floor(low_y / block) * block
+    count = 0
+    for i in range(2):
+        for j in range(2):
+            c0, r0 = first_x + i * block, first_y + j * block
+            p0, p1 = (c0 - start_x) / step_x, (c0 + block - start_x) / step_x
+            q0, q1 = (r0 - start_y) / step_y, (r0 + block - start_y) / step_y
+            p0, p1 = max(min(p0, p1), cx[RECTANGLE]), min(max(p0, p1), cx[RECTANGLE + 1])
+            q0, q1 = max(min(q0, q1), cx[RECTANGLE + 2]), min(max(q0, q1), cx[RECTANGLE + 3])
+            if p0 < x1 and p1 > x0 and q0 < y1 and q1 > y0:
+                boxes_out[count, 0], boxes_out[count, 1] = p0, p1
+                boxes_out[count, 2], boxes_out[count, 3] = q0, q1
+                count += 1
+    return count
+
+
+@kernel
+def _keep(at, pair, weight, state, best, ties):
+    """Note a place that has been looked at: the deepest so far, or one as deep."""
+    depth = at[F]
+    if depth < state[BEST] - TIE:
+        return
+    if depth > state[BEST]:
+        state[BEST] = depth
+        for i in range(OVERLAP_SIZE):
+            best[i] = at[i]
+        best[OVERLAP_SIZE] = pair
+    count = int(state[TIES])
+    for i in range(count):
+        if ties[i, OVERLAP_SIZE] == pair and ties[i, F] >= state[BEST] - TIE:
+            if abs(ties[i, X] - at[X]) < _SAME and abs(ties[i, Y] - at[Y]) < _SAME:
+                if depth > ties[i, F]:
+                    for j in range(OVERLAP_SIZE):
+                        ties[i, j] = at[j]
+                return
+    if count == MOST_TIES:
+        # Make room: drop what has turned out less deep.
+        kept = 0
+        for i in range(count):
+            if ties[i, F] >= state[BEST] - TIE:
+                for j in range(OVERLAP_SIZE + 2):
+                    ties[kept, j] = ties[i, j]
+                kept += 1
+        count = kept
+        if count == MOST_TIES:
+            return
+    for i in range(OVERLAP_SIZE):
+        ties[count, i] = at[i]
+    ties[count, OVERLAP_SIZE], ties[count, OVERLAP_SIZE + 1] = pair, weight
+    state[TIES] = count + 1
+
+
+@kernel
+def _base_best(textures, cx, cy, window, work, at):
+    """Return where on X the smooth bases overlap most, or nearly so."""
+    u, v, _, _ = _extent(cy)
+    x, y = parameters_under(cx, u, v)
+    x0, x1, y0, y1 = window
+    if cx[C] == cx[PZ] == cx[PZ + 1] == 0.0 and cy[PZ] == cy[PZ + 1] == 0.0:
+        # Both are level there.
+        return min(max(x, x0), x1), min(max(y, y0), y1)
+    texture_x, texture_y = cx[TEXTURE], cy[TEXTURE]
+    cx[TEXTURE], cy[TEXTURE] = -1.0, -1.0
+    climb(textures, cx, cy, window, x, y, max(x1 - x0, y1 - y0), work, at)
+    cx[TEXTURE], cy[TEXTURE] = texture_x, texture_y
+    return at[X], at[Y]
+
+
+@kernel
+def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best, ties, nodes):
+    """Search one pair of charts; improve what `state`, `best` and `ties` hold.
+
+    Parameters
+    ----------
+    cx, cy : (100,) arrays
+        Charts; the search walks over the parameters of `cx`.
+    pair : int
+        Noted with every place.
+    guess_u, guess_v : float
+        A place in the contact frame to begin at; the last contact, say.
+    tolerance : float
+        Boxes are closed when they cannot be deeper than the deepest by more than this [m].
+    state : (6,) array
+        BEST and UPPER, the least and most that the depth can be [m]; NODES looked at and their
+        LIMIT; TIES, how many; SPENT, 1 when the limit was reached.
+    best : (23,) array
+        The deepest place, as by `overlap_at`, and its pair.
+    ties : (256, 24) array
+        Places as deep as the deepest (and stale ones), their pairs and weights.
+    nodes : (1024, 5) array
+        Working memory.
+    """
+    work = np.empty(WORK_SIZE)
+    at = np.empty(OVERLAP_SIZE)
+    shift = 0.0
+    if cx[TEXTURE] >= 0.0 and cx[LEVEL] == 0.0:
+        shift += textures.scales[int(cx[TEXTURE]), 2]
+    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
+        shift += textures.scales[int(cy[TEXTURE]), 2]
+    window = _window(cx, cy, shift)
+    x0, x1, y0, y1 = window
+    if not (x0 <= x1 and y0 <= y1):
+        return
+    span = max(x1 - x0, y1 - y0)
+    ax, ay = _base_best(textures, cx, cy, window, work, at)
+    if base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)[0] == -np.inf:
+        return
+    gx, gy = parameters_under(cx, guess_u, guess_v)
+    if not (x0 <= gx <= x1 and y0 <= gy <= y1):
+        gx, gy = ax, ay
+    if climb(textures, cx, cy, window, gx, gy, 0.1 * span, work, at):
+        _keep(at, pair, 1.0, state, best, ties)
+    boxes = np.empty((4, 4))
+    top = 0
+    for i in range(_blocks(textures, cx, window, boxes)):
+        for j in range(4):
+            nodes[top, j] = boxes[i, j]
+        nodes[top, 4] = np.inf
+        top += 1
+    finest = max(span * _FINEST_TIE, _SMALLEST)
+    while top > 0:
+        top -= 1
+        bound = nodes[top, 4]
+        if bound <= state[BEST] - TIE:
+            continue
+        x0, x1, y0, y1 = nodes[top, 0], nodes[top, 1], nodes[top, 2], nodes[top, 3]
+        if bound <= state[BEST] + tolerance and max(x1 - x0, y1 - y0) <= finest:
+            state[UPPER] = max(state[UPPER], bound)
+            continue
+        if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < _SMALLEST:
+            state[UPPER] = max(state[UPPER], bound)
+            state[SPENT] = 1.0
+            continue
+        # Oblong boxes are halved, others quartered.
+        cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
+        mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        start = top
+        for child in range(4):
+            if (child & 1 and not cut_x) or (child & 2 and not cut_y):
+                continue
+            p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
+            q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
+            state[NODES] += 1.0
+            enough = state[BEST] - TIE
+            high, seen = node_bound(
+                textures, cx, cy, ax, ay, (p0, p1, q0, q1), shift, enough,
+                best, best[OVERLAP_SIZE] == pair, work, at,
+            )  # fmt: skip
+            closed = seen and high <= at[F] + _GRAIN
+            if seen and at[F] > state[BEST] - TIE:
+                # The middle of a box, or the highest place in it: the maximum may be near.
+                if climb(textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at):
+                    _keep(at, pair, 1.0, state, best, ties)
+            if high <= state[BEST] - TIE:
+                continue
+            if closed:
+                state[UPPER] = max(state[UPPER], high)
+                continue
+            # Insertion keeps the most promising child on top of the stack.
+            place = top
+            while place > start and nodes[place - 1, 4] > high:
+                for j in range(5):
+                    nodes[place, j] = nodes[place - 1, j]
+                place -= 1
+            nodes[place, 0], nodes[place, 1], nodes[place, 2], nodes[place, 3] = p0, p1, q0, q1
+            nodes[place, 4] = high
+            top += 1

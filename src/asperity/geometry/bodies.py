@@ -1,0 +1,126 @@
+"""Bodies made of simple geoms, with a texture on all of them.
+
+A geom has one of MuJoCo's kinds and sizes (half sizes). The texture belongs to the body: a plate
+is the same plate whether it is modelled as one box or as sixty-four. A surface is displaced
+along the unit normal of its base, `p = base + t w`, with t the texture's height there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from asperity.errors import AsperityError, require_choice, require_finite
+
+if TYPE_CHECKING:
+    from asperity.texture.height_field import HeightField
+
+KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")
+MAPPINGS = ("planar", "cylindrical", "triplanar")
+_SIZES = {"plane": 2, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
+"""How many sizes count: half sides; radius; radius and half length; semi-axes."""
+
+
+@dataclass(frozen=True)
+class Geom:
+    """One simple solid, placed in its body's frame.
+
+    Parameters
+    ----------
+    kind : {"plane", "sphere", "capsule", "ellipsoid", "cylinder", "box"}
+    size : sequence of float
+        MuJoCo's sizes [m]: radius (sphere); radius, half length (capsule, cylinder; along z);
+        semi-axes (ellipsoid); half sides (box; plane, where 0 is unbounded).
+    position : (3,)
+        Of its centre in the body's frame [m].
+    quaternion : (4,)
+        Its orientation in the body's frame, wxyz, of unit length.
+    """
+
+    kind: str
+    size: Sequence[float]
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        require_choice("kind of geom", self.kind, KINDS)
+        count = _SIZES[self.kind]
+        size = (*map(float, self.size), 0.0, 0.0)[:3]
+        if len(self.size) < count and self.kind != "plane":
+            raise AsperityError(f"a {self.kind} needs {count} sizes [m], got {self.size!r}")
+        least_wrong = min(size[:count]) < 0.0 if self.kind == "plane" else min(size[:count]) <= 0.0
+        if not all(map(math.isfinite, size)) or least_wrong:
+            raise AsperityError(f"sizes of a {self.kind} must be above 0 [m], got {self.size!r}")
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "position", require_finite("position", self.position, 3))
+        object.__setattr__(self, "quaternion", unit_quaternion(self.quaternion))
+
+    @property
+    def smallest(self) -> float:
+        """Smallest extent from its centre outwards [m]; infinite for a plane."""
+        return math.inf if self.kind == "plane" else min(self.size[: _SIZES[self.kind]])
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body: geoms that move together, and the texture on them.
+
+    Parameters
+    ----------
+    name : str
+    geoms : sequence of Geom
+        One at least; their surfaces count as one.
+    texture : HeightField, optional
+        None is a smooth body.
+    mapping : {"planar", "cylindrical", "triplanar"}
+        How the texture lies on the body. *planar*: (u, v) are x and y in the body's frame, on
+        every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), mixed by the fourth
+        powers of the normal's components. *cylindrical*: on the sides of cylinders and capsules,
+        u round the axis and v along it; their ends stay smooth.
+    offset : (2,)
+        Where on the body the map lies [m]: its corner if it wraps, its middle if it is clamped.
+    """
+
+    name: str
+    geoms: Sequence[Geom]
+    texture: HeightField | None = None
+    mapping: str = "planar"
+    offset: Sequence[float] = field(default=(0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "geoms", tuple(self.geoms))
+        if not self.geoms:
+            raise AsperityError(f"body {self.name!r} has no geoms; give it one at least")
+        require_choice("mapping", self.mapping, MAPPINGS)
+        object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
+        if self.mapping == "cylindrical":
+            for geom in self.geoms:
+                if geom.kind not in ("cylinder", "capsule"):
+                    raise AsperityError(
+                        f"body {self.name!r}: a {geom.kind} has no cylindrical mapping; "
+                        "valid: planar, triplanar"
+                    )
+        self._refuse_tall()
+
+    def _refuse_tall(self) -> None:
+        if self.texture is None:
+            return
+        reach = max(abs(self.texture.highest), abs(self.texture.lowest))
+        smallest = min(geom.smallest for geom in self.geoms)
+        if reach > 0.5 * smallest:
+            raise AsperityError(
+                f"the texture of body {self.name!r} reaches {reach * 1e3:.4g} mm from its base, "
+                f"but the body only {smallest * 1e3:.4g} mm from its middle; valid: at most half "
+                f"of that, {0.5e3 * smallest:.4g} mm"
+            )
+
+
+def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
+    """Return `quaternion` (wxyz) with its length, which must be 1 to 1e-3, made exactly 1."""
+    values = require_finite("quaternion", quaternion, 4)
+    length = math.hypot(*values)
+    if abs(length - 1.0) > 1e-3:
+        raise AsperityError(f"a quaternion must have length 1, got {values} of length {length:g}")
+    return tuple(value / length for value in values)

@@ -1,0 +1,195 @@
+"""One run of a scene in simulated time, and what it leaves on disk."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity import __version__
+from asperity.anti_alias import SPAN
+from asperity.picture.contact import Moment, Picture, close_picture, whole_picture
+from asperity.recording import RecordingWriter
+from asperity.scene import Scene
+from asperity.simulation import BUDGET_SPENT, SUB_POSES, TOO_FAST, Rollout, Simulation
+from asperity.trajectory import ScriptedMotion, Trajectory
+
+_ROWS = 256
+"""Ticks that go into the recording at once."""
+_LINE = {"radius", "turning"}
+_UNUSED: dict[str, set[str]] = {
+    "slide": _LINE,
+    "press-and-slide": _LINE,
+    "circle": {"length", "turning"},
+    "rotate": {"speed", "length", "direction", "radius"},
+}
+"""What does not matter to each kind of motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of a run."""
+
+    rollout: Rollout
+    moment: Moment
+    """When the force across the mean normal was largest."""
+    summary: dict[str, Any]
+
+
+def run_scene(
+    scene: Scene,
+    recording: Path,
+    *,
+    motion: ScriptedMotion | Trajectory | None = None,
+    on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
+) -> Run:
+    """Move the tool along a trajectory; write the recording while it moves.
+
+    Parameters
+    ----------
+    scene : Scene
+    recording : Path
+        The file to write; must not exist.
+    motion : ScriptedMotion or Trajectory, optional
+        Default: the scene's own.
+    on_tick : callable
+        Called after each tick with its number and what there is so far.
+    """
+    motion = scene.motion if motion is None else motion
+    simulation = Simulation(scene)
+    trajectory = simulation.trajectory(motion)
+    best = Moment.of(0.0, trajectory.poses[0], simulation.contacts)
+    largest, written = -1.0, 0
+    attributes = {
+        "scene": scene.name, "trajectory": trajectory.name, "dt": simulation.dt,
+        "anti_alias": scene.anti_alias, "version": __version__, "document": json.dumps(
+            scene.document), "notes": "\n".join(scene.notes),
+    }  # fmt: skip
+    with RecordingWriter(recording, attributes) as writer:
+
+        def keep(i: int, rollout: Rollout) -> None:
+            nonlocal best, largest, written
+            across = _across(simulation)
+            if across > largest:
+                largest = across
+                best = Moment.of(float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts)
+            if i + 1 - written == _ROWS:
+                writer.add_rows(_rows(rollout, written, i + 1))
+                written = i + 1
+            on_tick(i, rollout)
+
+        rollout = simulation.rollout(trajectory, on_tick=keep)
+        writer.add_rows(_rows(rollout, written, len(rollout.time)))
+    return Run(rollout, best, _summary(scene, motion, rollout))
+
+
+def _across(simulation: Simulation) -> float:
+    """Return the size of the contact forces across their normals [N]; -1 without contact."""
+    n = simulation.contact_count
+    if n == 0:
+        return -1.0
+    force, normal = simulation.contacts.force[:n], simulation.contacts.normal[:n]
+    along = np.einsum("ij,ij->i", force, normal)
+    return float(np.linalg.norm((force - along[:, None] * normal).sum(axis=0)))
+
+
+def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
+    names = ("time", "handle_pose", "tool_pose", "contact_wrench", "device_wrench")
+    return {name: getattr(rollout, name)[first:last] for name in (*names, "contact_count", "flags")}
+
+
+def _summary(scene: Scene, motion: ScriptedMotion | Trajectory, rollout: Rollout) -> dict[str, Any]:
+    """Return the numbers of a run, in SI units but for the times of ticks."""
+    us = rollout.tick_seconds * 1e6
+    quantiles = {"median": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9, "max": 100.0}
+    ticks = len(rollout.time)
+    dt = float(rollout.time[1] - rollout.time[0]) if ticks > 1 else 1e-3
+    force = np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)
+    torque = np.linalg.norm(rollout.contact_wrench[:, 3:], axis=1)
+    if isinstance(motion, Trajectory):
+        told: dict[str, Any] = {"kind": "poses", "file": motion.name, "seconds": motion.seconds}
+    else:
+        unused = _UNUSED[motion.kind] | (
+            {"press_force"} if motion.press_depth is not None else set()
+        )
+        values = dataclasses.asdict(motion)
+        told = {k: v for k, v in values.items() if v is not None and k not in unused}
+
+    def flagged(bit: int) -> int:
+        return int(np.count_nonzero(rollout.flags & bit))
+
+    return {
+        "schema": 1,
+        "version": __version__,
+        "scene": scene.name,
+        "trajectory": told,
+        "ticks": ticks,
+        "tick_seconds": dt,
+        "tick_us": {name: float(np.percentile(us, q)) for name, q in quantiles.items()},
+        "status": dict(
+            zip(("certified", "budget_spent", "overflow"), rollout.statuses.tolist(), strict=True)
+        ),
+        "contacts": {
+            "ticks_in_contact": int(np.count_nonzero(rollout.contact_count)),
+            "mean": float(rollout.contact_count.mean()),
+            "largest": int(rollout.contact_count.max()),
+        },
+        "largest_force_n": float(force.max()),
+        "largest_torque_n_m": float(torque.max()),
+        "anti_alias": {
+            "mode": scene.anti_alias,
+            "delay_s": 0.5 * SPAN[scene.anti_alias] * dt,
+            "ticks_active": flagged(SUB_POSES),
+            "ticks_beyond_budget": flagged(BUDGET_SPENT),
+            "ticks_too_fast_and_off": flagged(TOO_FAST),
+        },
+        "notes": list(scene.notes),
+    }
+
+
+def take_pictures(run: Run, scene: Scene) -> tuple[Picture, Picture]:
+    """Return the pictures of the run's moment: close to the contact, and the whole tool."""
+    return close_picture(scene, run.moment), whole_picture(scene, run.moment)
+
+
+def write_figures(
+    run: Run,
+    pictures: tuple[Picture, Picture],
+    folder: Path,
+    *,
+    prefix: str = "",
+    kinds: Sequence[str] = ("png", "svg"),
+) -> None:
+    """Write the picture (PNG) and the plots of force, torque and spectrum."""
+    from asperity import plots, plots_run
+
+    title = f"{run.summary['scene']}: {described(run.summary)}"
+    picture = plots_run.contact_figure(*pictures, run.moment, title)
+    plots.save(picture, folder, f"{prefix}picture", ("png",))
+    for name, figure in (
+        ("force", plots_run.force_figure),
+        ("torque", plots_run.torque_figure),
+        ("spectrum", plots_run.spectrum_figure),
+    ):
+        plots.save(figure(run.rollout, title), folder, prefix + name, kinds)
+
+
+def write_summary(run: Run, path: Path) -> None:
+    """Write the numbers of a run as JSON."""
+    path.write_text(json.dumps(run.summary, indent=2, allow_nan=False) + "\n", "utf-8")
+
+
+def described(summary: dict[str, Any]) -> str:
+    """Return the trajectory of a summary in words."""
+    motion = summary["trajectory"]
+    kind = motion["kind"]
+    if kind == "poses":
+        return f"poses of {motion['file']}"
+    if kind == "rotate":
+        return f"rotate at {motion['turning']:.3g} rad/s"
+    return f"{kind} at {motion['speed'] * 1e3:.3g} mm/s"

@@ -1,0 +1,210 @@
+"""`recording.h5`: what happened in a run, tick by tick, in HDF5 with dimension scales.
+
+Written while the run goes on and flushed every half second, so that a killed run leaves a file
+that opens. Any reader of HDF5 or netCDF-4 opens it; with xarray:
+
+    xarray.open_dataset("recording.h5", engine="h5netcdf")
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.errors import AsperityError
+from asperity.simulation import FLAGS, Rollout
+
+SCHEMA = 1
+FLUSH_SECONDS = 0.5
+_CHUNK = 1024
+_POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+_WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
+    "handle_pose": (("time", "pose"), "f8", "m, 1", "pose of the handle: position, quaternion"),
+    "tool_pose": (("time", "pose"), "f8", "m, 1", "pose of the tool: position, quaternion"),
+    "contact_wrench": (
+        ("time", "wrench"), "f8", "N, N m",
+        "force and torque on the tool about its centre of mass, world axes",
+    ),
+    "device_wrench": (
+        ("time", "wrench"), "f8", "N, N m",
+        "force and torque that the hand feels, about the tool's centre of mass, world axes",
+    ),
+    "contact_count": (("time",), "i4", "1", "number of contacts"),
+    "flags": (("time",), "i4", "1", "what there is to say of the tick"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A recording in memory: the variables of the file, and its attributes.
+
+    `time` (n,) [s], `handle_pose`, `tool_pose` (n, 7), `contact_wrench`, `device_wrench` (n, 6)
+    [N, N m], `contact_count`, `flags` (n,).
+    """
+
+    time: NDArray[np.float64]
+    handle_pose: NDArray[np.float64]
+    tool_pose: NDArray[np.float64]
+    contact_wrench: NDArray[np.float64]
+    device_wrench: NDArray[np.float64]
+    contact_count: NDArray[np.int64]
+    flags: NDArray[np.int64]
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+
+class RecordingWriter:
+    """Writes a recording while it happens. A context manager.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
+    attributes : mapping
+        Texts and numbers to keep with it: scene, tick, and the like.
+    clock : callable
+        Says when half a second has gone by [s].
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        attributes: Mapping[str, Any] | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        import h5py
+
+        self._clock = clock
+        self._file = h5py.File(path, "x")
+        _lay_out(self._file, h5py)
+        for key, value in {**(attributes or {}), "schema": SCHEMA}.items():
+            self._file.attrs[key] = value
+        self._waiting: dict[str, list[Any]] = {"time": [], **{name: [] for name in _VARIABLES}}
+        self._flushed = clock()
+        self._file.flush()
+
+    def add(self, **row: ArrayLike) -> None:
+        """Add one tick: `time` and every variable."""
+        for name, waiting in self._waiting.items():
+            waiting.append(row[name])
+        late = self._clock() - self._flushed >= FLUSH_SECONDS
+        if late or len(self._waiting["time"]) >= _CHUNK:
+            self._write()
+        if late:
+            self._flush()
+
+    def add_rows(self, rows: Mapping[str, NDArray[Any]]) -> None:
+        """Add many ticks: arrays whose first axis is time."""
+        self._write()
+        self._append(rows)
+        if self._clock() - self._flushed >= FLUSH_SECONDS:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left and close the file."""
+        if self._file:
+            self._write()
+            self._file.close()
+
+    def _write(self) -> None:
+        if self._waiting["time"]:
+            self._append({name: np.array(rows) for name, rows in self._waiting.items()})
+            for rows in self._waiting.values():
+                rows.clear()
+
+    def _append(self, rows: Mapping[str, NDArray[Any]]) -> None:
+        old = self._file["time"].shape[0]
+        new = old + len(rows["time"])
+        # Time last: a reader takes as many rows as there are times.
+        for name in (*_VARIABLES, "time"):
+            self._file[name].resize(new, axis=0)
+            self._file[name][old:new] = rows[name]
+
+    def _flush(self) -> None:
+        self._file.flush()
+        self._flushed = self._clock()
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _lay_out(file: Any, h5py: Any) -> None:
+    """Make the datasets, empty, with dimension scales, units and explanations."""
+    text = h5py.string_dtype()
+    scales = {
+        "time": file.create_dataset("time", (0,), "f8", maxshape=(None,), chunks=(_CHUNK,)),
+        "pose": file.create_dataset("pose", data=np.array(_POSE, dtype=object), dtype=text),
+        "wrench": file.create_dataset("wrench", data=np.array(_WRENCH, dtype=object), dtype=text),
+    }
+    for name, scale in scales.items():
+        scale.make_scale(name)
+    scales["time"].attrs.update(units="s", long_name="time since the first tick")
+    for name, (dims, kind, units, told) in _VARIABLES.items():
+        shape = (0, *(scales[dim].shape[0] for dim in dims[1:]))
+        data = file.create_dataset(
+            name, shape, kind, maxshape=(None, *shape[1:]), chunks=(_CHUNK, *shape[1:])
+        )
+        data.attrs.update(units=units, long_name=told)
+        for axis, dim in enumerate(dims):
+            data.dims[axis].attach_scale(scales[dim])
+    # As the CF conventions say it.
+    file["flags"].attrs["flag_masks"] = np.array(list(FLAGS), dtype=np.int32)
+    file["flags"].attrs["flag_meanings"] = " ".join(
+        told.replace(",", "").replace(" ", "_") for told in FLAGS.values()
+    )
+
+
+def write_recording(
+    rollout: Rollout, path: str | Path, attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write what came of a trajectory to a new file."""
+    path = Path(path)
+    if path.exists():
+        raise AsperityError(f"{path} exists; give another name")
+    with RecordingWriter(path, attributes) as writer:
+        writer.add_rows({name: getattr(rollout, name) for name in ("time", *_VARIABLES)})
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Return a recording, also one whose writer was killed: then as far as it got."""
+    import h5py
+
+    path = Path(path)
+    if not path.is_file():
+        raise AsperityError(f"no such recording: {path}; give a recording.h5 of asperity run")
+    try:
+        with h5py.File(path, "r") as file:
+            schema = _plain(file.attrs.get("schema"))
+            missing = [name for name in ("time", *_VARIABLES) if name not in file]
+            if schema != SCHEMA or missing:
+                told = f"no {missing[0]}" if missing else f"schema {schema!r}, valid: {SCHEMA}"
+                raise AsperityError(f"{path} is no recording of asperity's: {told}")
+            rows = min(file[name].shape[0] for name in ("time", *_VARIABLES))
+            arrays = {name: file[name][:rows] for name in ("time", *_VARIABLES)}
+            attributes = {key: _plain(value) for key, value in file.attrs.items()}
+    except OSError as error:
+        reason = " ".join(str(error).split())
+        raise AsperityError(f"{path} cannot be read as HDF5: {reason}") from None
+    for name in ("contact_count", "flags"):
+        arrays[name] = arrays[name].astype(np.int64)
+    return Recording(**arrays, attributes=attributes)
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

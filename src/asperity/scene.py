@@ -1,0 +1,286 @@
+"""A scene: bodies, their textures, how they push, and how the tool moves by default.
+
+On disk it is a folder of two files. `scene.xml` is MJCF, for any tool of MuJoCo: bodies of simple
+geoms; the tool is a body with a freejoint. `scene.toml` adds what MJCF has no words for:
+
+    schema = 1
+
+    [tool]
+    body = "probe"
+
+    [bodies.plate.texture]
+    kind = "sinusoid"            # or: file = "coin.png", pixel_size = 1e-5, height_range = 1e-4
+    wavelength = 2e-3            # all in SI units
+
+    [force]
+    stiffness = 400.0
+    anti_alias = "tick"
+
+    [trajectory]
+    kind = "slide"
+    speed = 0.083
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.anti_alias import MODES
+from asperity.errors import AsperityError, require_choice
+from asperity.forces.settings import ForceSettings
+from asperity.geometry.bodies import Body, Geom
+from asperity.output import result_folder
+from asperity.poses import require_pose
+from asperity.scene_file import (
+    Table,
+    arguments,
+    at,
+    check_document,
+    read_toml,
+    require_keys,
+    write_toml,
+)
+from asperity.scene_texture import beside, body_texture
+from asperity.trajectory import KINDS, ScriptedMotion, Trajectory
+from asperity.trajectory_file import read_poses
+
+_GEOMS = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that stays as it is while the tool moves. `make_scene` makes it.
+
+    Parameters
+    ----------
+    name : str
+    xml : str
+        The MJCF.
+    document : mapping
+        What `scene.toml` holds, checked.
+    folder : Path or None
+        Where the files lie that `document` names.
+    model : mujoco.MjModel
+    bodies : tuple of Body
+        With the tool, as MuJoCo orders them.
+    tool : str
+        The body that is held.
+    start : (7,) array
+        The tool's pose where it is drawn in `xml`.
+    force : ForceSettings
+    anti_alias : {"off", "tick", "band"}
+        What is done about texture that passes faster than the tick.
+    motion : ScriptedMotion or Trajectory
+        What the handle does if nothing else is said.
+    notes : tuple of str
+        What was chosen or changed while textures were read.
+    """
+
+    name: str
+    xml: str
+    document: Table
+    folder: Path | None
+    model: mujoco.MjModel
+    bodies: tuple[Body, ...]
+    tool: str
+    start: NDArray[np.float64]
+    force: ForceSettings
+    anti_alias: str
+    motion: ScriptedMotion | Trajectory
+    notes: tuple[str, ...]
+
+    @property
+    def shortest_wavelength(self) -> float:
+        """The shortest wave in any texture [m]; infinite without texture."""
+        lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
+        return min(lengths, default=float("inf"))
+
+    def changed(self, **sections: Table) -> Scene:
+        """Return the scene with keys of some sections of its document set, checked again.
+
+        >>> scene.changed(force={"stiffness": 800.0}, trajectory={"speed": 0.169})
+        """
+        document = {key: value for key, value in self.document.items()}
+        for section, table in sections.items():
+            document[section] = _merged(document.get(section, {}), table)
+        return make_scene(self.xml, document, name=self.name, folder=self.folder)
+
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
+        """Write `scene.xml`, `scene.toml` and the files that they name into a folder."""
+        document = _merged(self.document, {})
+        with result_folder(Path(folder), overwrite=overwrite) as fresh:
+            tables = [b["texture"] for b in document.get("bodies", {}).values() if "texture" in b]
+            for table in [*tables, document.get("trajectory", {})]:
+                if "file" in table:
+                    source = beside(self.folder, table["file"])
+                    table["file"] = _free_name(fresh, source)
+                    shutil.copyfile(source, fresh / table["file"])
+            (fresh / "scene.xml").write_text(self.xml, "utf-8")
+            (fresh / "scene.toml").write_text(write_toml(document), "utf-8")
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Return the scene in a folder, or of a file `scene.xml` or `scene.toml` in it."""
+    path = Path(path)
+    folder = path.parent if path.name in ("scene.xml", "scene.toml") else path
+    if not folder.is_dir():
+        raise AsperityError(f"no such folder of a scene: {folder}")
+    document = read_toml(folder / "scene.toml")
+    xml_path = folder / "scene.xml"
+    if not xml_path.is_file():
+        raise AsperityError(f"no such file: {xml_path}; a scene is scene.xml and scene.toml")
+    try:
+        # Through MuJoCo's own reader, so that includes are found beside the file.
+        xml = xml_path.read_text("utf-8")
+        if "<include" in xml:
+            xml = mujoco.MjSpec.from_file(str(xml_path)).to_xml()
+    except (ValueError, OSError) as error:
+        raise AsperityError(f"{xml_path} is not MJCF: {_line(error)}") from None
+    return at(
+        str(folder),
+        lambda: make_scene(xml, document, name=folder.resolve().name, folder=folder),
+    )
+
+
+def make_scene(
+    xml: str, document: Table, *, name: str = "scene", folder: Path | None = None
+) -> Scene:
+    """Return a scene made of MJCF and of what `scene.toml` would hold.
+
+    Raises
+    ------
+    AsperityError
+        One line: what is wrong in which key, and what is valid.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        raise AsperityError(f"scene.xml is not MJCF: {_line(error)}") from None
+    owned = _geoms(model)
+    check_document(document, owned)
+    tool = document["tool"]["body"]
+    start = _tool_start(model, tool)
+    bodies, notes = [], []
+    for body, geoms in owned.items():
+        table = document.get("bodies", {}).get(body, {}).get("texture", {})
+        key = f"bodies.{body}.texture"
+        texture, placing = body_texture(table, key, folder)
+        bodies.append(at(key, partial(Body, body, geoms, texture, **placing)))
+        notes += [f"{body}: {note}" for note in texture.notes] if texture is not None else []
+    force, anti_alias = _force(document.get("force", {}))
+    return Scene(
+        name=name,
+        xml=xml,
+        document=_merged(document, {}),
+        folder=folder,
+        model=model,
+        bodies=tuple(bodies),
+        tool=tool,
+        start=start,
+        force=force,
+        anti_alias=anti_alias,
+        motion=_motion(document.get("trajectory", {}), folder),
+        notes=tuple(notes),
+    )
+
+
+def _geoms(model: mujoco.MjModel) -> dict[str, list[Geom]]:
+    """Return the geoms of each body that has some, by the body's name."""
+    owned: dict[str, list[Geom]] = {}
+    for i in range(model.ngeom):
+        geom, body = model.geom(i), model.body(int(model.geom_bodyid[i]))
+        if geom.contype[0] == 0 and geom.conaffinity[0] == 0:
+            continue  # only seen, never touched
+        kind = _GEOMS.get(mujoco.mjtGeom(int(geom.type[0])))
+        name = body.name
+        if not name:
+            raise AsperityError(f"body {body.id} of scene.xml has geoms but no name; give it one")
+        if kind is None:
+            raise AsperityError(
+                f"body {name!r} has a geom of type "
+                f"{mujoco.mjtGeom(int(geom.type[0])).name[7:].lower()}; "
+                f"valid: {', '.join(_GEOMS.values())}"
+            )
+        owned.setdefault(name, []).append(Geom(kind, geom.size, geom.pos, geom.quat))
+    return owned
+
+
+def _tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
+    """Return the tool's pose in the file; refuse a tool that is not free, or others that are."""
+    for i in range(model.njnt):
+        body = model.body(int(model.jnt_bodyid[i])).name
+        free = model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE
+        if body != tool:
+            raise AsperityError(f"body {body!r} has a joint; only the tool ({tool!r}) may move")
+        if not free:
+            raise AsperityError(f"the tool {tool!r} has a joint that is no freejoint")
+    if model.njnt == 0:
+        raise AsperityError(f"the tool {tool!r} must have a freejoint; scene.xml has no joint")
+    tool_id = model.body(tool).id
+    for i in range(model.nbody):
+        if i != tool_id and model.body_rootid[i] == tool_id:
+            raise AsperityError(
+                f"body {model.body(i).name!r} hangs on the tool {tool!r}; put its geoms into it"
+            )
+    return require_pose(model.qpos0[:7], f"pose of {tool!r}")
+
+
+def _force(table: Table) -> tuple[ForceSettings, str]:
+    rest = {key: value for key, value in table.items() if key != "anti_alias"}
+    require_keys(table, "force", [*(f.name for f in fields(ForceSettings)), "anti_alias"])
+    mode = table.get("anti_alias", "off")
+    at("force.anti_alias", lambda: require_choice("mode", mode, MODES))
+    options = arguments(rest, "force", ForceSettings)
+    return at("force", lambda: ForceSettings(**options)), mode
+
+
+def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
+    if "file" in table:
+        require_keys(table, "trajectory", ("file",))
+        if not isinstance(table["file"], str):
+            raise AsperityError(f"trajectory.file must be a text, got {table['file']!r}")
+        return at("trajectory.file", lambda: read_poses(beside(folder, table["file"])))
+    if "kind" in table:
+        at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
+    options = arguments(table, "trajectory", ScriptedMotion)
+    return at("trajectory", lambda: ScriptedMotion(**options))
+
+
+def _free_name(folder: Path, source: Path) -> str:
+    name, count = source.name, 1
+    while (folder / name).exists():
+        name, count = f"{source.stem}-{count}{source.suffix}", count + 1
+    return name
+
+
+def _merged(old: Table, new: Table) -> dict[str, Any]:
+    """Return a deep copy of `old` with the values of `new`; None takes a key out."""
+    out = {k: _merged(v, {}) if isinstance(v, Mapping) else v for k, v in old.items()}
+    for key, value in new.items():
+        if value is None:
+            out.pop(key, None)
+        elif isinstance(value, Mapping):
+            out[key] = _merged(out.get(key, {}), value)
+        else:
+            out[key] = value
+    return out
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]

@@ -1,0 +1,331 @@
+"""Height maps as surfaces: metres, a physical size, a border, exact first and second derivatives.
+
+A map of samples says nothing about what lies between and beyond them. A `HeightField` does: between
+the samples runs the cubic B-spline through them (`asperity.texture.spline`), twice continuously
+differentiable; beyond its borders the map is repeated ("wrap") or goes on as its border
+("clamp"). The clamped spline is that of the mirrored map, whose slope across the border is zero, so
+the surface that goes on outside is continuous in slope too.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.compiled import kernel
+from asperity.errors import SurfaceError, require_choice, require_positive
+from asperity.texture.checks import (
+    check_steepness,
+    checked_pixel_size,
+    checked_places,
+    checked_samples,
+)
+from asperity.texture.reading import Heights, read_heights
+from asperity.texture.spectrum import Spectrum
+from asperity.texture.spline import evaluate_2d, spline_coefficients
+
+BORDERS = ("wrap", "clamp")
+KINDS = ("height", "normal-opengl", "normal-directx")
+_ROLL_OFF = 1.25
+_SEAM = 3.0
+
+
+class Derivatives(NamedTuple):
+    """A surface and its derivatives: `h` [m], slopes [1], second derivatives [1/m]."""
+
+    h: NDArray[np.float64]
+    h_u: NDArray[np.float64]
+    h_v: NDArray[np.float64]
+    h_uu: NDArray[np.float64]
+    h_uv: NDArray[np.float64]
+    h_vv: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class HeightField:
+    """Heights over a plane, as a smooth surface.
+
+    Parameters
+    ----------
+    samples : (nv, nu) array
+        Heights [m] at `(i + 1/2) * pixel_size`, row 0 at v = 0; 4 samples or more along each axis,
+        2**27 at most in all, finite, no higher than 10 m, nowhere steeper than 100 from sample
+        to sample. A copy is kept, which cannot be written to.
+    pixel_size : float or (pu, pv)
+        Distance between samples along u and v [m], 1e-9 to 1; kept as a pair.
+    border : {"clamp", "wrap"}
+        Beyond its borders the surface goes on as its border, or repeats after n pixels.
+    notes : tuple of str
+        What was chosen or changed on the way here, one line each; to be shown to the user.
+
+    Raises
+    ------
+    SurfaceError
+        Samples, a pixel size or a border that are none; one line.
+    """
+
+    samples: NDArray[np.float64] = field(repr=False)
+    pixel_size: tuple[float, float]
+    border: str
+    notes: tuple[str, ...]
+
+    def __init__(
+        self,
+        samples: ArrayLike,
+        pixel_size: float | Sequence[float],
+        border: str = "clamp",
+        notes: Sequence[str] = (),
+    ) -> None:
+        heights = checked_samples(samples)
+        sizes = checked_pixel_size(pixel_size)
+        require_choice("border", border, BORDERS)
+        check_steepness(heights, sizes, border)
+        heights.setflags(write=False)
+        object.__setattr__(self, "samples", heights)
+        object.__setattr__(self, "pixel_size", sizes)
+        object.__setattr__(self, "border", border)
+        object.__setattr__(self, "notes", tuple(notes))
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        pixel_size: float | None = None,
+        height_range: float | None = None,
+        border: str = "clamp",
+        invert: bool = False,
+        missing: str = "refuse",
+        array: str | None = None,
+        quantised: str = "smooth",
+        kind: str = "height",
+    ) -> HeightField:
+        """Return the height field in a file.
+
+        Parameters
+        ----------
+        path : str or path
+            An image, an array, text or an instrument's file: see
+            `asperity.texture.reading.read_heights`. Of a single line of heights a surface is made
+            that is the same all along v.
+        pixel_size, height_range, invert, missing, array, quantised
+            As for `read_heights`. A normal map needs `pixel_size` alone: its heights follow from
+            its slopes, unless `height_range` is given.
+        border : {"clamp", "wrap"}
+            See `HeightField`. Maps that do not tile get a step at the seam if wrapped; the notes
+            say so.
+        kind : {"height", "normal-opengl", "normal-directx"}
+            What the file holds: heights, or normals with green up or green down
+            (`asperity.texture.normal_maps.read_normal_map`).
+
+        Raises
+        ------
+        SurfaceError
+            A file that cannot be used; one line that names the file and what is valid.
+        """
+        require_choice("border", border, BORDERS)
+        require_choice("kind", kind, KINDS)
+        scale: dict[str, Any] = {"pixel_size": pixel_size, "height_range": height_range}
+        scale["invert"] = invert
+        if kind == "height":
+            found = read_heights(path, **scale, missing=missing, array=array, quantised=quantised)
+        else:
+            found = _from_normals(path, kind, border, (missing, array, quantised), scale)
+        samples, notes = _as_map(found.samples, found.notes)
+        if border == "wrap":
+            notes = (*notes, *_seam_notes(samples))
+        try:
+            return cls(samples, found.pixel_size, border, notes)
+        except SurfaceError as error:
+            raise SurfaceError(f"{path}: {error}") from None
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent of the map along u and v [m]."""
+        rows, columns = self.samples.shape
+        return columns * self.pixel_size[0], rows * self.pixel_size[1]
+
+    @cached_property
+    def lowest(self) -> float:
+        """The lowest sample [m]; between samples the surface may lie a little lower."""
+        return float(self.samples.min())
+
+    @cached_property
+    def highest(self) -> float:
+        """The highest sample [m]; between samples the surface may lie a little higher."""
+        return float(self.samples.max())
+
+    @property
+    def relief(self) -> float:
+        """Height from the lowest to the highest sample [m]."""
+        return self.highest - self.lowest
+
+    @cached_property
+    def rms(self) -> float:
+        """Root mean square of the samples' heights about their mean [m]."""
+        return 0.0 if self.relief == 0.0 else float(self.samples.std())
+
+    @cached_property
+    def coefficients(self) -> NDArray[np.float64]:
+        """B-spline coefficients [m], (nv + 4, nu + 4): see `spline_coefficients`."""
+        if self.relief == 0.0:  # exactly constant, whatever the filter's rounding
+            return np.full([n + 4 for n in self.samples.shape], self.lowest)
+        border = "wrap" if self.border == "wrap" else "mirror"
+        return np.ascontiguousarray(spline_coefficients(self.samples, border))
+
+    @cached_property
+    def shortest_wavelength(self) -> float:
+        """The shortest wavelength present [m]; infinite for a constant map.
+
+        Waves shorter than this hold 0.1 % of the variance of the slope or less. The waves are
+        those of the samples, over a period ("wrap") or over the mirrored map ("clamp").
+        """
+        return self._spectrum().shortest() if self._is_rough else math.inf
+
+    def _spectrum(self) -> Spectrum:
+        return Spectrum.of(self.samples, self.pixel_size, wraps=self.border == "wrap")
+
+    @property
+    def _is_rough(self) -> bool:
+        """Whether there is more to the map than the rounding of its heights."""
+        return self.relief > max(1e-30, 1e-13 * max(abs(self.lowest), abs(self.highest)))
+
+    def heights(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
+        """Return the heights [m] at places `u`, `v` [m], which are broadcast."""
+        return self.derivatives(u, v).h
+
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> Derivatives:
+        """Return the surface and its exact first and second derivatives.
+
+        Parameters
+        ----------
+        u, v : array_like
+            Places [m], anywhere within 1e6 m, broadcast against each other. Outside a clamped
+            map the derivatives across the border are zero.
+
+        Returns
+        -------
+        Derivatives
+            `(h, h_u, h_v, h_uu, h_uv, h_vv)`, each of the broadcast shape.
+        """
+        us, vs = np.broadcast_arrays(checked_places("u", u), checked_places("v", v))
+        out = np.zeros((6, us.size))
+        if self.relief == 0.0:
+            out[0] = self.lowest
+        else:
+            wraps = self.border == "wrap"
+            _evaluate(self.coefficients, us.ravel(), vs.ravel(), *self.pixel_size, wraps, out)
+        return Derivatives(*(row.reshape(us.shape)[()] for row in out))
+
+    def low_passed(self, shortest: float) -> HeightField:
+        """Return the surface without its waves shorter than `shortest`.
+
+        Waves longer than 1.25 times `shortest` are kept as they are; in between they fade, by
+        a raised cosine of the wavenumber, so that edges do not ring for long.
+
+        Parameters
+        ----------
+        shortest : float
+            Wavelength [m], above 0; in all directions.
+        """
+        require_positive("shortest", shortest, "[m]")
+        spectrum = self._spectrum()
+        end = 1.0 / shortest
+        fade = np.clip((end - spectrum.wavenumbers) / (end - end / _ROLL_OFF), 0.0, 1.0)
+        kept = 0.5 - 0.5 * np.cos(math.pi * fade)
+        if not self._is_rough or kept.min() == 1.0:
+            return self
+        slope = spectrum.slope_power
+        lost = max(0.0, 1.0 - math.sqrt(np.sum(slope * kept**2) / np.sum(slope)))
+        note = (
+            f"low-passed: waves shorter than {shortest * 1e6:.4g} um are taken out, "
+            f"and {100 * lost:.2g} % of the rms slope with them"
+        )
+        if np.count_nonzero(kept) == 1:
+            samples = np.full(self.samples.shape, self.samples.mean())
+        else:
+            samples = spectrum.heights(kept)
+        return HeightField(samples, self.pixel_size, self.border, (*self.notes, note))
+
+
+@kernel
+def _evaluate(
+    coefficients: NDArray[np.float64],
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    pu: float,
+    pv: float,
+    wraps: bool,
+    out: NDArray[np.float64],
+) -> None:
+    """Fill `out`, (6, n), with the surface and its derivatives at `u`, `v` [m]."""
+    rows, columns = coefficients.shape[0] - 4, coefficients.shape[1] - 4
+    for i in range(u.size):
+        x, y = u[i] / pu, v[i] / pv
+        inside_u = wraps or 0.0 <= x <= columns
+        inside_v = wraps or 0.0 <= y <= rows
+        if wraps:
+            x -= math.floor(x / columns) * columns
+            y -= math.floor(y / rows) * rows
+        # Rounding may leave a wrapped place just outside, too.
+        x, y = min(max(x, 0.0), columns), min(max(y, 0.0), rows)
+        column, row = int(x + 0.5), int(y + 0.5)
+        h, h_u, h_v, h_uu, h_uv, h_vv = evaluate_2d(
+            coefficients, row, column, y + 0.5 - row, x + 0.5 - column
+        )
+        out[0, i] = h
+        if inside_u:
+            out[1, i], out[3, i] = h_u / pu, h_uu / (pu * pu)
+        if inside_v:
+            out[2, i], out[5, i] = h_v / pv, h_vv / (pv * pv)
+        if inside_u and inside_v:
+            out[4, i] = h_uv / (pu * pv)
+
+
+def _from_normals(
+    path: str | os.PathLike[str],
+    kind: str,
+    border: str,
+    unused: tuple[str, str | None, str],
+    scale: dict[str, Any],
+) -> Heights:
+    """Return the heights of a normal map; what only height maps need has to be left as it is."""
+    from asperity.texture.normal_maps import read_normal_map
+
+    if unused != ("refuse", None, "smooth"):
+        raise SurfaceError(
+            f"{path}: missing=, array= and quantised= are for maps of heights; leave them out "
+            f"with kind={kind!r}"
+        )
+    return read_normal_map(path, convention=kind.removeprefix("normal-"), border=border, **scale)
+
+
+def _as_map(
+    samples: NDArray[np.float64], notes: tuple[str, ...]
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return a line of heights as a map that is the same all along v."""
+    if samples.ndim == 2 and min(samples.shape) > 1:
+        return samples, notes
+    note = "a single line of heights: the surface is the same all along v"
+    return np.tile(samples.ravel(), (4, 1)), (*notes, note)
+
+
+def _seam_notes(samples: NDArray[np.float64]) -> list[str]:
+    """Return a note for each axis along which the map does not tile."""
+    notes = []
+    for axis, name in enumerate("vu"):
+        inside = np.sqrt(np.mean(np.diff(samples, axis=axis) ** 2))
+        seam = np.sqrt(np.mean((np.take(samples, 0, axis) - np.take(samples, -1, axis)) ** 2))
+        if seam > _SEAM * inside:
+            notes.append(
+                f"the map does not tile along {name}: a step of {seam * 1e6:.3g} um (rms) "
+                "at the seam"
+            )
+    return notes

@@ -1,0 +1,228 @@
+"""All textures of a scene in a few flat arrays, as compiled kernels want them.
+
+A texture is asked for two things: its height with all derivatives up to the second at a place,
+and bounds over a rectangle: no point of the texture there is higher, no slope is larger in size,
+no second derivative is larger. Both cost the same whatever the resolution: the bounds come from
+pyramids over the spline's coefficients (a B-spline lies in their convex hull), read at the level
+whose blocks are as large as the rectangle.
+
+A place is counted in cells: cell `i` is the stretch between the samples `i - 1` and `i`, and
+depends on the coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat;
+a clamped one has n + 1, and goes on level beyond its borders.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.compiled import kernel, small_kernel
+from asperity.texture.height_field import HeightField
+
+_EDGE = 1e-6
+"""Rectangles that end this close to a cell's border end there [cells]."""
+
+
+class Textures(NamedTuple):
+    """The height fields of a scene, flattened; all lengths in metres."""
+
+    coefficients: NDArray[np.float64]
+    """Spline coefficients of all textures, each row-major."""
+    bounds: NDArray[np.float32]
+    """For every block: highest point, largest slope, largest second derivative; shape (n, 3)."""
+    levels: NDArray[np.int64]
+    """For every level of every texture: first block, rows, columns; shape (n, 3)."""
+    table: NDArray[np.int64]
+    """First coefficient, rows, columns of coefficients; rows, columns of cells; first level,
+    number of levels, whether it wraps; shape (textures, 8)."""
+    scales: NDArray[np.float64]
+    """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
+    rms height; shape (textures, 6)."""
+
+
+def pack(fields: Sequence[HeightField]) -> Textures:
+    """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
+    coefficients, bounds, levels, table, scales = [], [], [], [], []
+    first_coefficient = first_block = first_level = 0
+    for field in fields:
+        c = np.ascontiguousarray(field.coefficients)
+        wraps = field.border == "wrap"
+        # A wrapped texture's last cell is its first once more.
+        pyramid = _pyramid(c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block)
+        rows, columns = (n - 4 if wraps else n - 3 for n in c.shape)
+        count = len(levels) - first_level
+        table.append([first_coefficient, *c.shape, rows, columns, first_level, count, wraps])
+        size = float(np.max(np.abs(c)))
+        top = pyramid[-1]
+        pu, pv = field.pixel_size
+        bend = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
+        bend += _largest(c, 1, 1) / (pu * pv)
+        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, float(np.std(field.samples))])
+        coefficients.append(c.ravel())
+        bounds.append(pyramid)
+        first_coefficient += c.size
+        first_block += len(pyramid)
+        first_level = len(levels)
+    return Textures(
+        np.concatenate([np.zeros(0), *coefficients]),
+        np.concatenate([np.zeros((0, 3), np.float32), *bounds]),
+        np.array(levels, dtype=np.int64).reshape(-1, 3),
+        np.array(table, dtype=np.int64).reshape(-1, 8),
+        np.array(scales, dtype=np.float64).reshape(-1, 6),
+    )
+
+
+def _pyramid(
+    c: NDArray[np.float64], pixel_size: tuple[float, float], levels: list[list[int]], first: int
+) -> NDArray[np.float32]:
+    """Return bounds of all blocks of all levels, and add each level to `levels`."""
+    pu, pv = pixel_size
+    slope = np.hypot(_most(c, 1, 0, True) / pu, _most(c, 0, 1, True) / pv)
+    # Gershgorin: no eigenvalue of the Hessian exceeds the larger row sum.
+    bend = np.maximum(_most(c, 2, 0) / pu**2, _most(c, 0, 2) / pv**2)
+    bend += _most(c, 1, 1, True) / (pu * pv)
+    # Rounded up: a bound in single precision is a bound still.
+    level = np.stack([_up(_most(c, 0, 0)), _up(slope), _up(bend)], axis=-1)
+    parts = []
+    while True:
+        parts.append(level.reshape(-1, 3))
+        levels.append([first, level.shape[0], level.shape[1]])
+        first += len(parts[-1])
+        if max(level.shape[:2]) == 1:
+            return np.concatenate(parts)
+        for axis in (0, 1):
+            if level.shape[axis] > 1:
+                starts = np.arange(0, level.shape[axis], 2)
+                level = np.maximum.reduceat(level, starts, axis=axis)
+
+
+def _most(c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False) -> NDArray:
+    """Return for every cell the largest coefficient (or its size) of a partial derivative."""
+    differences = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
+    values = np.abs(differences) if size else differences
+    tall, wide = values.shape[0] - 3 + along_v, values.shape[1] - 3 + along_u
+    values = functools.reduce(np.maximum, (values[i : i + tall] for i in range(4 - along_v)))
+    return functools.reduce(np.maximum, (values[:, i : i + wide] for i in range(4 - along_u)))
+
+
+def _largest(c: NDArray[np.float64], along_u: int, along_v: int) -> float:
+    """Return the largest size of a coefficient of a partial derivative."""
+    return float(np.max(np.abs(np.diff(np.diff(c, along_u, axis=1), along_v, axis=0))))
+
+
+def _up(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    rounded = values.astype(np.float32)
+    return np.where(rounded < values, np.nextafter(rounded, np.float32(np.inf)), rounded)
+
+
+@small_kernel
+def texture_at(textures, k, u, v):
+    """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
+    table, scales = textures.table, textures.scales
+    x, y = u * scales[k, 0], v * scales[k, 1]
+    along, across = 1.0, 1.0  # zero beyond a clamped border, where the surface is level
+    columns, rows = float(table[k, 4]), float(table[k, 3])
+    if table[k, 7] == 1:
+        x, y = x + 0.5, y + 0.5
+        x -= columns * math.floor(x / columns)
+        y -= rows * math.floor(y / rows)
+    else:
+        if x < 0.0 or x > columns - 1.0:
+            x, along = min(max(x, 0.0), columns - 1.0), 0.0
+        if y < 0.0 or y > rows - 1.0:
+            y, across = min(max(y, 0.0), rows - 1.0), 0.0
+        x, y = x + 0.5, y + 0.5
+    column = min(int(x), int(table[k, 4]) - 1)
+    row = min(int(y), int(table[k, 3]) - 1)
+    t, q = x - column, y - row
+    r, p = 1.0 - t, 1.0 - q
+    a0, a1 = r * r * r / 6.0, (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0
+    a2, a3 = (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0, t * t * t / 6.0
+    b0, b1, b2, b3 = -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
+    c1, c2 = 3.0 * t - 2.0, 3.0 * r - 2.0
+    w = (
+        p * p * p / 6.0,
+        (4.0 - 6.0 * q * q + 3.0 * q * q * q) / 6.0,
+        (4.0 - 6.0 * p * p + 3.0 * p * p * p) / 6.0,
+        q * q * q / 6.0,
+    )
+    dw = (-0.5 * p * p, 1.5 * q * q - 2.0 * q, 2.0 * p - 1.5 * p * p, 0.5 * q * q)
+    ddw = (p, 3.0 * q - 2.0, 3.0 * p - 2.0, q)
+    h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
+    width = table[k, 2]
+    place = table[k, 0] + row * width + column
+    c = textures.coefficients
+    for i in range(4):
+        k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
+        value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
+        slope = b0 * k0 + b1 * k1 + b2 * k2 + b3 * k3
+        h += w[i] * value
+        h_v += dw[i] * value
+        h_vv += ddw[i] * value
+        h_u += w[i] * slope
+        h_uv += dw[i] * slope
+        h_uu += w[i] * (r * k0 + c1 * k1 + c2 * k2 + t * k3)
+        place += width
+    su, sv = scales[k, 0] * along, scales[k, 1] * across
+    return h, h_u * su, h_v * sv, h_uu * su * su, h_uv * su * sv, h_vv * sv * sv
+
+
+@small_kernel
+def _first_and_count(low, high, cells, wraps):
+    """Return first cell and number of cells of [low, high] (in cells), brought into the map."""
+    if wraps == 1:
+        first = math.floor(low + _EDGE)
+        count = max(math.ceil(high - _EDGE) - first, 1.0)
+        first -= cells * math.floor(first / cells)
+        return int(first), int(min(count, cells))
+    first = math.floor(min(max(low + _EDGE, 0.0), cells - 1.0))
+    last = math.ceil(min(max(high - _EDGE, 1.0), cells)) - 1.0
+    return int(first), int(max(last - first, 0.0)) + 1
+
+
+@small_kernel
+def texture_bounds(textures, k, u0, u1, v0, v1):
+    """Return (highest point, largest slope, largest second derivative) over a rectangle [m].
+
+    The largest second derivative is 0 or more where the rectangle passes a clamped border.
+    """
+    table, scales = textures.table, textures.scales
+    columns, rows, wraps = table[k, 4], table[k, 3], table[k, 7]
+    x0, x1 = u0 * scales[k, 0] + 0.5, u1 * scales[k, 0] + 0.5
+    y0, y1 = v0 * scales[k, 1] + 0.5, v1 * scales[k, 1] + 0.5
+    first = table[k, 5]
+    top = table[k, 6] - 1
+    # Written so that a place that is no number is bounded by the whole texture.
+    size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
+    level = 0
+    while level < top and not float(1 << level) >= size - _EDGE:
+        level += 1
+    if level == top or not size < 1e9:
+        block = textures.levels[first + top, 0]
+        b = textures.bounds
+        return float(b[block, 0]), float(b[block, 1]), max(float(b[block, 2]), 0.0)
+    column, wide = _first_and_count(x0, x1, float(columns), wraps)
+    row, tall = _first_and_count(y0, y1, float(rows), wraps)
+    start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
+    high, slope, bend = -np.inf, 0.0, -np.inf
+    while tall > 0:
+        c, left = column, wide
+        while left > 0:
+            block = start + (row >> level) * width + (c >> level)
+            high = max(high, float(textures.bounds[block, 0]))
+            slope = max(slope, float(textures.bounds[block, 1]))
+            bend = max(bend, float(textures.bounds[block, 2]))
+            after = min(((c >> level) + 1) << level, columns)
+            left -= after - c
+            c = 0 if after == columns else after
+        after = min(((row >> level) + 1) << level, rows)
+        tall -= after - row
+        row = 0 if after == rows else after
+    if wraps == 0 and (x0 < 0.5 or y0 < 0.5 or x1 > columns - 0.5 or y1 > rows - 0.5):
+        bend = max(bend, 0.0)
+    return high, slope, bend

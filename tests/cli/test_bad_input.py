@@ -1,0 +1,352 @@
+"""Hostile input: code 2, one line with the value and what is valid, and not a file more or less."""
+
+import dataclasses
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+import typing
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import asperity
+from asperity import AsperityError
+from asperity.cli import main
+from asperity.cli.ranges import Between
+from asperity.cli.sound import SoundCommand
+from asperity.cli.study import HandOptions, Study
+from asperity.perception import studies
+from asperity.perception.sweep import Condition, Sweep
+
+
+def everything(folder):
+    return {path: path.lstat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def refused(capsys, folder, *arguments, out="new/out"):
+    """Run a command that must be refused; return its one line."""
+    before = everything(folder)
+    assert main([*map(str, arguments), "--out", os.path.join(folder, out)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1, said.err
+    assert said.err.startswith("asperity: error: ")
+    assert everything(folder) == before
+    return said.err
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+POSITIVE = [
+    ("--diameters-mm", "0.05 and 50"),
+    ("--forces-n", "0.001 and 100"),
+    ("--speeds-mm-s", "0.1 and 10000"),
+    ("--amplitude-mm", "0.0001 and 10"),
+    ("--element-height-mm", "0.001 and 10"),
+    ("--height-range-mm", "0.0001 and 10"),
+    ("--hand.mass-kg", "0.001 and 10"),
+    ("--hand.stiffness-n-m", "10 and 100000"),
+    ("--hand.damping-n-s-m", "0.01 and 100"),
+]
+
+
+@pytest.mark.parametrize("value", ["-1.0", "0.0", "nan", "inf", "1e-12", "1e+300"])
+@pytest.mark.parametrize(("option", "valid"), POSITIVE)
+def test_numbers_out_of_range(option, valid, value, capsys, tmp_path):
+    line = refused(capsys, tmp_path, "study", "diameter", option, value)
+    assert f"{option} must lie between {valid}, got {value}" in line
+
+
+@pytest.mark.parametrize(
+    ("option", "values", "words"),
+    [
+        ("--spacing-range-mm", ["0", "3"], ["--spacing-range-mm", "0.05 and 20", "got 0.0"]),
+        ("--spacing-range-mm", ["-1", "3"], ["--spacing-range-mm", "0.05 and 20", "got -1.0"]),
+        ("--spacing-range-mm", ["1", "nan"], ["--spacing-range-mm", "0.05 and 20", "got nan"]),
+        ("--spacing-range-mm", ["3", "1"], ["must rise", "3 to 1 mm"]),
+        ("--spacings", ["0"], ["--spacings", "5 and 1000", "got 0"]),
+        ("--spacings", ["100000"], ["--spacings", "5 and 1000", "got 100000"]),
+        ("--spacings", ["abc"], ["--spacings INT", "'abc'"]),
+        ("--diameters-mm", [], ["diameter", "at least one"]),
+        ("--diameters-mm", ["3", "2"], ["diameter", "rise", "[0.003, 0.002]"]),
+        ("--band-hz", ["20", "inf"], ["--band-hz", "0.1 and 10000", "got inf"]),
+        ("--band-hz", ["200", "20"], ["band", "rise", "200 to 20 Hz"]),
+        ("--band-hz", ["20"], ["--band-hz", "2 values"]),
+        ("--seed", ["-1"], ["--seed", "0 and 2147483647", "got -1"]),
+        ("--jitter", ["1.5"], ["--jitter", "0 and 1", "got 1.5"]),
+        ("--colour", ["red"], ["--colour"]),
+    ],
+)
+def test_other_options(option, values, words, capsys, tmp_path):
+    line = refused(capsys, tmp_path, "study", "diameter", option, *values)
+    assert all(word in line for word in words)
+
+
+@pytest.mark.parametrize("options", [Study, HandOptions, SoundCommand])
+def test_every_number_has_its_range(options):
+    hints = typing.get_type_hints(options, include_extras=True)
+    for field in dataclasses.fields(options):
+        hint = hints[field.name]
+        numeric = "float" in str(hint) or "int" in str(hint).replace("Hint", "")
+        bounds = [part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Between)]
+        # Levels are counted in the file itself.
+        assert bool(bounds) == numeric or field.name == "level", field.name
+        values = field.default if isinstance(field.default, tuple) else (field.default,)
+        for bound in bounds:
+            assert all(value is None or bound.low <= value <= bound.high for value in values)
+
+
+# --- choices ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["study", "diametre"], ["'diametre'", "diameter, force, speed, models, all"]),
+        (["study", ""], ["''", "diameter, force, speed, models, all"]),
+        (["study", "force", "--surface", "Sinus"], ["'Sinus'", "trapezoid, square, dots"]),
+        (["study", "force", "--surface", ""], ["''", "trapezoid, square, dots"]),
+        (["study", "force", "--metric", "loud"], ["'loud'", "max_acceleration", "band_rms"]),
+    ],
+)
+def test_unknown_names_list_the_known(arguments, words, capsys, tmp_path):
+    line = refused(capsys, tmp_path, *arguments)
+    assert all(word in line for word in words)
+
+
+# --- files of heights ---------------------------------------------------------------------------
+
+NOISE = np.random.default_rng(0).normal(size=300) * 1e-6
+THREE_WAVES = 1e-6 * np.sin(2 * np.pi * np.arange(36) / 12)
+
+
+def huge(path):
+    with path.open("wb") as file:
+        file.truncate(2**34)
+
+
+def with_gap(path):
+    np.savetxt(path, np.where(np.arange(300) == 7, np.nan, NOISE))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, ["no such file"]),
+        (lambda path: path.touch(), ["empty"]),
+        (lambda path: path.mkdir(), ["folder", "valid: a file"]),
+        (lambda path: path.write_bytes(bytes(range(256))), ["cannot be read as a .txt file"]),
+        (lambda path: path.symlink_to(path), ["no such file"]),
+        (huge, ["too many", "at most"]),
+        (with_gap, ["1 of 300 values", "NaN", "valid: missing='fill'"]),
+        (lambda path: path.write_text("1e-4\n"), ["2 samples or more", "(1, 1)"]),
+        (lambda path: path.write_text("1e-4\n" * 3), ["constant"]),
+        (lambda path: np.savetxt(path, NOISE[:5]), ["12 samples", "got 5"]),
+        (lambda path: np.savetxt(path, NOISE * 1e9), ["too steep", "at most 50"]),
+        (lambda path: np.savetxt(path, THREE_WAVES), ["of diameter 4 mm", "at most 1.5 mm"]),
+    ],
+)
+def test_files_of_heights(make, words, capsys, tmp_path):
+    path = tmp_path / "heights.txt"
+    make(path)
+    line = refused(capsys, tmp_path, "study", "diameter", "--surface", path)
+    assert all(word in line for word in words), line
+
+
+def test_a_map_that_is_flat_along_the_path(capsys, tmp_path):
+    heights = np.zeros((100, 300))
+    heights[:5] = NOISE
+    np.save(tmp_path / "flat.npy", heights)
+    line = refused(capsys, tmp_path, "study", "force", "--surface", tmp_path / "flat.npy")
+    assert "flat for a probe of 3 mm at spacing 0.5 mm" in line
+    assert "relief" in line
+
+
+def test_a_hand_that_rests_all_the_time():
+    sweep = Sweep(hand=asperity.Hand(0.05, 10.0, 3.0))
+    with pytest.raises(AsperityError, match=r"rests in a notch .* 100 N at spacing 0\.5 mm"):
+        sweep.motion(Condition(0.5e-3, 3e-3, 100.0, 0.083))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: asperity.offset_surface([0.0, np.nan], 1e-3, 1e-3), ["1 NaN", "of 2"]),
+        (lambda: asperity.offset_surface([0.0], 1e-3, 1e-3), ["2 samples", "(1,)"]),
+        (lambda: asperity.offset_surface(NOISE, 1e-3, 1.0), ["1000 mm", "at most 300 mm"]),
+        (lambda: asperity.offset_surface(NOISE, 1e-3, 0.1, border=3), ["3", "wrap, mirror"]),
+        (lambda: asperity.Sinusoid("high", 1e-3), ["amplitude", "'high'", "above 0"]),
+        (lambda: asperity.Sinusoid(1e-4, None), ["spacing", "None", "above 0"]),
+        (lambda: asperity.Grating(1e-4, [1e-3]), ["spacing", "[0.001]", "above 0"]),
+        (lambda: asperity.Hand(10**400), ["mass", "above 0"]),
+        (lambda: asperity.Hand(mass=0.0), ["mass", "0.0", "above 0"]),
+        (lambda: asperity.drop_point(-1.0, height=1e-4), ["diameter", "-1.0", "above 0"]),
+        (lambda: asperity.read_heights("~no one/a.txt"), ["~no one", "no such file"]),
+    ],
+)
+def test_the_python_interface(call, words):
+    with pytest.raises(AsperityError) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    assert all(word in str(caught.value) for word in words)
+
+
+# --- runs that are to be heard ------------------------------------------------------------------
+
+
+def a_run(path, **changes):
+    wave = np.sin(2 * np.pi * np.arange(256) / 256)
+    data = {
+        "acceleration": (("level", "spacing", "phase"), wave[None, None]),
+        "max_acceleration": (("level", "spacing"), [[1.0]]),
+        "record_length": (("level", "spacing"), [[0.02]]),
+        "force": ("level", [0.5], {"units": "N"}),
+    }
+    attrs = {"schema": 1, "study": "force", "factor": "force"} | changes
+    xr.Dataset(data, {"spacing": [1e-3]}, attrs).to_netcdf(path, engine="h5netcdf")
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--seconds", "0", ["0.05 and 60", "got 0.0"]),
+        ("--seconds", "1e9", ["0.05 and 60", "got 1000000000.0"]),
+        ("--seconds", "nan", ["0.05 and 60", "got nan"]),
+        ("--rate", "0", ["1000 and 192000", "got 0"]),
+        ("--spacing-mm", "-1", ["0.001 and 1000", "got -1.0"]),
+        ("--level", "7", ["between 0 and 0", "got 7"]),
+        ("--level", "x", ["--level", "'x'"]),
+    ],
+)
+def test_options_of_sound(option, value, words, capsys, tmp_path):
+    a_run(tmp_path / "run.nc")
+    line = refused(capsys, tmp_path, "sound", tmp_path / "run.nc", option, value)
+    assert all(word in line for word in words)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, ["no such file"]),
+        (lambda path: path.touch(), ["empty"]),
+        (lambda path: path.mkdir(), ["folder"]),
+        (lambda path: path.write_bytes(bytes(range(256))), ["not a dataset that can be read"]),
+        (lambda path: a_run(path, schema=99), ["no run of asperity's"]),
+    ],
+)
+def test_files_of_sound(make, words, capsys, tmp_path):
+    make(tmp_path / "run.nc")
+    line = refused(capsys, tmp_path, "sound", tmp_path / "run.nc")
+    assert "run.nc" in line
+    assert all(word in line for word in words)
+
+
+# --- folders for the results --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("out", "words"),
+    [
+        ("plain", ["plain is a file", "--out"]),
+        ("plain/a/b", ["plain is a file", "--out"]),
+        ("/proc/none/a", ["/proc/none", "cannot write"]),
+        ("full", ["full is not empty", "--overwrite"]),
+        ("x" * 300, ["xxx", "cannot write", "too long"]),
+    ],
+)
+@pytest.mark.parametrize("command", ["study", "sound"])
+def test_folders_that_cannot_be_written(command, out, words, capsys, tmp_path):
+    if out.startswith("/proc") and not os.path.isdir("/proc"):
+        pytest.skip("needs /proc")
+    (tmp_path / "plain").touch()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / ".mine").touch()
+    a_run(tmp_path / "run.nc")
+    what = ["study", "force"] if command == "study" else ["sound", tmp_path / "run.nc"]
+    line = refused(capsys, tmp_path, *what, out=out)
+    assert all(word in line for word in words), line
+
+
+def test_a_disk_that_fills_up(capsys, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(studies, "run_study", full)
+    line = refused(capsys, tmp_path, "study", "force")
+    assert str(tmp_path) in line
+    assert os.strerror(errno.ENOSPC) in line
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_leave_nothing(name, capsys, tmp_path, monkeypatch):
+    number = getattr(signal, name, None)
+    if number is None:
+        pytest.skip(f"this system has no {name}")
+    before = signal.getsignal(number)
+
+    def stopped(*_, **__):
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(studies, "run_study", stopped)
+    assert main(["study", "force", "--out", str(tmp_path / "new" / "out")]) == 130
+    assert capsys.readouterr().err == "asperity: interrupted; nothing was written\n"
+    assert everything(tmp_path) == {}
+    assert signal.getsignal(number) == before
+
+
+def test_commands_run_in_other_threads_too(capsys):
+    codes = []
+    thread = threading.Thread(target=lambda: codes.append(main(["--version"])))
+    thread.start()
+    thread.join()
+    assert codes == [0]
+
+
+# --- surroundings -------------------------------------------------------------------------------
+
+
+def python(*arguments, stdout=subprocess.PIPE, **variables):
+    environment = os.environ | variables
+    return subprocess.run(
+        [sys.executable, *arguments], env=environment, stdout=stdout, stderr=subprocess.PIPE
+    )
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_went_away(unbuffered):
+    read, write = os.pipe()
+    os.close(read)
+    done = python("-m", "asperity", "--help", stdout=write, PYTHONUNBUFFERED=unbuffered)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_terminal_with_few_characters():
+    done = python("-m", "asperity", "--help", PYTHONIOENCODING="ascii")
+    assert (done.returncode, done.stderr) == (0, b"")
+    done = python("-m", "asperity", "study", "--spacings", "√", PYTHONIOENCODING="ascii")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_without_a_writable_cache_nothing_is_cached(tmp_path):
+    code = "import asperity.compiled as c; print(c.kernel(lambda: 1)._cache.cache_path)"
+    (tmp_path / "file").touch()
+    done = python("-c", code, NUMBA_CACHE_DIR=str(tmp_path / "file" / "below"))
+    # The in-tree cache that Numba falls back to is not keyed by the sources: never that.
+    assert done.stdout.strip() == b"None"
+    assert b"cannot write to" in done.stderr
+    assert b"NUMBA_CACHE_DIR" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("place", [["--log-level", "info"], ["--log-level=info"]])
+def test_the_log_level_stands_anywhere(place, capsys):
+    assert main(["doctor", *place]) == 0
+    assert main([*place, "doctor"]) == 0
+    assert main(["doctor", "--log-level"]) == 2
+    assert "--log-level" in capsys.readouterr().err

@@ -1,0 +1,114 @@
+"""`asperity run`: from a scene to files, whole or not at all."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from asperity.cli import main
+from asperity.recording import read_recording
+from asperity.scenes import load_scene
+
+QUICK = ["--seconds", "0.2"]
+FILES = {
+    "summary.json", "recording.h5", "picture.png", "force.png", "force.svg", "torque.png",
+    "torque.svg", "spectrum.png", "spectrum.svg",
+}  # fmt: skip
+
+
+def test_a_run_leaves_numbers_a_recording_and_figures(tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ["--speed-mm-s", "120", "--force-n", "0.4", "--anti-alias", "band"]
+    assert main(["run", "probe-plate", *QUICK, *options, "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == FILES
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    recording = read_recording(out / "recording.h5")
+    assert summary["ticks"] == len(recording.time) == 201
+    assert list(summary["tick_us"]) == ["median", "p95", "p99", "p999", "max"]
+    assert list(summary["tick_us"].values()) == sorted(summary["tick_us"].values())
+    assert summary["status"] == {"certified": 201, "budget_spent": 0, "overflow": 0}
+    assert summary["contacts"] == {"ticks_in_contact": 201, "mean": 1.0, "largest": 1}
+    force = np.linalg.norm(recording.contact_wrench[:, :3], axis=1)
+    assert summary["largest_force_n"] == pytest.approx(force.max())
+    assert recording.contact_wrench[0, 2] == pytest.approx(0.4, rel=1e-6)
+    assert summary["anti_alias"]["mode"] == "band"
+    assert summary["anti_alias"]["delay_s"] == pytest.approx(2.5e-3)
+    assert summary["anti_alias"]["ticks_active"] == np.count_nonzero(recording.flags & 1) > 50
+    assert summary["trajectory"]["speed"] == pytest.approx(0.12)
+    assert recording.attributes["scene"] == "probe-plate"
+    with Image.open(out / "picture.png") as picture:
+        assert min(picture.size) > 500
+        assert len(np.unique(np.asarray(picture.convert("L")))) > 100
+    said = capsys.readouterr().out
+    assert "201 of 201 depths certified" in said
+    assert "averaged (band)" in said
+
+
+def test_a_scene_of_one_s_own_and_a_file_of_poses(tmp_path):
+    load_scene("probe-plate-grating").save(tmp_path / "mine")
+    rows = np.zeros((3, 8))
+    rows[:, 0], rows[:, 1], rows[:, 3], rows[:, 4] = [0, 0.05, 0.1], [0, 4e-3, 0], 1.7e-3, 1.0
+    np.savetxt(tmp_path / "poses.csv", rows, delimiter=",")
+    out = tmp_path / "out"
+    arguments = ["run", str(tmp_path / "mine"), "--trajectory", str(tmp_path / "poses.csv")]
+    assert main([*arguments, "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    assert summary["scene"] == "mine"
+    assert summary["trajectory"] == {"kind": "poses", "file": "poses.csv", "seconds": 0.1}
+    assert 0 < summary["contacts"]["ticks_in_contact"] <= 101
+
+
+def test_the_same_command_gives_the_same_forces(tmp_path):
+    wrenches = []
+    for name in ("a", "b"):
+        arguments = ["run", "probe-plate-dots", "--seconds", "0.05", "--seed", "3"]
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+        wrenches.append(read_recording(tmp_path / name / "recording.h5").contact_wrench)
+    np.testing.assert_array_equal(*wrenches)
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        (["probe-plat"], ["probe-plat", "did you mean 'probe-plate'"]),
+        (["probe-plate", "--trajectory", "slid"], ["slid", "did you mean 'slide'"]),
+        (["probe-plate", "--trajectory", "none.csv"], ["no such file", "none.csv"]),
+        (["probe-plate", "--speed-mm-s", "0"], ["--speed-mm-s", "between 0.1 and 10000"]),
+        (["probe-plate", "--seconds", "nan"], ["--seconds", "nan"]),
+        (["probe-plate", "--force-n", "1", "--depth-mm", "1"], ["--force-n", "--depth-mm"]),
+        (["probe-plate", "--anti-alias", "yes"], ["--anti-alias", "off, tick, band"]),
+        (["probe-plate", "--seed", "-1"], ["--seed", "between 0 and"]),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(options, names, tmp_path, capsys):
+    assert main(["run", *options, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("asperity: error:")
+    for name in names:
+        assert name in said[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_run_leaves_nothing(tmp_path, monkeypatch, capsys):
+    from asperity.simulation import Simulation
+
+    step, count = Simulation.step, [0]
+
+    def stop(self, pose):
+        count[0] += 1
+        if count[0] > 30:
+            raise KeyboardInterrupt
+        return step(self, pose)
+
+    monkeypatch.setattr(Simulation, "step", stop)
+    assert main(["run", "probe-plate", *QUICK, "--out", str(tmp_path / "out")]) == 130
+    assert "nothing was written" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_stands_there_stays(tmp_path):
+    (tmp_path / "kept.txt").write_text("mine")
+    assert main(["run", "probe-plate", *QUICK, "--out", str(tmp_path)]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
