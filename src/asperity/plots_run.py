@@ -158,7 +158,7 @@ def _scale_bar(axis: Axes, picture: Picture) -> None:
 def _label(axis: Axes, x: float, y: float, text: str, colour: str, across: str, up: str) -> None:
     axis.text(
         x, y, text, color=colour, ha=across, va=up, fontsize=9,
-        path_effects=[withStroke(linewidth=2.6, foreground="white")], zorder=6,
+        path_effects=[withStroke(linewidth=2.6, foreground="white")], zorder=6, clip_on=True,
     )  # fmt: skip
 
 

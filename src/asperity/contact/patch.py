@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.compiled import kernel
-from asperity.contact.chart import LEVEL, RECTANGLE, RECTANGLE_HARD, SIZE, TEXTURE, C, charts_of
+from asperity.contact.chart import LEVEL, QINV, RECTANGLE, RECTANGLE_HARD, SIZE, TEXTURE, C, charts_of
 from asperity.contact.climb import FEASIBLE
 from asperity.contact.overlap import (
     ABOVE,
@@ -51,7 +51,15 @@ from asperity.contact.search import (
     UPPER,
     search_pair,
 )
-from asperity.contact.surface import P_X, P_Y, surface_at
+from asperity.contact.surface import (
+    P_X,
+    P_Y,
+    height_on,
+    over_base,
+    parameters_under,
+    root_at,
+    surface_at,
+)
 from asperity.texture.packed import Textures
 
 CERTIFIED, BUDGET_SPENT = 0, 1
@@ -78,6 +86,8 @@ class Geometry(NamedTuple):
     mapping: NDArray[np.int64]
     origin: NDArray[np.float64]
     """Of each body: where (u, v) = (0, 0) lies in its frame [m], (bodies, 3)."""
+    no_texture: NDArray[np.int64]
+    """In the place of `texture`: -1 for each body."""
 
 
 class Workspace(NamedTuple):
@@ -326,6 +336,35 @@ def depth_along(
         result_out[k] /= total
 
 
+@kernel
+def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space, gradient_out):
+    """Return the height of B's texture at a place of its smooth surface, over its lowest [m].
+
+    Fills the height's gradient (3,) across n, world axes. `place` (3,) as seen from the origin.
+    """
+    gradient_out[:] = 0.0
+    frame = np.empty((3, 3))
+    frame_round(n, frame)
+    made = _charts(geometry, geoms, count, frame, body, space.charts_b)
+    u = frame[0, 0] * place[0] + frame[0, 1] * place[1] + frame[0, 2] * place[2]
+    v = frame[1, 0] * place[0] + frame[1, 1] * place[1] + frame[1, 2] * place[2]
+    best, which = -np.inf, -1
+    for i in range(made):
+        z = over_base(space.charts_b[i], u, v)[0]
+        if z > best:
+            best, which = z, i
+    if which < 0 or space.charts_b[which, TEXTURE] < 0.0:
+        return 0.0
+    chart = space.charts_b[which]
+    x, y = parameters_under(chart, u, v)
+    t, t_x, t_y, _, _, _ = height_on(textures, chart, x, y, root_at(chart, x, y))
+    g1 = chart[QINV] * t_x + chart[QINV + 2] * t_y
+    g2 = chart[QINV + 1] * t_x + chart[QINV + 3] * t_y
+    for k in range(3):
+        gradient_out[k] = g1 * frame[0, k] + g2 * frame[1, k]
+    return t - textures.scales[int(chart[TEXTURE]), 6]
+
+
 def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def]
     """Return the geoms of `bodies` as arrays; `textures_of[i]` is the texture of body i or -1."""
     from asperity.geometry.bodies import KINDS, MAPPINGS
@@ -346,6 +385,7 @@ def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def
         np.asarray(textures_of, dtype=np.int64),
         np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
         np.array(origins, dtype=np.float64),
+        np.full(len(bodies), -1, dtype=np.int64),
     )
 
 

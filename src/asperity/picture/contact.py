@@ -66,15 +66,18 @@ class Picture:
     camera: Camera
 
 
-def contact_width(scene: Scene) -> float:
-    """Return how wide a close picture should be [m]: about three times the smallest part."""
+def contact_width(scene: Scene, moment: Moment) -> float:
+    """Return how wide a close picture should be [m]: some of the tool, and all contacts."""
     tool = next(body for body in scene.bodies if body.name == scene.tool)
-    return float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
+    width = float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
+    if len(moment.point) > 1:
+        width = max(width, 1.7 * float(np.linalg.norm(np.ptp(moment.point, axis=0))))
+    return min(width, 0.2)
 
 
 def close_picture(scene: Scene, moment: Moment, *, columns: int = 760, rows: int = 620) -> Picture:
     """Return the surroundings of the contact; the tool is drawn like tinted glass."""
-    width = contact_width(scene)
+    width = contact_width(scene, moment)
     vertical, along = _frame(moment, moment.force.sum(axis=0))
     middle = _middle(moment) + 0.17 * width * vertical
     return _picture(
@@ -87,13 +90,17 @@ def whole_picture(scene: Scene, moment: Moment, *, columns: int = 380, rows: int
     """Return the whole tool on the scene."""
     vertical, along = _frame(moment, np.array([1.0, 0.0, 0.0]))
     tool = next(body for body in scene.bodies if body.name == scene.tool)
-    low, high = _extent(tool, moment)
-    middle = 0.5 * (low + high)
-    size = float(np.linalg.norm(high - low)) * 1.25
-    width = size * columns / max(rows, 1)
+    corners = _corners(tool, moment)
+    azimuth, elevation = float(np.radians(-35.0)), float(np.radians(22.0))
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    eye = camera_at(
+        middle, vertical, along, azimuth=azimuth, elevation=elevation, width=1.0, columns=1, rows=1
+    )
+    spans = [float(np.ptp(corners @ axis)) for axis in (eye.right, eye.up)]
+    width = 1.3 * max(spans[0], spans[1] * columns / rows, 0.3 * spans[1])
     return _picture(
-        scene, moment, middle, vertical, along, max(width, 0.7 * size), 2 * columns, 2 * rows,
-        glass=False, elevation=np.radians(22.0), azimuth=np.radians(-35.0),
+        scene, moment, middle, vertical, along, width, 2 * columns, 2 * rows, glass=False,
+        elevation=elevation, azimuth=azimuth,
     )  # fmt: skip
 
 
@@ -137,7 +144,9 @@ def _sheets(
     ground, tool = [], []
     for body in scene.bodies:
         if body.name == scene.tool:
-            tool += [(1, sheet) for sheet in body_sheets(body, raised, view)]
+            # Also what is nearer to the eye than the ground in view: else one sees into it.
+            wider = View(view.centre, 2.0 * view.radius, 2 * view.samples)
+            tool += [(1, sheet) for sheet in body_sheets(body, raised, wider)]
         else:
             i = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_BODY, body.name)
             pose = np.concatenate([data.xpos[i], data.xquat[i]])
@@ -165,22 +174,18 @@ def _middle(moment: Moment) -> Array:
     return np.asarray(moment.point.mean(axis=0) + moment.pushed)
 
 
-def _extent(body: Body, moment: Moment) -> tuple[Array, Array]:
-    """Return two far corners of a body, from its geoms' middles and sizes."""
+def _corners(body: Body, moment: Moment) -> Array:
+    """Return the corners (n, 3) of boxes round a body's geoms, where it is drawn."""
     rotation = rotation_matrix(moment.pose[3:])
-    lows, highs = [], []
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = []
     for geom in body.geoms:
-        if geom.kind == "plane":
-            continue
         half = np.asarray(geom.size)
         if geom.kind == "sphere":
             half = np.full(3, geom.size[0])
         elif geom.kind in ("capsule", "cylinder"):
             tip = geom.size[0] if geom.kind == "capsule" else 0.0
             half = np.array([geom.size[0], geom.size[0], geom.size[1] + tip])
-        reach = np.abs(rotation @ rotation_matrix(geom.quaternion)) @ half
-        middle = rotation @ np.asarray(geom.position)
-        lows.append(middle - reach)
-        highs.append(middle + reach)
-    away = moment.pose[:3] + moment.pushed
-    return away + np.min(lows, axis=0), away + np.max(highs, axis=0)
+        in_body = (signs * half) @ rotation_matrix(geom.quaternion).T + np.asarray(geom.position)
+        corners.append(in_body @ rotation.T)
+    return np.concatenate(corners) + moment.pose[:3] + moment.pushed

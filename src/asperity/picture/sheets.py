@@ -47,6 +47,8 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
     view : View
     """
     rotation = rotation_matrix(pose[3:])
+    if body.texture is None:
+        view = view._replace(samples=max(view.samples // 3, 60))
     for geom in body.geoms:
         turn = rotation_matrix(geom.quaternion)
         place = np.asarray(geom.position)

@@ -42,7 +42,7 @@ class Textures(NamedTuple):
     number of levels, whether it wraps; shape (textures, 8)."""
     scales: NDArray[np.float64]
     """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
-    rms height; shape (textures, 6)."""
+    rms height; lowest height; shape (textures, 7)."""
 
 
 def pack(fields: Sequence[HeightField]) -> Textures:
@@ -62,7 +62,7 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         pu, pv = field.pixel_size
         bend = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
         bend += _largest(c, 1, 1) / (pu * pv)
-        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, float(np.std(field.samples))])
+        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, field.rms, field.lowest])
         coefficients.append(c.ravel())
         bounds.append(pyramid)
         first_coefficient += c.size
@@ -73,7 +73,7 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         np.concatenate([np.zeros((0, 3), np.float32), *bounds]),
         np.array(levels, dtype=np.int64).reshape(-1, 3),
         np.array(table, dtype=np.int64).reshape(-1, 8),
-        np.array(scales, dtype=np.float64).reshape(-1, 6),
+        np.array(scales, dtype=np.float64).reshape(-1, 7),
     )
 
 

@@ -1,0 +1,93 @@
+"""The low-resolution query: which geoms of the tool may touch which geoms of the scene.
+
+MuJoCo answers it. Each geom's margin is its texture's reach, so that asperities meet before the
+smooth surfaces do; MuJoCo adds the two. Of its answer only the pairs, where they are and how deep
+are used; its normals are not (see `normals`).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.geometry.bodies import Body
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
+    """Yield the number and the body's name of every geom of a model that can be touched."""
+    for i in range(model.ngeom):
+        if model.geom_contype[i] != 0 or model.geom_conaffinity[i] != 0:
+            yield i, model.body(int(model.geom_bodyid[i])).name
+
+
+class Collider:
+    """MuJoCo's query for one tool among fixed bodies.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        With the tool on a freejoint; not changed.
+    bodies : sequence of Body
+        One for each body of the model that has geoms, their geoms in the model's order.
+    tool : str
+        Name of the body that moves.
+    """
+
+    def __init__(self, model: mujoco.MjModel, bodies: Sequence[Body], tool: str) -> None:
+        self._model = copy.copy(model)
+        self._data = mujoco.MjData(self._model)
+        names = [body.name for body in bodies]
+        if tool not in names:
+            raise AsperityError(f"no body named {tool!r}; bodies: {', '.join(names)}")
+        first = np.cumsum([0, *(len(body.geoms) for body in bodies)])
+        self.number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
+        """For each geom of the model its number among all geoms of `bodies`, -1 for none."""
+        seen = dict.fromkeys(names, 0)
+        for i, name in touchable(self._model):
+            if name not in seen:
+                continue
+            body = names.index(name)
+            self.number[i] = first[body] + seen[name]
+            seen[name] += 1
+            texture = bodies[body].texture
+            if texture is not None:
+                self._model.geom_margin[i] = max(abs(texture.highest), abs(texture.lowest))
+        for body in bodies:
+            if seen[body.name] != len(body.geoms):
+                raise AsperityError(
+                    f"body {body.name!r} has {len(body.geoms)} geoms, but the model "
+                    f"{seen[body.name]} that can be touched"
+                )
+        self._place = int(self._model.jnt_qposadr[self._model.body(tool).jntadr[0]])
+        self._tool = self._model.body(tool).id
+        self._data.qpos[:] = self._model.qpos0
+        mujoco.mj_kinematics(self._model, self._data)
+        self._qpos = self._data.qpos[self._place : self._place + 7]
+        self._contact = self._data.contact
+        self.centre = np.array(self._model.body_ipos[self._tool])
+        """The tool's centre of mass in its own frame [m]."""
+        self.poses = np.zeros((len(bodies), 3, 4))
+        """Rotation and, in the last column, position of every body where the model has it."""
+        for i, name in enumerate(names):
+            body = self._data.body(name)
+            self.poses[i, :, :3] = body.xmat.reshape(3, 3)
+            self.poses[i, :, 3] = body.xpos
+
+    def query(
+        self, pose: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the model's geoms (n, 2), places (n, 3), distances (n,) and margins (n,)."""
+        self._qpos[:] = pose
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        contact = self._data.contact
+        return contact.geom, contact.pos, contact.dist, contact.includemargin

@@ -1,0 +1,1 @@
+from asperity.engine.engine import Engine  # noqa: F401

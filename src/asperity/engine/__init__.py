@@ -1,0 +1,1 @@
+"""From a pose of the tool to the wrench on it."""

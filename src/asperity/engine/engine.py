@@ -1,0 +1,122 @@
+"""From a pose of the tool to the wrench on it: query, patches, depths, forces, their sum.
+
+A *patch* is where the tool touches one body of the scene with one normal: the pairs of geoms
+whose normals agree. Its normal and its bristle are remembered while it lasts, in the scene body's
+frame; a pair's normal turns only continuously, so that pushing past the middle of a thin plate
+does not flip its side. All patches on one body share its stiffness, by weights that follow their
+depths and sum to one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact.collide import Collider
+from asperity.contact.patch import geometry_of, workspace
+from asperity.engine.memory import Contacts, Memory, Parameters, contacts_for, memory_for
+from asperity.engine.tick import tick
+from asperity.forces.settings import GRADIENTS, LAWS, ForceSettings
+from asperity.geometry.bodies import Body
+from asperity.texture.packed import pack
+
+if TYPE_CHECKING:
+    import mujoco
+
+MAX_PATCHES = 32
+MAX_PAIRS = 512
+
+
+class Engine:
+    """Contact forces between a tool and the bodies of a scene.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+        The scene; the tool is its body with a freejoint. It is not changed.
+    bodies : sequence of Body
+        The same bodies with their textures; geoms in the order of the model.
+    tool : str
+        Name of the tool.
+    settings : ForceSettings
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        bodies: Sequence[Body],
+        tool: str,
+        settings: ForceSettings | None = None,
+    ) -> None:
+        self.settings = settings or ForceSettings()
+        self._collider = Collider(model, bodies, tool)
+        textured = [body.texture for body in bodies if body.texture is not None]
+        numbers = np.cumsum([body.texture is not None for body in bodies]) - 1
+        which = [int(n) if b.texture is not None else -1 for b, n in zip(bodies, numbers, strict=True)]
+        self._textures = pack(textured)
+        self._geometry = geometry_of(bodies, which)
+        self._tool = [body.name for body in bodies].index(tool)
+        most = max(len(body.geoms) for body in bodies)
+        self._space = workspace(most)
+        self._memory: Memory = memory_for(MAX_PAIRS, MAX_PATCHES, most)
+        self.contacts: Contacts = contacts_for(MAX_PATCHES)
+        """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
+        self._wrench = np.zeros(6)
+        self._parameters = self._flattened(self.settings)
+        self.reset()
+
+    @staticmethod
+    def _flattened(settings: ForceSettings) -> Parameters:
+        bristle = settings.bristle_stiffness
+        return Parameters(
+            float(settings.stiffness),
+            LAWS.index(settings.law),
+            float(settings.friction),
+            float(settings.stiffness if bristle is None else bristle),
+            GRADIENTS.index(settings.gradient),
+            float(settings.step),
+            float(settings.lever),
+            int(settings.grid),
+            float(settings.window),
+            1.0 / settings.softness,
+            float(settings.soft_area),
+            float(settings.ho_gain),
+            float(settings.noise_level),
+            float(settings.noise_bandwidth),
+            int(settings.max_nodes),
+            -1.0 if settings.tolerance is None else float(settings.tolerance),
+        )
+
+    def reset(self) -> None:
+        """Forget all normals, bristles and noise of the past."""
+        self._memory.counts[:] = 0
+        self._memory.noise[:] = 0.0
+        self._memory.noise[3] = float(self.settings.seed % 2**48)
+        self.contacts.count[0] = 0
+
+    def wrench(self, pose: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+        """Return the wrench on the tool at a pose.
+
+        Parameters
+        ----------
+        pose : (7,)
+            Of the tool's frame: position [m], unit quaternion wxyz.
+        dt : float
+            Time since the last call [s], by which bristles and noise advance; 0 only looks.
+
+        Returns
+        -------
+        (6,) array
+            Force [N] and torque about the tool's centre of mass [N m], world axes. The same
+            array every time.
+        """
+        geoms, places, distances, margins = self._collider.query(pose)
+        tick(
+            self._textures, self._geometry, self._tool, self._collider.poses,
+            self._collider.centre, self._collider.number, geoms, places, distances, margins,
+            pose, dt, self._parameters, self._memory, self._space, self.contacts, self._wrench,
+        )  # fmt: skip
+        return self._wrench
