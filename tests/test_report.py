@@ -39,10 +39,11 @@ def test_the_page_is_self_contained_and_complete(demo):
     assert links
     assert all(link.startswith("data:") for link in links)
     assert page.count("<audio") == len(REAL_SURFACES)
-    assert page.count("<img") == 4 + len(REAL_SURFACES)
+    assert page.count("<img") == 4 + len(REAL_SURFACES) + 4
     for claim in results.claims:
         assert f"<code>{claim['id']}</code>" in page
     assert "How long it took" in page
+    assert f"{results.run.summary['status']['certified']} of" in page
     assert "chosen after the paper" in page
 
 

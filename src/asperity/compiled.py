@@ -89,9 +89,27 @@ def kernel(function: F) -> F:
     return numba.njit(**_OPTIONS)(function)
 
 
+def inner_kernel(function: F) -> F:
+    """Compile `function` as `kernel` does, to be called by other kernels only.
+
+    A way in from Python is left out: for arguments of many arrays it takes longer to compile
+    than the function itself.
+    """
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+
+
 def small_kernel(function: F) -> F:
-    """Compile `function` as `kernel` does, and as part of whatever calls it.
+    """Compile `function` as `inner_kernel` does, and as part of whatever calls it.
 
     For what takes less time than its call would: an array is handed over as seven numbers.
     """
-    return numba.njit(forceinline=True, **_OPTIONS)(function)
+    return numba.njit(
+        forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS
+    )(function)
+
+
+@inner_kernel
+def clear(values):  # type: ignore[no-untyped-def]
+    """Set a row of numbers to zero. (A slice that is assigned to compiles much more slowly.)"""
+    for i in range(values.size):
+        values[i] = 0.0

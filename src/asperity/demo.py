@@ -1,4 +1,4 @@
-"""`asperity demo`: the paper's studies and real surfaces, end to end, into one report."""
+"""`asperity demo`: the studies, real surfaces and a probe in 6-DoF, into one report."""
 
 from __future__ import annotations
 
@@ -18,13 +18,18 @@ from asperity.sound import Sound, from_run
 if TYPE_CHECKING:
     import xarray as xr
 
+    from asperity.headless import Run
     from asperity.perception.claims import Claim
+    from asperity.picture.contact import Picture
 
 PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
 """Diameters rubbed over the real surfaces [m]."""
 _SOUND_PROBE = 2
 _SOUND_RATE = 22050
 _SOUND_SECONDS = 2.0
+SCENE = "probe-plate-dots"
+"""What the probe is dragged over at the end."""
+_DRAG_SECONDS = 1.0
 
 Advance = Callable[[], None]
 
@@ -54,6 +59,8 @@ class Results:
     remarks: dict[str, str]
     """What each real surface is, measured or generated."""
     sounds: dict[str, Sound]
+    run: Run
+    """The probe on the plate, in 6-DoF."""
     folder: Path
     watch: Stopwatch
 
@@ -93,6 +100,7 @@ def run_demo(
         pending = [
             pool.submit(_rub_one, surface, data, settings, on_rub) for surface in REAL_SURFACES
         ]
+        pending_run = pool.submit(_drag_probe, folder)
         # Slow to import; by now the rubs are under way.
         from asperity import plots
         from asperity.perception.write import write_dataset, write_studies
@@ -105,6 +113,7 @@ def run_demo(
         with watch.step("figures and data of the studies"):
             claims = write_studies(studies, None, folder, ("svg",))
         done = [future.result() for future in pending]
+        run, pictures = pending_run.result()
         watch.seconds["real surfaces (beside the two above)"] = time.perf_counter() - start
     rubs, remarks, sounds = {}, {}, {}
     with watch.step("figures, data and sounds of the real surfaces"):
@@ -116,7 +125,22 @@ def run_demo(
                 dataset, level=_SOUND_PROBE, rate=_SOUND_RATE, seconds=_SOUND_SECONDS
             )
             sounds[surface.name].write(folder / f"{surface.name}.wav")
-    return Results(settings, studies, claims, rubs, remarks, sounds, folder, watch)
+    with watch.step("figures and data of the probe on the plate"):
+        from asperity.headless import write_figures, write_summary
+
+        write_summary(run, folder / "probe_plate_summary.json")
+        write_figures(run, pictures, folder, prefix="probe_plate_", kinds=("svg",))
+    return Results(settings, studies, claims, rubs, remarks, sounds, run, folder, watch)
+
+
+def _drag_probe(folder: Path) -> tuple[Run, tuple[Picture, Picture]]:
+    """Drag the probe over the plate in 6-DoF; return what came of it, and pictures of it."""
+    from asperity.headless import run_scene, take_pictures
+    from asperity.scenes import load_scene
+
+    scene = load_scene(SCENE).changed(trajectory={"seconds": _DRAG_SECONDS})
+    run = run_scene(scene, folder / "probe_plate_recording.h5")
+    return run, take_pictures(run, scene)
 
 
 def _rub_one(

@@ -10,6 +10,7 @@ from typing import Any
 
 from asperity import __version__
 from asperity.demo import PROBES, Results
+from asperity.headless import described
 from asperity.perception.claims import Claim
 from asperity.perception.metrics import METRICS
 from asperity.report_style import STYLE
@@ -44,6 +45,7 @@ def render(results: Results) -> str:
         _which_metric(results),
         _models(results),
         _surfaces(results),
+        _probe(results),
         _all_claims(results.claims),
         _timing(results),
     ]
@@ -241,6 +243,43 @@ def _surfaces(results: Results) -> str:
         f"{middle['speed'] * 1e3:g} mm/s, pressed with {middle['normal_force']:g} N. A larger "
         "probe bridges more of the relief; what is left of it is what the hand feels.</p>"
         f"{body}</section>"
+    )
+
+
+def _probe(results: Results) -> str:
+    """Return the section on the probe in 6-DoF."""
+    summary = results.run.summary
+    us, status, averaged = summary["tick_us"], summary["status"], summary["anti_alias"]
+    depths = sum(status.values())
+    rows = [
+        ("scene", f"{summary['scene']}, {described(summary)}"),
+        ("ticks of 1 ms", f"{summary['ticks']}, in contact {summary['contacts']['ticks_in_contact']}"),
+        ("depths certified", f"{status['certified']} of {depths}"),
+        ("largest force", f"{summary['largest_force_n']:.3g} N"),
+        ("largest torque", f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m, about the centre of mass"),
+        (
+            "time a tick took here",
+            f"median {us['median']:.0f} µs, 99 % under {us['p99']:.0f} µs (beside other work)",
+        ),
+        ("averaged over sub-poses", f"{averaged['ticks_active']} ticks ({averaged['mode']})"),
+    ]
+    body = "".join(f"<tr><th>{a}</th><td>{html.escape(b)}</td></tr>" for a, b in rows)
+    captions = {
+        "picture.png": "The texture is really displaced, as the force model sees it. The force "
+        "acts at the deepest point, along the normal of the textured surface.",
+        "force.svg": "Force on the tool.",
+        "torque.svg": "Torque about the tool's centre of mass, which lies in the grip.",
+        "spectrum.svg": "Spectrum of the force across its mean direction.",
+    }
+    figures = "".join(
+        _figure(results.folder / f"probe_plate_{name}", text) for name, text in captions.items()
+    )
+    return (
+        "<section><h2>The probe on a plate, in six degrees of freedom</h2><p>A spherical tip on "
+        "a handle is dragged over raised dots (colour plate 4). At every tick the penetration "
+        "depth of the two textured surfaces is found with proof, and its exact gradient gives "
+        "force and torque (Eqs 1-3). The handle is moved; the hand feels the contact.</p>"
+        f"<table class='facts'>{body}</table>{figures}</section>"
     )
 
 

@@ -169,7 +169,7 @@ class Pair:
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]
 
     def along(
-        self, pose_a: Array, pose_b: Array, n: Array, tolerance: float = 1e-9, nodes: int = 100_000
+        self, pose_a: Array, pose_b: Array, n: Array, tolerance: float = 1e-9, nodes: int = 20_000
     ) -> Along:
         """Return the depth of A in B along n, and its gradient about A's origin."""
         placed = [

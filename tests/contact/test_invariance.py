@@ -41,7 +41,7 @@ def apart(wrenches, others):
     return np.abs(wrenches - others)[:, :3].max() / size
 
 
-@pytest.mark.parametrize("kind", ["sphere", "capsule"])
+@pytest.mark.parametrize("kind", ["sphere", pytest.param("capsule", marks=pytest.mark.slow)])
 def test_the_resolution_of_a_map_does_not_matter(kind):
     lying = turn([1, 0, 0], math.pi / 2) if kind == "capsule" else (1.0, 0.0, 0.0, 0.0)
     height = 1.45e-3 if kind == "sphere" else 1.15e-3

@@ -49,7 +49,7 @@ def test_a_tilted_box_stands_on_its_rim_or_corner():
     assert depth_on_plane(solid("box"), corner) == pytest.approx(lowest, abs=1e-10)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.2, 0.6, math.pi / 2])
+@pytest.mark.parametrize("angle", [0.0, 0.2, 1.4])
 def test_cylinder_and_capsule_on_a_plane(angle):
     q = turn([1, 0.5, 0], angle)
     rim = 1.5e-3 * math.sin(angle) + 1.2e-3 * math.cos(angle)
@@ -84,7 +84,7 @@ def test_plates_in_and_out_of_register():
         assert found.depth == pytest.approx(0.3 * A - clearance, abs=1e-10)
 
 
-@pytest.mark.parametrize(("degrees", "at_least"), [(5, 0.002), (15, 0.01), (30, 0.02)])
+@pytest.mark.parametrize(("degrees", "at_least"), [(5, 0.002), (30, 0.02)])
 def test_a_tilted_texture_shifts_sideways(degrees, at_least):
     """Both textures vary along x only, so the depth is a maximum over one number."""
     tilt, half, thick = math.radians(degrees), 2e-3, 1.2e-3
@@ -100,7 +100,9 @@ def test_a_tilted_texture_shifts_sideways(degrees, at_least):
         return ground.texture.heights(across, 0.0) - up
 
     exact = highest(overlap, -half, half, 40001)
-    found = reference_depth(tool, pose(0, 0, 0, turn([0, 1, 0], tilt)), ground, AT_REST, UP)
+    found = reference_depth(
+        tool, pose(0, 0, 0, turn([0, 1, 0], tilt)), ground, AT_REST, UP, samples=250
+    )
     assert found.depth == pytest.approx(exact, abs=1e-9)
     unshifted = highest(lambda x: overlap(x, False), -half, half, 40001)
     assert abs(unshifted - exact) > at_least * A

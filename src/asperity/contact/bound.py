@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -54,9 +54,6 @@ from asperity.contact.chart import (
     V2,
     V3,
     W0,
-    W1,
-    W2,
-    W3,
     C,
     E,
     O,
@@ -65,14 +62,14 @@ from asperity.contact.chart import (
 from asperity.contact.climb import climb
 from asperity.contact.overlap import (
     BORDER_SIZE,
-    F,
     F_X,
     F_Y,
     MAX_BORDERS,
-    OVERLAP_SIZE,
-    SLOPE_Y,
     ON_X,
     ON_Y,
+    OVERLAP_SIZE,
+    SLOPE_Y,
+    F,
     X,
     Y,
     borders_at,
@@ -100,7 +97,7 @@ def _roots_over(chart, x, y, radius):
     return (math.sqrt(1.0 - far * far) if far < 1.0 else -1.0), most
 
 
-@kernel
+@inner_kernel
 def texture_over(textures, chart, x0, x1, y0, y1):
     """Return bounds of a chart's texture and normal over a box of its parameters.
 
@@ -324,7 +321,7 @@ def _beside(cy, at, reach, unknown):
     return max(out_x, out_y) > reach
 
 
-@kernel
+@inner_kernel
 def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, at):
     """Return (upper bound of the overlap over a box, whether `at` holds a place within it).
 
@@ -485,7 +482,7 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
     return min(bound, within), _inside(cx, cy, at)
 
 
-@kernel
+@inner_kernel
 def _rise_from(cx, cy, at, x0, x1, y0, y1, loose):
     """Return the largest rise along the tangent plane at `at` over a box within the borders."""
     borders = np.empty((MAX_BORDERS, BORDER_SIZE))
@@ -496,7 +493,7 @@ def _rise_from(cx, cy, at, x0, x1, y0, y1, loose):
     return steepest_rise(at[F_X], at[F_Y], x0, x1, y0, y1, borders, count, loose)
 
 
-@kernel
+@inner_kernel
 def _inside(cx, cy, at):
     """Return whether a place lies within all borders."""
     borders = np.empty((MAX_BORDERS, BORDER_SIZE))

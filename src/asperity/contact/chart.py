@@ -28,7 +28,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import clear, inner_kernel
 
 FLATTEST = 0.2
 """Facets whose normal has less than this along z are not seen."""
@@ -59,7 +59,7 @@ SIZE = 100
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
 
-@kernel
+@inner_kernel
 def _singular(a, b, c, d):
     """Return the smallest and the largest singular value of [[a, b], [c, d]]."""
     s = 0.5 * (a * a + b * b + c * c + d * d)
@@ -68,8 +68,8 @@ def _singular(a, b, c, d):
     return math.sqrt(max(s - r, 0.0)), math.sqrt(s + r)
 
 
-@kernel
-def _finish(chart, frame, body, texture, mapping, origin):
+@inner_kernel
+def _finish(chart, frame, body, mapping, origin):
     """Fill what follows from a chart's geometry: inverse, extreme values, the texture's map.
 
     `frame` (3, 3) has the axes u, v, z in its rows; `body` (3, 4) is the rotation of the body and,
@@ -95,8 +95,8 @@ def _finish(chart, frame, body, texture, mapping, origin):
     flat = chart[C] == 0.0
     level = flat and abs(chart[V0]) < 1e-12 and abs(chart[V0 + 1]) < 1e-12
     chart[LEVEL] = 1.0 if level else 0.0
-    chart[TEXTURE], chart[MAPPING] = texture, mapping
-    if texture < 0:
+    chart[MAPPING] = mapping
+    if chart[TEXTURE] < 0.0:
         return
     for axis in range(3):
         # Rows of `turn` take a vector of the contact frame into the body's.
@@ -129,14 +129,14 @@ def _finish(chart, frame, body, texture, mapping, origin):
     chart[UV_LEAST], chart[UV_MOST] = least, most
 
 
-@kernel
+@inner_kernel
 def _rectangle(chart, x0, x1, y0, y1, hard):
     chart[RECTANGLE], chart[RECTANGLE + 1] = x0, x1
     chart[RECTANGLE + 2], chart[RECTANGLE + 3] = y0, y1
     chart[RECTANGLE_HARD] = hard
 
 
-@kernel
+@inner_kernel
 def _row(chart, k0, k1, k2, k3, k4, hard):
     """Add a row to the borders of a chart."""
     at = ROWS + 1 + 6 * int(chart[ROWS])
@@ -145,10 +145,10 @@ def _row(chart, k0, k1, k2, k3, k4, hard):
     chart[ROWS] += 1.0
 
 
-@kernel
+@inner_kernel
 def _plane(chart, centre, x, y, f, half_x, half_y, hard):
     """A flat part: centre and axes in the contact frame, normal `f`."""
-    chart[:] = 0.0
+    clear(chart)
     for i in range(3):
         chart[O + i] = centre[i]
         chart[V0 + i] = f[i]
@@ -159,13 +159,13 @@ def _plane(chart, centre, x, y, f, half_x, half_y, hard):
     _rectangle(chart, -half_x, half_x, -half_y, half_y, hard)
 
 
-@kernel
+@inner_kernel
 def _ellipsoid(chart, centre, axes, semi):
     """The upper half of an ellipsoid; `axes` (3, 3) has its axes in the contact frame in columns.
 
     With `A = axes diag(semi^2) axes^T` its surface is `x^T A^-1 x = 1` round the centre.
     """
-    chart[:] = 0.0
+    clear(chart)
     a = np.empty((3, 3))
     inverse = np.empty((3, 3))
     for i in range(3):
@@ -197,13 +197,13 @@ def _ellipsoid(chart, centre, axes, semi):
     _rectangle(chart, -half_u, half_u, -half_v, half_v, 0.0)
 
 
-@kernel
+@inner_kernel
 def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
     """The side of a cylinder or capsule round the axis `k`; `ref_x`, `ref_y` fix its angle."""
     cosine = math.sqrt(max(1.0 - k[2] * k[2], 0.0))
     if cosine <= FLATTEST:
         return False
-    chart[:] = 0.0
+    clear(chart)
     e_r = (-k[2] * k[0] / cosine, -k[2] * k[1] / cosine, cosine)
     e_y = (-k[1] / cosine, k[0] / cosine, 0.0)  # perpendicular to both, and level
     lean = radius * k[2] / cosine
@@ -231,7 +231,7 @@ def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
     return True
 
 
-@kernel
+@inner_kernel
 def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, charts_out, first):
     """Fill the charts of one geom into `charts_out[first:]`; return how many there are then.
 
@@ -252,12 +252,12 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
         half_x = size[0] if size[0] > 0.0 else 1e3
         half_y = size[1] if size[1] > 0.0 else 1e3
         _plane(charts_out[at], place, x, y, z, half_x, half_y, 1.0)
-        _finish(charts_out[at], frame, body, texture, mapping, origin)
+        charts_out[at, TEXTURE] = texture
         at += 1
     elif kind == 1 or kind == 3:
         semi = (size[0], size[0], size[0]) if kind == 1 else (size[0], size[1], size[2])
         _ellipsoid(charts_out[at], place, axes, semi)
-        _finish(charts_out[at], frame, body, texture, mapping, origin)
+        charts_out[at, TEXTURE] = texture
         at += 1
     elif kind == 2 or kind == 4:
         # A cylindrical map covers the side alone.
@@ -266,24 +266,26 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
         if _side(charts_out[at], place, z, size[0], size[1], hard, x, y):
             charts_out[at, ROUND + 1] -= origin[0]
             charts_out[at, ROUND + 3] -= origin[1]
-            _finish(charts_out[at], frame, body, texture, mapping, origin)
+            charts_out[at, TEXTURE] = texture
             at += 1
         for end in (-1.0, 1.0):
             centre = np.empty(3)
             for i in range(3):
                 centre[i] = place[i] + end * size[1] * z[i]
             if kind == 4 and end * z[2] >= FLATTEST:
-                f = (end * z[0], end * z[1], end * z[2])
+                f = np.empty(3)
+                for i in range(3):
+                    f[i] = end * z[i]
                 _plane(charts_out[at], centre, x, y, f, size[0], size[0], 0.0)
                 _row(charts_out[at], -0.5 * size[0], 0.0, 0.0, 0.0, 0.5 / size[0], 1.0)
-                _finish(charts_out[at], frame, body, on_ends, mapping, origin)
+                charts_out[at, TEXTURE] = on_ends
                 at += 1
             elif kind == 2:
                 _ellipsoid(charts_out[at], centre, axes, (size[0], size[0], size[0]))
                 _row(
                     charts_out[at], 0.0, -end * z[0], -end * z[1], -end * z[2] * size[0], 0.0, 0.0
                 )
-                _finish(charts_out[at], frame, body, on_ends, mapping, origin)
+                charts_out[at, TEXTURE] = on_ends
                 at += 1
     elif kind == 5:
         for axis in range(3):
@@ -298,6 +300,8 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
                 _plane(
                     charts_out[at], centre, axes[:, one], axes[:, two], f, size[one], size[two], 1.0
                 )
-                _finish(charts_out[at], frame, body, texture, mapping, origin)
+                charts_out[at, TEXTURE] = texture
                 at += 1
+    for i in range(first, at):
+        _finish(charts_out[i], frame, body, mapping, origin)
     return at

@@ -8,14 +8,11 @@ all of these are looked at.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import inner_kernel
 from asperity.contact.overlap import (
     BORDER_SIZE,
-    F,
     F_X,
     F_XX,
     F_XY,
@@ -23,6 +20,7 @@ from asperity.contact.overlap import (
     F_YY,
     MAX_BORDERS,
     OVERLAP_SIZE,
+    F,
     borders_at,
     overlap_at,
 )
@@ -33,7 +31,7 @@ _STEPS = 40
 _SHORTEST = 1e-14
 
 
-@kernel
+@inner_kernel
 def _best_step(at, lines, count):
     """Return the step (dx, dy) that maximises the quadratic at `at` where all lines allow it.
 
@@ -90,7 +88,7 @@ def _best_step(at, lines, count):
     return best_x, best_y, found
 
 
-@kernel
+@inner_kernel
 def _over(borders, count):
     """Return how far the worst border is passed [m]."""
     worst = 0.0
@@ -99,7 +97,7 @@ def _over(borders, count):
     return worst
 
 
-@kernel
+@inner_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
 

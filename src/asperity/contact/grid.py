@@ -16,13 +16,13 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.chart import RECTANGLE, ROWS, C
 from asperity.contact.patch import _charts, frame_round
 from asperity.contact.surface import POINT_SIZE, height_at, root_at
 
 
-@kernel
+@inner_kernel
 def _within(chart, x, y):
     """Return whether a place lies within a chart's borders."""
     if x < chart[RECTANGLE] or x > chart[RECTANGLE + 1]:
@@ -38,7 +38,7 @@ def _within(chart, x, y):
     return True
 
 
-@kernel
+@inner_kernel
 def _highest(textures, charts, count, u, v, work):
     """Return the height over (u, v) of the highest of some charts, and its slopes."""
     best, best_u, best_v = -np.inf, 0.0, 0.0
@@ -49,7 +49,7 @@ def _highest(textures, charts, count, u, v, work):
     return best, best_u, best_v
 
 
-@kernel
+@inner_kernel
 def grid_depth(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, centre, window,
     grid, beta, area, space, result_out,
@@ -73,7 +73,7 @@ def grid_depth(
     cv = frame[1, 0] * centre[0] + frame[1, 1] * centre[1] + frame[1, 2] * centre[2]
     work = np.empty(POINT_SIZE)
     pitch = window / grid
-    result_out[:] = 0.0
+    clear(result_out)
     best = -np.inf
     total, count = 0.0, 0
     p, m, moment = np.empty(3), np.empty(3), np.zeros(3)

@@ -19,8 +19,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
-from asperity.contact.chart import LEVEL, QINV, RECTANGLE, RECTANGLE_HARD, SIZE, TEXTURE, C, charts_of
+from asperity.compiled import clear, inner_kernel, kernel
+from asperity.contact.chart import (
+    LEVEL,
+    QINV,
+    RECTANGLE,
+    RECTANGLE_HARD,
+    SIZE,
+    TEXTURE,
+    C,
+    charts_of,
+)
 from asperity.contact.climb import FEASIBLE
 from asperity.contact.overlap import (
     ABOVE,
@@ -60,7 +69,6 @@ from asperity.contact.surface import (
     root_at,
     surface_at,
 )
-from asperity.texture.packed import Textures
 
 CERTIFIED, BUDGET_SPENT = 0, 1
 """Whether the gap is within the tolerance, or the search ran out of nodes before it was."""
@@ -113,7 +121,7 @@ def workspace(geoms: int) -> Workspace:
     )
 
 
-@kernel
+@inner_kernel
 def _charts(geometry, geoms, count, frame, body, charts_out):
     """Fill the charts of `count` geoms of one body, as seen along the third row of `frame`."""
     made = 0
@@ -145,13 +153,13 @@ def _charts(geometry, geoms, count, frame, body, charts_out):
     return made
 
 
-@kernel
+@inner_kernel
 def _hidden(chart):
     """Return whether the height over a place has to be found by iteration."""
     return chart[TEXTURE] >= 0.0 and chart[LEVEL] == 0.0
 
 
-@kernel
+@inner_kernel
 def walks_on_a(a, b):
     """Return whether the search walks over A's chart: over the one that is harder to look up."""
     if _hidden(a) != _hidden(b):
@@ -163,7 +171,7 @@ def walks_on_a(a, b):
     return a[C] == 0.0
 
 
-@kernel
+@inner_kernel
 def _edge(chart, at, borders, count, code):
     """Return the direction across the edge of a chart that a place lies on, if it lies on one."""
     for i in range(count):
@@ -172,7 +180,7 @@ def _edge(chart, at, borders, count, code):
     return False, 0.0, 0.0
 
 
-@kernel
+@inner_kernel
 def _on_rectangle(chart, x, y):
     """Return whether (x, y) lies on a side of a chart's rectangle that is an edge."""
     if chart[RECTANGLE_HARD] == 0.0:
@@ -185,7 +193,7 @@ def _on_rectangle(chart, x, y):
     return False, 0.0, 0.0
 
 
-@kernel
+@inner_kernel
 def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
     borders = np.empty((MAX_BORDERS, BORDER_SIZE))
@@ -225,7 +233,7 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     out[0], out[1] = -sign * at[slope], -sign * at[slope + 1]
 
 
-@kernel
+@inner_kernel
 def frame_round(n, frame_out):
     """Fill a right-handed frame with rows u, v, n."""
     # The axis that n is least along gives u; for n along z, u and v are x and y.
@@ -297,7 +305,7 @@ def depth_along(
                     textures, b, a, pair, gu, gv, tolerance, state, space.best, space.ties,
                     space.nodes,
                 )  # fmt: skip
-    result_out[:] = 0.0
+    clear(result_out)
     result_out[DEPTH] = state[BEST]
     result_out[COUNT_NODES] = state[NODES]
     if state[BEST] == -np.inf:
@@ -336,13 +344,13 @@ def depth_along(
         result_out[k] /= total
 
 
-@kernel
+@inner_kernel
 def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space, gradient_out):
     """Return the height of B's texture at a place of its smooth surface, over its lowest [m].
 
     Fills the height's gradient (3,) across n, world axes. `place` (3,) as seen from the origin.
     """
-    gradient_out[:] = 0.0
+    clear(gradient_out)
     frame = np.empty((3, 3))
     frame_round(n, frame)
     made = _charts(geometry, geoms, count, frame, body, space.charts_b)

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
-from asperity.contact.bound import base_bound, node_bound, texture_over
+from asperity.compiled import inner_kernel
+from asperity.contact.bound import base_bound, node_bound
 from asperity.contact.chart import (
     B0,
     B1,
@@ -25,7 +25,6 @@ from asperity.contact.chart import (
     MAPPING,
     PLANAR,
     PZ,
-    Q_LEAST,
     QINV,
     RECTANGLE,
     TEXTURE,
@@ -52,7 +51,7 @@ BEST, UPPER, NODES, LIMIT, TIES, SPENT = 0, 1, 2, 3, 4, 5
 STATE_SIZE = 6
 
 
-@kernel
+@inner_kernel
 def _extent(chart):
     """Return the half sides in (u, v) of what a chart covers, and its middle."""
     if chart[C] == 0.0 or chart[E] == 0.0:
@@ -68,7 +67,7 @@ def _extent(chart):
     return u, v, half_u, half_v
 
 
-@kernel
+@inner_kernel
 def _window(cx, cy, shift):
     """Return the box of X's parameters that Y covers, as far as X goes."""
     u, v, half_u, half_v = _extent(cy)
@@ -82,7 +81,7 @@ def _window(cx, cy, shift):
     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def _blocks(textures, cx, window, boxes_out):
     """Fill start boxes that cover the window; blocks of the texture's pyramid where they fit.
 
@@ -123,7 +122,7 @@ def _blocks(textures, cx, window, boxes_out):
     return count
 
 
-@kernel
+@inner_kernel
 def _keep(at, pair, weight, state, best, ties):
     """Note a place that has been looked at: the deepest so far, or one as deep."""
     depth = at[F]
@@ -159,7 +158,7 @@ def _keep(at, pair, weight, state, best, ties):
     state[TIES] = count + 1
 
 
-@kernel
+@inner_kernel
 def _base_best(textures, cx, cy, window, work, at):
     """Return where on X the smooth bases overlap most, or nearly so."""
     u, v, _, _ = _extent(cy)
@@ -175,7 +174,7 @@ def _base_best(textures, cx, cy, window, work, at):
     return at[X], at[Y]
 
 
-@kernel
+@inner_kernel
 def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best, ties, nodes):
     """Search one pair of charts; improve what `state`, `best` and `ties` hold.
 

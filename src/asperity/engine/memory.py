@@ -9,24 +9,35 @@ from numpy.typing import NDArray
 
 
 class Parameters(NamedTuple):
-    """`ForceSettings` as kernels want them."""
+    """The part of `ForceSettings` that every law uses."""
 
     stiffness: float
-    law: int
     friction: float
     bristle_stiffness: float
-    gradient: int
+    max_nodes: int
+    tolerance: float
+    """-1: from the textures."""
+
+
+class GridMethod(NamedTuple):
+    """How a depth and its gradient come from samples on a grid; see `ForceSettings`."""
+
+    soft: bool
     step: float
     lever: float
     grid: int
     window: float
     beta: float
     soft_area: float
+
+
+class Baseline(NamedTuple):
+    """A law that takes the texture at one point; see `ForceSettings`."""
+
+    law: int
     ho_gain: float
     noise_level: float
     noise_bandwidth: float
-    max_nodes: int
-    tolerance: float
 
 
 class Memory(NamedTuple):

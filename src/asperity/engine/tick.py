@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
-from asperity.contact.grid import grid_depth
+from asperity.compiled import clear, inner_kernel, kernel
 from asperity.contact.normals import normal_under
 from asperity.contact.patch import (
     COUNT_NODES,
@@ -20,15 +19,9 @@ from asperity.contact.patch import (
     STATUS,
     Geometry,
     depth_along,
-    smooth_texture_under,
 )
-from asperity.forces.laws import (
-    OTADUY_LIN,
-    SIIRA_PAI,
-    bristle_force,
-    filtered_noise,
-    textured_point_force,
-)
+from asperity.engine.alternatives import baseline_force, depth_on_grid
+from asperity.forces.laws import bristle_force
 
 NO_ROOM = 2
 _STEADY = 0.85
@@ -36,10 +29,9 @@ _STEADY = 0.85
 _TOGETHER = 0.9
 """Pairs whose normals agree to this cosine are one patch."""
 _LEAST_BLEND = 1e-4
-EXACT, DIFFERENCES, SOFT = 0, 1, 2
 
 
-@kernel
+@inner_kernel
 def _rotation(pose, out):
     """Fill the rotation (3, 3) of a pose (7,)."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
@@ -54,21 +46,21 @@ def _rotation(pose, out):
     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def _into(body, v, out):
     """Fill a direction (3,) of world axes in a body's frame."""
     for i in range(3):
         out[i] = body[0, i] * v[0] + body[1, i] * v[1] + body[2, i] * v[2]
 
 
-@kernel
+@inner_kernel
 def _out_of(body, v, out):
     """Fill a direction (3,) of a body's frame in world axes."""
     for i in range(3):
         out[i] = body[i, 0] * v[0] + body[i, 1] * v[1] + body[i, 2] * v[2]
 
 
-@kernel
+@inner_kernel
 def _blend(geometry, textures, g, h):
     """Return how near an edge the faces are mixed: about the radius of the contact [m]."""
     reach = 2e-5
@@ -84,7 +76,7 @@ def _blend(geometry, textures, g, h):
     return max(math.sqrt(2.0 * max(least, 1e-4) * reach), _LEAST_BLEND)
 
 
-@kernel
+@inner_kernel
 def _collect_pairs(
     textures, geometry, tool, poses, number, geoms, places, distances, margins, memory
 ):  # fmt: skip
@@ -120,7 +112,7 @@ def _collect_pairs(
             at = count
             memory.now_pairs[at, 0], memory.now_pairs[at, 1] = g, h
             memory.now_weights[at] = 0.0
-            memory.now_normals[at] = 0.0
+            clear(memory.now_normals[at])
             count += 1
         memory.now_weights[at] += weight
         for i in range(3):
@@ -128,7 +120,7 @@ def _collect_pairs(
     return count
 
 
-@kernel
+@inner_kernel
 def _steady_normals(memory, count):
     """Hold every pair's normal to the remembered one; take up pairs that are deep but unseen."""
     for i in range(count):
@@ -158,7 +150,7 @@ def _steady_normals(memory, count):
     return count
 
 
-@kernel
+@inner_kernel
 def _group(geometry, memory, count):
     """Give every pair the number of its patch in `now_pairs[:, 3]`; return how many patches."""
     patches = 0
@@ -182,7 +174,7 @@ def _group(geometry, memory, count):
                 continue
             mine = patches
             memory.new_bodies[mine] = body
-            memory.new_patches[mine] = 0.0
+            clear(memory.new_patches[mine])
             patches += 1
         memory.now_pairs[i, 3] = mine
         for k in range(3):
@@ -195,7 +187,7 @@ def _group(geometry, memory, count):
     return patches
 
 
-@kernel
+@inner_kernel
 def _recall(memory, patch):
     """Copy deepest place and bristle of the remembered patch that this one goes on from.
 
@@ -215,7 +207,7 @@ def _recall(memory, patch):
     return which >= 0
 
 
-@kernel
+@inner_kernel
 def _geoms_of(memory, count, patch):
     """Fill the geoms of a patch, each once; return how many of the tool and of the scene."""
     count_a = count_b = 0
@@ -238,7 +230,7 @@ def _geoms_of(memory, count, patch):
     return count_a, count_b
 
 
-@kernel
+@inner_kernel
 def _tolerance(textures, geometry, a, b, wanted):
     """Return the gap that counts as certified: a thousandth of the finer texture's rms height."""
     if wanted > 0.0:
@@ -251,109 +243,16 @@ def _tolerance(textures, geometry, a, b, wanted):
 
 
 @kernel
-def _turned(body, centre, axis, angle, out):
-    """Fill a body's pose turned about an axis of world through `centre` by a small angle."""
-    c, s = math.cos(angle), math.sin(angle)
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    for j in range(4):
-        shift_one = centre[one] if j == 3 else 0.0
-        shift_two = centre[two] if j == 3 else 0.0
-        p, q = body[one, j] - shift_one, body[two, j] - shift_two
-        out[axis, j] = body[axis, j]
-        out[one, j] = c * p - s * q + shift_one
-        out[two, j] = s * p + c * q + shift_two
-
-
-@kernel
-def _differences(
-    textures, geometry, geoms, count_a, count_b, body_a, body_b, n, guess, parameters, space, out
-):  # fmt: skip
-    """Fill depth, point, m and point x m by the paper's eleven depths on a grid.
-
-    The first is the depth itself; two along each axis across n and about each axis give the
-    gradient, and along n it is 1 (Eq. 3). The origin is the tool's centre of mass.
-    """
-    sample = np.empty(8)
-    grid_depth(
-        textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
-        parameters.window, parameters.grid, 0.0, 1.0, space, sample,
-    )  # fmt: skip
-    out[DEPTH] = sample[0]
-    if sample[0] == -np.inf:
-        return
-    for k in range(3):
-        out[POINT_X + k] = sample[1 + k]
-    moved = np.empty((3, 4))
-    centre = np.zeros(3)
-    gradient, turn = np.zeros(3), np.zeros(3)
-    for axis in range(6):
-        difference = 0.0
-        step = parameters.step if axis < 3 else parameters.step / parameters.lever
-        for sign in (-1.0, 1.0):
-            if axis < 3:
-                for i in range(3):
-                    for j in range(4):
-                        moved[i, j] = body_a[i, j]
-                moved[axis, 3] += sign * step
-                along = n[axis]
-                for i in range(3):
-                    # Across n only: along it the derivative is known.
-                    moved[i, 3] -= sign * step * along * n[i]
-            else:
-                _turned(body_a, centre, axis - 3, sign * step, moved)
-            grid_depth(
-                textures, geometry, geoms[0], count_a, geoms[1], count_b, moved, body_b, n, guess,
-                parameters.window, parameters.grid, 0.0, 1.0, space, sample,
-            )  # fmt: skip
-            value = sample[0] if sample[0] > -np.inf else out[DEPTH]
-            difference += sign * value
-        if axis < 3:
-            gradient[axis] = difference / (2.0 * step)
-        else:
-            turn[axis - 3] = difference / (2.0 * step)
-    for k in range(3):
-        out[M_X + k] = n[k] - gradient[k]
-        out[MOMENT + k] = -turn[k]
-
-
-@kernel
-def _depth(
-    textures, geometry, memory, count_a, count_b, body_a, body_b, n, guess, tolerance, parameters,
-    space, out,
-):  # fmt: skip
-    """Fill the depth of a patch and its gradient, by the method that is set."""
-    geoms = memory.geoms
-    depth_along(
-        textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
-        tolerance, parameters.max_nodes, space, out,
-    )  # fmt: skip
-    if parameters.gradient == EXACT or out[DEPTH] == -np.inf:
-        return
-    for k in range(3):
-        guess[k] = out[POINT_X + k]
-    if parameters.gradient == DIFFERENCES:
-        _differences(
-            textures, geometry, geoms, count_a, count_b, body_a, body_b, n, guess, parameters,
-            space, out,
-        )  # fmt: skip
-        return
-    sample = np.empty(8)
-    grid_depth(
-        textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
-        parameters.window, parameters.grid, parameters.beta, parameters.soft_area, space, sample,
-    )  # fmt: skip
-    out[DEPTH] = sample[0]
-    for k in range(3):
-        out[MOMENT + k], out[M_X + k] = sample[1 + k], sample[4 + k]
-
-
-@kernel
 def tick(
     textures, geometry, tool, poses, centre, number, geoms, places, distances, margins, pose, dt,
-    parameters, memory, space, contacts, wrench_out,
+    parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
-    """Fill contacts and wrench (6,) of one pose; see `Engine.wrench`."""
-    wrench_out[:] = 0.0
+    """Fill contacts and wrench (6,) of one pose; see `Engine.wrench`.
+
+    `grid` and `baseline` are None for exact gradients and Otaduy & Lin's law: Numba then leaves
+    out what belongs to the others.
+    """
+    clear(wrench_out)
     body_a = poses[tool]
     _rotation(pose, body_a)
     origin = np.empty(3)
@@ -375,7 +274,13 @@ def tick(
             near_a[i, j] = body_a[i, j]
         near_a[i, 3] = body_a[i, 3] - origin[i]
     n, guess, force = np.empty(3), np.empty(3), np.empty(3)
-    law = parameters.law
+    shape = geometry
+    if baseline is not None:
+        # Smooth bodies: the texture comes in at one point of their contact.
+        shape = Geometry(
+            geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
+            geometry.no_texture, geometry.mapping, geometry.origin, geometry.no_texture,
+        )  # fmt: skip
     live = 0
     for p in range(patches):
         b = memory.new_bodies[p]
@@ -391,22 +296,16 @@ def tick(
             guess[i] += near_b[i, 3]
         count_a, count_b = _geoms_of(memory, count, p)
         out = memory.results[p]
-        out[:] = 0.0
-        if law == OTADUY_LIN:
-            tolerance = _tolerance(textures, geometry, tool, b, parameters.tolerance)
-            _depth(
-                textures, geometry, memory, count_a, count_b, near_a, near_b, n, guess, tolerance,
-                parameters, space, out,
-            )  # fmt: skip
-        else:
-            smooth = Geometry(
-                geometry.kind, geometry.size, geometry.position, geometry.rotation,
-                geometry.body, geometry.no_texture, geometry.mapping, geometry.origin,
-                geometry.no_texture,
-            )  # fmt: skip
-            depth_along(
-                textures, smooth, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a,
-                near_b, n, guess, 1e-9, parameters.max_nodes, space, out,
+        clear(out)
+        tolerance = _tolerance(textures, geometry, tool, b, parameters.tolerance)
+        depth_along(
+            textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
+            n, guess, tolerance, parameters.max_nodes, space, out,
+        )  # fmt: skip
+        if grid is not None:
+            depth_on_grid(
+                textures, geometry, memory.geoms, count_a, count_b, near_a, near_b, n, grid,
+                space, out,
             )  # fmt: skip
         deep = out[DEPTH] > 0.0
         for i in range(count):
@@ -442,10 +341,9 @@ def tick(
             contacts.slope_normal[c, k] = out[M_X + k]
             contacts.point[c, k] = out[POINT_X + k] + origin[k]
             guess[k] = out[POINT_X + k]
-        if law == OTADUY_LIN:
+        if baseline is None:
             for k in range(3):
                 force[k] = push * out[M_X + k]
-                wrench_out[k] += force[k]
                 wrench_out[3 + k] += push * out[MOMENT + k]
         else:
             for i in range(3):
@@ -453,25 +351,16 @@ def tick(
                     near_b[i, j] = body_b[i, j]
                 near_b[i, 3] = body_b[i, 3] - origin[i]
             _, count_b = _geoms_of(memory, count, p)
-            if law == SIIRA_PAI:
-                keep = math.exp(-2.0 * math.pi * parameters.noise_bandwidth * dt)
-                sliding = _slid(memory, body_a, guess, origin, moved)
-                level = parameters.noise_level if sliding else 0.0
-                filtered_noise(memory.noise, n, keep, level, bristle)
-                for k in range(3):
-                    force[k] = push * (n[k] + bristle[k])
-            else:
-                gradient = np.zeros(3)
-                height = smooth_texture_under(
-                    textures, geometry, memory.geoms[1], count_b, near_b, n, guess, space, gradient
-                )
-                textured_point_force(
-                    law, push, n, gradient, height, depth, parameters.ho_gain, moved, force
-                )
+            _slid(memory, body_a, guess, origin, moved)
+            baseline_force(
+                textures, geometry, memory, count_b, near_b, n, guess, moved, dt, push, depth,
+                baseline, space, force,
+            )  # fmt: skip
             for k in range(3):
                 one, two = (k + 1) % 3, (k + 2) % 3
-                wrench_out[k] += force[k]
                 wrench_out[3 + k] += guess[one] * force[two] - guess[two] * force[one]
+        for k in range(3):
+            wrench_out[k] += force[k]
         if parameters.friction > 0.0:
             _slid(memory, body_a, guess, origin, moved)
             _into(body_b, moved, bristle)
@@ -520,11 +409,11 @@ def tick(
         memory.counts[3] = 0
 
 
-@kernel
+@inner_kernel
 def _slid(memory, body_a, point, origin, moved_out):
     """Fill how far the tool's material at `point` has moved since the last tick; return if so."""
     if memory.counts[2] == 0:
-        moved_out[:] = 0.0
+        clear(moved_out)
         return False
     square = 0.0
     for i in range(3):

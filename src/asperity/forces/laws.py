@@ -25,12 +25,12 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import inner_kernel
 
 OTADUY_LIN, MINSKY, HO, SIIRA_PAI = 0, 1, 2, 3
 
 
-@kernel
+@inner_kernel
 def textured_point_force(law, push, n, gradient, height, depth, gain, noise, out):
     """Fill the force (3,) of a baseline.
 
@@ -53,7 +53,7 @@ def textured_point_force(law, push, n, gradient, height, depth, gain, noise, out
             out[i] = push * (n[i] + noise[i])
 
 
-@kernel
+@inner_kernel
 def bristle_force(bristle, moved, across, stiffness, limit, out):
     """Move a bristle by `moved` (3,) [m]; fill its force (3,) [N], at most `limit`.
 
@@ -78,7 +78,7 @@ def bristle_force(bristle, moved, across, stiffness, limit, out):
         out[i] = -stiffness * bristle[i]
 
 
-@kernel
+@inner_kernel
 def filtered_noise(state, n, share, level, out):
     """Fill Gaussian noise (3,) across n of standard deviation `level`, low-passed.
 
@@ -96,7 +96,7 @@ def filtered_noise(state, n, share, level, out):
         out[i] = level * (state[i] - along * n[i])
 
 
-@kernel
+@inner_kernel
 def _uniform(state):
     """Return a number in (0, 1), and count on."""
     state[3] += 1.0

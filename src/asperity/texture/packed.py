@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel, small_kernel
+from asperity.compiled import small_kernel
 from asperity.texture.height_field import HeightField
 
 _EDGE = 1e-6
