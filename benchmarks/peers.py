@@ -15,12 +15,11 @@ import math
 import time
 
 import mujoco
-import numba
 import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
+from asperity.compiled import inner_kernel, kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.packed import texture_at
 
@@ -30,14 +29,14 @@ _FACING = 0.98  # of the radius: beyond it the sphere faces away from n too much
 _STEPS = 40
 
 
-@kernel
+@inner_kernel
 def now(stamp):
     """Return the time [ns] in compiled code; `stamp` (2,) int64 is written to. Takes 20 ns."""
     _clock_gettime(_CLOCK, stamp.ctypes)
     return stamp[0] * 1000000000 + stamp[1]
 
 
-@kernel
+@inner_kernel
 def _overlap(textures, radius, centre, x, y):
     """Return the overlap of sphere and texture at (x, y) from its centre, and its derivatives."""
     h, h_u, h_v, h_uu, h_uv, h_vv = texture_at(textures, 0, centre[0] + x, centre[1] + y)
@@ -49,7 +48,7 @@ def _overlap(textures, radius, centre, x, y):
     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def _climb(textures, radius, centre, x, y, stride):
     """Return the local maximum (depth, x, y) uphill of a place, by damped Newton steps."""
     limit = (_FACING * radius) ** 2
@@ -82,7 +81,7 @@ def _climb(textures, radius, centre, x, y, stride):
     return f, x, y
 
 
-@kernel
+@inner_kernel
 def _block_bound(textures, radius, centre, level, column, row):
     """Return how deep a block may be: by its highest coefficient and the sphere over it."""
     table, scales = textures.table, textures.scales
@@ -99,7 +98,7 @@ def _block_bound(textures, radius, centre, level, column, row):
     return high + math.sqrt(radius * radius - square) - centre[2]
 
 
-@kernel
+@inner_kernel
 def uncertified_depth(textures, radius, centre, guess, stack, out):
     """Fill `out` (4,): depth [m], place (x, y) from the centre, blocks looked at.
 
@@ -131,6 +130,7 @@ def uncertified_depth(textures, radius, centre, guess, stack, out):
                 place -= 1
             stack[place, 0], stack[place, 1], stack[place, 2], stack[place, 3] = level, c, r, bound
             top += 1
+        level = -1
         while top > 0:
             top -= 1
             if stack[top, 3] <= best:
@@ -206,8 +206,6 @@ class MujocoField:
         )
         model.hfield_data[:] = ((heights - low) / span).ravel()
         self._model, self._data = model, mujoco.MjData(model)
-        # Samples of the map lie half a cell from its corner.
-        self._shift = 0.5 * field.pixel_size[0]
 
     def query(self, centre: NDArray[np.float64]) -> None:
         """Do what is timed."""
@@ -278,7 +276,3 @@ class FclField:
         up = (centre[2] - found.nearest_points[0][2]) / gap
         return (self._radius - gap) / max(up, 0.2)
 
-
-def one_thread() -> None:
-    """Let nothing that is timed use a second core."""
-    numba.set_num_threads(1)

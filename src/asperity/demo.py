@@ -29,7 +29,8 @@ _SOUND_RATE = 22050
 _SOUND_SECONDS = 2.0
 SCENE = "probe-plate-dots"
 """What the probe is dragged over at the end."""
-_DRAG_SECONDS = 1.0
+_DRAG_SECONDS = 0.5
+_PICTURE_ROWS = 480
 
 Advance = Callable[[], None]
 
@@ -140,7 +141,7 @@ def _drag_probe(folder: Path) -> tuple[Run, tuple[Picture, Picture]]:
 
     scene = load_scene(SCENE).changed(trajectory={"seconds": _DRAG_SECONDS})
     run = run_scene(scene, folder / "probe_plate_recording.h5")
-    return run, take_pictures(run, scene)
+    return run, take_pictures(run, scene, rows=_PICTURE_ROWS)
 
 
 def _rub_one(

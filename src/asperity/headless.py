@@ -152,9 +152,12 @@ def _summary(scene: Scene, motion: ScriptedMotion | Trajectory, rollout: Rollout
     }
 
 
-def take_pictures(run: Run, scene: Scene) -> tuple[Picture, Picture]:
-    """Return the pictures of the run's moment: close to the contact, and the whole tool."""
-    return close_picture(scene, run.moment), whole_picture(scene, run.moment)
+def take_pictures(run: Run, scene: Scene, *, rows: int = 620) -> tuple[Picture, Picture]:
+    """Return pictures of the run's moment, `rows` pixels high: close, and of the whole tool."""
+    return (
+        close_picture(scene, run.moment, columns=rows * 38 // 31, rows=rows),
+        whole_picture(scene, run.moment, columns=rows * 19 // 31, rows=rows),
+    )
 
 
 def write_figures(

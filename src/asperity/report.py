@@ -253,10 +253,16 @@ def _probe(results: Results) -> str:
     depths = sum(status.values())
     rows = [
         ("scene", f"{summary['scene']}, {described(summary)}"),
-        ("ticks of 1 ms", f"{summary['ticks']}, in contact {summary['contacts']['ticks_in_contact']}"),
+        (
+            "ticks of 1 ms",
+            f"{summary['ticks']}, in contact {summary['contacts']['ticks_in_contact']}",
+        ),
         ("depths certified", f"{status['certified']} of {depths}"),
         ("largest force", f"{summary['largest_force_n']:.3g} N"),
-        ("largest torque", f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m, about the centre of mass"),
+        (
+            "largest torque",
+            f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m, about the centre of mass",
+        ),
         (
             "time a tick took here",
             f"median {us['median']:.0f} µs, 99 % under {us['p99']:.0f} µs (beside other work)",

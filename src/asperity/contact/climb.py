@@ -29,6 +29,9 @@ FEASIBLE = 1e-11
 """A place this far beyond a border is still on it [m]."""
 _STEPS = 40
 _SHORTEST = 1e-14
+_CLOSE = 1e-10
+_GRAIN = 1e-15
+_CORRECTIONS = 3
 
 
 @inner_kernel
@@ -98,6 +101,19 @@ def _over(borders, count):
 
 
 @inner_kernel
+def _back(borders, count, x, y, box):
+    """Return (x, y) moved back onto the border that it passes most."""
+    worst = 0
+    for i in range(1, count):
+        if borders[i, 0] > borders[worst, 0]:
+            worst = i
+    a, b = borders[worst, 1], borders[worst, 2]
+    share = borders[worst, 0] / max(a * a + b * b, 1e-300)
+    x0, x1, y0, y1 = box
+    return min(max(x - share * a, x0), x1), min(max(y - share * b, y0), y1)
+
+
+@inner_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
 
@@ -115,6 +131,7 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
         return False
     count = borders_at(cx, cy, at, borders)
     over = _over(borders, count)
+    length = np.inf
     for _ in range(_STEPS):
         near = 0
         for i in range(count):
@@ -135,7 +152,8 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
         if not found:
             # Out of reach of the borders: what can be gained is a shorter way over them.
             return over <= FEASIBLE
-        if abs(dx) + abs(dy) < _SHORTEST:
+        length, last = abs(dx) + abs(dy), length
+        if length < _SHORTEST or (length < _CLOSE and length > 0.5 * last):
             break
         penalty = 10.0 * (1.0 + abs(at[F_X]) + abs(at[F_Y]))
         new_x, new_y = min(max(x + dx, x0), x1), min(max(y + dy, y0), y1)
@@ -144,18 +162,27 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
         if trial[F] > -np.inf:
             trial_count = borders_at(cx, cy, trial, borders)
             trial_over = _over(borders, trial_count)
-            gain = trial[F] - at[F] - penalty * (trial_over - over)
-            better = gain >= -1e-18
+            for _ in range(_CORRECTIONS):
+                if trial_over <= _GRAIN:
+                    break
+                # A step along a curved border ends beyond it: straight back, or what is gained
+                # along the border would seem lost.
+                new_x, new_y = _back(borders, trial_count, new_x, new_y, box)
+                overlap_at(textures, cx, cy, new_x, new_y, work, trial)
+                if trial[F] == -np.inf:
+                    break
+                trial_count = borders_at(cx, cy, trial, borders)
+                trial_over = _over(borders, trial_count)
+            gain = trial[F] - at[F] - penalty * (max(trial_over, _GRAIN) - max(over, _GRAIN))
+            better = gain >= -1e-17
         if better:
             for i in range(OVERLAP_SIZE):
                 at[i] = trial[i]
             x, y, over, count = new_x, new_y, trial_over, trial_count
-            # Newton's steps have reached the grain of the numbers.
-            if gain < 1e-17 and abs(dx) + abs(dy) < 1e-11:
-                break
         else:
             stride = 0.25 * max(abs(dx), abs(dy))
             if stride < _SHORTEST:
                 break
+            length = np.inf
             count = borders_at(cx, cy, at, borders)
     return over <= FEASIBLE

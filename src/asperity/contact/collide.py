@@ -60,7 +60,12 @@ class Collider:
             seen[name] += 1
             texture = bodies[body].texture
             if texture is not None:
-                self._model.geom_margin[i] = max(abs(texture.highest), abs(texture.lowest))
+                # A spline stays within its coefficients, which reach beyond the samples.
+                reach = float(np.max(np.abs(texture.coefficients)))
+                self._model.geom_margin[i] = reach
+                # The broad phase looks at the body's.
+                owner = int(self._model.geom_bodyid[i])
+                self._model.body_margin[owner] = max(self._model.body_margin[owner], reach)
         for body in bodies:
             if seen[body.name] != len(body.geoms):
                 raise AsperityError(

@@ -53,6 +53,7 @@ from asperity.contact.search import (
     LIMIT,
     MOST_TIES,
     NODES,
+    SAME,
     SPENT,
     STATE_SIZE,
     TIE,
@@ -194,6 +195,18 @@ def _on_rectangle(chart, x, y):
 
 
 @inner_kernel
+def _met_before(ties, t, least):
+    """Return whether another tie is the same place: charts share their common edge."""
+    for i in range(ties.shape[0]):
+        if i == t:
+            return False
+        near = abs(ties[i, POINT] - ties[t, POINT]) + abs(ties[i, POINT + 1] - ties[t, POINT + 1])
+        if ties[i, F] >= least and near < SAME:
+            return True
+    return False
+
+
+@inner_kernel
 def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
     borders = np.empty((MAX_BORDERS, BORDER_SIZE))
@@ -317,7 +330,7 @@ def depth_along(
     total = 0.0
     for t in range(int(state[TIES])):
         at = space.ties[t]
-        if at[F] < state[BEST] - TIE:
+        if at[F] < state[BEST] - TIE or _met_before(space.ties, t, state[BEST] - TIE):
             continue
         i, j = int(at[OVERLAP_SIZE]) // made_b, int(at[OVERLAP_SIZE]) % made_b
         a, b = space.charts_a[i], space.charts_b[j]

@@ -40,7 +40,8 @@ from asperity.contact.surface import parameters_under
 TIE = 1e-9
 """Places that are less deep than the deepest by at most this count as equally deep [m]."""
 MOST_TIES = 256
-_SAME = 1e-6  # places closer than this are one [m]
+SAME = 1e-6
+"""Places closer than this are one [m]."""
 _FINEST_TIE = 1.0 / 40.0
 _STACK = 1024
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
@@ -136,7 +137,7 @@ def _keep(at, pair, weight, state, best, ties):
     count = int(state[TIES])
     for i in range(count):
         if ties[i, OVERLAP_SIZE] == pair and ties[i, F] >= state[BEST] - TIE:
-            if abs(ties[i, X] - at[X]) < _SAME and abs(ties[i, Y] - at[Y]) < _SAME:
+            if abs(ties[i, X] - at[X]) < SAME and abs(ties[i, Y] - at[Y]) < SAME:
                 if depth > ties[i, F]:
                     for j in range(OVERLAP_SIZE):
                         ties[i, j] = at[j]
