@@ -23,8 +23,9 @@ lint: $(VENV)/installed-dev          ## style, types, and the order of imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(VENV)/installed-run         ## speed, as ratios in one run
+bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
 	$(BIN)/python benchmarks/bench_studies.py
+	$(BIN)/python benchmarks/bench_contact.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
@@ -52,6 +53,8 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
+$(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
+	$(call INSTALL,[compare])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python

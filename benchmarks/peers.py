@@ -7,6 +7,8 @@ highest point over the block stays under the best place so far. A cell ends the 
 middle is deeper than the best place so far, Newton's method climbs from there, and the cell is
 closed, though it may hold a deeper place. The last query's place is climbed from first. None of
 asperity's generality (charts, borders, ties, other shapes and normals) costs it anything.
+Since cells grow in number with the map's resolution, there is a second variant that divides no
+further than to blocks of about 80 um, a twentieth of the sphere's radius, whatever the map.
 """
 
 from __future__ import annotations
@@ -99,20 +101,21 @@ def _block_bound(textures, radius, centre, level, column, row):
 
 
 @inner_kernel
-def uncertified_depth(textures, radius, centre, guess, stack, out):
+def uncertified_depth(textures, radius, centre, guess, finest, stack, out):
     """Fill `out` (4,): depth [m], place (x, y) from the centre, blocks looked at.
 
-    `guess` (2,) is a place to climb from first, from the centre. `stack` (100, 4) is written to.
-    The one texture has 2**k cells a side and wraps.
+    `guess` (2,) is a place to climb from first, from the centre. Blocks of 2**finest cells a side
+    are not divided. `stack` (100, 4) is written to. The texture has 2**k cells a side and wraps.
     """
     scale, reach = textures.scales[0, 0], _FACING * radius
     cell = 1.0 / scale
+    stride = 4.0 * cell * (1 << finest)
     best, best_x, best_y = _climb(textures, radius, centre, guess[0], guess[1], 0.2 * radius)
     top_level, level = textures.table[0, 6] - 1, 0
     while level < top_level and (1 << level) < 2.0 * reach * scale:
         level += 1
-    column = int(math.floor((centre[0] - reach) * scale + 0.5)) >> level
-    row = int(math.floor((centre[1] - reach) * scale + 0.5)) >> level
+    column = math.floor((centre[0] - reach) * scale + 0.5) >> level
+    row = math.floor((centre[1] - reach) * scale + 0.5) >> level
     top = looked = 0
     # The four blocks round the sphere first; then the four parts of the block on top.
     while True:
@@ -136,15 +139,17 @@ def uncertified_depth(textures, radius, centre, guess, stack, out):
             if stack[top, 3] <= best:
                 continue
             level = int(stack[top, 0])
-            if level > 0:
+            if level > finest:
                 break
-            x, y = stack[top, 1] * cell - centre[0], stack[top, 2] * cell - centre[1]
+            half = 0.5 * (1 << level) - 0.5
+            x = (stack[top, 1] + half) * cell - centre[0]
+            y = (stack[top, 2] + half) * cell - centre[1]
             if x * x + y * y < reach * reach:
                 value = texture_at(textures, 0, centre[0] + x, centre[1] + y)[0] - centre[2]
                 if value + math.sqrt(radius * radius - x * x - y * y) > best:
-                    best, best_x, best_y = _climb(textures, radius, centre, x, y, 4.0 * cell)
+                    best, best_x, best_y = _climb(textures, radius, centre, x, y, stride)
             level = -1
-        if level <= 0:
+        if level < 0:
             break
         level -= 1
         column, row = int(stack[top, 1]) >> level, int(stack[top, 2]) >> level
@@ -152,14 +157,16 @@ def uncertified_depth(textures, radius, centre, guess, stack, out):
 
 
 @kernel
-def timed_uncertified(textures, radius, stiffness, centres, ns_out, depth_out, wrench_out):
+def timed_uncertified(
+    textures, radius, stiffness, finest, centres, ns_out, depth_out, wrench_out
+):  # fmt: skip
     """Fill time [ns], depth and wrench (6,) of every place of the sphere's centre (n, 3)."""
     stamp, stack = np.zeros(2, np.int64), np.empty((100, 4))
     guess, found = np.zeros(2), np.zeros(4)
     for q in range(len(centres)):
         centre = centres[q]
         begun = now(stamp)
-        uncertified_depth(textures, radius, centre, guess, stack, found)
+        uncertified_depth(textures, radius, centre, guess, finest, stack, found)
         depth, x, y = found[0], found[1], found[2]
         root = math.sqrt(radius * radius - x * x - y * y)
         push = stiffness * max(depth, 0.0)
@@ -270,9 +277,9 @@ class FclField:
         """Return the depth along z [m]; nan without contact."""
         found = self.query(centre)
         if self._by == "contacts":
-            depths = [c.penetration_depth / max(abs(c.normal[2]), 0.2) for c in found.contacts]
+            # fcl's sign is not always the same.
+            depths = [abs(c.penetration_depth) / max(abs(c.normal[2]), 0.2) for c in found.contacts]
             return max(depths, default=math.nan)
         gap = found.min_distance + self._size
         up = (centre[2] - found.nearest_points[0][2]) / gap
         return (self._radius - gap) / max(up, 0.2)
-

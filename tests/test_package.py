@@ -53,13 +53,17 @@ def test_first_force_loads_no_plotting_or_signal_library():
     assert done.stdout.strip() == "[]"
 
 
-def test_the_readmes_example_is_the_example_that_runs(capsys):
-    block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S)
-    example = (ROOT / "examples" / "01_offset_and_hand.py").read_text("utf-8")
-    assert block is not None
-    assert block.group(1).strip() in example
-    assert len([line for line in block.group(1).splitlines() if line.strip()]) <= 12
-    exec(compile(block.group(1), "README.md", "exec"), {})
+@pytest.mark.parametrize(
+    ("number", "name"), enumerate(("02_probe_on_plate.py", "01_offset_and_hand.py"))
+)
+def test_the_readmes_examples_are_the_examples_that_run(number, name, capsys):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S)
+    example = (ROOT / "examples" / name).read_text("utf-8")
+    assert len(blocks) == 2
+    block = blocks[number]
+    assert block.strip() in example
+    assert len([line for line in block.splitlines() if line.strip()]) <= 12
+    exec(compile(block, "README.md", "exec"), {})
     assert re.search(r"\d", capsys.readouterr().out)
 
 

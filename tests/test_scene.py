@@ -197,3 +197,13 @@ def test_motion_of_the_document(plain):
     scene = plain.changed(trajectory={"kind": "circle", "radius": 0.004, "seconds": 1})
     assert isinstance(scene.motion, ScriptedMotion)
     assert (scene.motion.kind, scene.motion.radius, scene.motion.seconds) == ("circle", 0.004, 1.0)
+
+
+def test_mjcf_in_several_files(plain, tmp_path):
+    plain.save(tmp_path / "mine")
+    path = tmp_path / "mine" / "scene.xml"
+    text = path.read_text("utf-8")
+    begin, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
+    (tmp_path / "mine" / "parts.xml").write_text(f"<mujoco>{text[begin:end]}</mujoco>")
+    path.write_text(text[:begin] + '<include file="parts.xml"/>' + text[end:])
+    assert [b.name for b in load_scene(tmp_path / "mine").bodies] == ["plate", "probe"]

@@ -1,11 +1,13 @@
 """The loop from a pose of the handle to the wrench that it feels."""
 
+import logging
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+from asperity import simulation as simulation_module
 from asperity.errors import AsperityError
 from asperity.geometry.analytic import Sinusoid
 from asperity.scenes import load_scene, probe_plate
@@ -165,3 +167,15 @@ def test_the_first_force_loads_no_plots_and_no_meshes():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_compiling_is_told_once_and_only_if_nothing_is_kept(tmp_path, monkeypatch, caplog):
+    announce = simulation_module.announce_compiling
+    monkeypatch.setattr(simulation_module, "cache_state", lambda: (tmp_path, 0))
+    for _ in range(2):
+        announce.cache_clear()
+        with caplog.at_level(logging.WARNING):
+            announce()
+            announce()
+        assert ["compiling the contact engine" in r.message for r in caplog.records] == [True]
+        (tmp_path / "tick.tick-51.py311.1.nbc").touch()

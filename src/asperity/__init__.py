@@ -12,36 +12,64 @@ __version__ = "0.1.0"
 
 _HOME = {
     "AsperityError": "asperity.errors",
+    "Body": "asperity.geometry.bodies",
+    "BodyPair": "asperity.contact.pair",
     "DotPlate": "asperity.geometry.dots",
+    "Engine": "asperity.engine.engine",
+    "ForceSettings": "asperity.forces.settings",
+    "Geom": "asperity.geometry.bodies",
     "Grating": "asperity.geometry.analytic",
     "Hand": "asperity.dynamics.hand",
+    "HeightField": "asperity.texture.height_field",
     "HeightMap": "asperity.geometry.sampled",
     "Motion": "asperity.dynamics.hand",
     "SampledProfile": "asperity.geometry.sampled",
+    "Scene": "asperity.scene",
+    "ScriptedMotion": "asperity.trajectory",
+    "Simulation": "asperity.simulation",
     "Sinusoid": "asperity.geometry.analytic",
+    "Trajectory": "asperity.trajectory",
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
+    "load_scene": "asperity.scenes",
+    "make_scene": "asperity.scene",
     "offset_surface": "asperity.geometry.sampled",
     "read_heights": "asperity.texture.reading",
+    "read_poses": "asperity.trajectory_file",
+    "read_recording": "asperity.recording",
     "self_affine": "asperity.texture.procedural",
 }
 
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
+    from asperity.contact.pair import BodyPair as BodyPair
     from asperity.dynamics.hand import Hand as Hand
     from asperity.dynamics.hand import Motion as Motion
     from asperity.dynamics.hand import drag as drag
+    from asperity.engine.engine import Engine as Engine
     from asperity.errors import AsperityError as AsperityError
+    from asperity.forces.settings import ForceSettings as ForceSettings
     from asperity.geometry.analytic import Grating as Grating
     from asperity.geometry.analytic import Sinusoid as Sinusoid
+    from asperity.geometry.bodies import Body as Body
+    from asperity.geometry.bodies import Geom as Geom
     from asperity.geometry.dots import DotPlate as DotPlate
     from asperity.geometry.offset import drop_point as drop_point
     from asperity.geometry.sampled import HeightMap as HeightMap
     from asperity.geometry.sampled import SampledProfile as SampledProfile
     from asperity.geometry.sampled import offset_surface as offset_surface
+    from asperity.recording import read_recording as read_recording
+    from asperity.scene import Scene as Scene
+    from asperity.scene import make_scene as make_scene
+    from asperity.scenes import load_scene as load_scene
+    from asperity.simulation import Simulation as Simulation
+    from asperity.texture.height_field import HeightField as HeightField
     from asperity.texture.procedural import self_affine as self_affine
     from asperity.texture.reading import read_heights as read_heights
+    from asperity.trajectory import ScriptedMotion as ScriptedMotion
+    from asperity.trajectory import Trajectory as Trajectory
+    from asperity.trajectory_file import read_poses as read_poses
 
 
 def __getattr__(name: str) -> Any:

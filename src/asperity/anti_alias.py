@@ -33,8 +33,11 @@ BUDGET = 64
 PER_WAVE = 8
 """Sub-poses a wave of the shortest wavelength, at least."""
 ATTENUATION_DB = 60.0
-_LEAP = 1e-4
-"""A leap of the wrench is halved until leap times interval is this part of wrench times tick."""
+LEAP = {"tick": 1e-3, "band": 1e-4}
+"""A leap of the wrench is halved until leap times interval is this part of wrench times tick.
+
+The side lobes of a plain mean are far above what finer places would take away.
+"""
 _TAPS = 256
 """Of the tabulated window, a tick."""
 
@@ -54,6 +57,7 @@ def sub_poses(
     count: int,
     *,
     lever: float,
+    leap: float = LEAP["band"],
     halve: bool = True,
 ) -> SubPoses:
     """Evaluate the wrench on the way through a tick.
@@ -68,6 +72,8 @@ def sub_poses(
         Sub-poses that the motion asks for.
     lever : float
         Length that makes a force of a torque, to compare leaps [m].
+    leap : float
+        How exactly leaps are placed: see `LEAP`.
     halve : bool
         Evaluate more around leaps. These come out of order: not for a wrench that remembers.
     """
@@ -77,7 +83,7 @@ def sub_poses(
     left = BUDGET - start
     if not halve or left == 0:
         return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
-    tolerance = _LEAP * max(_size(w, lever) for w in wrench)
+    tolerance = leap * max(_size(w, lever) for w in wrench)
     heap: list[tuple[float, float, float, NDArray[np.float64], NDArray[np.float64]]] = []
 
     def push(a: float, b: float, f: NDArray[np.float64], g: NDArray[np.float64], e: float) -> None:

@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from asperity import __version__
 
 _PACKAGES = (
-    "numba", "numpy", "scipy", "xarray", "h5netcdf", "h5py", "matplotlib", "tyro", "rich",
+    "mujoco", "numba", "numpy", "scipy", "xarray", "h5netcdf", "h5py", "matplotlib", "tyro", "rich",
 )  # fmt: skip
 _TICK = 1e-3
 _TICKS = 300

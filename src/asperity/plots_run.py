@@ -35,10 +35,10 @@ def torque_figure(run: Rollout, title: str) -> Figure:
 def _components(time: Array, values: Array, what: str, unit: str, title: str) -> Figure:
     """Draw the whole run above, and a stretch of it in which single waves are seen below."""
     with style():
-        figure = Figure(figsize=(7.2, 4.4), dpi=_DPI)
+        figure = Figure(figsize=(7.2, 4.6), dpi=_DPI)
         whole, part = figure.subplots(2, 1)
         _lines(whole, time, values, 0.7)
-        whole.set_title(title)
+        whole.set_title(f"{title}\n{what}, world axes")
         begin, end = _stretch(time)
         whole.axvspan(time[begin], time[end - 1], color="#f2ead2", zorder=0, lw=0)
         _lines(part, (time[begin:end] - time[begin]) * 1e3, values[begin:end], 1.2)
@@ -50,7 +50,6 @@ def _components(time: Array, values: Array, what: str, unit: str, title: str) ->
             *whole.get_legend_handles_labels(), loc="upper right", ncols=3,
             bbox_to_anchor=(0.985, 0.995), handlelength=1.4, columnspacing=1.2,
         )  # fmt: skip
-        figure.text(0.985, 0.012, f"{what}, world axes", ha="right", fontsize=7.5, color="#666666")
         figure.tight_layout(h_pad=1.2)
     return figure
 

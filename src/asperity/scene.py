@@ -149,7 +149,9 @@ def read_scene(path: str | Path) -> Scene:
         # Through MuJoCo's own reader, so that includes are found beside the file.
         xml = xml_path.read_text("utf-8")
         if "<include" in xml:
-            xml = mujoco.MjSpec.from_file(str(xml_path)).to_xml()
+            spec = mujoco.MjSpec.from_file(str(xml_path))
+            spec.compile()
+            xml = spec.to_xml()
     except (ValueError, OSError) as error:
         raise AsperityError(f"{xml_path} is not MJCF: {_line(error)}") from None
     return at(

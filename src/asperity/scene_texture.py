@@ -1,25 +1,19 @@
-"""A body's texture, as `scene.toml` describes it: made by its kind, or read from a file."""
+"""A body's texture, as `scene.toml` describes it: made by its kind, or read from a file.
+
+The kinds are those of `asperity.texture.patterns`; the parameters of a maker, or of
+`HeightField.from_file`, are the keys of the TOML.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene_file import PLACING, Table, arguments, at, require_keys
-from asperity.texture import patterns
 from asperity.texture.height_field import HeightField
-
-_NAMES = (
-    "sinusoid", "sin_product", "grating", "stripes", "jittered_dots", "cross_cut", "knurl",
-    "brushed", "rough", "step",
-)  # fmt: skip
-PATTERNS: dict[str, Callable[..., HeightField]] = {
-    name: getattr(patterns, name) for name in _NAMES if hasattr(patterns, name)
-}
-"""The kinds of textures, by name: their parameters are the keys of the TOML."""
+from asperity.texture.patterns import PATTERNS
 
 
 def body_texture(

@@ -7,6 +7,8 @@ In the `direct` mode the tool is where the handle is, and the hand feels the con
 
 from __future__ import annotations
 
+import functools
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -16,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.anti_alias import BUDGET, PER_WAVE, Window, sub_poses
-from asperity.contact.engine import Engine
+from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
+from asperity.compiled import cache_state
+from asperity.engine.engine import Engine
 from asperity.errors import require_between
 from asperity.poses import between, require_pose, turn_between, twist
 from asperity.press import pressed_pose, touching_pose
@@ -33,6 +36,16 @@ FLAGS = {
     OVERFLOW: "a search or the list of contacts overflowed",
 }
 """Bits of a tick's flags, and what they say."""
+
+
+@functools.cache
+def announce_compiling() -> None:
+    """Say, once, that the first force takes a while, if no machine code of it is kept yet."""
+    folder, _ = cache_state()
+    if not any(folder.rglob("tick.tick-*.nbc")):
+        logging.getLogger(__name__).warning(
+            "compiling the contact engine, once after an installation: half a minute or less"
+        )
 
 
 class State(NamedTuple):
@@ -79,10 +92,11 @@ class Simulation:
     Examples
     --------
     >>> simulation = asperity.Simulation(asperity.load_scene("probe-plate"))
-    >>> wrench = simulation.step(pose)  # (6,): force [N], torque [N m] about the centre of mass
+    >>> wrench = simulation.step(pose)  # force [N], torque [N m]
     """
 
     def __init__(self, scene: Scene, *, dt: float = 1e-3) -> None:
+        announce_compiling()
         self.scene = scene
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self._engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
@@ -111,7 +125,7 @@ class Simulation:
 
     @property
     def contacts(self) -> Any:
-        """The contacts of the last pose: see `asperity.contact.engine`. Valid until the next."""
+        """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
         return self._engine.contacts
 
     @property
@@ -159,7 +173,12 @@ class Simulation:
             return np.array(self._engine.wrench(between(last, pose, s), piece))
 
         nodes = sub_poses(
-            evaluate, self._last_wrench, count, lever=self._extent, halve=self._halve and waves > 0
+            evaluate,
+            self._last_wrench,
+            count,
+            lever=self._extent,
+            leap=LEAP[self.scene.anti_alias],
+            halve=self._halve and waves > 0,
         )
         if nodes.s.size > 2:
             self.flags |= SUB_POSES

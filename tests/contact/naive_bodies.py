@@ -18,7 +18,7 @@ from asperity.texture import packed
 from asperity.texture.height_field import HeightField
 
 if TYPE_CHECKING:
-    from asperity.contact.engine import Engine
+    from asperity.engine.engine import Engine
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
@@ -204,7 +204,7 @@ class Along(NamedTuple):
 
 def engine_of(tool: Body, ground: Body, **settings: object) -> Engine:
     """Return the engine of a scene in which `ground` stands at the origin and `tool` is free."""
-    from asperity.contact.engine import Engine
+    from asperity.engine.engine import Engine
     from asperity.forces.settings import ForceSettings
 
     def geoms(body: Body) -> str:

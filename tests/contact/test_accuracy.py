@@ -63,16 +63,16 @@ def compare(cases, report, **look):
 
 
 def test_depth_on_real_maps(data):
-    cases = [on_real_map(data, i, TILTS[i % 4], i) for i in (0, 2, 5, 6, 3)]
-    errors, statuses = compare(cases, "5 real maps", samples=150, zooms=4)
+    cases = [on_real_map(data, i, TILTS[i % 4], i) for i in (2, 5, 3)]
+    errors, statuses = compare(cases, "3 real maps", samples=120, zooms=4)
     assert errors.max() < ALLOWED
     assert not statuses.any()
 
 
 @pytest.mark.slow
 def test_depth_on_real_maps_at_every_tilt(data):
-    cases = [on_real_map(data, i, t, s) for i in range(len(MAPS)) for t in TILTS for s in range(3)]
-    errors, statuses = compare(cases, f"{len(cases)} cases on real maps", samples=300, zooms=5)
+    cases = [on_real_map(data, i, t, s) for i in range(len(MAPS)) for t in TILTS for s in range(2)]
+    errors, statuses = compare(cases, f"{len(cases)} cases on real maps", samples=200, zooms=4)
     assert errors.max() < ALLOWED
     assert not statuses.any()
 
@@ -83,7 +83,7 @@ def test_depth_of_every_pair_of_kinds(kind_a):
         seed = 10 * ROUND.index(kind_a) + number
         a, pose_a, b, pose_b, n = meeting(kind_a, kind_b, seed)
         found = Pair(a, b).along(pose_a, pose_b, n, 1e-9)
-        exact = reference_depth(a, pose_a, b, pose_b, n, samples=150, zooms=5)
+        exact = reference_depth(a, pose_a, b, pose_b, n, samples=100, zooms=5)
         assert found.status == 0, (kind_b, seed)
         assert found.depth == pytest.approx(exact.depth, abs=1.1e-9), (kind_b, seed)
 
@@ -102,13 +102,13 @@ def count_uncertified(cases):
 
 def test_every_depth_is_certified():
     kinds = [(a, b) for a in ROUND for b in (*ROUND, "plane")]
-    cases = [meeting(a, b, s, t) for a, b in kinds for s in range(4) for t in ("ab", "a", "b")]
+    cases = [meeting(a, b, s, t) for a, b in kinds for s in range(3) for t in ("ab", "a", "b")]
     assert count_uncertified(cases) == 0
 
 
 @pytest.mark.slow
 def test_every_depth_on_real_maps_is_certified(data):
-    picked = [(i, t, s) for i in range(len(MAPS)) for t in TILTS for s in range(12)]
+    picked = [(i, t, s) for i in range(len(MAPS)) for t in TILTS for s in range(6)]
     cases = []
     for i, t, s in picked:
         tool, at, ground = on_real_map(data, i, t, s)

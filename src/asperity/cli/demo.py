@@ -29,6 +29,7 @@ class Demo:
         from asperity.output import result_folder, write_whole
         from asperity.perception.studies import StudySettings
         from asperity.report import render
+        from asperity.simulation import announce_compiling
 
         page = self.out / "report.html"
         if page.exists() and not self.overwrite:
@@ -36,6 +37,7 @@ class Demo:
         data, settings = self._data(), StudySettings()
         loading = time.perf_counter() - start
         drags, rubs = steps(settings)
+        announce_compiling()
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 first = bars.add_task(compile_notice(), total=drags)

@@ -57,15 +57,15 @@ class Run:
         """Run, write, and say what was felt."""
         check_ranges(self)
         from asperity.cli.progress import progress_bars
-        from asperity.compiled import cache_state
         from asperity.headless import run_scene, take_pictures, write_figures, write_summary
         from asperity.output import result_folder
+        from asperity.simulation import announce_compiling
 
         scene = self._scene()
         motion = self._motion(scene)
+        announce_compiling()  # before the bar, not across it
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
-            what = scene.name if cache_state()[1] else f"{scene.name} (compiling first)"
-            task = bars.add_task(what, total=None)
+            task = bars.add_task(scene.name, total=None)
 
             def show(i: int, rollout: Any) -> None:
                 if i % 25 == 0 or i + 1 == len(rollout.time):

@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel, small_kernel
+from asperity.compiled import lean_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -61,18 +61,20 @@ from asperity.contact.chart import (
 )
 from asperity.contact.climb import climb
 from asperity.contact.overlap import (
-    BORDER_SIZE,
+    BORDERS,
     F_X,
     F_Y,
-    MAX_BORDERS,
+    LINES,
     ON_X,
     ON_Y,
     OVERLAP_SIZE,
+    POLYGON,
     SLOPE_Y,
     F,
     X,
     Y,
     borders_at,
+    over_level,
     overlap_at,
     steepest_rise,
 )
@@ -82,7 +84,8 @@ from asperity.texture.packed import texture_bounds
 # Of the triplanar weights: sums of the sizes of their first and second derivatives by the unit
 # normal, largest over the sphere.
 _WEIGHTS_1, _WEIGHTS_2 = 4.2, 14.0
-NOWHERE = (-np.inf, 0.0, 0.0, -np.inf, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+_NO_RISE = 1e-13  # not worth a look at the borders [m]
+UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 
 
 @small_kernel
@@ -97,7 +100,21 @@ def _roots_over(chart, x, y, radius):
     return (math.sqrt(1.0 - far * far) if far < 1.0 else -1.0), most
 
 
-@inner_kernel
+@small_kernel
+def _level_texture(textures, chart, x, y, half_x, half_y):
+    """Do `texture_over` for a level chart with a planar map, where w is constant."""
+    k = int(chart[TEXTURE])
+    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
+    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
+    u = chart[B0] + chart[B1] * x + chart[B2] * y
+    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
+    high, slope, bend = texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
+    speed = chart[UV_MOST]
+    least = chart[UV_LEAST] if bend < 0.0 else speed
+    return high, slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+
+
+@lean_kernel
 def texture_over(textures, chart, x0, x1, y0, y1):
     """Return bounds of a chart's texture and normal over a box of its parameters.
 
@@ -122,14 +139,7 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     curved = chart[C] > 0.0
     low = max(least, 0.5 * chart[LEAST_ROOT])
     if chart[LEVEL] == 1.0 and mapping == PLANAR:
-        ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
-        rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
-        u = chart[B0] + chart[B1] * x + chart[B2] * y
-        v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
-        high, slope, bend = texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
-        bend *= chart[UV_MOST] ** 2 if bend > 0.0 else chart[UV_LEAST] ** 2
-        size_bend = textures.scales[k, 4] * chart[UV_MOST] ** 2
-        slope *= chart[UV_MOST]
+        high, slope, bend, size_bend = _level_texture(textures, chart, x, y, half_x, half_y)
         return high, slope, bend, size_bend, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0
     # The root's first and second derivative, and the normal's.
     r1 = r2 = w1 = w2 = 0.0
@@ -154,10 +164,10 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
     side_u, side_v, up = side_u / size, side_v / size, up / size
     if mapping == CYLINDRICAL:
-        R, sense = chart[ROUND], chart[ROUND + 2]
-        a0 = R * math.asin(min(max(y0 / R, -1.0), 1.0))
-        a1 = R * math.asin(min(max(y1 / R, -1.0), 1.0))
-        if sense < 0.0:
+        radius_of, stretch = chart[ROUND], chart[ROUND + 5]
+        a0 = stretch * radius_of * math.asin(min(max(y0 / radius_of, -1.0), 1.0))
+        a1 = stretch * radius_of * math.asin(min(max(y1 / radius_of, -1.0), 1.0))
+        if chart[ROUND + 2] < 0.0:
             a0, a1 = -a1, -a0
         low_root = max(least, 0.0)
         lean0, lean1 = chart[ROUND + 4] * low_root, chart[ROUND + 4] * most
@@ -167,8 +177,9 @@ def texture_over(textures, chart, x0, x1, y0, y1):
             v + x0 + min(lean0, lean1), v + x1 + max(lean0, lean1),
         )  # fmt: skip
         reach = 1.0 + chart[UV_ROOT] * r1
-        speed = math.sqrt(1.0 / (low * low) + reach * reach)
-        turn = chart[UV_ROOT] * r2 + math.sqrt(max(1.0 - low * low, 0.0)) / (R * low * low * low)
+        speed = math.sqrt((stretch / low) ** 2 + reach * reach)
+        turn = math.sqrt(max(1.0 - low * low, 0.0)) * stretch / (radius_of * low * low * low)
+        turn += chart[UV_ROOT] * r2
         slowest = 0.0
     else:
         high, slope, bend = -np.inf, 0.0, -np.inf
@@ -179,9 +190,9 @@ def texture_over(textures, chart, x0, x1, y0, y1):
             if mapping != PLANAR and not curved and chart[W0 + i] ** 4 < 1e-12:
                 continue
             u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y
-            u += chart[B3 + one] * middle
+            u += chart[B3 + one] * middle - (chart[ROUND] if mapping != PLANAR else 0.0)
             v = chart[B0 + two] + chart[B1 + two] * x + chart[B2 + two] * y
-            v += chart[B3 + two] * middle
+            v += chart[B3 + two] * middle - (chart[ROUND + 1] if mapping != PLANAR else 0.0)
             ru = abs(chart[B1 + one]) * half_x + abs(chart[B2 + one]) * half_y
             ru += abs(chart[B3 + one]) * half_root
             rv = abs(chart[B1 + two]) * half_x + abs(chart[B2 + two]) * half_y
@@ -321,18 +332,114 @@ def _beside(cy, at, reach, unknown):
     return max(out_x, out_y) > reach
 
 
-@inner_kernel
-def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, at):
-    """Return (upper bound of the overlap over a box, whether `at` holds a place within it).
+@small_kernel
+def _less_base(chart, m11, m12, m22, most, q):
+    """Return M less the curvature of Y's smooth base; `q` are the sides of X's map to (u, v)."""
+    c = chart[C] / most
+    e11, e12, e22 = c * chart[EQ], c * chart[EQ + 1], c * chart[EQ + 2]
+    a, b, d, e = q
+    m11 -= a * (e11 * a + e12 * d) + d * (e12 * a + e22 * d)
+    m12 -= a * (e11 * b + e12 * e) + d * (e12 * b + e22 * e)
+    m22 -= b * (e11 * b + e12 * e) + e * (e12 * b + e22 * e)
+    return m11, m12, m22
 
-    `best` (22,) is the deepest place so far, `mine` whether it is on this pair of charts.
-    Once the bound falls to `enough` it is not sharpened. Where a place was looked at, `at` (22,)
-    is filled as by `overlap_at`, and the place is within the borders.
+
+@small_kernel
+def _level_bound(textures, cx, cy, x0, x1, y0, y1, bound, enough, at):
+    """Do the rest of `node_bound` for a textured plate under a smooth tool, the common case."""
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    high, _, kappa, _ = _level_texture(textures, cx, x, y, half_x, half_y)
+    bound += high
+    if bound <= enough:
+        return bound, UNSEEN, bound, 0.0
+    over_level(textures, cx, cy, x, y, at)
+    if at[F] == -np.inf:
+        return bound, UNSEEN, bound, 0.0
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    reach = radius * cx[Q_MOST] / cy[Q_LEAST]
+    least, most = _roots_over(cy, at[ON_X], at[ON_Y], reach)
+    if cy[C] > 0.0 and least < 0.5 * cy[LEAST_ROOT]:
+        return bound, SEEN, bound, 0.0
+    m11, m12, m22 = kappa, 0.0, kappa
+    if cy[C] > 0.0:
+        q = (cx[Q], cx[Q + 1], cx[Q + 2], cx[Q + 3])
+        m11, m12, m22 = _less_base(cy, m11, m12, m22, most, q)
+    loose = 0.5 * radius * radius * _row_bend(cy, least)
+    return _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
+
+
+@small_kernel
+def _second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
+    """Return the sharper of `bound` and that of f'' <= M; see `node_bound`."""
+    square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
+    second = at[F] + 0.5 * square + abs(m12) * half_x * half_y
+    bound = min(bound, second + abs(at[F_X]) * half_x + abs(at[F_Y]) * half_y)
+    concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
+    return bound, (CONCAVE if concave else BOUNDED), second, loose
+
+
+@lean_kernel
+def sharpest_bound(
+    textures, cx, cy, box, kind, bound, second, loose, best, mine, work, at
+):  # fmt: skip
+    """Return `node_bound`'s bound within the charts' borders, and whether `at` lies within them.
+
+    Where f is concave it is that of the tangent plane at the maximum, which is climbed to.
     """
     x0, x1, y0, y1 = box
-    bound, g1, g2 = base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)
-    if bound == -np.inf:
-        return bound, False
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    there = True
+    if kind == CONCAVE:
+        if mine and x0 <= best[X] <= x1 and y0 <= best[Y] <= y1:
+            # Climbed to before, and the only maximum of a concave box.
+            for i in range(OVERLAP_SIZE):
+                at[i] = best[i]
+        else:
+            stride = max(x1 - x0, y1 - y0)
+            there = climb(textures, cx, cy, box, x, y, stride, work, at)
+            if at[F] == -np.inf:
+                return bound, False
+        x, y, second = at[X], at[Y], at[F]
+    within = second + _rise_from(cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work)
+    return min(bound, within), there
+
+
+@small_kernel
+def is_ball_over_plate(cx, cy):
+    """Return whether X is a level textured plate and Y a smooth ball: the common case."""
+    return (
+        cx[LEVEL] == 1.0
+        and cx[MAPPING] == PLANAR
+        and cx[TEXTURE] >= 0.0
+        and cy[TEXTURE] < 0.0
+        and cy[C] > 0.0
+        and cy[PZ] == cy[PZ + 1] == 0.0
+        and abs(cy[E] - cy[E + 2]) <= 1e-12 * cy[E]
+        and abs(cy[E + 1]) <= 1e-12 * cy[E]
+        and abs(cx[Q_LEAST] - 1.0) + abs(cx[Q_MOST] - 1.0) < 1e-12
+    )
+
+
+@lean_kernel
+def ball_bound(textures, cx, cy, ax, ay, box, enough, at):
+    """Do `node_bound` for a smooth ball over a level textured plate, in a quarter of the time.
+
+    `(ax, ay)` is where the ball is lowest, so its nearest place of the box has its lowest point.
+    """
+    x0, x1, y0, y1 = box
+    dx, dy = max(x0 - ax, ax - x1, 0.0), max(y0 - ay, ay - y1, 0.0)
+    left = 1.0 - cy[E] * (dx * dx + dy * dy)
+    if left < cy[LEAST_ROOT] * cy[LEAST_ROOT]:
+        return -np.inf, UNSEEN, 0.0, 0.0
+    bound = cx[O + 2] + cy[O + 2] + cy[C] * math.sqrt(left)
+    return _level_bound(textures, cx, cy, x0, x1, y0, y1, bound, enough, at)
+
+
+@lean_kernel
+def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
+    """Do the rest of `node_bound` for any two charts; `(g1, g2)` is Y's slope in the box."""
+    x0, x1, y0, y1 = box
     high, slope_x, bend_x, size_bend, wu, wv, wz, change, w1, w2, least, most = texture_over(
         textures, cx, x0, x1, y0, y1
     )
@@ -364,10 +471,19 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
             reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
             reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y
         (
-            high_y, slope_y, bend_y, size_bend_y, yu, yv, yz, change_y, w1_y, w2_y, least_y, most_y
-        ) = texture_over(
-            textures, cy, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y
-        )
+            high_y,
+            slope_y,
+            bend_y,
+            size_bend_y,
+            yu,
+            yv,
+            yz,
+            change_y,
+            w1_y,
+            w2_y,
+            least_y,
+            most_y,
+        ) = texture_over(textures, cy, bx - reach_x, bx + reach_x, by - reach_y, by + reach_y)
         side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
     if cx[TEXTURE] >= 0.0:
@@ -379,12 +495,12 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
         # Y stays below its tangent plane, moved along its normal.
         bound += high_y * (steepness if high_y > 0.0 else max(1.0 - change_y, 0.0))
     if bound <= enough:
-        return bound, False
+        return bound, UNSEEN, bound, 0.0
     overlap_at(textures, cx, cy, x, y, work, at)
     if at[X] == at[X] and _beside(cy, at, radius * fastest, 0.0 if level_y else size_y):
-        return -np.inf, False
+        return -np.inf, UNSEEN, 0.0, 0.0
     if at[F] == -np.inf:
-        return bound, False
+        return bound, UNSEEN, bound, 0.0
     if cy[TEXTURE] >= 0.0 and not level_y:
         # The place under the middle is known now: a narrower part of Y will do.
         closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
@@ -392,16 +508,24 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
             bx, by = at[ON_X], at[ON_Y]
             reach_x = min(reach_x, radius * fastest / closest)
             (
-                high_y, slope_y, bend_y, size_bend_y,
-                yu, yv, yz, change_y, w1_y, w2_y, least_y, most_y,
-            ) = texture_over(
-                textures, cy, bx - reach_x, bx + reach_x, by - reach_x, by + reach_x
-            )
+                high_y,
+                slope_y,
+                bend_y,
+                size_bend_y,
+                yu,
+                yv,
+                yz,
+                change_y,
+                w1_y,
+                w2_y,
+                least_y,
+                most_y,
+            ) = texture_over(textures, cy, bx - reach_x, bx + reach_x, by - reach_x, by + reach_x)
             side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
     if (cx[C] > 0.0 and least < 0.5 * cx[LEAST_ROOT]) or (
         cy[C] > 0.0 and least_y < 0.5 * cy[LEAST_ROOT]
     ):
-        return bound, _inside(cx, cy, at)
+        return bound, SEEN, bound, 0.0
     # f'' <= d^T M d.
     kappa = 0.0
     drift_y = slope_y * side_y + size_y * w1_y
@@ -411,8 +535,10 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
     turn_y = 0.0
     if side > 0.0 or side_y > 0.0:
         if closest == 0.0:
-            return bound, _inside(cx, cy, at)
-        turn_y = _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * radius * fastest
+            return bound, SEEN, bound, 0.0
+        turn_y = (
+            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * radius * fastest
+        )
         turn_y *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn_y
     if cx[TEXTURE] >= 0.0:
@@ -429,11 +555,8 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
         if cy[C] > 0.0:
             c = cy[C] / most_y
             if shift_x == 0.0:
-                e11, e12, e22 = c * cy[EQ], c * cy[EQ + 1], c * cy[EQ + 2]
-                a, b, d, e = cx[Q], cx[Q + 1], cx[Q + 2], cx[Q + 3]
-                m11 -= a * (e11 * a + e12 * d) + d * (e12 * a + e22 * d)
-                m12 -= a * (e11 * b + e12 * e) + d * (e12 * b + e22 * e)
-                m22 -= b * (e11 * b + e12 * e) + e * (e12 * b + e22 * e)
+                q = (cx[Q], cx[Q + 1], cx[Q + 2], cx[Q + 3])
+                m11, m12, m22 = _less_base(cy, m11, m12, m22, most_y, q)
             else:
                 less = c * cy[EQ_LEAST] * slowest * slowest
                 m11, m22 = m11 - less, m22 - less
@@ -447,57 +570,58 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, best, mine, work, a
         ratio = fastest / closest if bend > 0.0 else slowest / widest
         bend *= ratio * ratio
         m11, m22 = m11 + bend, m22 + bend
-    f, f_x, f_y = at[F], at[F_X], at[F_Y]
-    square = max(m11 * half_x * half_x + m22 * half_y * half_y, 0.0)
-    if m11 < 0.0 or m22 < 0.0:
-        square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
-    second = f + 0.5 * square + abs(m12) * half_x * half_y
-    linear = abs(f_x) * half_x + abs(f_y) * half_y
-    bound = min(bound, second + linear)
-    if bound <= enough:
-        return bound, _inside(cx, cy, at)
     # How much the borders, taken as straight lines, may be off.
     loose = _row_bend(cx, least) + _row_bend(cy, least_y)
     if side > 0.0:
         loose += _point_bend(textures, cx, least, slope_x, size_bend, w1, w2) / cy[Q_LEAST]
     if side_y > 0.0:
         ratio = fastest / closest
-        loose += _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * ratio * ratio
+        loose += (
+            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * ratio * ratio
+        )
     loose *= 0.5 * radius * radius
-    if m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0:
-        if mine and x0 <= best[X] <= x1 and y0 <= best[Y] <= y1:
-            # Climbed to before, and the only maximum of a concave box.
-            for i in range(OVERLAP_SIZE):
-                at[i] = best[i]
-            there = True
-        else:
-            stride = 2.0 * max(half_x, half_y)
-            there = climb(textures, cx, cy, box, x, y, stride, work, at)
-            if at[F] == -np.inf:
-                return bound, False
-        x, y = at[X], at[Y]
-        within = at[F] + _rise_from(cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose)
-        return min(bound, within), there
-    within = second + _rise_from(cx, cy, at, -half_x, half_x, -half_y, half_y, loose)
-    return min(bound, within), _inside(cx, cy, at)
+    return _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
 
 
-@inner_kernel
-def _rise_from(cx, cy, at, x0, x1, y0, y1, loose):
+@lean_kernel
+def node_bound(textures, cx, cy, ax, ay, box, shift, enough, work, at):
+    """Return an upper bound of the overlap over a box, and what `sharpest_bound` needs to better it.
+
+    Returns
+    -------
+    tuple
+        The bound; whether the middle was looked at, and how f was bounded: UNSEEN, SEEN, BOUNDED
+        to the second order, or CONCAVE; the bound without f's rise along the tangent plane; how
+        much borders may be off.
+
+    Once the bound falls to `enough` it is not sharpened. Where the middle was looked at, `at`
+    (22,) is filled as by `overlap_at`; it may lie beyond a border.
+    """
+    x0, x1, y0, y1 = box
+    bound, g1, g2 = base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)
+    if bound == -np.inf:
+        return bound, UNSEEN, bound, 0.0
+    if cx[LEVEL] == 1.0 and cx[MAPPING] == PLANAR and cx[TEXTURE] >= 0.0 and cy[TEXTURE] < 0.0:
+        return _level_bound(textures, cx, cy, x0, x1, y0, y1, bound, enough, at)
+    return _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at)
+
+
+@lean_kernel
+def _rise_from(cx, cy, at, x0, x1, y0, y1, loose, work):
     """Return the largest rise along the tangent plane at `at` over a box within the borders."""
-    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
+    g_x, g_y = at[F_X], at[F_Y]
+    rise = max(g_x * x0, g_x * x1) + max(g_y * y0, g_y * y1)
+    if rise <= _NO_RISE:
+        return rise
+    borders = work[BORDERS:LINES]
     count = borders_at(cx, cy, at, borders)
+    near = False
     for i in range(count):
         # Borders seen through a texture's shift are no straight lines either.
         borders[i, 0] -= loose if borders[i, 3] < 4.0 else 0.0
-    return steepest_rise(at[F_X], at[F_Y], x0, x1, y0, y1, borders, count, loose)
-
-
-@inner_kernel
-def _inside(cx, cy, at):
-    """Return whether a place lies within all borders."""
-    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
-    for i in range(borders_at(cx, cy, at, borders)):
-        if borders[i, 0] > 0.0:
-            return False
-    return True
+        a, b = borders[i, 1], borders[i, 2]
+        reach = max(a * x0, a * x1) + max(b * y0, b * y1)
+        near = near or reach > -borders[i, 0] + (loose if borders[i, 3] >= 4.0 else 0.0)
+    if not near:
+        return rise
+    return steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, loose, work[POLYGON:])

@@ -41,7 +41,8 @@ UNIT = 25  # 1: w is of unit length as it stands
 TEXTURE, MAPPING = 26, 27  # which one, -1 none; 0 planar, 1 cylindrical, 2 triplanar
 B0, B1, B2, B3 = 28, 31, 34, 37  # the base point in the texture's frame, in the same form
 W0, W1, W2, W3 = 40, 43, 46, 49  # the normal in the body's frame, in the same form
-ROUND = 52  # cylindrical: radius, u where y = 0, sense of y, v where x = 0, what the root adds to v
+ROUND = 52  # cylindrical: radius, u at y = 0, sense of y, v at x = 0, root's part of v, stretch
+# Of a triplanar map its first two are where each of the three maps begins.
 RECTANGLE, RECTANGLE_HARD = 58, 62  # x0, x1, y0, y1
 ROWS = 63  # how many; then (k0 .. k4, hard) each
 LEAST_ROOT = 82
@@ -107,7 +108,9 @@ def _finish(chart, frame, body, mapping, origin):
             turn_z += body[world, axis] * frame[2, world]
             away += body[world, axis] * body[world, 3]
         chart[B0 + axis] = turn_u * chart[O] + turn_v * chart[O + 1] + turn_z * chart[O + 2]
-        chart[B0 + axis] -= away + origin[axis]
+        chart[B0 + axis] -= away
+        if mapping == PLANAR:
+            chart[B0 + axis] -= origin[axis]
         chart[B1 + axis] = turn_u * chart[Q] + turn_v * chart[Q + 2] + turn_z * chart[PZ]
         chart[B2 + axis] = turn_u * chart[Q + 1] + turn_v * chart[Q + 3] + turn_z * chart[PZ + 1]
         chart[B3 + axis] = turn_z * chart[C]
@@ -117,6 +120,7 @@ def _finish(chart, frame, body, mapping, origin):
         least, most = _singular(chart[B1], chart[B2], chart[B1 + 1], chart[B2 + 1])
         chart[UV_ROOT] = math.hypot(chart[B3], chart[B3 + 1])
     elif mapping == TRIPLANAR:
+        chart[ROUND], chart[ROUND + 1] = origin[0], origin[1]
         b1 = math.sqrt(chart[B1] ** 2 + chart[B1 + 1] ** 2 + chart[B1 + 2] ** 2)
         b2 = math.sqrt(chart[B2] ** 2 + chart[B2 + 1] ** 2 + chart[B2 + 2] ** 2)
         least, most = 0.0, math.sqrt(b1 * b1 + b2 * b2)
@@ -124,7 +128,7 @@ def _finish(chart, frame, body, mapping, origin):
             most = max(b1, b2)
         chart[UV_ROOT] = abs(chart[C])
     else:
-        least, most = 0.0, 1.0
+        least, most = 0.0, max(1.0, chart[ROUND + 5])
         chart[UV_ROOT] = abs(chart[ROUND + 4])
     chart[UV_LEAST], chart[UV_MOST] = least, most
 
@@ -232,7 +236,9 @@ def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
 
 
 @inner_kernel
-def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, charts_out, first):
+def charts_of(
+    kind, size, place, axes, frame, body, texture, mapping, origin, around, charts_out, first
+):
     """Fill the charts of one geom into `charts_out[first:]`; return how many there are then.
 
     Parameters
@@ -245,6 +251,8 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
         The geom's axes in the contact frame, in columns.
     frame, body, texture, mapping, origin
         As for `_finish`.
+    around : float
+        By how much a cylindrical map is stretched to go round a whole number of times.
     """
     x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
     at = first
@@ -262,10 +270,12 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
     elif kind == 2 or kind == 4:
         # A cylindrical map covers the side alone.
         on_ends = -1 if mapping == CYLINDRICAL else texture
-        hard = 1.0 if kind == 4 else 0.0
+        # A capsule's ends join smoothly, but for a map that covers the side alone.
+        hard = 1.0 if kind == 4 or (mapping == CYLINDRICAL and texture >= 0) else 0.0
         if _side(charts_out[at], place, z, size[0], size[1], hard, x, y):
-            charts_out[at, ROUND + 1] -= origin[0]
+            charts_out[at, ROUND + 1] = charts_out[at, ROUND + 1] * around - origin[0]
             charts_out[at, ROUND + 3] -= origin[1]
+            charts_out[at, ROUND + 5] = around
             charts_out[at, TEXTURE] = texture
             at += 1
         for end in (-1.0, 1.0):
@@ -283,7 +293,7 @@ def charts_of(kind, size, place, axes, frame, body, texture, mapping, origin, ch
             elif kind == 2:
                 _ellipsoid(charts_out[at], centre, axes, (size[0], size[0], size[0]))
                 _row(
-                    charts_out[at], 0.0, -end * z[0], -end * z[1], -end * z[2] * size[0], 0.0, 0.0
+                    charts_out[at], 0.0, -end * z[0], -end * z[1], -end * z[2] * size[0], 0.0, hard
                 )
                 charts_out[at, TEXTURE] = on_ends
                 at += 1

@@ -8,18 +8,22 @@ all of these are looked at.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from asperity.compiled import inner_kernel
+from asperity.compiled import lean_kernel
 from asperity.contact.overlap import (
-    BORDER_SIZE,
+    BORDERS,
     F_X,
     F_XX,
     F_XY,
     F_Y,
     F_YY,
-    MAX_BORDERS,
+    LINES,
     OVERLAP_SIZE,
+    POLYGON,
+    TRIAL,
     F,
     borders_at,
     overlap_at,
@@ -30,11 +34,39 @@ FEASIBLE = 1e-11
 _STEPS = 40
 _SHORTEST = 1e-14
 _CLOSE = 1e-10
+_ALMOST = 1e-9
 _GRAIN = 1e-15
+_LEVEL = 1e-12  # slopes below this are none
 _CORRECTIONS = 3
 
 
-@inner_kernel
+@lean_kernel
+def _level_step(g_x, g_y, h_xx, h_xy, h_yy):
+    """Return the shortest step to the ridge or plateau of a quadratic that has one.
+
+    That is where it bends down in one direction, or none, and is level in the others.
+    """
+    half, gap = 0.5 * (h_xx + h_yy), 0.5 * (h_xx - h_yy)
+    root = math.sqrt(gap * gap + h_xy * h_xy)
+    low, high = half - root, half + root
+    if high > 1e-9 * max(abs(low), 1.0):
+        return 0.0, 0.0, False
+    # The direction that bends least.
+    e_x, e_y = (h_xy, high - h_xx) if abs(h_xy) > 1e-12 * root else (1.0, 0.0)
+    if abs(h_xy) <= 1e-12 * root and h_xx < h_yy:
+        e_x, e_y = 0.0, 1.0
+    size = math.sqrt(e_x * e_x + e_y * e_y)
+    e_x, e_y = e_x / size, e_y / size
+    if abs(g_x * e_x + g_y * e_y) > _LEVEL:
+        return 0.0, 0.0, False
+    across = g_y * e_x - g_x * e_y
+    if low > -1e-9:
+        return 0.0, 0.0, abs(across) <= _LEVEL
+    step = -across / low
+    return -step * e_y, step * e_x, True
+
+
+@lean_kernel
 def _best_step(at, lines, count):
     """Return the step (dx, dy) that maximises the quadratic at `at` where all lines allow it.
 
@@ -51,6 +83,12 @@ def _best_step(at, lines, count):
             if lines[i, 1] * dx + lines[i, 2] * dy > lines[i, 0]:
                 fits = False
                 break
+        if fits:
+            return dx, dy, True
+    dx, dy, fits = _level_step(g_x, g_y, h_xx, h_xy, h_yy)
+    if fits:
+        for i in range(count):
+            fits = fits and lines[i, 1] * dx + lines[i, 2] * dy <= lines[i, 0]
         if fits:
             return dx, dy, True
     best, best_x, best_y, found = -np.inf, 0.0, 0.0, False
@@ -91,7 +129,7 @@ def _best_step(at, lines, count):
     return best_x, best_y, found
 
 
-@inner_kernel
+@lean_kernel
 def _over(borders, count):
     """Return how far the worst border is passed [m]."""
     worst = 0.0
@@ -100,7 +138,7 @@ def _over(borders, count):
     return worst
 
 
-@inner_kernel
+@lean_kernel
 def _back(borders, count, x, y, box):
     """Return (x, y) moved back onto the border that it passes most."""
     worst = 0
@@ -113,7 +151,7 @@ def _back(borders, count, x, y, box):
     return min(max(x - share * a, x0), x1), min(max(y - share * b, y0), y1)
 
 
-@inner_kernel
+@lean_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
 
@@ -123,9 +161,7 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     x0, x1, y0, y1 = box
     x, y = min(max(x, x0), x1), min(max(y, y0), y1)
     at = at_out
-    trial = np.empty(OVERLAP_SIZE)
-    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
-    lines = np.empty((MAX_BORDERS + 4, 3))
+    trial, borders, lines = work[TRIAL], work[BORDERS:LINES], work[LINES:POLYGON]
     overlap_at(textures, cx, cy, x, y, work, at)
     if at[F] == -np.inf:
         return False
@@ -179,6 +215,9 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
             for i in range(OVERLAP_SIZE):
                 at[i] = trial[i]
             x, y, over, count = new_x, new_y, trial_over, trial_count
+            if length < _ALMOST and length < 1e-3 * last:
+                # Newton's steps shrink by their square: the next is below the grain.
+                break
         else:
             stride = 0.25 * max(abs(dx), abs(dy))
             if stride < _SHORTEST:

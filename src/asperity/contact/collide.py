@@ -77,7 +77,7 @@ class Collider:
         self._data.qpos[:] = self._model.qpos0
         mujoco.mj_kinematics(self._model, self._data)
         self._qpos = self._data.qpos[self._place : self._place + 7]
-        self._contact = self._data.contact
+        self._room_for(64)
         self.centre = np.array(self._model.body_ipos[self._tool])
         """The tool's centre of mass in its own frame [m]."""
         self.poses = np.zeros((len(bodies), 3, 4))
@@ -89,10 +89,26 @@ class Collider:
 
     def query(
         self, pose: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the model's geoms (n, 2), places (n, 3), distances (n,) and margins (n,)."""
+    ) -> tuple[
+        int, NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+    ]:
+        """Return how many contacts there may be, and for each of them what MuJoCo knows.
+
+        That is the model's geoms (n, 2), place (n, 3), distance (n,) and margin (n,), in arrays
+        that are used again.
+        """
         self._qpos[:] = pose
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
-        contact = self._data.contact
-        return contact.geom, contact.pos, contact.dist, contact.includemargin
+        contact, count = self._data.contact, self._data.ncon
+        if count > len(self._geoms):
+            self._room_for(2 * count)
+        # MuJoCo's arrays are strided but when there is one contact: two types for a kernel.
+        self._geoms[:count], self._places[:count] = contact.geom, contact.pos
+        self._distances[:count], self._margins[:count] = contact.dist, contact.includemargin
+        return count, self._geoms, self._places, self._distances, self._margins
+
+    def _room_for(self, count: int) -> None:
+        self._geoms = np.zeros((count, 2), np.int32)
+        self._places = np.zeros((count, 3))
+        self._distances, self._margins = np.zeros(count), np.zeros(count)

@@ -89,10 +89,16 @@ def normal_under(geometry, g, point, blend, out):
         side, end = r - size[0], abs(p[2]) - size[1]
         most = max(side, end)
         sign = 1.0 if p[2] >= 0.0 else -1.0
-        on_side, on_end = max(1.0 + (side - most) / blend, 0.0), max(1.0 + (end - most) / blend, 0.0)
+        on_side, on_end = (
+            max(1.0 + (side - most) / blend, 0.0),
+            max(1.0 + (end - most) / blend, 0.0),
+        )
         if r > 0.0:
             n[0], n[1] = on_side * p[0] / r, on_side * p[1] / r
-        if not (end < side and _covered(geometry, g, p[0] * 0.999, p[1] * 0.999, sign * (size[1] + 1e-6))):
+        if not (
+            end < side
+            and _covered(geometry, g, p[0] * 0.999, p[1] * 0.999, sign * (size[1] + 1e-6))
+        ):
             n[2] = on_end * sign
     else:
         most = max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])

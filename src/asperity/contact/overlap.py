@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel, small_kernel
+from asperity.compiled import lean_kernel, small_kernel
 from asperity.contact.chart import (
     E_MOST,
     LEAST_ROOT,
@@ -37,7 +37,6 @@ from asperity.contact.surface import (
     P_XY,
     P_Y,
     P_YY,
-    POINT_SIZE,
     P,
     height_at,
     height_on,
@@ -56,11 +55,14 @@ OVERLAP_SIZE = 22
 MAX_BORDERS = 12
 BORDER_SIZE = 4  # g, g_x, g_y, code
 """Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
-WORK_SIZE = 2 * POINT_SIZE
+WORK_SHAPE = (64, 24)
+"""Room for all that a search notes on the way. Rows: two points, a trial, borders, lines and
+polygons, from these on."""
+TRIAL, BORDERS, LINES, POLYGON = 2, 3, 16, 34
 
 
 @small_kernel
-def _over_level(textures, cx, cy, x, y, out):
+def over_level(textures, cx, cy, x, y, out):
     """Do `overlap_at` for a level chart X below a smooth Y: a probe on a plate, the common case."""
     u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
     t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
@@ -92,35 +94,35 @@ def _over_level(textures, cx, cy, x, y, out):
     out[ABOVE] = z
 
 
-@inner_kernel
+@lean_kernel
 def overlap_at(textures, cx, cy, x, y, work, out):
     """Fill `out` (22,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
 
-    The overlap is -inf where one of the two has no such point. `work` (36,) is written to.
+    The overlap is -inf where one of the two has no such point. `work` (64, 24) is written to.
     """
     if cx[LEVEL] == 1.0 and cy[TEXTURE] < 0.0:
-        _over_level(textures, cx, cy, x, y, out)
+        over_level(textures, cx, cy, x, y, out)
         return
-    surface_at(textures, cx, x, y, work)
+    point, below = work[0], work[1]
+    surface_at(textures, cx, x, y, point)
     out[X], out[Y] = x, y
-    u, v = work[P], work[P + 1]
+    u, v = point[P], point[P + 1]
     out[F] = -np.inf
-    if not (u == u and v == v and work[P + 2] == work[P + 2]):
+    if not (u == u and v == v and point[P + 2] == point[P + 2]):
         return
-    below = work[POINT_SIZE:]
     z, g1, g2, k11, k12, k22, bx, by = height_at(textures, cy, u, v, below)
     out[ON_X], out[ON_Y] = bx, by
     if z == -np.inf:
         return
-    u_x, v_x, u_y, v_y = work[P_X], work[P_X + 1], work[P_Y], work[P_Y + 1]
+    u_x, v_x, u_y, v_y = point[P_X], point[P_X + 1], point[P_Y], point[P_Y + 1]
     ku_x, kv_x = k11 * u_x + k12 * v_x, k12 * u_x + k22 * v_x
     ku_y, kv_y = k11 * u_y + k12 * v_y, k12 * u_y + k22 * v_y
-    out[F] = work[P + 2] + z
-    out[F_X] = work[P_X + 2] + g1 * u_x + g2 * v_x
-    out[F_Y] = work[P_Y + 2] + g1 * u_y + g2 * v_y
-    out[F_XX] = work[P_XX + 2] + g1 * work[P_XX] + g2 * work[P_XX + 1] + u_x * ku_x + v_x * kv_x
-    out[F_XY] = work[P_XY + 2] + g1 * work[P_XY] + g2 * work[P_XY + 1] + u_x * ku_y + v_x * kv_y
-    out[F_YY] = work[P_YY + 2] + g1 * work[P_YY] + g2 * work[P_YY + 1] + u_y * ku_y + v_y * kv_y
+    out[F] = point[P + 2] + z
+    out[F_X] = point[P_X + 2] + g1 * u_x + g2 * v_x
+    out[F_Y] = point[P_Y + 2] + g1 * u_y + g2 * v_y
+    out[F_XX] = point[P_XX + 2] + g1 * point[P_XX] + g2 * point[P_XX + 1] + u_x * ku_x + v_x * kv_x
+    out[F_XY] = point[P_XY + 2] + g1 * point[P_XY] + g2 * point[P_XY + 1] + u_x * ku_y + v_x * kv_y
+    out[F_YY] = point[P_YY + 2] + g1 * point[P_YY] + g2 * point[P_YY + 1] + u_y * ku_y + v_y * kv_y
     i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
     if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
         a, b, c, d = below[P_X], below[P_Y], below[P_X + 1], below[P_Y + 1]
@@ -129,10 +131,10 @@ def overlap_at(textures, cx, cy, x, y, work, out):
     out[TURN], out[TURN + 1] = i * u_x + j * v_x, i * u_y + j * v_y
     out[TURN + 2], out[TURN + 3] = k * u_x + m * v_x, k * u_y + m * v_y
     det = u_x * v_y - u_y * v_x
-    out[SLOPE_X] = (v_y * work[P_X + 2] - v_x * work[P_Y + 2]) / det
-    out[SLOPE_X + 1] = (u_x * work[P_Y + 2] - u_y * work[P_X + 2]) / det
+    out[SLOPE_X] = (v_y * point[P_X + 2] - v_x * point[P_Y + 2]) / det
+    out[SLOPE_X + 1] = (u_x * point[P_Y + 2] - u_y * point[P_X + 2]) / det
     out[SLOPE_Y], out[SLOPE_Y + 1] = g1, g2
-    out[POINT], out[POINT + 1], out[POINT + 2] = u, v, work[P + 2]
+    out[POINT], out[POINT + 1], out[POINT + 2] = u, v, point[P + 2]
     out[ABOVE] = z
 
 
@@ -168,7 +170,7 @@ def _own_borders(chart, x, y, turn, at, hard, borders, count):
     return count
 
 
-@inner_kernel
+@lean_kernel
 def borders_at(cx, cy, at, borders_out):
     """Fill value and slope of every border at a place of `overlap_at`; return how many."""
     count = _own_borders(cx, at[X], at[Y], False, at, 1.0, borders_out, 0)
@@ -185,18 +187,17 @@ def borders_at(cx, cy, at, borders_out):
     return _own_borders(cy, x, y, True, at, 2.0, borders_out, count)
 
 
-@inner_kernel
-def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack):
+@lean_kernel
+def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack, polygon):
     """Return the largest `g_x dx + g_y dy` over a box within borders taken as straight lines.
 
     The box is given relative to the place of `borders`; -inf if nothing of it is within them.
-    `slack` is what a border that is not convex may give way.
+    `slack` is what a border that is not convex may give way; `polygon` (24, 4) is written to.
     """
-    xs, ys = np.empty(24), np.empty(24)
-    xs[0], xs[1], xs[2], xs[3] = x0, x1, x1, x0
-    ys[0], ys[1], ys[2], ys[3] = y0, y0, y1, y1
+    for i in range(4):
+        polygon[i, 0] = x0 if i in (0, 3) else x1
+        polygon[i, 1] = y0 if i < 2 else y1
     size = 4
-    new_x, new_y = np.empty(24), np.empty(24)
     for i in range(count):
         a, b = borders[i, 1], borders[i, 2]
         r = -borders[i, 0] + (slack if borders[i, 3] >= 4.0 else 0.0)
@@ -206,20 +207,24 @@ def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack):
         kept = 0
         for j in range(size):
             k = (j + 1) % size
-            d0, d1 = a * xs[j] + b * ys[j] - r, a * xs[k] + b * ys[k] - r
+            d0, d1 = (
+                a * polygon[j, 0] + b * polygon[j, 1] - r,
+                a * polygon[k, 0] + b * polygon[k, 1] - r,
+            )
             if d0 <= 0.0:
-                new_x[kept], new_y[kept] = xs[j], ys[j]
+                polygon[kept, 2], polygon[kept, 3] = polygon[j, 0], polygon[j, 1]
                 kept += 1
             if (d0 < 0.0 and d1 > 0.0) or (d0 > 0.0 and d1 < 0.0):
                 t = d0 / (d0 - d1)
-                new_x[kept], new_y[kept] = xs[j] + t * (xs[k] - xs[j]), ys[j] + t * (ys[k] - ys[j])
+                polygon[kept, 2] = polygon[j, 0] + t * (polygon[k, 0] - polygon[j, 0])
+                polygon[kept, 3] = polygon[j, 1] + t * (polygon[k, 1] - polygon[j, 1])
                 kept += 1
         size = kept
         if size == 0:
             return -np.inf
         for j in range(size):
-            xs[j], ys[j] = new_x[j], new_y[j]
+            polygon[j, 0], polygon[j, 1] = polygon[j, 2], polygon[j, 3]
     best = -np.inf
     for j in range(size):
-        best = max(best, g_x * xs[j] + g_y * ys[j])
+        best = max(best, g_x * polygon[j, 0] + g_y * polygon[j, 1])
     return best

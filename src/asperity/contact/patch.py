@@ -33,8 +33,8 @@ from asperity.contact.chart import (
 from asperity.contact.climb import FEASIBLE
 from asperity.contact.overlap import (
     ABOVE,
-    BORDER_SIZE,
-    MAX_BORDERS,
+    BORDERS,
+    LINES,
     ON_X,
     ON_Y,
     OVERLAP_SIZE,
@@ -42,7 +42,7 @@ from asperity.contact.overlap import (
     SLOPE_X,
     SLOPE_Y,
     TURN,
-    WORK_SIZE,
+    WORK_SHAPE,
     F,
     X,
     Y,
@@ -59,6 +59,7 @@ from asperity.contact.search import (
     TIE,
     TIES,
     UPPER,
+    first_look,
     search_pair,
 )
 from asperity.contact.surface import (
@@ -95,6 +96,8 @@ class Geometry(NamedTuple):
     mapping: NDArray[np.int64]
     origin: NDArray[np.float64]
     """Of each body: where (u, v) = (0, 0) lies in its frame [m], (bodies, 3)."""
+    around: NDArray[np.float64]
+    """Of each geom: by how much a cylindrical map is stretched to go round whole times."""
     no_texture: NDArray[np.int64]
     """In the place of `texture`: -1 for each body."""
 
@@ -108,6 +111,9 @@ class Workspace(NamedTuple):
     best: NDArray[np.float64]
     ties: NDArray[np.float64]
     nodes: NDArray[np.float64]
+    work: NDArray[np.float64]
+    looks: NDArray[np.float64]
+    at: NDArray[np.float64]
 
 
 def workspace(geoms: int) -> Workspace:
@@ -118,7 +124,10 @@ def workspace(geoms: int) -> Workspace:
         np.zeros(STATE_SIZE),
         np.zeros(OVERLAP_SIZE + 1),
         np.zeros((MOST_TIES, OVERLAP_SIZE + 2)),
-        np.zeros((1024, 5)),
+        np.zeros((1028, 5)),
+        np.zeros(WORK_SHAPE),
+        np.zeros((9 * geoms * geoms, 3)),
+        np.zeros(OVERLAP_SIZE),
     )
 
 
@@ -149,7 +158,7 @@ def _charts(geometry, geoms, count, frame, body, charts_out):
         made = charts_of(
             geometry.kind[g], geometry.size[g], place, axes, frame, body,
             geometry.texture[b], float(geometry.mapping[b]), geometry.origin[b],
-            charts_out, made,
+            geometry.around[g], charts_out, made,
         )  # fmt: skip
     return made
 
@@ -195,21 +204,20 @@ def _on_rectangle(chart, x, y):
 
 
 @inner_kernel
-def _met_before(ties, t, least):
-    """Return whether another tie is the same place: charts share their common edge."""
-    for i in range(ties.shape[0]):
-        if i == t:
-            return False
+def _met_before(ties, t, count):
+    """Return whether a deeper tie is the same place: charts share their common edge."""
+    for i in range(count):
         near = abs(ties[i, POINT] - ties[t, POINT]) + abs(ties[i, POINT + 1] - ties[t, POINT + 1])
-        if ties[i, F] >= least and near < SAME:
-            return True
+        if i != t and near < SAME:
+            if ties[i, F] > ties[t, F] or (ties[i, F] == ties[t, F] and i < t):
+                return True
     return False
 
 
 @inner_kernel
 def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
-    borders = np.empty((MAX_BORDERS, BORDER_SIZE))
+    borders, point = work[BORDERS:LINES], work[0]
     count = borders_at(cx, cy, at, borders)
     edge_x, across_x, across_y = _on_rectangle(cx, at[X], at[Y])
     if not edge_x:
@@ -219,20 +227,20 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     out[2] = 1.0
     if edge_x and edge_y:
         # Both edges in (u, v, n); m is perpendicular to them.
-        surface_at(textures, cx, at[X], at[Y], work)
+        surface_at(textures, cx, at[X], at[Y], point)
         e = (
-            across_x * work[P_Y] - across_y * work[P_X],
-            across_x * work[P_Y + 1] - across_y * work[P_X + 1],
-            sign_x * (across_x * work[P_Y + 2] - across_y * work[P_X + 2]),
+            across_x * point[P_Y] - across_y * point[P_X],
+            across_x * point[P_Y + 1] - across_y * point[P_X + 1],
+            sign_x * (across_x * point[P_Y + 2] - across_y * point[P_X + 2]),
         )
         det = at[TURN] * at[TURN + 3] - at[TURN + 1] * at[TURN + 2]
         g_a = (over_x * at[TURN + 3] - over_y * at[TURN + 2]) / det
         g_b = (over_y * at[TURN] - over_x * at[TURN + 1]) / det
-        surface_at(textures, cy, at[ON_X], at[ON_Y], work)
+        surface_at(textures, cy, at[ON_X], at[ON_Y], point)
         f = (
-            g_a * work[P_Y] - g_b * work[P_X],
-            g_a * work[P_Y + 1] - g_b * work[P_X + 1],
-            sign_y * (g_a * work[P_Y + 2] - g_b * work[P_X + 2]),
+            g_a * point[P_Y] - g_b * point[P_X],
+            g_a * point[P_Y + 1] - g_b * point[P_X + 1],
+            sign_y * (g_a * point[P_Y + 2] - g_b * point[P_X + 2]),
         )
         up = e[0] * f[1] - e[1] * f[0]
         size = math.sqrt((e[0] ** 2 + e[1] ** 2) * (f[0] ** 2 + f[1] ** 2))
@@ -304,20 +312,31 @@ def depth_along(
     state[BEST], state[UPPER], state[NODES] = -np.inf, -np.inf, 0.0
     state[LIMIT], state[TIES], state[SPENT] = max_nodes, 0.0, 0.0
     space.best[OVERLAP_SIZE] = -1.0
+    looks = space.looks
     for i in range(made_a):
         for j in range(made_b):
             a, b = space.charts_a[i], space.charts_b[j]
             pair = i * made_b + j
-            if walks_on_a(a, b):
-                search_pair(
-                    textures, a, b, pair, gu, gv, tolerance, state, space.best, space.ties,
-                    space.nodes,
-                )  # fmt: skip
-            else:
-                search_pair(
-                    textures, b, a, pair, gu, gv, tolerance, state, space.best, space.ties,
-                    space.nodes,
-                )  # fmt: skip
+            x, y = (a, b) if walks_on_a(a, b) else (b, a)
+            first_look(
+                textures, x, y, pair, gu, gv, state, space.best, space.ties, space.work, space.at,
+                looks[pair],
+            )  # fmt: skip
+    while True:
+        # The most promising pair first: what it finds saves work in the others.
+        pair = 0
+        for k in range(1, made_a * made_b):
+            if looks[k, 0] > looks[pair, 0]:
+                pair = k
+        if made_a * made_b == 0 or looks[pair, 0] <= state[BEST] - TIE or looks[pair, 0] == -np.inf:
+            break
+        looks[pair, 0] = -np.inf
+        a, b = space.charts_a[pair // made_b], space.charts_b[pair % made_b]
+        x, y = (a, b) if walks_on_a(a, b) else (b, a)
+        search_pair(
+            textures, x, y, pair, looks[pair, 1], looks[pair, 2], tolerance, state, space.best,
+            space.ties, space.nodes, space.work, space.at,
+        )  # fmt: skip
     clear(result_out)
     result_out[DEPTH] = state[BEST]
     result_out[COUNT_NODES] = state[NODES]
@@ -326,11 +345,20 @@ def depth_along(
     gap = max(state[UPPER] - state[BEST], 0.0)
     result_out[GAP] = gap
     result_out[STATUS] = CERTIFIED if gap <= tolerance else BUDGET_SPENT
-    work, m = np.empty(WORK_SIZE), np.empty(3)
+    work, m = space.work, np.empty(3)
+    spread = 0.0
+    for t in range(int(state[TIES])):
+        at = space.ties[t]
+        if at[F] >= state[BEST] - TIE and not _met_before(space.ties, t, int(state[TIES])):
+            spread += at[OVERLAP_SIZE + 1]
     total = 0.0
     for t in range(int(state[TIES])):
         at = space.ties[t]
-        if at[F] < state[BEST] - TIE or _met_before(space.ties, t, state[BEST] - TIE):
+        if at[F] < state[BEST] - TIE or _met_before(space.ties, t, int(state[TIES])):
+            continue
+        # Where an area or a line is equally deep, single places do not count.
+        share = at[OVERLAP_SIZE + 1] if spread > 0.0 else 1.0
+        if share == 0.0:
             continue
         i, j = int(at[OVERLAP_SIZE]) // made_b, int(at[OVERLAP_SIZE]) % made_b
         a, b = space.charts_a[i], space.charts_b[j]
@@ -342,17 +370,17 @@ def depth_along(
             _slope_normal(textures, b, a, False, at, work, m)
             height = -at[ABOVE]
         result_out[COUNT_TIES] += 1.0
-        total += 1.0
+        total += share
         p = np.empty(3)
         q = np.empty(3)
         for k in range(3):
             p[k] = frame[0, k] * at[POINT] + frame[1, k] * at[POINT + 1] + n[k] * height
             q[k] = frame[0, k] * m[0] + frame[1, k] * m[1] + n[k]
         for k in range(3):
-            result_out[POINT_X + k] += p[k]
-            result_out[M_X + k] += q[k]
+            result_out[POINT_X + k] += share * p[k]
+            result_out[M_X + k] += share * q[k]
             one, two = (k + 1) % 3, (k + 2) % 3
-            result_out[MOMENT + k] += p[one] * q[two] - p[two] * q[one]
+            result_out[MOMENT + k] += share * (p[one] * q[two] - p[two] * q[one])
     for k in range(POINT_X, RESULT_SIZE):
         result_out[k] /= total
 
@@ -406,8 +434,17 @@ def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def
         np.asarray(textures_of, dtype=np.int64),
         np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
         np.array(origins, dtype=np.float64),
+        np.array([_around(bodies[number], geom) for geom, number in geoms]),
         np.full(len(bodies), -1, dtype=np.int64),
     )
+
+
+def _around(body, geom) -> float:  # type: ignore[no-untyped-def]
+    """Return how much a body's cylindrical map is stretched on a geom, so that it has no seam."""
+    if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
+        return 1.0
+    times = 2.0 * math.pi * geom.size[0] / body.texture.size[0]
+    return max(round(times), 1) / times
 
 
 def rotation_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

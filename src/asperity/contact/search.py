@@ -6,7 +6,7 @@ maximum to the grain of the numbers, and no other place is deeper by more than t
 
 Places within a nanometre of the deepest count as equally deep: flat on flat, or textures in
 register, have many, and the force acts at their middle. So boxes that may hold one are divided
-further, though not for ever: down to a fortieth of the contact.
+further, though not for ever: down to a twentieth of the contact.
 """
 
 from __future__ import annotations
@@ -15,8 +15,17 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel
-from asperity.contact.bound import base_bound, node_bound
+from asperity.compiled import lean_kernel, small_kernel
+from asperity.contact.bound import (
+    BOUNDED,
+    CONCAVE,
+    UNSEEN,
+    ball_bound,
+    base_bound,
+    is_ball_over_plate,
+    node_bound,
+    sharpest_bound,
+)
 from asperity.contact.chart import (
     B0,
     B1,
@@ -34,15 +43,26 @@ from asperity.contact.chart import (
     Q,
 )
 from asperity.contact.climb import climb
-from asperity.contact.overlap import OVERLAP_SIZE, WORK_SIZE, F, X, Y
+from asperity.contact.overlap import (
+    BORDERS,
+    F_XX,
+    F_XY,
+    F_YY,
+    LINES,
+    OVERLAP_SIZE,
+    F,
+    X,
+    Y,
+    borders_at,
+)
 from asperity.contact.surface import parameters_under
 
 TIE = 1e-9
 """Places that are less deep than the deepest by at most this count as equally deep [m]."""
-MOST_TIES = 256
+MOST_TIES = 1024
 SAME = 1e-6
 """Places closer than this are one [m]."""
-_FINEST_TIE = 1.0 / 40.0
+_FINEST_TIE = 1.0 / 20.0
 _STACK = 1024
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
 _SMALLEST = 1e-10  # boxes are not divided below this [m]
@@ -52,7 +72,7 @@ BEST, UPPER, NODES, LIMIT, TIES, SPENT = 0, 1, 2, 3, 4, 5
 STATE_SIZE = 6
 
 
-@inner_kernel
+@lean_kernel
 def _extent(chart):
     """Return the half sides in (u, v) of what a chart covers, and its middle."""
     if chart[C] == 0.0 or chart[E] == 0.0:
@@ -62,13 +82,16 @@ def _extent(chart):
     else:
         x = y = 0.0
         half_x, half_y = chart[RECTANGLE + 1], chart[RECTANGLE + 3]
-    u, v = chart[O] + chart[Q] * x + chart[Q + 1] * y, chart[O + 1] + chart[Q + 2] * x + chart[Q + 3] * y
+    u, v = (
+        chart[O] + chart[Q] * x + chart[Q + 1] * y,
+        chart[O + 1] + chart[Q + 2] * x + chart[Q + 3] * y,
+    )
     half_u = abs(chart[Q]) * half_x + abs(chart[Q + 1]) * half_y
     half_v = abs(chart[Q + 2]) * half_x + abs(chart[Q + 3]) * half_y
     return u, v, half_u, half_v
 
 
-@inner_kernel
+@lean_kernel
 def _window(cx, cy, shift):
     """Return the box of X's parameters that Y covers, as far as X goes."""
     u, v, half_u, half_v = _extent(cy)
@@ -82,7 +105,7 @@ def _window(cx, cy, shift):
     )  # fmt: skip
 
 
-@inner_kernel
+@lean_kernel
 def _blocks(textures, cx, window, boxes_out):
     """Fill start boxes that cover the window; blocks of the texture's pyramid where they fit.
 
@@ -123,12 +146,18 @@ def _blocks(textures, cx, window, boxes_out):
     return count
 
 
-@inner_kernel
+@lean_kernel
 def _keep(at, pair, weight, state, best, ties):
-    """Note a place that has been looked at: the deepest so far, or one as deep."""
+    """Note a place that has been climbed to: the deepest so far, or one as deep.
+
+    `weight` is the area that it stands for, where it is one of a plateau or of a ridge.
+    """
     depth = at[F]
     if depth < state[BEST] - TIE:
         return
+    bend = at[F_XX] + at[F_YY]
+    if at[F_XX] * at[F_YY] - at[F_XY] * at[F_XY] > 1e-6 * bend * bend:
+        weight = 0.0  # a peak, whatever box it was found from
     if depth > state[BEST]:
         state[BEST] = depth
         for i in range(OVERLAP_SIZE):
@@ -141,6 +170,7 @@ def _keep(at, pair, weight, state, best, ties):
                 if depth > ties[i, F]:
                     for j in range(OVERLAP_SIZE):
                         ties[i, j] = at[j]
+                ties[i, OVERLAP_SIZE + 1] = max(ties[i, OVERLAP_SIZE + 1], weight)
                 return
     if count == MOST_TIES:
         # Make room: drop what has turned out less deep.
@@ -159,7 +189,19 @@ def _keep(at, pair, weight, state, best, ties):
     state[TIES] = count + 1
 
 
-@inner_kernel
+@lean_kernel
+def _clear_of_borders(cx, cy, at, box, work):
+    """Return whether a box round a place touches no border, the borders being straight."""
+    borders = work[BORDERS:LINES]
+    half_x, half_y = 0.5 * (box[1] - box[0]), 0.5 * (box[3] - box[2])
+    for i in range(borders_at(cx, cy, at, borders)):
+        reach = abs(borders[i, 1]) * half_x + abs(borders[i, 2]) * half_y
+        if borders[i, 0] + reach > 0.0:
+            return False
+    return True
+
+
+@lean_kernel
 def _base_best(textures, cx, cy, window, work, at):
     """Return where on X the smooth bases overlap most, or nearly so."""
     u, v, _, _ = _extent(cy)
@@ -175,8 +217,53 @@ def _base_best(textures, cx, cy, window, work, at):
     return at[X], at[Y]
 
 
-@inner_kernel
-def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best, ties, nodes):
+@small_kernel
+def _shift(textures, cx, cy):
+    """Return how far the textures move points sideways at most [m]."""
+    shift = 0.0
+    if cx[TEXTURE] >= 0.0 and cx[LEVEL] == 0.0:
+        shift += textures.scales[int(cx[TEXTURE]), 2]
+    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
+        shift += textures.scales[int(cy[TEXTURE]), 2]
+    return shift
+
+
+@lean_kernel
+def first_look(
+    textures, cx, cy, pair, guess_u, guess_v, state, best, ties, work, at, out
+):  # fmt: skip
+    """Climb once, so that all pairs of charts know a good depth before any of them is searched.
+
+    `(guess_u, guess_v)` is a place in the contact frame to begin at; the last contact, say, nan
+    if there was none. Fills `out` (3,): an upper bound of the depth, -inf where nothing overlaps,
+    and where on X the smooth bases overlap most.
+    """
+    shift = _shift(textures, cx, cy)
+    window = _window(cx, cy, shift)
+    x0, x1, y0, y1 = window
+    out[0] = -np.inf
+    if not (x0 <= x1 and y0 <= y1):
+        return
+    span = max(x1 - x0, y1 - y0)
+    ax, ay = _base_best(textures, cx, cy, window, work, at)
+    out[1], out[2] = ax, ay
+    smooth, g1, g2 = base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)
+    if smooth == -np.inf:
+        return
+    rough = 0.0
+    for chart in (cx, cy):
+        if chart[TEXTURE] >= 0.0:
+            rough += textures.scales[int(chart[TEXTURE]), 2]
+    out[0] = smooth + rough * math.sqrt(1.0 + g1 * g1 + g2 * g2)
+    gx, gy = parameters_under(cx, guess_u, guess_v)
+    if not (x0 <= gx <= x1 and y0 <= gy <= y1):
+        gx, gy = ax, ay
+    if climb(textures, cx, cy, window, gx, gy, 0.1 * span, work, at):
+        _keep(at, pair, 0.0, state, best, ties)
+
+
+@lean_kernel
+def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, nodes, work, at):
     """Search one pair of charts; improve what `state`, `best` and `ties` hold.
 
     Parameters
@@ -185,8 +272,8 @@ def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best
         Charts; the search walks over the parameters of `cx`.
     pair : int
         Noted with every place.
-    guess_u, guess_v : float
-        A place in the contact frame to begin at; the last contact, say.
+    ax, ay : float
+        Where the smooth bases overlap most, as `first_look` has it.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
     state : (6,) array
@@ -194,32 +281,22 @@ def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best
         LIMIT; TIES, how many; SPENT, 1 when the limit was reached.
     best : (23,) array
         The deepest place, as by `overlap_at`, and its pair.
-    ties : (256, 24) array
+    ties : (1024, 24) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
-    nodes : (1024, 5) array
+    nodes : (1028, 5) array
+    work : (64, 24) array
+    at : (22,) array
         Working memory.
     """
-    work = np.empty(WORK_SIZE)
-    at = np.empty(OVERLAP_SIZE)
-    shift = 0.0
-    if cx[TEXTURE] >= 0.0 and cx[LEVEL] == 0.0:
-        shift += textures.scales[int(cx[TEXTURE]), 2]
-    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
-        shift += textures.scales[int(cy[TEXTURE]), 2]
+    shift = _shift(textures, cx, cy)
     window = _window(cx, cy, shift)
     x0, x1, y0, y1 = window
-    if not (x0 <= x1 and y0 <= y1):
-        return
     span = max(x1 - x0, y1 - y0)
-    ax, ay = _base_best(textures, cx, cy, window, work, at)
-    if base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)[0] == -np.inf:
-        return
-    gx, gy = parameters_under(cx, guess_u, guess_v)
-    if not (x0 <= gx <= x1 and y0 <= gy <= y1):
-        gx, gy = ax, ay
-    if climb(textures, cx, cy, window, gx, gy, 0.1 * span, work, at):
-        _keep(at, pair, 1.0, state, best, ties)
-    boxes = np.empty((4, 4))
+    ball = is_ball_over_plate(cx, cy)
+    flat = cx[C] == cy[C] == 0.0 and cx[TEXTURE] < 0.0 and cy[TEXTURE] < 0.0
+    if ball:
+        ax, ay = parameters_under(cx, cy[O], cy[O + 1])
+    boxes = nodes[-4:]
     top = 0
     for i in range(_blocks(textures, cx, window, boxes)):
         for j in range(4):
@@ -234,7 +311,12 @@ def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best
             continue
         x0, x1, y0, y1 = nodes[top, 0], nodes[top, 1], nodes[top, 2], nodes[top, 3]
         if bound <= state[BEST] + tolerance and max(x1 - x0, y1 - y0) <= finest:
+            # As good as certified. What is left is whether it holds a place as deep.
             state[UPPER] = max(state[UPPER], bound)
+            weight = (x1 - x0) * (y1 - y0)
+            px, py = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+            if climb(textures, cx, cy, window, px, py, x1 - x0 + y1 - y0, work, at):
+                _keep(at, pair, weight, state, best, ties)
             continue
         if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < _SMALLEST:
             state[UPPER] = max(state[UPPER], bound)
@@ -251,19 +333,35 @@ def search_pair(textures, cx, cy, pair, guess_u, guess_v, tolerance, state, best
             q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
             state[NODES] += 1.0
             enough = state[BEST] - TIE
-            high, seen = node_bound(
-                textures, cx, cy, ax, ay, (p0, p1, q0, q1), shift, enough,
-                best, best[OVERLAP_SIZE] == pair, work, at,
-            )  # fmt: skip
-            closed = seen and high <= at[F] + _GRAIN
+            box = (p0, p1, q0, q1)
+            if ball:
+                high, kind, second, loose = ball_bound(
+                    textures, cx, cy, ax, ay, box, enough, at
+                )
+            else:
+                high, kind, second, loose = node_bound(
+                    textures, cx, cy, ax, ay, box, shift, enough, work, at
+                )
+            seen = kind != UNSEEN
+            if kind >= BOUNDED and high > enough:
+                high, seen = sharpest_bound(
+                    textures, cx, cy, box, kind, high, second, loose,
+                    best, best[OVERLAP_SIZE] == pair, work, at,
+                )  # fmt: skip
+            closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
             if seen and at[F] > state[BEST] - TIE:
                 # The middle of a box, or the highest place in it: the maximum may be near.
                 if climb(textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at):
-                    _keep(at, pair, 1.0, state, best, ties)
+                    _keep(at, pair, 0.0, state, best, ties)
             if high <= state[BEST] - TIE:
                 continue
             if closed:
                 state[UPPER] = max(state[UPPER], high)
+                continue
+            if flat and seen and high <= at[F] + TIE and _clear_of_borders(cx, cy, at, box, work):
+                # All of it is equally deep: flat on flat.
+                state[UPPER] = max(state[UPPER], high)
+                _keep(at, pair, (p1 - p0) * (q1 - q0), state, best, ties)
                 continue
             # Insertion keeps the most promising child on top of the stack.
             place = top

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel, small_kernel
+from asperity.compiled import lean_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -82,12 +82,12 @@ def _through(h, u_x, u_y, u_xx, u_xy, u_yy, v_x, v_y, v_xx, v_xy, v_yy):
 
 
 @small_kernel
-def _flat_map(textures, chart, i, j, x, y, root):
-    """Return t and derivatives of the map by components i and j of the base point."""
+def _flat_map(textures, chart, i, j, u0, v0, x, y, root):
+    """Return t and derivatives of the map by components i and j of the base point less a start."""
     r, r_x, r_y, r_xx, r_xy, r_yy = root
     a, b = chart[B3 + i], chart[B3 + j]
-    u = chart[B0 + i] + chart[B1 + i] * x + chart[B2 + i] * y + a * r
-    v = chart[B0 + j] + chart[B1 + j] * x + chart[B2 + j] * y + b * r
+    u = chart[B0 + i] - u0 + chart[B1 + i] * x + chart[B2 + i] * y + a * r
+    v = chart[B0 + j] - v0 + chart[B1 + j] * x + chart[B2 + j] * y + b * r
     return _through(
         texture_at(textures, int(chart[TEXTURE]), u, v),
         chart[B1 + i] + a * r_x, chart[B2 + i] + a * r_y, a * r_xx, a * r_xy, a * r_yy,
@@ -95,7 +95,7 @@ def _flat_map(textures, chart, i, j, x, y, root):
     )  # fmt: skip
 
 
-@inner_kernel
+@lean_kernel
 def _three_maps(textures, chart, x, y, root):
     """Triplanar: three flat maps, weighted by the fourth powers of the normal's components."""
     r, r_x, r_y = root[0], root[1], root[2]
@@ -109,7 +109,9 @@ def _three_maps(textures, chart, x, y, root):
             continue
         w_x, w_y = chart[W1 + k] + chart[W3 + k] * r_x, chart[W2 + k] + chart[W3 + k] * r_y
         weight_x, weight_y = 4.0 * w * w * w * w_x, 4.0 * w * w * w * w_y
-        h = _flat_map(textures, chart, (k + 1) % 3, (k + 2) % 3, x, y, root)
+        h = _flat_map(
+            textures, chart, (k + 1) % 3, (k + 2) % 3, chart[ROUND], chart[ROUND + 1], x, y, root
+        )
         total += weight
         total_x += weight_x
         total_y += weight_y
@@ -133,10 +135,11 @@ def height_on(textures, chart, x, y, root):
     """Return the texture's height t at a chart's (x, y), and t_x, t_y, t_xx, t_xy, t_yy."""
     mapping = chart[MAPPING]
     if mapping == PLANAR:
-        return _flat_map(textures, chart, 0, 1, x, y, root)
+        return _flat_map(textures, chart, 0, 1, 0.0, 0.0, x, y, root)
     if mapping == CYLINDRICAL:
         r, _, r_y, _, _, r_yy = root
-        radius, sense, lean = chart[ROUND], chart[ROUND + 2], chart[ROUND + 4]
+        radius, lean = chart[ROUND], chart[ROUND + 4]
+        sense = chart[ROUND + 2] * chart[ROUND + 5]
         u = chart[ROUND + 1] + sense * radius * math.asin(min(max(y / radius, -1.0), 1.0))
         v = chart[ROUND + 3] + x + lean * r
         return _through(
@@ -147,7 +150,7 @@ def height_on(textures, chart, x, y, root):
     return _three_maps(textures, chart, x, y, root)
 
 
-@inner_kernel
+@lean_kernel
 def surface_at(textures, chart, x, y, out):
     """Fill a chart's point at (x, y) and all derivatives up to the second; see `P`, `P_X`, ...
 
@@ -232,7 +235,7 @@ def over_base(chart, u, v):
     return z, i * z_x + k * z_y, j * z_x + m * z_y, k11, k12, k22
 
 
-@inner_kernel
+@lean_kernel
 def height_at(textures, chart, u, v, work):
     """Return z, z_u, z_v, z_uu, z_uv, z_vv of a chart's textured surface over (u, v), and (x, y).
 

@@ -64,7 +64,9 @@ class Engine:
         self._collider = Collider(model, bodies, tool)
         textured = [body.texture for body in bodies if body.texture is not None]
         numbers = np.cumsum([body.texture is not None for body in bodies]) - 1
-        which = [int(n) if b.texture is not None else -1 for b, n in zip(bodies, numbers, strict=True)]
+        which = [
+            int(n) if b.texture is not None else -1 for b, n in zip(bodies, numbers, strict=True)
+        ]
         self._textures = pack(textured)
         self._geometry = geometry_of(bodies, which)
         self._tool = [body.name for body in bodies].index(tool)
@@ -102,10 +104,10 @@ class Engine:
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
             array every time.
         """
-        geoms, places, distances, margins = self._collider.query(pose)
+        count, geoms, places, distances, margins = self._collider.query(pose)
         tick(
             self._textures, self._geometry, self._tool, self._collider.poses,
-            self._collider.centre, self._collider.number, geoms, places, distances, margins,
+            self._collider.centre, self._collider.number, count, geoms, places, distances, margins,
             pose, dt, self._parameters, self._grid, self._baseline, self._memory, self._space,
             self.contacts, self._wrench,
         )  # fmt: skip

@@ -78,12 +78,12 @@ def _blend(geometry, textures, g, h):
 
 @inner_kernel
 def _collect_pairs(
-    textures, geometry, tool, poses, number, geoms, places, distances, margins, memory
+    textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
 ):  # fmt: skip
     """Fill `memory.now_*` with the pairs that MuJoCo found; return how many."""
     count = 0
     point, n = np.empty(3), np.empty(3)
-    for c in range(distances.size):
+    for c in range(met):
         g, h = number[geoms[c, 0]], number[geoms[c, 1]]
         if g < 0 or h < 0:
             continue
@@ -244,7 +244,7 @@ def _tolerance(textures, geometry, a, b, wanted):
 
 @kernel
 def tick(
-    textures, geometry, tool, poses, centre, number, geoms, places, distances, margins, pose, dt,
+    textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins, pose, dt,
     parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
     """Fill contacts and wrench (6,) of one pose; see `Engine.wrench`.
@@ -263,7 +263,7 @@ def tick(
         for k in range(3):
             origin[i] += body_a[i, k] * centre[k]
     count = _collect_pairs(
-        textures, geometry, tool, poses, number, geoms, places, distances, margins, memory
+        textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
     )
     count = _steady_normals(memory, count)
     patches = _group(geometry, memory, count)
@@ -279,7 +279,8 @@ def tick(
         # Smooth bodies: the texture comes in at one point of their contact.
         shape = Geometry(
             geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
-            geometry.no_texture, geometry.mapping, geometry.origin, geometry.no_texture,
+            geometry.no_texture, geometry.mapping, geometry.origin, geometry.around,
+            geometry.no_texture,
         )  # fmt: skip
     live = 0
     for p in range(patches):

@@ -1,1 +1,0 @@
-from asperity.engine.engine import Engine  # noqa: F401
