@@ -54,7 +54,7 @@ def test_first_force_loads_no_plotting_or_signal_library():
 
 
 @pytest.mark.parametrize(
-    ("number", "name"), enumerate(("02_probe_on_plate.py", "01_offset_and_hand.py"))
+    ("number", "name"), [(0, "02_probe_on_plate.py"), (1, "01_offset_and_hand.py")]
 )
 def test_the_readmes_examples_are_the_examples_that_run(number, name, capsys):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S)

@@ -44,7 +44,7 @@ def announce_compiling() -> None:
     folder, _ = cache_state()
     if not any(folder.rglob("tick.tick-*.nbc")):
         logging.getLogger(__name__).warning(
-            "compiling the contact engine, once after an installation: half a minute or less"
+            "compiling the contact engine, once after an installation: takes less than a minute"
         )
 
 

@@ -43,6 +43,7 @@ from asperity.contact.chart import (
     QINV,
     RECTANGLE,
     ROUND,
+    ROWS,
     STRETCH,
     TEXTURE,
     UNIT,
@@ -316,6 +317,29 @@ def _point_bend(textures, chart, least, slope, size_bend, w1, w2):
     return bend
 
 
+@lean_kernel
+def beyond_rows(chart, x, y, half_x, half_y):
+    """Return whether a box round (x, y) lies beyond one of a chart's rows."""
+    if chart[ROWS] == 0.0:
+        return False
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    least, _ = _roots_over(chart, x, y, radius)
+    if least <= 0.02:
+        return False
+    r, r_x, r_y, _, _, _ = root_at(chart, x, y)
+    # How much a root in a row may be off from its tangent.
+    bend = 0.5 * radius * radius * chart[E_MOST] / (least * least * least)
+    for i in range(int(chart[ROWS])):
+        row = ROWS + 1 + 6 * i
+        k3, k4 = chart[row + 3], chart[row + 4]
+        g = chart[row] + chart[row + 1] * x + chart[row + 2] * y + k3 * r + k4 * (x * x + y * y)
+        g -= abs(chart[row + 1] + k3 * r_x + 2.0 * k4 * x) * half_x
+        g -= abs(chart[row + 2] + k3 * r_y + 2.0 * k4 * y) * half_y
+        if g > abs(k3) * bend:
+            return True
+    return False
+
+
 @small_kernel
 def _beside(cy, at, reach, unknown):
     """Return whether nothing of Y lies within `reach` of the place in (u, v) that `at` has.
@@ -326,7 +350,11 @@ def _beside(cy, at, reach, unknown):
     x, y = at[ON_X], at[ON_Y]
     if cy[C] > 0.0:
         _, most = _roots_over(cy, x, y, reach)
-        return most < cy[LEAST_ROOT]
+        if most < cy[LEAST_ROOT]:
+            return True
+        return beyond_rows(cy, x, y, reach, reach)
+    if beyond_rows(cy, x, y, reach, reach):
+        return True
     out_x = max(cy[RECTANGLE] - x, x - cy[RECTANGLE + 1])
     out_y = max(cy[RECTANGLE + 2] - y, y - cy[RECTANGLE + 3])
     return max(out_x, out_y) > reach

@@ -22,6 +22,7 @@ from asperity.contact.bound import (
     UNSEEN,
     ball_bound,
     base_bound,
+    beyond_rows,
     is_ball_over_plate,
     node_bound,
     sharpest_bound,
@@ -334,6 +335,9 @@ def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, no
             state[NODES] += 1.0
             enough = state[BEST] - TIE
             box = (p0, p1, q0, q1)
+            middle_x, middle_y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
+            if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
+                continue
             if ball:
                 high, kind, second, loose = ball_bound(
                     textures, cx, cy, ax, ay, box, enough, at
