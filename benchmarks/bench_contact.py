@@ -72,7 +72,7 @@ def timed_ticks(
         a, b = starts[q], starts[q + 1]
         begun = now(stamp)
         tick(
-            textures, geometry, tool, poses, centre, number, geoms[a:b], places[a:b],
+            textures, geometry, tool, poses, centre, number, b - a, geoms[a:b], places[a:b],
             distances[a:b], margins[a:b], path[q], DT, parameters, grid, baseline, memory, space,
             contacts, wrench_out[q],
         )  # fmt: skip
@@ -184,7 +184,10 @@ class Case:
 
 def answers(collider: Collider, path: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
     """Return MuJoCo's answer to all poses in a row, and where each begins."""
-    parts = [tuple(np.array(part) for part in collider.query(pose)) for pose in path]
+    parts = []
+    for pose in path:
+        count, *found = collider.query(pose)
+        parts.append(tuple(np.array(part[:count]) for part in found))
     starts = np.cumsum([0, *(len(part[2]) for part in parts)])
     return starts, *(np.concatenate([part[i] for part in parts]) for i in range(4))
 
@@ -334,7 +337,7 @@ def tick_parts(bars: list[dict[str, Any]]) -> dict[str, Any]:
     def kernel_call(q: int) -> None:
         tick(
             e._textures, e._geometry, e._tool, collider.poses, collider.centre, collider.number,
-            *parts[q], path[q], DT, e._parameters, e._grid, e._baseline, e._memory, e._space,
+            len(parts[q][0]), *parts[q], path[q], DT, e._parameters, e._grid, e._baseline, e._memory, e._space,
             e.contacts, e._wrench,
         )  # fmt: skip
 

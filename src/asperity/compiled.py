@@ -120,6 +120,9 @@ def small_kernel(function: F) -> F:
 
 @lean_kernel
 def clear(values):  # type: ignore[no-untyped-def]
-    """Set a row of numbers to zero. (A slice that is assigned to compiles much more slowly.)"""
+    """Set a row of numbers to zero.
+
+    A slice that is assigned to compiles much more slowly.
+    """
     for i in range(values.size):
         values[i] = 0.0

@@ -29,8 +29,8 @@ _SOUND_RATE = 22050
 _SOUND_SECONDS = 2.0
 SCENE = "probe-plate-dots"
 """What the probe is dragged over at the end."""
-_DRAG_SECONDS = 0.5
-_PICTURE_ROWS = 480
+_DRAG_SECONDS = 0.3
+_PICTURE_ROWS = 440
 
 Advance = Callable[[], None]
 

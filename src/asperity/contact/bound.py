@@ -85,6 +85,7 @@ from asperity.texture.packed import texture_bounds
 # Of the triplanar weights: sums of the sizes of their first and second derivatives by the unit
 # normal, largest over the sphere.
 _WEIGHTS_1, _WEIGHTS_2 = 4.2, 14.0
+_HAIR = 1e-6  # boxes on an overhang are not divided below this [m]
 _NO_RISE = 1e-13  # not worth a look at the borders [m]
 UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 
@@ -122,7 +123,8 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     Returns
     -------
     tuple of 12 floats
-        Highest t; size of t'; largest t'' and its size; w along u, v and z at the middle, and how much it
+        Highest t; size of t'; largest t'' and its size; w along u, v and z at the middle, and
+        how much it
         changes over the box; sizes of w' and w''; least and most root. Derivatives are along
         unit directions of the chart's parameters. Roots are -1 outside the ellipse.
     """
@@ -236,7 +238,8 @@ def base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift):
     """Return an upper bound of the overlap of two smooth bases over a box, and Y's slope in it.
 
     The bound, -inf if there is no overlap, is that of two tangent planes; the slope over (u, v)
-    is that of Y's. `(ax, ay)` is the place of their largest overlap, as far as known: the bound is sharp if the
+    is that of Y's. `(ax, ay)` is the place of their largest overlap, as far as known: the bound
+    is sharp if the
     box contains it. `shift` is how far textures move points sideways [m].
     """
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -296,10 +299,7 @@ def _shape_bend(
     `facing` is G.w at the middle, and `spread` how much it changes over the box.
     """
     most, least = facing + spread, facing - spread
-    if bend_t >= 0.0:
-        bend = bend_t * max(most, 0.0)
-    else:
-        bend = bend_t * max(least, 0.0)
+    bend = bend_t * max(most if bend_t >= 0.0 else least, 0.0)
     if least < 0.0:
         # Seen from behind: there the texture's hollows bend outwards.
         bend = max(bend, 0.0) - least * size_bend
@@ -528,7 +528,8 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     if at[X] == at[X] and _beside(cy, at, radius * fastest, 0.0 if level_y else size_y):
         return -np.inf, UNSEEN, 0.0, 0.0
     if at[F] == -np.inf:
-        return bound, UNSEEN, bound, 0.0
+        # Y's surface hangs over there, as seen along n: it is not rendered.
+        return (bound if radius > _HAIR else -np.inf), UNSEEN, bound, 0.0
     if cy[TEXTURE] >= 0.0 and not level_y:
         # The place under the middle is known now: a narrower part of Y will do.
         closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
@@ -553,7 +554,7 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     if (cx[C] > 0.0 and least < 0.5 * cx[LEAST_ROOT]) or (
         cy[C] > 0.0 and least_y < 0.5 * cy[LEAST_ROOT]
     ):
-        return bound, SEEN, bound, 0.0
+        return (bound if radius > _HAIR else at[F]), SEEN, bound, 0.0
     # f'' <= d^T M d.
     kappa = 0.0
     drift_y = slope_y * side_y + size_y * w1_y
@@ -563,7 +564,7 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     turn_y = 0.0
     if side > 0.0 or side_y > 0.0:
         if closest == 0.0:
-            return bound, SEEN, bound, 0.0
+            return (bound if radius > _HAIR else at[F]), SEEN, bound, 0.0
         turn_y = (
             _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * radius * fastest
         )
@@ -613,7 +614,7 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
 
 @lean_kernel
 def node_bound(textures, cx, cy, ax, ay, box, shift, enough, work, at):
-    """Return an upper bound of the overlap over a box, and what `sharpest_bound` needs to better it.
+    """Return an upper bound of the overlap over a box, and what `sharpest_bound` needs.
 
     Returns
     -------

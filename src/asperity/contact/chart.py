@@ -151,7 +151,7 @@ def _row(chart, k0, k1, k2, k3, k4, hard):
 
 @inner_kernel
 def _plane(chart, centre, x, y, f, half_x, half_y, hard):
-    """A flat part: centre and axes in the contact frame, normal `f`."""
+    """Fill a flat part: centre and axes in the contact frame, normal `f`."""
     clear(chart)
     for i in range(3):
         chart[O + i] = centre[i]
@@ -165,7 +165,7 @@ def _plane(chart, centre, x, y, f, half_x, half_y, hard):
 
 @inner_kernel
 def _ellipsoid(chart, centre, axes, semi):
-    """The upper half of an ellipsoid; `axes` (3, 3) has its axes in the contact frame in columns.
+    """Fill the upper half of an ellipsoid; `axes` (3, 3) has its axes in columns.
 
     With `A = axes diag(semi^2) axes^T` its surface is `x^T A^-1 x = 1` round the centre.
     """
@@ -203,7 +203,7 @@ def _ellipsoid(chart, centre, axes, semi):
 
 @inner_kernel
 def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
-    """The side of a cylinder or capsule round the axis `k`; `ref_x`, `ref_y` fix its angle."""
+    """Fill the side of a cylinder or capsule round `k`; `ref_x`, `ref_y` fix its angle."""
     cosine = math.sqrt(max(1.0 - k[2] * k[2], 0.0))
     if cosine <= FLATTEST:
         return False

@@ -34,6 +34,7 @@ FEASIBLE = 1e-11
 _STEPS = 40
 _SHORTEST = 1e-14
 _CLOSE = 1e-10
+_HELD = 1e-8  # a place this near a border may be held by it [m]
 _ALMOST = 1e-9
 _GRAIN = 1e-15
 _LEVEL = 1e-12  # slopes below this are none
@@ -67,14 +68,15 @@ def _level_step(g_x, g_y, h_xx, h_xy, h_yy):
 
 
 @lean_kernel
-def _best_step(at, lines, count):
-    """Return the step (dx, dy) that maximises the quadratic at `at` where all lines allow it.
+def _best_step(at, h_xx, h_xy, h_yy, lines, count):
+    """Return the step (dx, dy) that maximises a quadratic where all lines allow it.
+
+    The quadratic has the slope at `at` and the bend given.
 
     A line allows `lines[i, 1] dx + lines[i, 2] dy <= lines[i, 0]`. Without an allowed step the
     flag returned third is false.
     """
     g_x, g_y = at[F_X], at[F_Y]
-    h_xx, h_xy, h_yy = at[F_XX], at[F_XY], at[F_YY]
     det = h_xx * h_yy - h_xy * h_xy
     if h_xx < 0.0 and det > 0.0:
         dx, dy = -(h_yy * g_x - h_xy * g_y) / det, -(h_xx * g_y - h_xy * g_x) / det
@@ -127,6 +129,24 @@ def _best_step(at, lines, count):
             if fits:
                 best, best_x, best_y, found = value, dx, dy, True
     return best_x, best_y, found
+
+
+@lean_kernel
+def _bent_along(at, borders, count):
+    """Return the bend of the overlap, less that of the borders that hold it (Lagrange).
+
+    Along a curved border it is this that steps have to know, or they come closer but slowly.
+    """
+    h_xx, h_xy, h_yy = at[F_XX], at[F_XY], at[F_YY]
+    for i in range(count):
+        if borders[i, 0] > -_HELD:
+            a, b = borders[i, 1], borders[i, 2]
+            hold = (at[F_X] * a + at[F_Y] * b) / max(a * a + b * b, 1e-300)
+            if hold > 0.0:
+                h_xx -= hold * borders[i, 4]
+                h_xy -= hold * borders[i, 5]
+                h_yy -= hold * borders[i, 6]
+    return h_xx, h_xy, h_yy
 
 
 @lean_kernel
@@ -184,7 +204,8 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
         lines[near - 3, 0] = min(x1 - x, stride)
         lines[near - 2, 0] = min(y - y0, stride)
         lines[near - 1, 0] = min(y1 - y, stride)
-        dx, dy, found = _best_step(at, lines, near)
+        h_xx, h_xy, h_yy = _bent_along(at, borders, count)
+        dx, dy, found = _best_step(at, h_xx, h_xy, h_yy, lines, near)
         if not found:
             # Out of reach of the borders: what can be gained is a shorter way over them.
             return over <= FEASIBLE

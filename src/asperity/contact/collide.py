@@ -55,10 +55,10 @@ class Collider:
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
-            body = names.index(name)
-            self.number[i] = first[body] + seen[name]
+            which = names.index(name)
+            self.number[i] = first[which] + seen[name]
             seen[name] += 1
-            texture = bodies[body].texture
+            texture = bodies[which].texture
             if texture is not None:
                 # A spline stays within its coefficients, which reach beyond the samples.
                 reach = float(np.max(np.abs(texture.coefficients)))

@@ -53,7 +53,7 @@ POINT = 18  # the point of X; Y's has the same u and v
 ABOVE = 21  # z of Y's point
 OVERLAP_SIZE = 22
 MAX_BORDERS = 12
-BORDER_SIZE = 4  # g, g_x, g_y, code
+BORDER_SIZE = 7  # g, g_x, g_y, code, g_xx, g_xy, g_yy
 """Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
 WORK_SHAPE = (64, 24)
 """Room for all that a search notes on the way. Rows: two points, a trial, borders, lines and
@@ -68,7 +68,7 @@ def over_level(textures, cx, cy, x, y, out):
     t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
     z, g1, g2, k11, k12, k22 = over_base(cy, u, v)
     out[X], out[Y] = x, y
-    if not z == z:
+    if math.isnan(z):
         out[F] = -np.inf
         return
     if cx[TEXTURE] >= 0.0:
@@ -139,13 +139,18 @@ def overlap_at(textures, cx, cy, x, y, work, out):
 
 
 @small_kernel
-def _border(borders, count, g, g_a, g_b, turn, at, code):
-    """Add a border whose slope in its own parameters is (g_a, g_b)."""
+def _border(borders, count, g, g_a, g_b, g_aa, g_ab, g_bb, turn, at, code):
+    """Add a border with its slope (g_a, g_b) and bend in its own parameters."""
     if turn:
         borders[count, 1] = g_a * at[TURN] + g_b * at[TURN + 2]
         borders[count, 2] = g_a * at[TURN + 1] + g_b * at[TURN + 3]
+        i, j, k, m = at[TURN], at[TURN + 1], at[TURN + 2], at[TURN + 3]
+        borders[count, 4] = i * (g_aa * i + g_ab * k) + k * (g_ab * i + g_bb * k)
+        borders[count, 5] = i * (g_aa * j + g_ab * m) + k * (g_ab * j + g_bb * m)
+        borders[count, 6] = j * (g_aa * j + g_ab * m) + m * (g_ab * j + g_bb * m)
     else:
         borders[count, 1], borders[count, 2] = g_a, g_b
+        borders[count, 4], borders[count, 5], borders[count, 6] = g_aa, g_ab, g_bb
     borders[count, 0], borders[count, 3] = g, code
     return count + 1
 
@@ -157,16 +162,23 @@ def _own_borders(chart, x, y, turn, at, hard, borders, count):
         scale = 0.5 / math.sqrt(chart[E_MOST])
         qx, qy = chart[E] * x + chart[E + 1] * y, chart[E + 1] * x + chart[E + 2] * y
         g = scale * (x * qx + y * qy - 1.0 + chart[LEAST_ROOT] ** 2)
-        count = _border(borders, count, g, 2.0 * scale * qx, 2.0 * scale * qy, turn, at, 0.0)
+        twice = 2.0 * scale
+        count = _border(
+            borders, count, g, twice * qx, twice * qy, twice * chart[E], twice * chart[E + 1],
+            twice * chart[E + 2], turn, at, 0.0,
+        )  # fmt: skip
     for i in range(int(chart[ROWS])):
         row = ROWS + 1 + 6 * i
-        r, r_x, r_y, _, _, _ = root_at(chart, x, y)
+        r, r_x, r_y, r_xx, r_xy, r_yy = root_at(chart, x, y)
         k3, k4 = chart[row + 3], chart[row + 4]
         g = chart[row] + chart[row + 1] * x + chart[row + 2] * y + k3 * r + k4 * (x * x + y * y)
         g_a = chart[row + 1] + k3 * r_x + 2.0 * k4 * x
         g_b = chart[row + 2] + k3 * r_y + 2.0 * k4 * y
         code = (hard if chart[row + 5] == 1.0 else 0.0) + (4.0 if k3 > 0.0 else 0.0)
-        count = _border(borders, count, g, g_a, g_b, turn, at, code)
+        count = _border(
+            borders, count, g, g_a, g_b, k3 * r_xx + 2.0 * k4, k3 * r_xy, k3 * r_yy + 2.0 * k4,
+            turn, at, code,
+        )  # fmt: skip
     return count
 
 
@@ -183,7 +195,7 @@ def borders_at(cx, cy, at, borders_out):
             place = x if along == 0 else y
             g = sign * (place - cy[RECTANGLE + side])
             g_a, g_b = (sign, 0.0) if along == 0 else (0.0, sign)
-            count = _border(borders_out, count, g, g_a, g_b, True, at, code)
+            count = _border(borders_out, count, g, g_a, g_b, 0.0, 0.0, 0.0, True, at, code)
     return _own_borders(cy, x, y, True, at, 2.0, borders_out, count)
 
 

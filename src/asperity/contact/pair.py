@@ -100,7 +100,7 @@ class BodyPair:
         normal : (3,)
             n, the unit normal of B's smooth surface towards A; world axes.
         """
-        a, b = (np.array(require_finite("pose", pose, 7)) for pose in (pose_a, pose_b))  # type: ignore[arg-type]
+        a, b = (np.array(require_finite("pose", pose, 7)) for pose in (pose_a, pose_b))
         n = np.array(require_finite("normal", normal, 3))
         if not abs(np.linalg.norm(n) - 1.0) < 1e-6:
             raise AsperityError(f"normal must have length 1, got {normal!r}")

@@ -208,9 +208,9 @@ def _met_before(ties, t, count):
     """Return whether a deeper tie is the same place: charts share their common edge."""
     for i in range(count):
         near = abs(ties[i, POINT] - ties[t, POINT]) + abs(ties[i, POINT + 1] - ties[t, POINT + 1])
-        if i != t and near < SAME:
-            if ties[i, F] > ties[t, F] or (ties[i, F] == ties[t, F] and i < t):
-                return True
+        deeper = ties[i, F] > ties[t, F] or (ties[i, F] == ties[t, F] and i < t)
+        if near < SAME and i != t and deeper:
+            return True
     return False
 
 
@@ -330,12 +330,12 @@ def depth_along(
                 pair = k
         if made_a * made_b == 0 or looks[pair, 0] <= state[BEST] - TIE or looks[pair, 0] == -np.inf:
             break
-        looks[pair, 0] = -np.inf
+        above, looks[pair, 0] = looks[pair, 0], -np.inf
         a, b = space.charts_a[pair // made_b], space.charts_b[pair % made_b]
         x, y = (a, b) if walks_on_a(a, b) else (b, a)
         search_pair(
-            textures, x, y, pair, looks[pair, 1], looks[pair, 2], tolerance, state, space.best,
-            space.ties, space.nodes, space.work, space.at,
+            textures, x, y, pair, looks[pair, 1], looks[pair, 2], above, tolerance, state,
+            space.best, space.ties, space.nodes, space.work, space.at,
         )  # fmt: skip
     clear(result_out)
     result_out[DEPTH] = state[BEST]
@@ -414,7 +414,7 @@ def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space
     return t - textures.scales[int(chart[TEXTURE]), 6]
 
 
-def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def]
+def geometry_of(bodies, textures_of) -> Geometry:
     """Return the geoms of `bodies` as arrays; `textures_of[i]` is the texture of body i or -1."""
     from asperity.geometry.bodies import KINDS, MAPPINGS
 
@@ -439,7 +439,7 @@ def geometry_of(bodies, textures_of) -> Geometry:  # type: ignore[no-untyped-def
     )
 
 
-def _around(body, geom) -> float:  # type: ignore[no-untyped-def]
+def _around(body, geom) -> float:
     """Return how much a body's cylindrical map is stretched on a geom, so that it has no seam."""
     if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
         return 1.0

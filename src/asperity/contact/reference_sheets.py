@@ -156,7 +156,10 @@ def _texture(body: Body, geom: Geom, chart: Chart, local: Array, base: Array, w:
     du, dv = middle - np.asarray(body.offset)
     if mapping == "cylindrical":
         angle = np.arctan2(local[..., 1], local[..., 0])
-        return field.heights(geom.size[0] * angle + du, local[..., 2] + dv)
+        # A map that wraps is stretched to go round a whole number of times.
+        round_it = 2.0 * np.pi * geom.size[0] / field.size[0]
+        stretch = max(round(round_it), 1) / round_it if field.border == "wrap" else 1.0
+        return field.heights(geom.size[0] * angle * stretch + du, local[..., 2] + dv)
     x, y, z = np.moveaxis(base, -1, 0)
     if mapping == "planar":
         return field.heights(x + du, y + dv)

@@ -46,8 +46,10 @@ from asperity.contact.chart import (
 from asperity.contact.climb import climb
 from asperity.contact.overlap import (
     BORDERS,
+    F_X,
     F_XX,
     F_XY,
+    F_Y,
     F_YY,
     LINES,
     OVERLAP_SIZE,
@@ -55,6 +57,7 @@ from asperity.contact.overlap import (
     X,
     Y,
     borders_at,
+    overlap_at,
 )
 from asperity.contact.surface import parameters_under
 
@@ -65,6 +68,7 @@ SAME = 1e-6
 """Places closer than this are one [m]."""
 _FINEST_TIE = 1.0 / 20.0
 _STACK = 1024
+_PLATEAU = 1e-7  # slopes below this are none
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
 _SMALLEST = 1e-10  # boxes are not divided below this [m]
 
@@ -166,13 +170,13 @@ def _keep(at, pair, weight, state, best, ties):
         best[OVERLAP_SIZE] = pair
     count = int(state[TIES])
     for i in range(count):
-        if ties[i, OVERLAP_SIZE] == pair and ties[i, F] >= state[BEST] - TIE:
-            if abs(ties[i, X] - at[X]) < SAME and abs(ties[i, Y] - at[Y]) < SAME:
-                if depth > ties[i, F]:
-                    for j in range(OVERLAP_SIZE):
-                        ties[i, j] = at[j]
-                ties[i, OVERLAP_SIZE + 1] = max(ties[i, OVERLAP_SIZE + 1], weight)
-                return
+        near = abs(ties[i, X] - at[X]) < SAME and abs(ties[i, Y] - at[Y]) < SAME
+        if near and ties[i, OVERLAP_SIZE] == pair and ties[i, F] >= state[BEST] - TIE:
+            if depth > ties[i, F]:
+                for j in range(OVERLAP_SIZE):
+                    ties[i, j] = at[j]
+            ties[i, OVERLAP_SIZE + 1] = max(ties[i, OVERLAP_SIZE + 1], weight)
+            return
     if count == MOST_TIES:
         # Make room: drop what has turned out less deep.
         kept = 0
@@ -264,7 +268,9 @@ def first_look(
 
 
 @lean_kernel
-def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, nodes, work, at):
+def search_pair(
+    textures, cx, cy, pair, ax, ay, above, tolerance, state, best, ties, nodes, work, at
+):
     """Search one pair of charts; improve what `state`, `best` and `ties` hold.
 
     Parameters
@@ -274,7 +280,9 @@ def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, no
     pair : int
         Noted with every place.
     ax, ay : float
-        Where the smooth bases overlap most, as `first_look` has it.
+        Where the smooth bases overlap most, and
+    above : float
+        an upper bound of the depth [m], as `first_look` has them.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
     state : (6,) array
@@ -302,7 +310,7 @@ def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, no
     for i in range(_blocks(textures, cx, window, boxes)):
         for j in range(4):
             nodes[top, j] = boxes[i, j]
-        nodes[top, 4] = np.inf
+        nodes[top, 4] = above
         top += 1
     finest = max(span * _FINEST_TIE, _SMALLEST)
     while top > 0:
@@ -316,6 +324,13 @@ def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, no
             state[UPPER] = max(state[UPPER], bound)
             weight = (x1 - x0) * (y1 - y0)
             px, py = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+            if flat:
+                overlap_at(textures, cx, cy, px, py, work, at)
+                if abs(at[F_X]) + abs(at[F_Y]) < _PLATEAU:
+                    # Flat on flat: the box counts if its middle does.
+                    if _clear_of_borders(cx, cy, at, (px, px, py, py), work):
+                        _keep(at, pair, weight, state, best, ties)
+                    continue
             if climb(textures, cx, cy, window, px, py, x1 - x0 + y1 - y0, work, at):
                 _keep(at, pair, weight, state, best, ties)
             continue
@@ -339,24 +354,23 @@ def search_pair(textures, cx, cy, pair, ax, ay, tolerance, state, best, ties, no
             if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
                 continue
             if ball:
-                high, kind, second, loose = ball_bound(
-                    textures, cx, cy, ax, ay, box, enough, at
-                )
+                high, kind, second, loose = ball_bound(textures, cx, cy, ax, ay, box, enough, at)
             else:
                 high, kind, second, loose = node_bound(
                     textures, cx, cy, ax, ay, box, shift, enough, work, at
                 )
-            seen = kind != UNSEEN
+            seen, high = kind != UNSEEN, min(high, bound)
             if kind >= BOUNDED and high > enough:
                 high, seen = sharpest_bound(
                     textures, cx, cy, box, kind, high, second, loose,
                     best, best[OVERLAP_SIZE] == pair, work, at,
                 )  # fmt: skip
             closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
-            if seen and at[F] > state[BEST] - TIE:
+            if seen and at[F] > state[BEST] - TIE and climb(
                 # The middle of a box, or the highest place in it: the maximum may be near.
-                if climb(textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at):
-                    _keep(at, pair, 0.0, state, best, ties)
+                textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at
+            ):  # fmt: skip
+                _keep(at, pair, 0.0, state, best, ties)
             if high <= state[BEST] - TIE:
                 continue
             if closed:

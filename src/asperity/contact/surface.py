@@ -245,7 +245,7 @@ def height_at(textures, chart, u, v, work):
     nothing = (-np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, x, y)
     if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
         z, g1, g2, k11, k12, k22 = over_base(chart, u, v)
-        if not z == z:
+        if math.isnan(z):
             return nothing
         if chart[TEXTURE] < 0.0:
             return z, g1, g2, k11, k12, k22, x, y

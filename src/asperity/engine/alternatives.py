@@ -9,7 +9,7 @@ import numpy as np
 from asperity.compiled import inner_kernel
 from asperity.contact.grid import grid_depth
 from asperity.contact.patch import DEPTH, M_X, MOMENT, POINT_X, smooth_texture_under
-from asperity.forces.laws import SIIRA_PAI, filtered_noise, textured_point_force
+from asperity.forces.laws import SIIRA_PAI, filter_noise, noise_across, textured_point_force
 
 
 @inner_kernel
@@ -105,17 +105,25 @@ def depth_on_grid(
 
 
 @inner_kernel
+def advance_noise(state, baseline, dt):
+    """Draw the next values of Siira & Pai's noise, once a tick."""
+    if baseline.law == SIIRA_PAI:
+        filter_noise(state, math.exp(-2.0 * math.pi * baseline.noise_bandwidth * dt))
+
+
+@inner_kernel
 def baseline_force(
-    textures, geometry, memory, count_b, body_b, n, place, moved, dt, push, depth, baseline,
+    textures, geometry, memory, count_b, body_b, n, place, moved, push, depth, baseline,
     space, force_out,
 ):  # fmt: skip
     """Fill the force of a baseline, from B's texture under the smooth tool's deepest place."""
     gradient, noise = np.zeros(3), np.zeros(3)
     height = 0.0
     if baseline.law == SIIRA_PAI:
-        keep = math.exp(-2.0 * math.pi * baseline.noise_bandwidth * dt)
-        sliding = moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2 > 1e-24
-        filtered_noise(memory.noise, n, keep, baseline.noise_level if sliding else 0.0, noise)
+        along = moved[0] * n[0] + moved[1] * n[1] + moved[2] * n[2]
+        slid = moved[0] ** 2 + moved[1] ** 2 + moved[2] ** 2 - along * along
+        if slid > 1e-24:
+            noise_across(memory.noise, n, baseline.noise_level, noise)
     else:
         height = smooth_texture_under(
             textures, geometry, memory.geoms[1], count_b, body_b, n, place, space, gradient

@@ -85,7 +85,8 @@ class Engine:
         """Forget all normals, bristles and noise of the past."""
         self._memory.counts[:] = 0
         self._memory.noise[:] = 0.0
-        self._memory.noise[3] = float(self.settings.seed % 2**48)
+        # The generator counts on from here: seeds must not begin a few steps apart.
+        self._memory.noise[3] = float(np.random.default_rng(self.settings.seed).integers(2**48))
         self.contacts.count[0] = 0
 
     def wrench(self, pose: NDArray[np.float64], dt: float) -> NDArray[np.float64]:

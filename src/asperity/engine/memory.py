@@ -77,7 +77,7 @@ class Contacts(NamedTuple):
     the gap was closed, 2 there was no room for a contact.
     """
 
-    count: NDArray[np.int64]
+    count: NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count
     body: NDArray[np.int64]
     point: NDArray[np.float64]
     normal: NDArray[np.float64]

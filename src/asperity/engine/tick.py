@@ -20,7 +20,7 @@ from asperity.contact.patch import (
     Geometry,
     depth_along,
 )
-from asperity.engine.alternatives import baseline_force, depth_on_grid
+from asperity.engine.alternatives import advance_noise, baseline_force, depth_on_grid
 from asperity.forces.laws import bristle_force
 
 NO_ROOM = 2
@@ -123,6 +123,8 @@ def _collect_pairs(
 @inner_kernel
 def _steady_normals(memory, count):
     """Hold every pair's normal to the remembered one; take up pairs that are deep but unseen."""
+    for j in range(memory.counts[0]):
+        memory.pairs[j, 2] &= 1  # whether deep; the bit above it: seen now
     for i in range(count):
         n = memory.now_normals[i]
         size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
@@ -138,7 +140,7 @@ def _steady_normals(memory, count):
                 if n[0] * old[0] + n[1] * old[1] + n[2] * old[2] < _STEADY:
                     for k in range(3):
                         n[k] = old[k]
-                memory.pairs[j, 2] = 0
+                memory.pairs[j, 2] |= 2
     for j in range(memory.counts[0]):
         if memory.pairs[j, 2] == 1 and count < memory.now_weights.size:
             memory.now_pairs[count, 0] = memory.pairs[j, 0]
@@ -244,8 +246,8 @@ def _tolerance(textures, geometry, a, b, wanted):
 
 @kernel
 def tick(
-    textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins, pose, dt,
-    parameters, grid, baseline, memory, space, contacts, wrench_out,
+    textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
+    pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
     """Fill contacts and wrench (6,) of one pose; see `Engine.wrench`.
 
@@ -282,6 +284,8 @@ def tick(
             geometry.no_texture, geometry.mapping, geometry.origin, geometry.around,
             geometry.no_texture,
         )  # fmt: skip
+    if baseline is not None and dt > 0.0:
+        advance_noise(memory.noise, baseline, dt)
     live = 0
     for p in range(patches):
         b = memory.new_bodies[p]
@@ -324,7 +328,7 @@ def tick(
         out = memory.results[p]
         total = 0.0
         for q in range(patches):
-            if memory.new_bodies[q] == b or (q < p and memory.results[q, 15] == float(b)):
+            if memory.new_bodies[q] == b:
                 total += memory.results[q, DEPTH]
         depth = out[DEPTH]
         weight = depth / total
@@ -354,7 +358,7 @@ def tick(
             _, count_b = _geoms_of(memory, count, p)
             _slid(memory, body_a, guess, origin, moved)
             baseline_force(
-                textures, geometry, memory, count_b, near_b, n, guess, moved, dt, push, depth,
+                textures, geometry, memory, count_b, near_b, n, guess, moved, push, depth,
                 baseline, space, force,
             )  # fmt: skip
             for k in range(3):
@@ -387,24 +391,22 @@ def tick(
         _into(body_b, moved, bristle)
         for k in range(3):
             memory.new_patches[p, 3 + k] = bristle[k]
-        memory.results[p, 15] = float(b)
-        # Patches that are kept close ranks, in their old order.
-        memory.bodies[kept] = b
-        for k in range(9):
-            memory.patches[kept, k] = memory.new_patches[p, k]
+        if dt > 0.0:
+            # Patches that are kept close ranks, in their old order.
+            memory.bodies[kept] = b
+            for k in range(9):
+                memory.patches[kept, k] = memory.new_patches[p, k]
         kept += 1
     contacts.count[0] = live
-    memory.counts[1] = kept
-    memory.counts[0] = count
-    for i in range(count):
-        for k in range(3):
-            memory.pairs[i, k] = memory.now_pairs[i, k]
-            memory.normals[i, k] = memory.now_normals[i, k]
-    if dt > 0.0 or memory.counts[2] == 0:
+    if dt > 0.0:
+        memory.counts[0], memory.counts[1], memory.counts[2] = count, kept, 1
+        for i in range(count):
+            for k in range(3):
+                memory.pairs[i, k] = memory.now_pairs[i, k]
+                memory.normals[i, k] = memory.now_normals[i, k]
         for i in range(3):
             for j in range(4):
                 memory.pose[i, j] = body_a[i, j]
-        memory.counts[2] = 1
     if memory.counts[3] > 0 and live > 0:
         contacts.status[0] = NO_ROOM
         memory.counts[3] = 0

@@ -79,11 +79,11 @@ def bristle_force(bristle, moved, across, stiffness, limit, out):
 
 
 @inner_kernel
-def filtered_noise(state, n, share, level, out):
-    """Fill Gaussian noise (3,) across n of standard deviation `level`, low-passed.
+def filter_noise(state, share):
+    """Draw three Gaussian values of unit variance and low-pass them.
 
-    `state` (4,): three filtered values of unit variance, and the generator's counter. `share` is
-    what a first-order low-pass keeps of the last value.
+    `state` (4,): the three filtered values, and the generator's counter. `share` is what a
+    first-order low-pass keeps of the last value.
     """
     fresh = math.sqrt(1.0 - share * share)
     for i in range(3):
@@ -91,6 +91,11 @@ def filtered_noise(state, n, share, level, out):
         a, b = _uniform(state), _uniform(state)
         value = math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
         state[i] = share * state[i] + fresh * value
+
+
+@inner_kernel
+def noise_across(state, n, level, out):
+    """Fill the part across n of the noise, of standard deviation `level` along each axis."""
     along = state[0] * n[0] + state[1] * n[1] + state[2] * n[2]
     for i in range(3):
         out[i] = level * (state[i] - along * n[i])

@@ -8,12 +8,25 @@ from asperity.errors import (
     AsperityError,
     require_between,
     require_choice,
-    require_not_negative,
     require_positive,
 )
 
 LAWS = ("otaduy-lin", "minsky", "ho", "siira-pai")
 GRADIENTS = ("exact", "differences", "soft")
+_RANGES = {
+    "stiffness": (1e-6, 1e9, "N/m"),
+    "bristle_stiffness": (1e-6, 1e9, "N/m"),
+    "friction": (0.0, 100.0, ""),
+    "step": (1e-9, 1e-2, "m"),
+    "lever": (1e-6, 10.0, "m"),
+    "window": (1e-7, 1.0, "m"),
+    "softness": (1e-9, 1e-2, "m"),
+    "soft_area": (1e-15, 1.0, "m^2"),
+    "ho_gain": (1e-6, 1e6, ""),
+    "noise_level": (0.0, 100.0, ""),
+    "noise_bandwidth": (1e-3, 1e6, "Hz"),
+}
+"""Far beyond what is of use, and far from what numbers cannot hold."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +38,7 @@ class ForceSettings:
     Parameters
     ----------
     stiffness : float
-        k of Eq. 1 [N/m], above 0; 400 is what a Touch can do.
+        k of Eq. 1 [N/m]; 400 is what a Touch can do.
     law : {"otaduy-lin", "minsky", "ho", "siira-pai"}
         Otaduy & Lin's, or a baseline that takes the texture at one point of the smooth contact.
     friction : float
@@ -87,16 +100,9 @@ class ForceSettings:
     def __post_init__(self) -> None:
         require_choice("law", self.law, LAWS)
         require_choice("gradient", self.gradient, GRADIENTS)
-        for name, unit in (
-            ("stiffness", "[N/m]"), ("step", "[m]"), ("lever", "[m]"), ("window", "[m]"),
-            ("softness", "[m]"), ("soft_area", "[m^2]"), ("ho_gain", ""),
-            ("noise_bandwidth", "[Hz]"),
-        ):  # fmt: skip
-            require_positive(name, getattr(self, name), unit)
-        for name in ("friction", "noise_level"):
-            require_not_negative(name, getattr(self, name))
-        if self.bristle_stiffness is not None:
-            require_positive("bristle_stiffness", self.bristle_stiffness, "[N/m]")
+        for name, (low, high, unit) in _RANGES.items():
+            if getattr(self, name) is not None:
+                require_between(name, getattr(self, name), low, high, unit)
         if self.tolerance is not None:
             require_positive("tolerance", self.tolerance, "[m]")
         for name, low, high in (("grid", 4, 1000), ("max_nodes", 100, 10**8), ("seed", 0, 2**63)):

@@ -47,7 +47,8 @@ class Textures(NamedTuple):
 
 def pack(fields: Sequence[HeightField]) -> Textures:
     """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
-    coefficients, bounds, levels, table, scales = [], [], [], [], []
+    levels: list[list[int]] = []
+    coefficients, bounds, table, scales = [], [], [], []
     first_coefficient = first_block = first_level = 0
     for field in fields:
         c = np.ascontiguousarray(field.coefficients)
