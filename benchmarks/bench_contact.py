@@ -337,8 +337,8 @@ def tick_parts(bars: list[dict[str, Any]]) -> dict[str, Any]:
     def kernel_call(q: int) -> None:
         tick(
             e._textures, e._geometry, e._tool, collider.poses, collider.centre, collider.number,
-            len(parts[q][0]), *parts[q], path[q], DT, e._parameters, e._grid, e._baseline, e._memory, e._space,
-            e.contacts, e._wrench,
+            len(parts[q][0]), *parts[q], path[q], DT, e._parameters, e._grid, e._baseline,
+            e._memory, e._space, e.contacts, e._wrench,
         )  # fmt: skip
 
     laps: dict[str, list[Times]] = {}

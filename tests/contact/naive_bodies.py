@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from asperity.contact import patch
 from asperity.geometry.bodies import Body, Geom
-from asperity.texture import packed
 from asperity.texture.height_field import HeightField
 
 if TYPE_CHECKING:
@@ -161,10 +160,7 @@ class Pair:
 
     def __init__(self, a: Body, b: Body) -> None:
         self.bodies = a, b
-        held = [body.texture for body in (a, b) if body.texture is not None]
-        numbers = [held.index(t) if t is not None else -1 for t in (a.texture, b.texture)]
-        self._textures = packed.pack(held)
-        self._geometry = patch.geometry_of((a, b), numbers)
+        self._textures, self._geometry = patch.flattened((a, b))
         self._space = patch.workspace(len(a.geoms) + len(b.geoms))
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]
 

@@ -189,8 +189,12 @@ def test_friction_ends_with_the_contact_and_with_reset():
 def test_a_look_does_not_bend_or_forget_the_bristle():
     engine = engine_for(ball(), plate(), friction=MU)
     before = drag_along(engine, [(0, 0), (1e-5, 0)])[-1]
-    looked = touch(engine, pose(1e-5, 0, RADIUS - DEPTH), 0.0).wrench[:2]
-    np.testing.assert_array_equal(looked, before)
+    here, away = pose(1e-5, 0, RADIUS - DEPTH), pose(1e-5, 0, 1.0)
+    for at in (here, away, pose(5e-4, 0, RADIUS - 1e-6), here):
+        looked = touch(engine, at, 0.0).wrench[:2]
+        if at is here:
+            np.testing.assert_array_equal(looked, before)
+    np.testing.assert_array_equal(touch(engine, here).wrench[:2], before)
 
 
 def test_a_rolling_ball_is_not_braked_and_a_sliding_one_is():

@@ -111,7 +111,7 @@ def scenes(draw):
     return tool, ground, draw(poses(span(ground))), path, ticks, draw(st.booleans())
 
 
-def check(found, bodies_met=1):
+def check(found):
     """Hold all that the engine says of a pose to what it must be, whatever the pose."""
     for name, values in zip(Touch._fields, found, strict=True):
         assert np.isfinite(values).all(), f"{name}: {values}"

@@ -18,13 +18,12 @@ from asperity.contact.patch import (
     RESULT_SIZE,
     STATUS,
     depth_along,
-    geometry_of,
+    flattened,
     rotation_of,
     workspace,
 )
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, unit_quaternion
-from asperity.texture.packed import pack
 
 
 class Depth(NamedTuple):
@@ -82,11 +81,7 @@ class BodyPair:
         self.tolerance = require_positive("tolerance", tolerance, "[m]")
         self.max_nodes = int(require_between("max_nodes", max_nodes, 100, 1e9))
         bodies = (body_a, body_b)
-        textures = [body.texture for body in bodies if body.texture is not None]
-        which = [0 if body_a.texture is not None else -1]
-        which.append(len(textures) - 1 if body_b.texture is not None else -1)
-        self._textures = pack(textures)
-        self._geometry = geometry_of(bodies, which)
+        self._textures, self._geometry = flattened(bodies)
         self._geoms = [np.flatnonzero(self._geometry.body == i).astype(np.int64) for i in (0, 1)]
         self._space = workspace(max(len(body.geoms) for body in bodies))
 

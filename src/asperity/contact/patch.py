@@ -14,6 +14,7 @@ moves with A, B's slope counts; on an edge of B, A's; edge on edge, m is perpend
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,8 @@ from asperity.contact.surface import (
     root_at,
     surface_at,
 )
+from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom
+from asperity.texture.packed import Textures, pack
 
 CERTIFIED, BUDGET_SPENT = 0, 1
 """Whether the gap is within the tolerance, or the search ran out of nodes before it was."""
@@ -414,10 +417,21 @@ def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space
     return t - textures.scales[int(chart[TEXTURE]), 6]
 
 
-def geometry_of(bodies, textures_of) -> Geometry:
-    """Return the geoms of `bodies` as arrays; `textures_of[i]` is the texture of body i or -1."""
-    from asperity.geometry.bodies import KINDS, MAPPINGS
+def flattened(bodies: Sequence[Body]) -> tuple[Textures, Geometry]:
+    """Return textures and geoms of `bodies` as arrays. A map of zeros is no texture."""
+    fields = [
+        body.texture
+        if body.texture is not None and (body.texture.lowest or body.texture.highest)
+        else None
+        for body in bodies
+    ]
+    textures_of = np.cumsum([field is not None for field in fields]) - 1
+    textures_of[[field is None for field in fields]] = -1
+    textures = pack([field for field in fields if field is not None])
+    return textures, _geometry_of(bodies, textures_of)
 
+
+def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geometry:
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
     origins = []
     for body in bodies:
@@ -439,7 +453,7 @@ def geometry_of(bodies, textures_of) -> Geometry:
     )
 
 
-def _around(body, geom) -> float:
+def _around(body: Body, geom: Geom) -> float:
     """Return how much a body's cylindrical map is stretched on a geom, so that it has no seam."""
     if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
         return 1.0

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.collide import Collider
-from asperity.contact.patch import geometry_of, workspace
+from asperity.contact.patch import flattened, workspace
 from asperity.engine.memory import (
     Baseline,
     Contacts,
@@ -30,7 +30,6 @@ from asperity.engine.tick import tick
 from asperity.forces.laws import OTADUY_LIN
 from asperity.forces.settings import LAWS, ForceSettings
 from asperity.geometry.bodies import Body
-from asperity.texture.packed import pack
 
 if TYPE_CHECKING:
     import mujoco
@@ -62,13 +61,7 @@ class Engine:
     ) -> None:
         self.settings = settings or ForceSettings()
         self._collider = Collider(model, bodies, tool)
-        textured = [body.texture for body in bodies if body.texture is not None]
-        numbers = np.cumsum([body.texture is not None for body in bodies]) - 1
-        which = [
-            int(n) if b.texture is not None else -1 for b, n in zip(bodies, numbers, strict=True)
-        ]
-        self._textures = pack(textured)
-        self._geometry = geometry_of(bodies, which)
+        self._textures, self._geometry = flattened(bodies)
         self._tool = [body.name for body in bodies].index(tool)
         most = max(len(body.geoms) for body in bodies)
         self._space = workspace(most)

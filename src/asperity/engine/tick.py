@@ -77,6 +77,16 @@ def _blend(geometry, textures, g, h):
 
 
 @inner_kernel
+def _held_below(geometry, textures, g, h):
+    """Return the depth [m] from which a pair's normal is held: a shallower one may turn an edge."""
+    least = np.inf
+    for i in range(3):
+        if geometry.size[h, i] > 0.0 and geometry.kind[h] > 0:
+            least = min(least, geometry.size[h, i])
+    return min(_blend(geometry, textures, g, h), 0.25 * least)
+
+
+@inner_kernel
 def _collect_pairs(
     textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
 ):  # fmt: skip
@@ -122,9 +132,9 @@ def _collect_pairs(
 
 @inner_kernel
 def _steady_normals(memory, count):
-    """Hold every pair's normal to the remembered one; take up pairs that are deep but unseen."""
+    """Hold the normals of deep pairs to the remembered ones; take up deep pairs that are unseen."""
     for j in range(memory.counts[0]):
-        memory.pairs[j, 2] &= 1  # whether deep; the bit above it: seen now
+        memory.pairs[j, 2] &= 1  # whether it is deep; the bit above it: seen now
     for i in range(count):
         n = memory.now_normals[i]
         size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
@@ -137,7 +147,8 @@ def _steady_normals(memory, count):
                 and memory.pairs[j, 1] == memory.now_pairs[i, 1]
             ):
                 old = memory.normals[j]
-                if n[0] * old[0] + n[1] * old[1] + n[2] * old[2] < _STEADY:
+                turned = n[0] * old[0] + n[1] * old[1] + n[2] * old[2] < _STEADY
+                if turned and memory.pairs[j, 2] & 1:
                     for k in range(3):
                         n[k] = old[k]
                 memory.pairs[j, 2] |= 2
@@ -315,7 +326,9 @@ def tick(
         deep = out[DEPTH] > 0.0
         for i in range(count):
             if memory.now_pairs[i, 3] == p:
-                memory.now_pairs[i, 2] = 1 if deep else 0
+                g, h = memory.now_pairs[i, 0], memory.now_pairs[i, 1]
+                held = out[DEPTH] > _held_below(geometry, textures, g, h)
+                memory.now_pairs[i, 2] = 1 if held else 0
         if not deep:
             memory.new_bodies[p] = -1
     # Patches on one body share its stiffness.
