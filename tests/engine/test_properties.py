@@ -30,7 +30,7 @@ from asperity.texture.height_field import HeightField
 
 RADIUS = 1.5e-3
 quick = settings(
-    max_examples=40, deadline=None, derandomize=True, database=None,
+    max_examples=80, deadline=None, derandomize=True, database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )  # fmt: skip
 

@@ -44,7 +44,6 @@ MAPS = {
     "measured/bullet_land_striae.npz": {"missing": "fill"},
 }  # fmt: skip
 """Scales of maps without one are ours."""
-QUICK = ("measured/us_dime_gelsight.npz", "heights/godot_wool_depth.png")
 
 
 def rub(texture):
@@ -57,9 +56,7 @@ def rub(texture):
         yield pose(x, y, top - deep, turn([1, 2, 3], 3 * s))
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[] if n in QUICK else pytest.mark.slow) for n in MAPS]
-)
+@pytest.mark.parametrize("name", MAPS)
 def test_a_rub_over_a_real_map_gives_finite_wrenches(data, name):
     if name.endswith(".tmd") and find_spec("SurfaceTopography") is None:
         with pytest.raises(SurfaceError, match="SurfaceTopography"):

@@ -117,6 +117,9 @@ class Workspace(NamedTuple):
     work: NDArray[np.float64]
     looks: NDArray[np.float64]
     at: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    vectors: NDArray[np.float64]
+    near: NDArray[np.float64]
 
 
 def workspace(geoms: int) -> Workspace:
@@ -131,6 +134,9 @@ def workspace(geoms: int) -> Workspace:
         np.zeros(WORK_SHAPE),
         np.zeros((9 * geoms * geoms, 3)),
         np.zeros(OVERLAP_SIZE),
+        np.zeros((3, 3)),
+        np.zeros((10, 3)),
+        np.zeros((2, 3, 4)),
     )
 
 
@@ -303,7 +309,8 @@ def depth_along(
         status, number of places that are equally deep; their mean place on A's surface, m, and
         the mean of place x m, seen from the origin in world axes.
     """
-    frame = np.empty((3, 3))
+    # Nothing is allocated here: that would take longer than the small sums below.
+    frame = space.frame
     frame_round(n, frame)
     made_b = _charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
     gu = frame[0, 0] * guess[0] + frame[0, 1] * guess[1] + frame[0, 2] * guess[2]
@@ -348,7 +355,7 @@ def depth_along(
     gap = max(state[UPPER] - state[BEST], 0.0)
     result_out[GAP] = gap
     result_out[STATUS] = CERTIFIED if gap <= tolerance else BUDGET_SPENT
-    work, m = space.work, np.empty(3)
+    work, m, p, q = space.work, space.vectors[0], space.vectors[1], space.vectors[2]
     spread = 0.0
     for t in range(int(state[TIES])):
         at = space.ties[t]
@@ -374,8 +381,6 @@ def depth_along(
             height = -at[ABOVE]
         result_out[COUNT_TIES] += 1.0
         total += share
-        p = np.empty(3)
-        q = np.empty(3)
         for k in range(3):
             p[k] = frame[0, k] * at[POINT] + frame[1, k] * at[POINT + 1] + n[k] * height
             q[k] = frame[0, k] * m[0] + frame[1, k] * m[1] + n[k]

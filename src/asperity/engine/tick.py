@@ -268,7 +268,8 @@ def tick(
     clear(wrench_out)
     body_a = poses[tool]
     _rotation(pose, body_a)
-    origin = np.empty(3)
+    vectors = space.vectors
+    origin = vectors[3]
     for i in range(3):
         body_a[i, 3] = pose[i]
     for i in range(3):
@@ -281,12 +282,12 @@ def tick(
     count = _steady_normals(memory, count)
     patches = _group(geometry, memory, count)
     # Seen from the tool's centre of mass.
-    near_a, near_b = np.empty((3, 4)), np.empty((3, 4))
+    near_a, near_b = space.near[0], space.near[1]
     for i in range(3):
         for j in range(3):
             near_a[i, j] = body_a[i, j]
         near_a[i, 3] = body_a[i, 3] - origin[i]
-    n, guess, force = np.empty(3), np.empty(3), np.empty(3)
+    n, guess, force = vectors[4], vectors[5], vectors[6]
     shape = geometry
     if baseline is not None:
         # Smooth bodies: the texture comes in at one point of their contact.
@@ -332,7 +333,7 @@ def tick(
         if not deep:
             memory.new_bodies[p] = -1
     # Patches on one body share its stiffness.
-    moved, bristle = np.empty(3), np.empty(3)
+    moved, bristle = vectors[7], vectors[8]
     kept = 0
     for p in range(patches):
         b = memory.new_bodies[p]

@@ -47,8 +47,12 @@ class Geom:
     def __post_init__(self) -> None:
         require_choice("kind of geom", self.kind, KINDS)
         count = _SIZES[self.kind]
-        size = (*map(float, self.size), 0.0, 0.0)[:3]
-        if len(self.size) < count and self.kind != "plane":
+        try:
+            size = (*map(float, self.size), 0.0, 0.0)[:3]
+            enough = len(self.size) >= count or self.kind == "plane"
+        except (TypeError, ValueError):
+            size, enough = (0.0, 0.0, 0.0), False
+        if not enough:
             raise AsperityError(f"a {self.kind} needs {count} sizes [m], got {self.size!r}")
         least_wrong = min(size[:count]) < 0.0 if self.kind == "plane" else min(size[:count]) <= 0.0
         if not all(map(math.isfinite, size)) or least_wrong:
@@ -118,9 +122,9 @@ class Body:
 
 
 def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
-    """Return `quaternion` (wxyz) with its length, which must be 1 to 1e-3, made exactly 1."""
+    """Return `quaternion` (wxyz) with its length, which must be 1 to 1e-6, made exactly 1."""
     values = require_finite("quaternion", quaternion, 4)
     length = math.hypot(*values)
-    if abs(length - 1.0) > 1e-3:
+    if abs(length - 1.0) > 1e-6:
         raise AsperityError(f"a quaternion must have length 1, got {values} of length {length:g}")
     return tuple(value / length for value in values)
