@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from asperity.contact import patch
+from asperity.contact import flat, patch
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
@@ -160,7 +160,7 @@ class Pair:
 
     def __init__(self, a: Body, b: Body) -> None:
         self.bodies = a, b
-        self._textures, self._geometry = patch.flattened((a, b))
+        self._textures, self._geometry = flat.flattened((a, b))
         self._space = patch.workspace(len(a.geoms) + len(b.geoms))
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]
 
@@ -169,7 +169,7 @@ class Pair:
     ) -> Along:
         """Return the depth of A in B along n, and its gradient about A's origin."""
         placed = [
-            np.column_stack([patch.rotation_of(at[3:]), at[:3] - pose_a[:3]])
+            np.column_stack([flat.rotation_of(at[3:]), at[:3] - pose_a[:3]])
             for at in (pose_a, pose_b)
         ]
         out = np.empty(patch.RESULT_SIZE)

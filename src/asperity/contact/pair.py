@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from asperity.contact.flat import flattened, rotation_of
 from asperity.contact.patch import (
     COUNT_NODES,
     COUNT_TIES,
@@ -18,8 +19,6 @@ from asperity.contact.patch import (
     RESULT_SIZE,
     STATUS,
     depth_along,
-    flattened,
-    rotation_of,
     workspace,
 )
 from asperity.errors import AsperityError, require_between, require_finite, require_positive

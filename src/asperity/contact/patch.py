@@ -14,7 +14,6 @@ moves with A, B's slope counts; on an edge of B, A's; edge on edge, m is perpend
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,8 +71,6 @@ from asperity.contact.surface import (
     root_at,
     surface_at,
 )
-from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom
-from asperity.texture.packed import Textures, pack
 
 CERTIFIED, BUDGET_SPENT = 0, 1
 """Whether the gap is within the tolerance, or the search ran out of nodes before it was."""
@@ -82,27 +79,6 @@ CERTIFIED, BUDGET_SPENT = 0, 1
 DEPTH, GAP, COUNT_NODES, STATUS, COUNT_TIES = 0, 1, 2, 3, 4
 POINT_X, M_X, MOMENT = 5, 8, 11  # place on A, m and the mean of place x m; all seen from the origin
 RESULT_SIZE = 14
-
-
-class Geometry(NamedTuple):
-    """All geoms of a scene, as kernels want them; rows are geoms."""
-
-    kind: NDArray[np.int64]
-    size: NDArray[np.float64]
-    position: NDArray[np.float64]
-    """In the body's frame [m], (geoms, 3)."""
-    rotation: NDArray[np.float64]
-    """From the geom's frame into the body's, (geoms, 3, 3)."""
-    body: NDArray[np.int64]
-    texture: NDArray[np.int64]
-    """Of each body: which texture, -1 for none."""
-    mapping: NDArray[np.int64]
-    origin: NDArray[np.float64]
-    """Of each body: where (u, v) = (0, 0) lies in its frame [m], (bodies, 3)."""
-    around: NDArray[np.float64]
-    """Of each geom: by how much a cylindrical map is stretched to go round whole times."""
-    no_texture: NDArray[np.int64]
-    """In the place of `texture`: -1 for each body."""
 
 
 class Workspace(NamedTuple):
@@ -420,59 +396,3 @@ def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space
     for k in range(3):
         gradient_out[k] = g1 * frame[0, k] + g2 * frame[1, k]
     return t - textures.scales[int(chart[TEXTURE]), 6]
-
-
-def flattened(bodies: Sequence[Body]) -> tuple[Textures, Geometry]:
-    """Return textures and geoms of `bodies` as arrays. A map of zeros is no texture."""
-    fields = [
-        body.texture
-        if body.texture is not None and (body.texture.lowest or body.texture.highest)
-        else None
-        for body in bodies
-    ]
-    textures_of = np.cumsum([field is not None for field in fields]) - 1
-    textures_of[[field is None for field in fields]] = -1
-    textures = pack([field for field in fields if field is not None])
-    return textures, _geometry_of(bodies, textures_of)
-
-
-def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geometry:
-    geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
-    origins = []
-    for body in bodies:
-        origin = np.array([*body.offset, 0.0])
-        if body.texture is not None and body.texture.border == "clamp":
-            origin[:2] -= 0.5 * np.asarray(body.texture.size)
-        origins.append(origin)
-    return Geometry(
-        np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
-        np.array([geom.size for geom, _ in geoms], dtype=np.float64),
-        np.array([geom.position for geom, _ in geoms], dtype=np.float64),
-        np.array([rotation_of(np.asarray(geom.quaternion)) for geom, _ in geoms]),
-        np.array([number for _, number in geoms], dtype=np.int64),
-        np.asarray(textures_of, dtype=np.int64),
-        np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
-        np.array(origins, dtype=np.float64),
-        np.array([_around(bodies[number], geom) for geom, number in geoms]),
-        np.full(len(bodies), -1, dtype=np.int64),
-    )
-
-
-def _around(body: Body, geom: Geom) -> float:
-    """Return how much a body's cylindrical map is stretched on a geom, so that it has no seam."""
-    if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
-        return 1.0
-    times = 2.0 * math.pi * geom.size[0] / body.texture.size[0]
-    return max(round(times), 1) / times
-
-
-def rotation_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation matrix (3, 3) of a unit quaternion wxyz."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

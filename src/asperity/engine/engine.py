@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.collide import Collider
-from asperity.contact.patch import flattened, workspace
+from asperity.contact.flat import flattened
+from asperity.contact.patch import workspace
 from asperity.engine.memory import (
     Baseline,
     Contacts,

@@ -1,0 +1,169 @@
+"""Bounds of a chart's texture and of its normal over a box of its parameters."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import lean_kernel, small_kernel
+from asperity.contact.chart import (
+    B0,
+    B1,
+    B2,
+    B3,
+    CYLINDRICAL,
+    E_MOST,
+    LEAST_ROOT,
+    LEVEL,
+    MAPPING,
+    PLANAR,
+    ROUND,
+    STRETCH,
+    TEXTURE,
+    UNIT,
+    UV_LEAST,
+    UV_MOST,
+    UV_ROOT,
+    V0,
+    V1,
+    V2,
+    V3,
+    W0,
+    C,
+    E,
+)
+from asperity.contact.surface import root_at
+from asperity.texture.packed import texture_bounds
+
+# Of the triplanar weights: sums of the sizes of their first and second derivatives by the unit
+# normal, largest over the sphere.
+_WEIGHTS_1, _WEIGHTS_2 = 4.2, 14.0
+
+
+@small_kernel
+def roots_over(chart, x, y, radius):
+    """Return the least and the largest root within `radius` of (x, y); the least may be -1."""
+    if chart[C] == 0.0:
+        return 1.0, 1.0
+    square = x * (chart[E] * x + chart[E + 1] * y) + y * (chart[E + 1] * x + chart[E + 2] * y)
+    out, reach = math.sqrt(max(square, 0.0)), math.sqrt(chart[E_MOST]) * radius
+    near, far = max(out - reach, 0.0), out + reach
+    most = math.sqrt(1.0 - near * near) if near < 1.0 else -1.0
+    return (math.sqrt(1.0 - far * far) if far < 1.0 else -1.0), most
+
+
+@small_kernel
+def level_texture(textures, chart, x, y, half_x, half_y):
+    """Do `texture_over` for a level chart with a planar map, where w is constant."""
+    k = int(chart[TEXTURE])
+    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
+    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
+    u = chart[B0] + chart[B1] * x + chart[B2] * y
+    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
+    high, slope, bend = texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
+    speed = chart[UV_MOST]
+    least = chart[UV_LEAST] if bend < 0.0 else speed
+    return high, slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+
+
+@lean_kernel
+def texture_over(textures, chart, x0, x1, y0, y1):
+    """Return bounds of a chart's texture and normal over a box of its parameters.
+
+    Returns
+    -------
+    tuple of 12 floats
+        Highest t; size of t'; largest t'' and its size; w along u, v and z at the middle, and
+        how much it
+        changes over the box; sizes of w' and w''; least and most root. Derivatives are along
+        unit directions of the chart's parameters. Roots are -1 outside the ellipse.
+    """
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    least, most = roots_over(chart, x, y, radius)
+    if most <= 0.0:
+        return -np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, -1.0
+    textured = chart[TEXTURE] >= 0.0
+    if not textured:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, least, most
+    k = int(chart[TEXTURE])
+    mapping = chart[MAPPING]
+    curved = chart[C] > 0.0
+    low = max(least, 0.5 * chart[LEAST_ROOT])
+    if chart[LEVEL] == 1.0 and mapping == PLANAR:
+        high, slope, bend, size_bend = level_texture(textures, chart, x, y, half_x, half_y)
+        return high, slope, bend, size_bend, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0
+    # The root's first and second derivative, and the normal's.
+    r1 = r2 = w1 = w2 = 0.0
+    if curved:
+        r1 = math.sqrt(chart[E_MOST] * max(1.0 - low * low, 0.0)) / low
+        r2 = chart[E_MOST] / (low * low * low)
+        w1 = chart[STRETCH] * math.sqrt(chart[E_MOST]) / low
+        w2 = chart[STRETCH] * r2
+        if chart[UNIT] == 0.0:
+            w2 += 3.0 * w1 * w1
+    # A place to take the normal at; its change over the box is bounded.
+    scale = 1.0
+    if curved and least < 0.0:
+        out = x * (chart[E] * x + chart[E + 1] * y) + y * (chart[E + 1] * x + chart[E + 2] * y)
+        scale = min(1.0, math.sqrt((1.0 - low * low) / max(out, 1e-300)))
+    wx, wy = x * scale, y * scale
+    root = root_at(chart, wx, wy)[0]
+    side_u = chart[V0] + chart[V1] * wx + chart[V2] * wy + chart[V3] * root
+    side_v = chart[V0 + 1] + chart[V1 + 1] * wx + chart[V2 + 1] * wy + chart[V3 + 1] * root
+    up = chart[V0 + 2] + chart[V1 + 2] * wx + chart[V2 + 2] * wy + chart[V3 + 2] * root
+    size = math.sqrt(side_u * side_u + side_v * side_v + up * up)
+    change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
+    side_u, side_v, up = side_u / size, side_v / size, up / size
+    if mapping == CYLINDRICAL:
+        radius_of, stretch = chart[ROUND], chart[ROUND + 5]
+        a0 = stretch * radius_of * math.asin(min(max(y0 / radius_of, -1.0), 1.0))
+        a1 = stretch * radius_of * math.asin(min(max(y1 / radius_of, -1.0), 1.0))
+        if chart[ROUND + 2] < 0.0:
+            a0, a1 = -a1, -a0
+        low_root = max(least, 0.0)
+        lean0, lean1 = chart[ROUND + 4] * low_root, chart[ROUND + 4] * most
+        v = chart[ROUND + 3]
+        high, slope, bend = texture_bounds(
+            textures, k, chart[ROUND + 1] + a0, chart[ROUND + 1] + a1,
+            v + x0 + min(lean0, lean1), v + x1 + max(lean0, lean1),
+        )  # fmt: skip
+        reach = 1.0 + chart[UV_ROOT] * r1
+        speed = math.sqrt((stretch / low) ** 2 + reach * reach)
+        turn = math.sqrt(max(1.0 - low * low, 0.0)) * stretch / (radius_of * low * low * low)
+        turn += chart[UV_ROOT] * r2
+        slowest = 0.0
+    else:
+        high, slope, bend = -np.inf, 0.0, -np.inf
+        middle = 0.5 * (most + max(least, 0.0))
+        half_root = 0.5 * (most - max(least, 0.0))
+        for i in range(3 if mapping != PLANAR else 1):
+            one, two = (0, 1) if mapping == PLANAR else ((i + 1) % 3, (i + 2) % 3)
+            if mapping != PLANAR and not curved and chart[W0 + i] ** 4 < 1e-12:
+                continue
+            u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y
+            u += chart[B3 + one] * middle - (chart[ROUND] if mapping != PLANAR else 0.0)
+            v = chart[B0 + two] + chart[B1 + two] * x + chart[B2 + two] * y
+            v += chart[B3 + two] * middle - (chart[ROUND + 1] if mapping != PLANAR else 0.0)
+            ru = abs(chart[B1 + one]) * half_x + abs(chart[B2 + one]) * half_y
+            ru += abs(chart[B3 + one]) * half_root
+            rv = abs(chart[B1 + two]) * half_x + abs(chart[B2 + two]) * half_y
+            rv += abs(chart[B3 + two]) * half_root
+            h, s, b = texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
+            high, slope, bend = max(high, h), max(slope, s), max(bend, b)
+        speed = chart[UV_MOST] + chart[UV_ROOT] * r1
+        turn = chart[UV_ROOT] * r2
+        slowest = max(chart[UV_LEAST] - chart[UV_ROOT] * r1, 0.0)
+    bend = bend * (speed * speed if bend > 0.0 else slowest * slowest) + slope * turn
+    size_bend = textures.scales[k, 4] * speed * speed + slope * turn
+    slope *= speed
+    if mapping != PLANAR and mapping != CYLINDRICAL and curved:
+        size = textures.scales[k, 2]
+        mixing = 2.0 * _WEIGHTS_1 * w1 * slope
+        mixing += (_WEIGHTS_2 * w1 * w1 + _WEIGHTS_1 * w2) * size
+        bend += mixing
+        size_bend += mixing
+        slope += _WEIGHTS_1 * w1 * size
+    return high, slope, bend, size_bend, side_u, side_v, up, change, w1, w2, least, most
