@@ -267,14 +267,19 @@ def test_no_work_round_a_smooth_loop():
 
 
 def test_work_round_a_kinked_loop_falls_with_the_step():
+    """What one loop loses depends on where its steps meet the kinks; many are held to the bar."""
     engine = engine_of(solid("sphere"), plate(ripple(50e-6, 0.8e-3)))
     lost = []
-    for count in (250, 1000, 4000):
-        net, gross = loop_work(engine, pose(0.1e-3, 0, 1.45e-3), count, 1e-3)
-        lost.append(abs(net) / gross)
-    print("net over gross work on a kinked loop:", ", ".join(f"{x:.1e}" for x in lost))
-    assert lost[0] < 0.05
-    assert lost[2] < 0.25 * lost[0] + 1e-6
+    for count in (500, 8000):
+        ratios = []
+        for k in range(10):
+            start = pose(0.1e-3 + 1.7e-5 * k, 1.3e-5 * k, 1.45e-3)
+            net, gross = loop_work(engine, start, count, 1e-3)
+            ratios.append(abs(net) / gross)
+        lost.append(np.mean(ratios))
+    print("net over gross work on kinked loops:", ", ".join(f"{x:.1e}" for x in lost))
+    assert lost[0] < 0.02
+    assert lost[1] < lost[0] / 8.0
 
 
 def test_a_body_and_its_pieces_push_alike():

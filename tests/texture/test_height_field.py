@@ -332,3 +332,19 @@ def test_real_maps_read_wrongly_are_refused_with_the_reason(
     with pytest.raises(AsperityError, match=words) as caught:
         HeightField.from_file(data / name, **choices)
     assert "\n" not in str(caught.value)
+
+
+def test_a_map_can_be_laid_over_an_extent_as_uv_coordinates_have_it(tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(size=(8, 16)) * 1e-5
+    np.save(tmp_path / "map.npy", heights)
+    field = HeightField.from_file(tmp_path / "map.npy", size=(32e-3, 8e-3), border="wrap")
+    assert field.size == pytest.approx((32e-3, 8e-3))
+    assert field.pixel_size == pytest.approx((2e-3, 1e-3))
+    assert field.heights(3e-3, 2.5e-3) == pytest.approx(heights[2, 1], abs=1e-15)
+    for wrong in (
+        {"size": (1e-3,)},
+        {"size": (1e-3, -1.0)},
+        {"size": (1e-3, 1e-3), "pixel_size": 1.0},
+    ):
+        with pytest.raises(AsperityError, match="size"):
+            HeightField.from_file(tmp_path / "map.npy", **wrong)

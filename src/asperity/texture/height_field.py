@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity.compiled import kernel
-from asperity.errors import SurfaceError, require_choice, require_positive
+from asperity.errors import SurfaceError, require_choice, require_finite, require_positive
 from asperity.texture.checks import (
     check_steepness,
     checked_pixel_size,
@@ -99,6 +99,7 @@ class HeightField:
         path: str | os.PathLike[str],
         *,
         pixel_size: float | None = None,
+        size: Sequence[float] | None = None,
         height_range: float | None = None,
         border: str = "clamp",
         invert: bool = False,
@@ -118,6 +119,10 @@ class HeightField:
         pixel_size, height_range, invert, missing, array, quantised
             As for `read_heights`. A normal map needs `pixel_size` alone: its heights follow from
             its slopes, unless `height_range` is given.
+        size : (lu, lv), optional
+            What the whole map covers [m], in the place of `pixel_size`; its pixels need not be
+            square. This is how a map for UV coordinates is laid: (lu, lv) is what the unit square
+            of UV covers on the body. Not for normal maps.
         border : {"clamp", "wrap"}
             See `HeightField`. Maps that do not tile get a step at the seam if wrapped; the notes
             say so.
@@ -132,6 +137,13 @@ class HeightField:
         """
         require_choice("border", border, BORDERS)
         require_choice("kind", kind, KINDS)
+        if size is not None:
+            size = require_finite("size", size, 2)
+            for length in size:
+                require_positive("size", length, "[m]")
+            if pixel_size is not None or kind != "height":
+                raise SurfaceError(f"{path}: size goes with a height map, and without pixel_size")
+            pixel_size = size[0]  # until the number of samples is known
         scale: dict[str, Any] = {"pixel_size": pixel_size, "height_range": height_range}
         scale["invert"] = invert
         if kind == "height":
@@ -141,8 +153,12 @@ class HeightField:
         samples, notes = _as_map(found.samples, found.notes)
         if border == "wrap":
             notes = (*notes, *_seam_notes(samples))
+        pixels: float | tuple[float, float] = found.pixel_size
+        if size is not None:
+            pixels = (size[0] / samples.shape[1], size[1] / samples.shape[0])
+            notes = tuple(note for note in notes if not note.startswith("pixel size"))
         try:
-            return cls(samples, found.pixel_size, border, notes)
+            return cls(samples, pixels, border, notes)
         except SurfaceError as error:
             raise SurfaceError(f"{path}: {error}") from None
 
