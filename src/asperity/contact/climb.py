@@ -189,7 +189,7 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     over = _over(borders, count)
     length = np.inf
     for _ in range(_STEPS):
-        near = 0
+        near = np.int64(0)
         for i in range(count):
             # Lines that no step of this length can reach are left out.
             if stride * (abs(borders[i, 1]) + abs(borders[i, 2])) > -borders[i, 0]:

@@ -185,7 +185,7 @@ def _own_borders(chart, x, y, turn, at, hard, borders, count):
 @lean_kernel
 def borders_at(cx, cy, at, borders_out):
     """Fill value and slope of every border at a place of `overlap_at`; return how many."""
-    count = _own_borders(cx, at[X], at[Y], False, at, 1.0, borders_out, 0)
+    count = _own_borders(cx, at[X], at[Y], False, at, 1.0, borders_out, np.int64(0))
     x, y = at[ON_X], at[ON_Y]
     if cy[C] == 0.0:
         code = 2.0 * cy[RECTANGLE_HARD]

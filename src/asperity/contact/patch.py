@@ -119,7 +119,7 @@ def workspace(geoms: int) -> Workspace:
 @inner_kernel
 def _charts(geometry, geoms, count, frame, body, charts_out):
     """Fill the charts of `count` geoms of one body, as seen along the third row of `frame`."""
-    made = 0
+    made = np.int64(0)
     place, axes = np.empty(3), np.empty((3, 3))
     for n in range(count):
         g = geoms[n]
@@ -310,7 +310,7 @@ def depth_along(
             )  # fmt: skip
     while True:
         # The most promising pair first: what it finds saves work in the others.
-        pair = 0
+        pair = np.int64(0)  # a plain 0 is a type of its own, and all below is compiled for it too
         for k in range(1, made_a * made_b):
             if looks[k, 0] > looks[pair, 0]:
                 pair = k
@@ -349,12 +349,9 @@ def depth_along(
         i, j = int(at[OVERLAP_SIZE]) // made_b, int(at[OVERLAP_SIZE]) % made_b
         a, b = space.charts_a[i], space.charts_b[j]
         x_is_a = walks_on_a(a, b)
-        if x_is_a:
-            _slope_normal(textures, a, b, True, at, work, m)
-            height = -at[POINT + 2]
-        else:
-            _slope_normal(textures, b, a, False, at, work, m)
-            height = -at[ABOVE]
+        x, y = (a, b) if x_is_a else (b, a)
+        _slope_normal(textures, x, y, x_is_a, at, work, m)
+        height = -at[POINT + 2] if x_is_a else -at[ABOVE]
         result_out[COUNT_TIES] += 1.0
         total += share
         for k in range(3):

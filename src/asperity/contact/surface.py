@@ -135,7 +135,7 @@ def height_on(textures, chart, x, y, root):
     """Return the texture's height t at a chart's (x, y), and t_x, t_y, t_xx, t_xy, t_yy."""
     mapping = chart[MAPPING]
     if mapping == PLANAR:
-        return _flat_map(textures, chart, 0, 1, 0.0, 0.0, x, y, root)
+        return _flat_map(textures, chart, np.int64(0), np.int64(1), 0.0, 0.0, x, y, root)
     if mapping == CYLINDRICAL:
         r, _, r_y, _, _, r_yy = root
         radius, lean = chart[ROUND], chart[ROUND + 4]
