@@ -115,15 +115,3 @@ def turned(pose: NDArray[np.float64], rotation: ArrayLike) -> NDArray[np.float64
         w * az + x * ay - y * ax + z * aw,
     )
     return out
-
-
-def rotation_matrix(quaternion: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation (3, 3) of a unit quaternion wxyz: columns are the body's axes."""
-    w, x, y, z = np.asarray(quaternion, dtype=np.float64).tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

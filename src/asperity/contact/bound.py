@@ -92,8 +92,7 @@ def base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift):
 
     The bound, -inf if there is no overlap, is that of two tangent planes; the slope over (u, v)
     is that of Y's. `(ax, ay)` is the place of their largest overlap, as far as known: the bound
-    is sharp if the
-    box contains it. `shift` is how far textures move points sideways [m].
+    is sharp if the box contains it. `shift` is how far textures move points sideways [m].
     """
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)

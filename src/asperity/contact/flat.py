@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom
 from asperity.texture.packed import Textures, pack
@@ -60,7 +60,7 @@ def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geom
         np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
         np.array([geom.size for geom, _ in geoms], dtype=np.float64),
         np.array([geom.position for geom, _ in geoms], dtype=np.float64),
-        np.array([rotation_of(np.asarray(geom.quaternion)) for geom, _ in geoms]),
+        np.array([rotation_of(geom.quaternion) for geom, _ in geoms]),
         np.array([number for _, number in geoms], dtype=np.int64),
         np.asarray(textures_of, dtype=np.int64),
         np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
@@ -78,9 +78,9 @@ def _around(body: Body, geom: Geom) -> float:
     return max(round(times), 1) / times
 
 
-def rotation_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation matrix (3, 3) of a unit quaternion wxyz."""
-    w, x, y, z = quaternion
+def rotation_of(quaternion: ArrayLike) -> NDArray[np.float64]:
+    """Return the rotation (3, 3) of a unit quaternion wxyz: columns are the body's axes."""
+    w, x, y, z = np.asarray(quaternion, dtype=np.float64).tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -119,5 +119,5 @@ class BodyPair:
 
 def _placed(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rotation and place (3, 4) of a pose as seen from `origin`."""
-    turn = rotation_of(np.array(unit_quaternion(tuple(pose[3:]))))
+    turn = rotation_of(unit_quaternion(tuple(pose[3:])))
     return np.ascontiguousarray(np.hstack([turn, (pose[:3] - origin)[:, None]]))

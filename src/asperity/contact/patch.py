@@ -167,7 +167,7 @@ def walks_on_a(a, b):
 
 
 @inner_kernel
-def _edge(chart, at, borders, count, code):
+def _edge(borders, count, code):
     """Return the direction across the edge of a chart that a place lies on, if it lies on one."""
     for i in range(count):
         if borders[i, 3] % 4.0 == code and borders[i, 0] > -10.0 * FEASIBLE:
@@ -206,8 +206,8 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     count = borders_at(cx, cy, at, borders)
     edge_x, across_x, across_y = _on_rectangle(cx, at[X], at[Y])
     if not edge_x:
-        edge_x, across_x, across_y = _edge(cx, at, borders, count, 1.0)
-    edge_y, over_x, over_y = _edge(cy, at, borders, count, 2.0)
+        edge_x, across_x, across_y = _edge(borders, count, 1.0)
+    edge_y, over_x, over_y = _edge(borders, count, 2.0)
     sign_x, sign_y = (-1.0, 1.0) if x_is_a else (1.0, -1.0)
     out[2] = 1.0
     if edge_x and edge_y:

@@ -75,9 +75,8 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     -------
     tuple of 12 floats
         Highest t; size of t'; largest t'' and its size; w along u, v and z at the middle, and
-        how much it
-        changes over the box; sizes of w' and w''; least and most root. Derivatives are along
-        unit directions of the chart's parameters. Roots are -1 outside the ellipse.
+        how much it changes over the box; sizes of w' and w''; least and most root. Derivatives
+        are along unit directions of the chart's parameters. Roots are -1 outside the ellipse.
     """
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)

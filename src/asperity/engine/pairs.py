@@ -172,10 +172,7 @@ def group(geometry, memory, count):
 
 @inner_kernel
 def recall(memory, patch):
-    """Copy deepest place and bristle of the remembered patch that this one goes on from.
-
-    Returns whether there is one.
-    """
+    """Copy deepest place and bristle of the remembered patch that this one goes on from."""
     n = memory.new_patches[patch]
     best, which = 0.5, -1
     for j in range(memory.counts[1]):
@@ -187,7 +184,6 @@ def recall(memory, patch):
             best, which = along, j
     for k in range(3, 9):
         n[k] = memory.patches[which, k] if which >= 0 else (np.nan if k < 6 else 0.0)
-    return which >= 0
 
 
 @inner_kernel

@@ -235,11 +235,10 @@ def tick(
 
 @inner_kernel
 def _slid(memory, body_a, point, origin, moved_out):
-    """Fill how far the tool's material at `point` has moved since the last tick; return if so."""
+    """Fill how far the tool's material at `point` has moved since the last tick."""
     if memory.counts[2] == 0:
         clear(moved_out)
-        return False
-    square = 0.0
+        return
     for i in range(3):
         moved_out[i] = point[i] + origin[i] - memory.pose[i, 3]
     local = np.empty(3)
@@ -250,5 +249,3 @@ def _slid(memory, body_a, point, origin, moved_out):
     for i in range(3):
         for k in range(3):
             moved_out[i] -= memory.pose[i, k] * local[k]
-        square += moved_out[i] ** 2
-    return square > 1e-24

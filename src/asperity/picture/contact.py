@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body
 from asperity.picture.render import Camera, Lamp, camera_at, halved, look, shade
 from asperity.picture.sheets import Sheet, View, body_sheets
-from asperity.poses import rotation_matrix
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
@@ -176,7 +176,7 @@ def _middle(moment: Moment) -> Array:
 
 def _corners(body: Body, moment: Moment) -> Array:
     """Return the corners (n, 3) of boxes round a body's geoms, where it is drawn."""
-    rotation = rotation_matrix(moment.pose[3:])
+    rotation = rotation_of(moment.pose[3:])
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = []
     for geom in body.geoms:
@@ -186,6 +186,6 @@ def _corners(body: Body, moment: Moment) -> Array:
         elif geom.kind in ("capsule", "cylinder"):
             tip = geom.size[0] if geom.kind == "capsule" else 0.0
             half = np.array([geom.size[0], geom.size[0], geom.size[1] + tip])
-        in_body = (signs * half) @ rotation_matrix(geom.quaternion).T + np.asarray(geom.position)
+        in_body = (signs * half) @ rotation_of(geom.quaternion).T + np.asarray(geom.position)
         corners.append(in_body @ rotation.T)
     return np.concatenate(corners) + moment.pose[:3] + moment.pushed

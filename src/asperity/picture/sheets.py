@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body, Geom
 from asperity.picture.raster import displace
-from asperity.poses import rotation_matrix
 
 Array = NDArray[np.float64]
 
@@ -46,11 +46,11 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
         Of the body's frame.
     view : View
     """
-    rotation = rotation_matrix(pose[3:])
+    rotation = rotation_of(pose[3:])
     if body.texture is None:
         view = view._replace(samples=max(view.samples // 3, 60))
     for geom in body.geoms:
-        turn = rotation_matrix(geom.quaternion)
+        turn = rotation_of(geom.quaternion)
         place = np.asarray(geom.position)
         centre = turn.T @ (rotation.T @ (view.centre - pose[:3]) - place)
         for base, w in _charts(geom, centre, view):
