@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING
 from asperity.errors import AsperityError, require_choice, require_finite
 
 if TYPE_CHECKING:
+    from asperity.geometry.mesh import Mesh
     from asperity.texture.height_field import HeightField
 
-KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")
-MAPPINGS = ("planar", "cylindrical", "triplanar")
-_SIZES = {"plane": 2, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
-"""How many sizes count: half sides; radius; radius and half length; semi-axes."""
+KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+MAPPINGS = ("planar", "cylindrical", "triplanar", "uv")
+_SIZES = {"plane": 2, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3, "mesh": 3}
+"""How many sizes count: half sides; radius; radius and half length; semi-axes; half extents."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +30,12 @@ class Geom:
 
     Parameters
     ----------
-    kind : {"plane", "sphere", "capsule", "ellipsoid", "cylinder", "box"}
+    kind : {"plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"}
+        *mesh*: a convex piece of a body that has a `Mesh`. It says where the body may touch; its
+        surface is the mesh's.
     size : sequence of float
         MuJoCo's sizes [m]: radius (sphere); radius, half length (capsule, cylinder; along z);
-        semi-axes (ellipsoid); half sides (box; plane, where 0 is unbounded).
+        semi-axes (ellipsoid); half sides (box; mesh; plane, where 0 is unbounded).
     position : (3,)
         Of its centre in the body's frame [m].
     quaternion : (4,)
@@ -78,13 +81,16 @@ class Body:
         One at least; their surfaces count as one.
     texture : HeightField, optional
         None is a smooth body.
-    mapping : {"planar", "cylindrical", "triplanar"}
+    mapping : {"planar", "cylindrical", "triplanar", "uv"}
         How the texture lies on the body. *planar*: (u, v) are x and y in the body's frame, on
         every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), mixed by the fourth
         powers of the normal's components. *cylindrical*: on the sides of cylinders and capsules,
-        u round the axis and v along it; their ends stay smooth.
+        u round the axis and v along it; their ends stay smooth. On a mesh: u round its z axis.
+        *uv*: as the mesh's texture coordinates say, 1 being the texture's whole extent.
     offset : (2,)
         Where on the body the map lies [m]: its corner if it wraps, its middle if it is clamped.
+    mesh : Mesh, optional
+        The surface of a body of convex pieces; then all its geoms are of kind "mesh".
     """
 
     name: str
@@ -92,6 +98,7 @@ class Body:
     texture: HeightField | None = None
     mapping: str = "planar"
     offset: Sequence[float] = field(default=(0.0, 0.0))
+    mesh: Mesh | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geoms", tuple(self.geoms))
@@ -99,7 +106,8 @@ class Body:
             raise AsperityError(f"body {self.name!r} has no geoms; give it one at least")
         require_choice("mapping", self.mapping, MAPPINGS)
         object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
-        if self.mapping == "cylindrical":
+        self._refuse_mixed()
+        if self.mapping == "cylindrical" and self.mesh is None:
             for geom in self.geoms:
                 if geom.kind not in ("cylinder", "capsule"):
                     raise AsperityError(
@@ -108,8 +116,23 @@ class Body:
                     )
         self._refuse_tall()
 
+    def _refuse_mixed(self) -> None:
+        of_mesh = [geom.kind == "mesh" for geom in self.geoms]
+        if self.mesh is None and any(of_mesh):
+            raise AsperityError(f"body {self.name!r} has geoms of kind mesh but no mesh; give it one")
+        if self.mesh is not None and not all(of_mesh):
+            raise AsperityError(
+                f"body {self.name!r} has a mesh, so its geoms are convex pieces of kind mesh; "
+                "put its other geoms into a body of their own"
+            )
+        if self.mapping == "uv" and (self.mesh is None or self.mesh.uv is None):
+            raise AsperityError(
+                f"body {self.name!r} has no texture coordinates for mapping uv; "
+                "valid: planar, triplanar"
+            )
+
     def _refuse_tall(self) -> None:
-        if self.texture is None:
+        if self.texture is None or self.mesh is not None:
             return
         reach = max(abs(self.texture.highest), abs(self.texture.lowest))
         smallest = min(geom.smallest for geom in self.geoms)
