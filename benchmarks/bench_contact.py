@@ -32,7 +32,8 @@ from numpy.typing import NDArray
 
 from asperity.compiled import kernel
 from asperity.contact.collide import Collider
-from asperity.contact.patch import DEPTH, POINT_X, RESULT_SIZE, depth_along
+from asperity.contact.deepest import DEPTH, POINT_X, RESULT_SIZE
+from asperity.contact.patch import depth_along
 from asperity.engine.engine import Engine
 from asperity.engine.tick import tick
 from asperity.forces.settings import ForceSettings

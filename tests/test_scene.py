@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.scene import make_scene, read_scene
+from asperity.scene import read_scene, scene_of
 from asperity.scene_file import read_toml, write_toml
 from asperity.scenes import SCENES, load_scene, probe_plate
 from asperity.trajectory import ScriptedMotion, Trajectory
@@ -140,7 +140,7 @@ def test_wrong_documents_are_refused(plain, change, names):
         return {key: value for key, value in out.items() if value is not None}
 
     with pytest.raises(AsperityError) as refused:
-        make_scene(plain.xml, merged(plain.document, change))
+        scene_of(plain.xml, merged(plain.document, change))
     said = str(refused.value)
     assert "\n" not in said
     for name in names:
@@ -163,7 +163,7 @@ def test_wrong_documents_are_refused(plain, change, names):
 )
 def test_wrong_mjcf_is_refused(plain, old, new, names):
     with pytest.raises(AsperityError) as refused:
-        make_scene(plain.xml.replace(old, new, 1), plain.document)
+        scene_of(plain.xml.replace(old, new, 1), plain.document)
     for name in names:
         assert name in str(refused.value)
     assert "\n" not in str(refused.value)

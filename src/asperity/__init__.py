@@ -32,11 +32,12 @@ _HOME = {
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
     "load_scene": "asperity.scenes",
-    "make_scene": "asperity.scene",
+    "make_scene": "asperity.scene_from_files",
     "offset_surface": "asperity.geometry.sampled",
     "read_heights": "asperity.texture.reading",
     "read_poses": "asperity.trajectory_file",
     "read_recording": "asperity.recording",
+    "scene_of": "asperity.scene",
     "self_affine": "asperity.texture.procedural",
 }
 
@@ -61,7 +62,8 @@ if TYPE_CHECKING:
     from asperity.geometry.sampled import offset_surface as offset_surface
     from asperity.recording import read_recording as read_recording
     from asperity.scene import Scene as Scene
-    from asperity.scene import make_scene as make_scene
+    from asperity.scene import scene_of as scene_of
+    from asperity.scene_from_files import make_scene as make_scene
     from asperity.scenes import load_scene as load_scene
     from asperity.simulation import Simulation as Simulation
     from asperity.texture.height_field import HeightField as HeightField

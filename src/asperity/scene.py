@@ -25,13 +25,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from functools import partial
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
 from numpy.typing import NDArray
 
 from asperity.anti_alias import MODES
@@ -39,8 +37,8 @@ from asperity.errors import AsperityError, require_choice
 from asperity.forces.settings import ForceSettings
 from asperity.geometry.bodies import Body, Geom
 from asperity.output import result_folder
-from asperity.poses import require_pose
 from asperity.scene_file import (
+    BODY,
     Table,
     arguments,
     at,
@@ -49,23 +47,15 @@ from asperity.scene_file import (
     require_keys,
     write_toml,
 )
+from asperity.scene_mesh import geoms_mesh
+from asperity.scene_mjcf import compiled, read_mjcf, tool_start, touchable_geoms
 from asperity.scene_texture import beside, body_texture
 from asperity.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.trajectory_file import read_poses
 
-_GEOMS = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
-    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
-    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
-    mujoco.mjtGeom.mjGEOM_BOX: "box",
-}
-
-
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that stays as it is while the tool moves. `make_scene` makes it.
+    """Everything that stays as it is while the tool moves. `scene_of` makes it.
 
     Parameters
     ----------
@@ -119,13 +109,14 @@ class Scene:
         document = {key: value for key, value in self.document.items()}
         for section, table in sections.items():
             document[section] = _merged(document.get(section, {}), table)
-        return make_scene(self.xml, document, name=self.name, folder=self.folder)
+        return scene_of(self.xml, document, name=self.name, folder=self.folder)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write `scene.xml`, `scene.toml` and the files that they name into a folder."""
         document = _merged(self.document, {})
         with result_folder(Path(folder), overwrite=overwrite) as fresh:
-            tables = [b["texture"] for b in document.get("bodies", {}).values() if "texture" in b]
+            bodies = document.get("bodies", {}).values()
+            tables = [body[part] for body in bodies for part in BODY if part in body]
             for table in [*tables, document.get("trajectory", {})]:
                 if "file" in table:
                     source = beside(self.folder, table["file"])
@@ -142,49 +133,43 @@ def read_scene(path: str | Path) -> Scene:
     if not folder.is_dir():
         raise AsperityError(f"no such folder of a scene: {folder}")
     document = read_toml(folder / "scene.toml")
-    xml_path = folder / "scene.xml"
-    if not xml_path.is_file():
-        raise AsperityError(f"no such file: {xml_path}; a scene is scene.xml and scene.toml")
-    try:
-        # Through MuJoCo's own reader, so that includes are found beside the file.
-        xml = xml_path.read_text("utf-8")
-        if "<include" in xml:
-            spec = mujoco.MjSpec.from_file(str(xml_path))
-            spec.compile()
-            xml = spec.to_xml()
-    except (ValueError, OSError) as error:
-        raise AsperityError(f"{xml_path} is not MJCF: {_line(error)}") from None
-    return at(
+    xml, notes = read_mjcf(folder / "scene.xml")
+    scene = at(
         str(folder),
-        lambda: make_scene(xml, document, name=folder.resolve().name, folder=folder),
+        lambda: scene_of(xml, document, name=folder.resolve().name, folder=folder),
     )
+    return replace(scene, notes=(*notes, *scene.notes))
 
 
-def make_scene(
+def scene_of(
     xml: str, document: Table, *, name: str = "scene", folder: Path | None = None
 ) -> Scene:
     """Return a scene made of MJCF and of what `scene.toml` would hold.
+
+    Parameters
+    ----------
+    xml : str
+        MJCF, without files.
+    document : mapping
+        See [Scenes](../scenes.md#scene-toml).
+    name : str
+    folder : Path, optional
+        Where the files lie that `document` names.
 
     Raises
     ------
     AsperityError
         One line: what is wrong in which key, and what is valid.
     """
-    try:
-        model = mujoco.MjModel.from_xml_string(xml)
-    except ValueError as error:
-        raise AsperityError(f"scene.xml is not MJCF: {_line(error)}") from None
-    owned = _geoms(model)
+    model = compiled(xml)
+    owned = touchable_geoms(model)
     check_document(document, owned)
     tool = document["tool"]["body"]
-    start = _tool_start(model, tool)
-    bodies, notes = [], []
+    start = tool_start(model, tool)
+    bodies = []
     for body, geoms in owned.items():
-        table = document.get("bodies", {}).get(body, {}).get("texture", {})
-        key = f"bodies.{body}.texture"
-        texture, placing = body_texture(table, key, folder)
-        bodies.append(at(key, partial(Body, body, geoms, texture, **placing)))
-        notes += [f"{body}: {note}" for note in texture.notes] if texture is not None else []
+        table = document.get("bodies", {}).get(body, {})
+        bodies.append(_body(model, body, geoms, table, folder))
     force, anti_alias = _force(document.get("force", {}))
     return Scene(
         name=name,
@@ -198,49 +183,28 @@ def make_scene(
         force=force,
         anti_alias=anti_alias,
         motion=_motion(document.get("trajectory", {}), folder),
-        notes=tuple(notes),
+        notes=tuple(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
     )
 
 
-def _geoms(model: mujoco.MjModel) -> dict[str, list[Geom]]:
-    """Return the geoms of each body that has some, by the body's name."""
-    owned: dict[str, list[Geom]] = {}
-    for i in range(model.ngeom):
-        geom, body = model.geom(i), model.body(int(model.geom_bodyid[i]))
-        if geom.contype[0] == 0 and geom.conaffinity[0] == 0:
-            continue  # only seen, never touched
-        kind = _GEOMS.get(mujoco.mjtGeom(int(geom.type[0])))
-        name = body.name
-        if not name:
-            raise AsperityError(f"body {body.id} of scene.xml has geoms but no name; give it one")
-        if kind is None:
-            raise AsperityError(
-                f"body {name!r} has a geom of type "
-                f"{mujoco.mjtGeom(int(geom.type[0])).name[7:].lower()}; "
-                f"valid: {', '.join(_GEOMS.values())}"
-            )
-        owned.setdefault(name, []).append(Geom(kind, geom.size, geom.pos, geom.quat))
-    return owned
+def _body(
+    model: mujoco.MjModel, name: str, geoms: list[tuple[int, Geom]], table: Table,
+    folder: Path | None,
+) -> Body:  # fmt: skip
+    """Return one body of the model as its table says."""
+    solids = [geom for _, geom in geoms]
+    key = f"bodies.{name}"
+    mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
+    texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
+    return at(f"{key}.texture", lambda: Body(name, solids, texture, mesh=mesh, **placing))
 
 
-def _tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
-    """Return the tool's pose in the file; refuse a tool that is not free, or others that are."""
-    for i in range(model.njnt):
-        body = model.body(int(model.jnt_bodyid[i])).name
-        free = model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE
-        if body != tool:
-            raise AsperityError(f"body {body!r} has a joint; only the tool ({tool!r}) may move")
-        if not free:
-            raise AsperityError(f"the tool {tool!r} has a joint that is no freejoint")
-    if model.njnt == 0:
-        raise AsperityError(f"the tool {tool!r} must have a freejoint; scene.xml has no joint")
-    tool_id = model.body(tool).id
-    for i in range(model.nbody):
-        if i != tool_id and model.body_rootid[i] == tool_id:
-            raise AsperityError(
-                f"body {model.body(i).name!r} hangs on the tool {tool!r}; put its geoms into it"
-            )
-    return require_pose(model.qpos0[:7], f"pose of {tool!r}")
+def _notes(body: Body) -> tuple[str, ...]:
+    """Return what was chosen or changed while a body's mesh and texture were read."""
+    notes = body.mesh.notes if body.mesh is not None else ()
+    if body.texture is not None:
+        notes += body.texture.notes
+    return notes
 
 
 def _force(table: Table) -> tuple[ForceSettings, str]:
@@ -284,5 +248,4 @@ def _merged(old: Table, new: Table) -> dict[str, Any]:
     return out
 
 
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]
+make_scene = scene_of  # TEMPORARY

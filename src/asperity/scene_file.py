@@ -19,6 +19,8 @@ from asperity.errors import AsperityError
 
 SCHEMA = 1
 SECTIONS = ("schema", "tool", "bodies", "force", "coupling", "trajectory")
+BODY = ("mesh", "texture")
+"""What is told of a body."""
 PLACING = ("mapping", "offset")
 """Keys of a texture that say how it lies on its body."""
 
@@ -56,8 +58,9 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for name, table in document.get("bodies", {}).items():
         _require_body(name, "bodies", names)
         require_table(table, f"bodies.{name}")
-        require_keys(table, f"bodies.{name}", ("texture",))
-        require_table(table.get("texture", {}), f"bodies.{name}.texture")
+        require_keys(table, f"bodies.{name}", BODY)
+        for part in BODY:
+            require_table(table.get(part, {}), f"bodies.{name}.{part}")
     coupling = document.get("coupling", {})
     require_keys(coupling, "coupling", ("mode",))
     if coupling.get("mode", "direct") != "direct":

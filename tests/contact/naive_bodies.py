@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from asperity.contact import flat, patch
+from asperity.contact import deepest, flat, patch
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
@@ -161,7 +161,8 @@ class Pair:
     def __init__(self, a: Body, b: Body) -> None:
         self.bodies = a, b
         self._textures, self._geometry = flat.flattened((a, b))
-        self._space = patch.workspace(len(a.geoms) + len(b.geoms))
+        most = len(a.geoms) + len(b.geoms)
+        self._space = deepest.workspace(3 * most, 9 * most * most)
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]
 
     def along(
@@ -172,7 +173,7 @@ class Pair:
             np.column_stack([flat.rotation_of(at[3:]), at[:3] - pose_a[:3]])
             for at in (pose_a, pose_b)
         ]
-        out = np.empty(patch.RESULT_SIZE)
+        out = np.empty(deepest.RESULT_SIZE)
         geoms_a, geoms_b = self._geoms
         patch.depth_along(
             self._textures, self._geometry, geoms_a, geoms_a.size, geoms_b, geoms_b.size,
@@ -180,9 +181,9 @@ class Pair:
             tolerance, nodes, self._space, out,
         )  # fmt: skip
         return Along(
-            out[patch.DEPTH], out[patch.GAP], int(out[patch.STATUS]), int(out[patch.COUNT_TIES]),
-            out[patch.POINT_X : patch.M_X] + pose_a[:3], out[patch.M_X : patch.MOMENT],
-            -out[patch.M_X :],
+            out[deepest.DEPTH], out[deepest.GAP], int(out[deepest.STATUS]), int(out[deepest.COUNT_TIES]),
+            out[deepest.POINT_X : deepest.M_X] + pose_a[:3], out[deepest.M_X : deepest.MOMENT],
+            -out[deepest.M_X :],
         )  # fmt: skip
 
 

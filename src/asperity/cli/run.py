@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from asperity.cli.ranges import Between, check_ranges
 from asperity.errors import require_choice
@@ -24,8 +24,29 @@ class Run:
     the spectrum of the tangential force. What is not given, the scene says.
     """
 
-    scene: Annotated[Positional[str], "scene"]
-    """probe-plate, probe-plate-dots, probe-plate-grating, or a folder with a scene."""
+    scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
+    """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder
+    with a scene. Or give --tool and --target."""
+    tool: str | None = None
+    """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl)."""
+    target: str | None = None
+    """Mesh of what it is moved over."""
+    tool_texture: str | None = None
+    """Heights on the tool: an image, an array, an instrument's file. Default: smooth."""
+    target_texture: str | None = None
+    """Heights on the target."""
+    tool_unit: str | None = None
+    """Of the tool's mesh: m, cm, mm, in, ... Default: m."""
+    target_unit: str | None = None
+    """Of the target's mesh. Default: m."""
+    tool_mapping: str | None = None
+    """uv, triplanar, planar, cylindrical: how the texture lies on the tool. Default: uv."""
+    target_mapping: str | None = None
+    """How the texture lies on the target."""
+    tool_relief_mm: Annotated[float | None, Between(1e-6, 100.0)] = None
+    """Lowest to highest of the tool's heights [mm]. Default: the file's, or 0.2."""
+    target_relief_mm: Annotated[float | None, Between(1e-6, 100.0)] = None
+    """Lowest to highest of the target's heights [mm]."""
     trajectory: str | None = None
     """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz)."""
     seconds: Annotated[float | None, Between(0.01, 3600.0)] = None
@@ -86,15 +107,58 @@ class Run:
 
         if self.anti_alias is not None:
             require_choice("--anti-alias", self.anti_alias, MODES)
-        scene = load_scene(self.scene, seed=self.seed)
+        self._refuse_mixed()
+        scene = self._of_files() if self.scene is None else load_scene(self.scene, seed=self.seed)
         if self.anti_alias is not None:
-            scene = scene.changed(force={"anti_alias": self.anti_alias})
+            notes = scene.notes
+            scene = replace(scene.changed(force={"anti_alias": self.anti_alias}), notes=notes)
         return scene
+
+    def _refuse_mixed(self) -> None:
+        """Refuse options that do not say one scene."""
+        from asperity.errors import AsperityError
+
+        given = [
+            f"--{body}{part.replace('_', '-')}"
+            for body in ("tool", "target")
+            for part in ("", "_texture", "_unit", "_mapping", "_relief_mm")
+            if getattr(self, body + part) is not None
+        ]
+        if self.scene is not None and given:
+            raise AsperityError(f"give a scene ({self.scene}) or {', '.join(given)}, not both")
+        if self.scene is None and (self.tool is None or self.target is None):
+            lacking = [f"--{name}" for name in ("tool", "target") if getattr(self, name) is None]
+            told = f"{' and '.join(lacking)} missing: " if given else ""
+            raise AsperityError(f"{told}give a scene, or a mesh each with --tool and --target")
+        for body in ("tool", "target"):
+            if getattr(self, f"{body}_texture") is None:
+                for option in (f"--{body}-mapping", f"--{body}-relief-mm"):
+                    if option in given:
+                        raise AsperityError(f"{option} needs --{body}-texture")
+        if self.scene is None and self.seed is not None:
+            raise AsperityError("--seed is for scenes; textures from files have none")
+
+    def _of_files(self) -> Scene:
+        """Return the scene of the meshes and textures that the options name."""
+        from asperity.scene_from_files import make_scene
+
+        meshes, textures = {}, {}
+        for body in ("tool", "target"):
+            unit, relief = getattr(self, f"{body}_unit"), getattr(self, f"{body}_relief_mm")
+            meshes[body] = {"file": getattr(self, body), "unit": unit or "m"}
+            if getattr(self, f"{body}_texture") is None:
+                continue
+            texture: dict[str, Any] = {"file": getattr(self, f"{body}_texture")}
+            if getattr(self, f"{body}_mapping") is not None:
+                texture["mapping"] = getattr(self, f"{body}_mapping")
+            if relief is not None:
+                texture["height_range"] = relief * 1e-3
+            textures[f"{body}_texture"] = texture
+        return make_scene(**meshes, **textures)
 
     def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:
         """Return the scene's motion with what the options change."""
         import math
-        from dataclasses import replace
 
         from asperity.errors import AsperityError
         from asperity.trajectory import KINDS, ScriptedMotion

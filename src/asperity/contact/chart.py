@@ -32,7 +32,7 @@ from asperity.compiled import clear, inner_kernel
 
 FLATTEST = 0.2
 """Facets whose normal has less than this along z are not seen."""
-MAX_ROWS = 3
+MAX_ROWS = 10
 
 # Where each number of a chart stands.
 O, Q, PZ, C, E = 0, 3, 7, 9, 10  # noqa: E741  (3, 2 x 2, 2, 1, 3: E11, E12, E22)
@@ -45,23 +45,25 @@ ROUND = 52  # cylindrical: radius, u at y = 0, sense of y, v at x = 0, root's pa
 # Of a triplanar map its first two are where each of the three maps begins.
 RECTANGLE, RECTANGLE_HARD = 58, 62  # x0, x1, y0, y1
 ROWS = 63  # how many; then (k0 .. k4, hard) each
-LEAST_ROOT = 82
-QINV = 83
-Q_LEAST, Q_MOST = 87, 88  # singular values of Q
-E_LEAST, E_MOST = 89, 90  # eigenvalues of E
-EQ = 91  # Q^-T E Q^-1: 11, 12, 22
-EQ_LEAST = 94
-LEVEL = 95  # 1: a plane facing z exactly, whose points do not shift sideways
-STRETCH = 96  # ratio of the largest to the smallest semi-axis
-UV_LEAST, UV_MOST = 97, 98  # singular values of the map from a to the texture, without the root
-UV_ROOT = 99  # what the root adds
-SIZE = 100
+LEAST_ROOT = ROWS + 1 + 6 * MAX_ROWS
+QINV = LEAST_ROOT + 1
+Q_LEAST, Q_MOST = QINV + 4, QINV + 5  # singular values of Q
+E_LEAST, E_MOST = QINV + 6, QINV + 7  # eigenvalues of E
+EQ = QINV + 8  # Q^-T E Q^-1: 11, 12, 22
+EQ_LEAST = EQ + 3
+LEVEL = EQ + 4  # 1: a plane facing z exactly, whose points do not shift sideways
+STRETCH = EQ + 5  # ratio of the largest to the smallest semi-axis
+UV_LEAST, UV_MOST = EQ + 6, EQ + 7  # singular values of the map from a to the texture, no root
+UV_ROOT = EQ + 8  # what the root adds
+BEND_1, BEND_2 = EQ + 9, EQ + 10  # of a plane chart: sizes of w' and w''
+TOP = EQ + 11  # highest point of the texture, infinite where only the whole texture's is known
+SIZE = EQ + 12
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
 
 @inner_kernel
-def _singular(a, b, c, d):
+def singular(a, b, c, d):
     """Return the smallest and the largest singular value of [[a, b], [c, d]]."""
     s = 0.5 * (a * a + b * b + c * c + d * d)
     p = 0.5 * (a * a + b * b - c * c - d * d)
@@ -81,7 +83,7 @@ def _finish(chart, frame, body, mapping, origin):
     det = a * d - b * c
     chart[QINV], chart[QINV + 1] = d / det, -b / det
     chart[QINV + 2], chart[QINV + 3] = -c / det, a / det
-    chart[Q_LEAST], chart[Q_MOST] = _singular(a, b, c, d)
+    chart[Q_LEAST], chart[Q_MOST] = singular(a, b, c, d)
     e11, e12, e22 = chart[E], chart[E + 1], chart[E + 2]
     half, gap = 0.5 * (e11 + e22), 0.5 * (e11 - e22)
     root = math.sqrt(gap * gap + e12 * e12)
@@ -94,9 +96,10 @@ def _finish(chart, frame, body, mapping, origin):
     half, gap = 0.5 * (q11 + q22), 0.5 * (q11 - q22)
     chart[EQ_LEAST] = max(half - math.sqrt(gap * gap + q12 * q12), 0.0)
     flat = chart[C] == 0.0
-    level = flat and abs(chart[V0]) < 1e-12 and abs(chart[V0 + 1]) < 1e-12
+    level = flat and abs(chart[V0]) < 1e-12 and abs(chart[V0 + 1]) < 1e-12 and chart[UNIT] == 1.0
     chart[LEVEL] = 1.0 if level else 0.0
     chart[MAPPING] = mapping
+    chart[TOP] = np.inf
     if chart[TEXTURE] < 0.0:
         return
     for axis in range(3):
@@ -117,7 +120,7 @@ def _finish(chart, frame, body, mapping, origin):
         for v, w in ((V0, W0), (V1, W1), (V2, W2), (V3, W3)):
             chart[w + axis] = turn_u * chart[v] + turn_v * chart[v + 1] + turn_z * chart[v + 2]
     if mapping == PLANAR:
-        least, most = _singular(chart[B1], chart[B2], chart[B1 + 1], chart[B2 + 1])
+        least, most = singular(chart[B1], chart[B2], chart[B1 + 1], chart[B2 + 1])
         chart[UV_ROOT] = math.hypot(chart[B3], chart[B3 + 1])
     elif mapping == TRIPLANAR:
         chart[ROUND], chart[ROUND + 1] = origin[0], origin[1]

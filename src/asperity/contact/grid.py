@@ -18,7 +18,7 @@ import numpy as np
 
 from asperity.compiled import clear, inner_kernel
 from asperity.contact.chart import RECTANGLE, ROWS, C
-from asperity.contact.patch import _charts, frame_round
+from asperity.contact.patch import all_charts, frame_round
 from asperity.contact.surface import POINT_SIZE, height_at, root_at
 
 
@@ -65,10 +65,10 @@ def grid_depth(
     """
     frame = np.empty((3, 3))
     frame_round(n, frame)
-    made_b = _charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
+    made_b = all_charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
     for i in range(3):
         frame[2, i] = -n[i]
-    made_a = _charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
+    made_a = all_charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
     cu = frame[0, 0] * centre[0] + frame[0, 1] * centre[1] + frame[0, 2] * centre[2]
     cv = frame[1, 0] * centre[0] + frame[1, 1] * centre[1] + frame[1, 2] * centre[2]
     work = np.empty(POINT_SIZE)

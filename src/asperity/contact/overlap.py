@@ -52,13 +52,13 @@ SLOPE_X, SLOPE_Y = 14, 16  # slopes over (u, v) of the two surfaces
 POINT = 18  # the point of X; Y's has the same u and v
 ABOVE = 21  # z of Y's point
 OVERLAP_SIZE = 22
-MAX_BORDERS = 12
+MAX_BORDERS = 26
 BORDER_SIZE = 7  # g, g_x, g_y, code, g_xx, g_xy, g_yy
 """Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
-WORK_SHAPE = (64, 24)
+WORK_SHAPE = (112, 24)
 """Room for all that a search notes on the way. Rows: two points, a trial, borders, lines and
 polygons, from these on."""
-TRIAL, BORDERS, LINES, POLYGON = 2, 3, 16, 34
+TRIAL, BORDERS, LINES, POLYGON = 2, 3, 30, 62
 
 
 @small_kernel
@@ -98,7 +98,7 @@ def over_level(textures, cx, cy, x, y, out):
 def overlap_at(textures, cx, cy, x, y, work, out):
     """Fill `out` (22,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
 
-    The overlap is -inf where one of the two has no such point. `work` (64, 24) is written to.
+    The overlap is -inf where one of the two has no such point. `work` (112, 24) is written to.
     """
     if cx[LEVEL] == 1.0 and cy[TEXTURE] < 0.0:
         over_level(textures, cx, cy, x, y, out)
@@ -204,7 +204,7 @@ def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack, polygon):
     """Return the largest `g_x dx + g_y dy` over a box within borders taken as straight lines.
 
     The box is given relative to the place of `borders`; -inf if nothing of it is within them.
-    `slack` is what a border that is not convex may give way; `polygon` (24, 4) is written to.
+    `slack` is what a border that is not convex may give way; `polygon` (48, 4) is written to.
     """
     for i in range(4):
         polygon[i, 0] = x0 if i in (0, 3) else x1

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.contact.flat import flattened, rotation_of
-from asperity.contact.patch import (
+from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
     DEPTH,
@@ -18,9 +17,13 @@ from asperity.contact.patch import (
     POINT_X,
     RESULT_SIZE,
     STATUS,
-    depth_along,
     workspace,
 )
+from asperity.contact.facet_search import facets_along
+from asperity.contact.facet_space import MAX_CHART_PAIRS, MAX_CHARTS, facet_space
+from asperity.contact.facet_table import facet_table
+from asperity.contact.flat import flattened, rotation_of
+from asperity.contact.patch import depth_along
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, unit_quaternion
 
@@ -82,9 +85,23 @@ class BodyPair:
         bodies = (body_a, body_b)
         self._textures, self._geometry = flattened(bodies)
         self._geoms = [np.flatnonzero(self._geometry.body == i).astype(np.int64) for i in (0, 1)]
-        self._space = workspace(max(len(body.geoms) for body in bodies))
+        self._table = None
+        if any(body.mesh is not None for body in bodies):
+            self._table = facet_table(bodies, self._textures, self._geometry)
+            self._room = facet_space(self._table, len(self._geometry.kind))
+            self._space = workspace(MAX_CHARTS, MAX_CHART_PAIRS)
+        else:
+            most = max(len(body.geoms) for body in bodies)
+            self._space = workspace(3 * most, 9 * most * most)
 
-    def depth(self, pose_a: ArrayLike, pose_b: ArrayLike, normal: ArrayLike) -> Depth:
+    def depth(
+        self,
+        pose_a: ArrayLike,
+        pose_b: ArrayLike,
+        normal: ArrayLike,
+        *,
+        smooth_overlap: float = 1.0,
+    ) -> Depth:
         """Return the depth of A in B along `normal`.
 
         Parameters
@@ -93,17 +110,33 @@ class BodyPair:
             Position [m] and unit quaternion wxyz of each body's frame.
         normal : (3,)
             n, the unit normal of B's smooth surface towards A; world axes.
+        smooth_overlap : float
+            Where one of the two is a mesh: facets count that are nearer to each other, along the
+            normal of B's, than this [m]. So the far side of a body can be left out.
         """
         a, b = (np.array(require_finite("pose", pose, 7)) for pose in (pose_a, pose_b))
         n = np.array(require_finite("normal", normal, 3))
         if not abs(np.linalg.norm(n) - 1.0) < 1e-6:
             raise AsperityError(f"normal must have length 1, got {normal!r}")
         out = np.zeros(RESULT_SIZE)
-        depth_along(
-            self._textures, self._geometry, self._geoms[0], self._geoms[0].size, self._geoms[1],
-            self._geoms[1].size, _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n),
-            np.full(3, np.nan), self.tolerance, self.max_nodes, self._space, out,
-        )  # fmt: skip
+        at_a, at_b, n = _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n)
+        if self._table is not None:
+            fits = facets_along(
+                self._textures, self._table, self._geometry, at_a, at_b, n,
+                require_positive("smooth_overlap", smooth_overlap, "[m]"), self.tolerance,
+                self.max_nodes, self._space, self._room, out,
+            )  # fmt: skip
+            if not fits:
+                raise AsperityError(
+                    f"more than {MAX_CHART_PAIRS} pairs of facets face each other within "
+                    f"smooth_overlap = {smooth_overlap:g} m; give less, or a coarser mesh"
+                )
+        else:
+            depth_along(
+                self._textures, self._geometry, self._geoms[0], self._geoms[0].size,
+                self._geoms[1], self._geoms[1].size, at_a, at_b, n, np.full(3, np.nan),
+                self.tolerance, self.max_nodes, self._space, out,
+            )  # fmt: skip
         m = out[M_X : M_X + 3].copy()
         return Depth(
             depth=float(out[DEPTH]),

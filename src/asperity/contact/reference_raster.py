@@ -1,39 +1,26 @@
-"""Drawing sheets of points onto lines parallel to n, for the brute-force reference.
+"""Drawing windows of sheets onto lines parallel to n, for the brute-force reference.
 
-A *window* is a part of a sheet. Its points, on a grid of the sheet's parameters, are joined to
-triangles; every triangle is drawn onto the lines of a `Grid` that it crosses, and the highest point
-on each line is kept, with its parameters: the *envelope*.
+The samples of a window, on a grid of the sheet's parameters, are joined to triangles; every
+triangle is drawn onto the lines of a `Grid` that it crosses, and the highest point on each line is
+kept, with its parameters: the *envelope*.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.contact.reference_sheets import Sheet
+from asperity.contact.reference_mesh import MeshSheet, MeshSurface
+from asperity.contact.reference_windows import Batch, Window, batches, windows_over
 
 NEAR = 2
 """A window reaches this many and a half pixels to each side of its pixel."""
-_MOST_SAMPLES = 3000
-_CHUNK = 60_000
-"""Points drawn at a time."""
 
 Array = NDArray[np.float64]
-
-
-class Window(NamedTuple):
-    """A rectangle of the parameters of a sheet, from `ends[0]` to `ends[1]`."""
-
-    sheet: Sheet
-    ends: Array
-
-    def places(self, counts: Sequence[int], displaced: bool = True) -> Array:
-        """Return u, v, rise [m] of a grid of (counts[0], counts[1]) points."""
-        p, q = (np.linspace(self.ends[0, k], self.ends[1, k], counts[k]) for k in (0, 1))
-        return self.sheet.at(p[:, None], q[None, :], displaced)
+Indices = NDArray[np.intp]
 
 
 class Grid(NamedTuple):
@@ -49,75 +36,79 @@ class Grid(NamedTuple):
         counts = np.floor((region[1] - region[0]) / spacing).astype(int) + 2
         return cls(region[0], spacing, (int(counts[0]), int(counts[1])))
 
+    def places(self) -> Array:
+        """Return (u, v) [m] of all lines, (*shape, 2)."""
+        return self.origin + self.spacing * np.moveaxis(np.indices(self.shape), 0, -1)
+
 
 class Envelope(NamedTuple):
-    """On each line the highest rise [m] (-inf: none), its window, and its parameters there."""
+    """On each line the highest rise [m] (-inf: none), its window, and its parameters there.
+
+    `base` is the rise of the point's base [m], where it was asked for; `steps` (windows, 2) are
+    the distances between samples in the parameters.
+    """
 
     rise: Array
-    owner: NDArray[np.intp]
+    owner: Indices
     parameters: Array
     windows: list[Window]
-    steps: list[Array]
+    steps: Array
+    base: Array
 
 
-def shadow(sheet: Sheet) -> Array:
-    """Return low and high (u, v) [m] of the shadow of a sheet's base, with something to spare."""
-    places = Window(sheet, sheet.ends).places((33, 33), displaced=False)[..., :2]
-    if sheet.unbounded and np.any(np.isfinite(places)):
-        return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
-    low = np.fmin.reduce(places, axis=(0, 1), initial=np.inf)
-    high = np.fmax.reduce(places, axis=(0, 1), initial=-np.inf)
-    spare = (high - low) / 16.0 if np.all(high > low) else 0.0
-    return np.array([low - spare, high + spare])
+def windows_near(
+    envelope: Envelope, grid: Grid, line: Sequence[int], owner: int, parameters: Array
+) -> list[Window]:
+    """Return the windows that hold all points of an envelope near `line`.
 
-
-def windows_over(side: list[Sheet], region: Array, reach: float) -> list[Window]:
-    """Return the windows of the sheets outside of which no point lies over `region`."""
-    found = (_narrowed(Window(sheet, sheet.ends), region, reach) for sheet in side)
-    return [window for window in found if window is not None]
-
-
-def _narrowed(window: Window, region: Array, reach: float) -> Window | None:
-    """Return the part of a window whose points may lie over `region`, None if there is none."""
-    count = 33
-    while True:
-        places = window.places((count, count), displaced=False)[..., :2]
-        corners = [places[:-1, :-1], places[1:, :-1], places[:-1, 1:], places[1:, 1:]]
-        low, high = np.fmin.reduce(corners, axis=0), np.fmax.reduce(corners, axis=0)
-        spare = reach + 0.25 * (high - low)
-        hit = np.all((high + spare >= region[0]) & (low - spare <= region[1]), axis=-1)
-        if not hit.any():
-            return None
-        ends = np.empty((2, 2))
-        for k in (0, 1):
-            rows = np.flatnonzero(hit.any(axis=1 - k))
-            marks = np.linspace(window.ends[0, k], window.ends[1, k], count)
-            ends[:, k] = marks[rows[0]], marks[rows[-1] + 1]
-        if np.all(ends[1] - ends[0] > 0.7 * (window.ends[1] - window.ends[0])):
-            return Window(window.sheet, ends)
-        window = Window(window.sheet, ends)
-
-
-def windows_near(envelope: Envelope, line: Iterable[int]) -> list[Window]:
-    """Return the windows that hold all points of an envelope near `line`."""
+    The point that was found there, `parameters` of window `owner`, may lie on a sliver between
+    the lines, of whose sheet the envelope shows nothing else.
+    """
     near = tuple(slice(max(k - NEAR, 0), k + NEAR + 1) for k in line)
-    owner, parameters = envelope.owner[near], envelope.parameters[near]
+    owners = np.append(envelope.owner[near].reshape(-1), owner)
+    held = np.vstack([envelope.parameters[near].reshape(-1, 2), parameters])
     found = []
-    for index in np.unique(owner[owner >= 0]):
-        sheet = envelope.windows[index].sheet
-        held = parameters[owner == index]
-        low, high = held.min(axis=0), held.max(axis=0)
-        spare = 0.5 * (high - low) + 2.0 * envelope.steps[index]
-        ends = np.clip(np.array([low - spare, high + spare]), *sheet.ends)
-        found.append(Window(sheet, ends))
+    boxes: dict[MeshSurface, list[Array]] = {}
+    for index in np.unique(owners[owners >= 0]):
+        sheet, mine = envelope.windows[index].sheet, held[owners == index]
+        if isinstance(sheet, MeshSheet):
+            # Triangles may be slivers, askew: what is near is asked of places, not of parameters.
+            places = sheet.at(mine[:, 0], mine[:, 1], displaced=False)[:, :2]
+            boxes.setdefault(sheet.surface, []).append(_widened(places, (NEAR + 1) * grid.spacing))
+        else:
+            ends = _widened(mine, 2.0 * envelope.steps[index])
+            found.append(Window(sheet, np.clip(ends, *sheet.ends)))
+    for surface, parts in boxes.items():
+        for box in _united(parts):
+            found += windows_over(surface, box, 0.0)
     return found
 
 
+def _widened(points: Array, spare: float | Array) -> Array:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array([low - 0.5 * (high - low) - spare, high + 0.5 * (high - low) + spare])
+
+
+def _united(boxes: list[Array]) -> list[Array]:
+    """Return boxes that do not overlap and hold all those given, each of low and high (u, v)."""
+    apart: list[Array] = []
+    for box in boxes:
+        rest = []
+        for other in apart:
+            if np.all((box[0] <= other[1]) & (other[0] <= box[1])):
+                box = np.array([np.minimum(box[0], other[0]), np.maximum(box[1], other[1])])
+            else:
+                rest.append(other)
+        apart = [*rest, box]
+    return apart if len(apart) == len(boxes) else _united(apart)
+
+
 class Points(NamedTuple):
-    """Points of an envelope's windows: (u, v, rise) [m], whose window, where in it."""
+    """Points of an envelope's windows: (u, v, rise) [m], rise of the base, whose window, where."""
 
     places: Array
-    owner: NDArray[np.intp]
+    base: Array
+    owner: Indices
     parameters: Array
 
 
@@ -125,90 +116,98 @@ def rims_of(windows: list[Window], spacing: float) -> Points:
     """Return points along the borders of the sheets, so far as they lie in the windows.
 
     The last line before a rim is up to a spacing away from it, here more and there less; seen on
-    lines alone, a rim is a row of steps.
+    lines alone, a rim is a row of steps. So is a crease: all edges of a mesh's triangles count.
     """
-    places, owner, parameters = [np.zeros((0, 3))], [np.zeros(0, np.intp)], [np.zeros((0, 2))]
-    for index, window in enumerate(windows):
-        counts = _counts(window, spacing)
+    empty = np.zeros(0, np.intp)
+    found = [Points(np.zeros((0, 3)), np.zeros(0), empty, np.zeros((0, 2)))]
+    for batch in batches(windows, spacing):
         for k in (0, 1):
-            along = np.linspace(window.ends[0, 1 - k], window.ends[1, 1 - k], counts[1 - k])
             for end in (0, 1):
-                if window.ends[end, k] != window.sheet.ends[end, k]:
-                    continue
-                where = np.empty((along.size, 2))
-                where[:, k], where[:, 1 - k] = window.ends[end, k], along
-                found = window.sheet.at(where[:, 0], where[:, 1])
-                shown = np.isfinite(found[:, 2])
-                places.append(found[shown])
-                parameters.append(where[shown])
-                owner.append(np.full(np.count_nonzero(shown), index, dtype=np.intp))
-    return Points(np.concatenate(places), np.concatenate(owner), np.concatenate(parameters))
+                on_it = batch.ends[:, end, k] == batch.borders[end, k]
+                if on_it.any():
+                    found.append(_rim(batch.part(on_it), k, end))
+    return Points(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
 
-def _counts(window: Window, spacing: float) -> tuple[int, int]:
-    """Return how many samples a window needs so that neighbours lie within `spacing`."""
-    places = window.places((17, 17), displaced=False)[..., :2]
-    counts = []
-    for k in (0, 1):
-        apart = np.linalg.norm(np.diff(places, axis=k), axis=-1)
-        widest = np.fmax.reduce(apart, axis=None, initial=0.0)
-        counts.append(int(np.clip(np.ceil(16.0 * widest / spacing), 2, _MOST_SAMPLES)) + 1)
-    return counts[0], counts[1]
+def _rim(batch: Batch, k: int, end: int) -> Points:
+    """Return points of the borders of all windows of a batch where parameter k ends."""
+    where = np.empty((batch.owner.size, batch.counts[1 - k], 1, 2))
+    where[..., k] = batch.ends[:, end, k, None, None]
+    low, high = batch.ends[:, 0, 1 - k], batch.ends[:, 1, 1 - k]
+    where[..., 0, 1 - k] = np.linspace(low, high, batch.counts[1 - k], axis=-1)
+    places, base = (batch.at(where[..., 0], where[..., 1], d)[:, :, 0] for d in (True, False))
+    shown = np.isfinite(places[..., 2])
+    owner = np.broadcast_to(batch.owner[:, None], shown.shape)
+    return Points(places[shown], base[shown][:, 2], owner[shown], where[:, :, 0][shown])
+
+
+class Crossings(NamedTuple):
+    """Where facets cross lines: on which line, how high [m] (point, base), whose, parameters."""
+
+    line: Indices
+    rise: Array
+    base: Array
+    owner: Indices
+    parameters: Array
+
+    def kept(self, which: NDArray[np.bool_] | Indices) -> Crossings:
+        """Return some of them."""
+        return Crossings(
+            self.line[which],
+            self.rise[which],
+            self.base[which],
+            self.owner[which],
+            self.parameters[which],
+        )
 
 
 def envelope_of(windows: list[Window], grid: Grid, displaced: bool = True) -> Envelope:
     """Draw the facets of all windows onto the lines of `grid`; the highest rise wins."""
-    lines = grid.shape[0] * grid.shape[1]
-    rise = np.full(lines, -np.inf)
-    owner = np.full(lines, -1, dtype=np.intp)
-    parameters = np.zeros((lines, 2))
-    steps = []
-    for index, window in enumerate(windows):
-        counts = _counts(window, grid.spacing)
-        marks = np.linspace(window.ends[0, 0], window.ends[1, 0], counts[0])
-        steps.append((window.ends[1] - window.ends[0]) / (np.array(counts) - 1))
-        rows = max(2, _CHUNK // counts[1])
-        for start in range(0, counts[0] - 1, rows - 1):
-            part = marks[start : start + rows]
-            strip = Window(
-                window.sheet,
-                np.array([[part[0], window.ends[0, 1]], [part[-1], window.ends[1, 1]]]),
-            )
-            vertices = np.empty((part.size, counts[1], 5))
-            vertices[..., :3] = strip.places((part.size, counts[1]), displaced)
-            vertices[..., 3] = part[:, None]
-            vertices[..., 4] = np.linspace(window.ends[0, 1], window.ends[1, 1], counts[1])
-            _draw(vertices, grid, index, rise, owner, parameters)
-    shape = grid.shape
-    return Envelope(
-        rise.reshape(shape), owner.reshape(shape), parameters.reshape(*shape, 2), windows, steps
-    )
+    envelope = no_envelope(windows, grid)
+    for crossings in crossings_of(envelope, grid, displaced, with_base=False):
+        keep_highest(envelope, crossings)
+    return envelope
 
 
-def _draw(
-    vertices: Array,
-    grid: Grid,
-    index: int,
-    rise: Array,
-    owner: NDArray[np.intp],
-    parameters: Array,
-) -> None:
-    """Draw the triangles between `vertices` (n, m, 5): u, v, rise, p, q."""
-    a, b = vertices[:-1, :-1], vertices[1:, :-1]
-    c, d = vertices[:-1, 1:], vertices[1:, 1:]
-    corners = np.stack([np.stack([a, b, c]), np.stack([d, c, b])], axis=1).reshape(3, -1, 5)
-    corners = corners[:, np.isfinite(corners[0, :, 2] + corners[1, :, 2] + corners[2, :, 2])]
+def no_envelope(windows: list[Window], grid: Grid) -> Envelope:
+    """Return an envelope that is empty on all lines."""
+    rise, base = np.full(grid.shape, -np.inf), np.full(grid.shape, -np.inf)
+    owner = np.full(grid.shape, -1, dtype=np.intp)
+    steps = np.zeros((len(windows), 2))
+    return Envelope(rise, owner, np.zeros((*grid.shape, 2)), windows, steps, base)
+
+
+def keep_highest(envelope: Envelope, new: Crossings) -> None:
+    """Put crossings into an envelope where they are its highest."""
+    rise = envelope.rise.reshape(-1)
+    np.maximum.at(rise, new.line, new.rise)
+    wins = new.kept(new.rise == rise[new.line])
+    envelope.base.reshape(-1)[wins.line] = wins.base
+    envelope.owner.reshape(-1)[wins.line] = wins.owner
+    envelope.parameters.reshape(-1, 2)[wins.line] = wins.parameters
+
+
+def crossings_of(
+    envelope: Envelope, grid: Grid, displaced: bool, with_base: bool
+) -> Iterator[Crossings]:
+    """Yield the crossings of all windows of an envelope, and fill its `steps`."""
+    for batch in batches(envelope.windows, grid.spacing):
+        steps = (batch.ends[:, 1] - batch.ends[:, 0]) / (np.array(batch.counts) - 1)
+        envelope.steps[batch.owner] = steps
+        for chunk in batch.chunks():
+            yield _crossings(chunk.vertices(displaced, with_base), chunk.owner, grid)
+
+
+def _crossings(vertices: Array, owner: Indices, grid: Grid) -> Crossings:
+    """Return where the triangles between `vertices` (k, n, m, 6) of windows `owner` cross lines."""
+    a, b = vertices[:, :-1, :-1], vertices[:, 1:, :-1]
+    c, d = vertices[:, :-1, 1:], vertices[:, 1:, 1:]
+    corners = np.stack([np.stack([a, b, c]), np.stack([d, c, b])], axis=1).reshape(3, -1, 6)
+    whose = np.tile(np.repeat(owner, a.shape[1] * a.shape[2]), 2)
+    shown = np.isfinite(corners[0, :, 2] + corners[1, :, 2] + corners[2, :, 2])
+    corners, whose = corners[:, shown], whose[shown]
     at = (corners[..., :2] - grid.origin) / grid.spacing
-    first = np.maximum(np.ceil(np.minimum(np.minimum(at[0], at[1]), at[2])), 0).astype(np.intp)
-    last = np.minimum(
-        np.floor(np.maximum(np.maximum(at[0], at[1]), at[2])), np.array(grid.shape) - 1
-    ).astype(np.intp)
-    extent = np.maximum(last - first + 1, 0)
-    counts = extent[:, 0] * extent[:, 1]
-    # One row for each line in each triangle's bounding box.
-    who = np.repeat(np.arange(counts.size), counts)
-    which = np.arange(who.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    line = first[who] + np.stack([which // extent[who, 1], which % extent[who, 1]], axis=-1)
+    who, line = _boxes(at, grid.shape)
     edge_1, edge_2, across = at[1] - at[0], at[2] - at[0], line - at[0, who]
     area = edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]
     area = np.where(area == 0.0, np.nan, area)[who]
@@ -216,11 +215,21 @@ def _draw(
     share_2 = (edge_1[who, 0] * across[:, 1] - edge_1[who, 1] * across[:, 0]) / area
     shares = np.stack([1.0 - share_1 - share_2, share_1, share_2])
     inside = np.minimum(np.minimum(shares[0], shares[1]), shares[2]) >= -1e-9
-    who, shares = who[inside], shares[:, inside]
-    pixel = line[inside, 0] * grid.shape[1] + line[inside, 1]
-    height = np.sum(shares * corners[:, who, 2], axis=0)
-    np.maximum.at(rise, pixel, height)
-    wins = height == rise[pixel]
-    who, shares, pixel = who[wins], shares[:, wins], pixel[wins]
-    owner[pixel] = index
-    parameters[pixel] = np.sum(shares[..., None] * corners[:, who, 3:], axis=0)
+    who, shares, line = who[inside], shares[:, inside], line[inside]
+    mixed = np.sum(shares[..., None] * corners[:, who, 2:], axis=0)
+    pixel = line[:, 0] * grid.shape[1] + line[:, 1]
+    return Crossings(pixel, mixed[:, 0], mixed[:, 1], whose[who], mixed[:, 2:])
+
+
+def _boxes(at: Array, shape: tuple[int, int]) -> tuple[Indices, Indices]:
+    """Return each line in the bounding box of each triangle `at` (3, k, 2): whose, and (i, j)."""
+    first = np.ceil(np.minimum(np.minimum(at[0], at[1]), at[2]))
+    last = np.floor(np.maximum(np.maximum(at[0], at[1]), at[2]))
+    first = np.clip(first, 0, shape).astype(np.intp)
+    last = np.clip(last, -1, np.array(shape) - 1).astype(np.intp)
+    extent = np.maximum(last - first + 1, 0)
+    counts = extent[:, 0] * extent[:, 1]
+    who = np.repeat(np.arange(counts.size), counts)
+    which = np.arange(who.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    line = first[who] + np.stack([which // extent[who, 1], which % extent[who, 1]], axis=-1)
+    return who, line

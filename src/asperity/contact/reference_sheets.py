@@ -152,19 +152,34 @@ def _texture(body: Body, geom: Geom, chart: Chart, local: Array, base: Array, w:
     field, mapping = body.texture, body.mapping
     if field is None or (mapping == "cylindrical" and not chart.side):
         return np.zeros(base.shape[:-1])
-    middle = 0.5 * np.asarray(field.size) if field.border == "clamp" else np.zeros(2)
-    du, dv = middle - np.asarray(body.offset)
     if mapping == "cylindrical":
+        du, dv = -origin_of_map(body)
         angle = np.arctan2(local[..., 1], local[..., 0])
         # A map that wraps is stretched to go round a whole number of times.
         round_it = 2.0 * np.pi * geom.size[0] / field.size[0]
         stretch = max(round(round_it), 1) / round_it if field.border == "wrap" else 1.0
         return field.heights(geom.size[0] * angle * stretch + du, local[..., 2] + dv)
+    return flat_heights(body, base, w)
+
+
+def origin_of_map(body: Body) -> Array:
+    """Return where (u, v) = (0, 0) of the texture lies on the body [m]."""
+    origin, field = np.array(body.offset, dtype=np.float64), body.texture
+    if field is not None and field.border == "clamp":
+        origin -= 0.5 * np.asarray(field.size)
+    return origin
+
+
+def flat_heights(body: Body, base: Array, w: Array) -> Array:
+    """Return the heights t [m] of planar and triplanar maps at base points of normal w."""
+    assert body.texture is not None
+    heights = body.texture.heights
+    du, dv = -origin_of_map(body)
     x, y, z = np.moveaxis(base, -1, 0)
-    if mapping == "planar":
-        return field.heights(x + du, y + dv)
+    if body.mapping == "planar":
+        return heights(x + du, y + dv)
     share = w**4 / np.sum(w**4, axis=-1, keepdims=True)
-    maps = [field.heights(a + du, b + dv) for a, b in ((y, z), (z, x), (x, y))]
+    maps = [heights(a + du, b + dv) for a, b in ((y, z), (z, x), (x, y))]
     return np.sum(share * np.stack(maps, axis=-1), axis=-1)
 
 

@@ -38,6 +38,7 @@ from asperity.contact.chart import (
     QINV,
     RECTANGLE,
     TEXTURE,
+    TOP,
     C,
     E,
     O,
@@ -233,6 +234,30 @@ def _shift(textures, cx, cy):
     return shift
 
 
+@small_kernel
+def _rough(textures, cx, cy):
+    """Return how far the textures rise above the smooth bases at most [m]."""
+    rough = 0.0
+    for chart in (cx, cy):
+        if chart[TEXTURE] >= 0.0:
+            rough += max(min(textures.scales[int(chart[TEXTURE]), 2], chart[TOP]), 0.0)
+    return rough
+
+
+@lean_kernel
+def quick_bound(textures, cx, cy):
+    """Return an upper bound of the overlap of two charts, -inf if they do not meet."""
+    shift = _shift(textures, cx, cy)
+    x0, x1, y0, y1 = _window(cx, cy, shift)
+    if not (x0 <= x1 and y0 <= y1):
+        return -np.inf
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    if beyond_rows(cx, x, y, x1 - x, y1 - y):
+        return -np.inf
+    smooth, g1, g2 = base_bound(cx, cy, x, y, x0, x1, y0, y1, shift)
+    return smooth + _rough(textures, cx, cy) * math.sqrt(1.0 + g1 * g1 + g2 * g2)
+
+
 @lean_kernel
 def first_look(
     textures, cx, cy, pair, guess_u, guess_v, state, best, ties, work, at, out
@@ -255,11 +280,7 @@ def first_look(
     smooth, g1, g2 = base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)
     if smooth == -np.inf:
         return
-    rough = 0.0
-    for chart in (cx, cy):
-        if chart[TEXTURE] >= 0.0:
-            rough += textures.scales[int(chart[TEXTURE]), 2]
-    out[0] = smooth + rough * math.sqrt(1.0 + g1 * g1 + g2 * g2)
+    out[0] = smooth + _rough(textures, cx, cy) * math.sqrt(1.0 + g1 * g1 + g2 * g2)
     gx, gy = parameters_under(cx, guess_u, guess_v)
     if not (x0 <= gx <= x1 and y0 <= gy <= y1):
         gx, gy = ax, ay
@@ -275,7 +296,7 @@ def search_pair(
 
     Parameters
     ----------
-    cx, cy : (100,) arrays
+    cx, cy : (146,) arrays
         Charts; the search walks over the parameters of `cx`.
     pair : int
         Noted with every place.
@@ -293,7 +314,7 @@ def search_pair(
     ties : (1024, 24) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
     nodes : (1028, 5) array
-    work : (64, 24) array
+    work : (112, 24) array
     at : (22,) array
         Working memory.
     """

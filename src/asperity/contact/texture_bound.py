@@ -12,6 +12,8 @@ from asperity.contact.chart import (
     B1,
     B2,
     B3,
+    BEND_1,
+    BEND_2,
     CYLINDRICAL,
     E_MOST,
     LEAST_ROOT,
@@ -90,12 +92,14 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     k = int(chart[TEXTURE])
     mapping = chart[MAPPING]
     curved = chart[C] > 0.0
+    turning = curved or chart[UNIT] == 0.0
     low = max(least, 0.5 * chart[LEAST_ROOT])
     if chart[LEVEL] == 1.0 and mapping == PLANAR:
         high, slope, bend, size_bend = level_texture(textures, chart, x, y, half_x, half_y)
         return high, slope, bend, size_bend, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0
     # The root's first and second derivative, and the normal's.
-    r1 = r2 = w1 = w2 = 0.0
+    r1 = r2 = 0.0
+    w1, w2 = chart[BEND_1], chart[BEND_2]
     if curved:
         r1 = math.sqrt(chart[E_MOST] * max(1.0 - low * low, 0.0)) / low
         r2 = chart[E_MOST] / (low * low * low)
@@ -140,7 +144,7 @@ def texture_over(textures, chart, x0, x1, y0, y1):
         half_root = 0.5 * (most - max(least, 0.0))
         for i in range(3 if mapping != PLANAR else 1):
             one, two = (0, 1) if mapping == PLANAR else ((i + 1) % 3, (i + 2) % 3)
-            if mapping != PLANAR and not curved and chart[W0 + i] ** 4 < 1e-12:
+            if mapping != PLANAR and not turning and chart[W0 + i] ** 4 < 1e-12:
                 continue
             u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y
             u += chart[B3 + one] * middle - (chart[ROUND] if mapping != PLANAR else 0.0)
@@ -158,7 +162,7 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     bend = bend * (speed * speed if bend > 0.0 else slowest * slowest) + slope * turn
     size_bend = textures.scales[k, 4] * speed * speed + slope * turn
     slope *= speed
-    if mapping != PLANAR and mapping != CYLINDRICAL and curved:
+    if mapping != PLANAR and mapping != CYLINDRICAL and turning:
         size = textures.scales[k, 2]
         mixing = 2.0 * _WEIGHTS_1 * w1 * slope
         mixing += (_WEIGHTS_2 * w1 * w1 + _WEIGHTS_1 * w2) * size

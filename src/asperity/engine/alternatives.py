@@ -7,8 +7,14 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel
+from asperity.contact.deepest import (
+    DEPTH,
+    M_X,
+    MOMENT,
+    POINT_X,
+)
 from asperity.contact.grid import grid_depth
-from asperity.contact.patch import DEPTH, M_X, MOMENT, POINT_X, smooth_texture_under
+from asperity.contact.patch import smooth_texture_under
 from asperity.forces.laws import SIIRA_PAI, filter_noise, noise_across, textured_point_force
 
 

@@ -10,14 +10,21 @@ depths and sum to one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.collide import Collider
-from asperity.contact.flat import flattened
-from asperity.contact.patch import workspace
+from asperity.contact.deepest import workspace
+from asperity.contact.facet_space import MAX_CHART_PAIRS, MAX_CHARTS, FacetSpace, facet_space
+from asperity.contact.facet_table import FacetTable, facet_table
+from asperity.contact.flat import Geometry, flattened
+from asperity.engine.facet_memory import (
+    FacetMemory,
+    facet_memory,
+    forget,
+)
 from asperity.engine.memory import (
     Baseline,
     Contacts,
@@ -27,15 +34,17 @@ from asperity.engine.memory import (
     contacts_for,
     memory_for,
 )
+from asperity.engine.mesh_tick import mesh_tick
 from asperity.engine.tick import tick
 from asperity.forces.laws import OTADUY_LIN
 from asperity.forces.settings import LAWS, ForceSettings
 from asperity.geometry.bodies import Body
+from asperity.texture.packed import Textures
 
 if TYPE_CHECKING:
     import mujoco
 
-MAX_PATCHES = 32
+MAX_PATCHES = 64
 MAX_PAIRS = 512
 
 
@@ -65,7 +74,22 @@ class Engine:
         self._textures, self._geometry = flattened(bodies)
         self._tool = [body.name for body in bodies].index(tool)
         most = max(len(body.geoms) for body in bodies)
-        self._space = workspace(most)
+        mesh = [body.mesh is not None for body in bodies]
+        # Bodies that the tool meets facet by facet: all of them, if it is a mesh itself.
+        self._by_facets = np.array(
+            [i != self._tool and (mesh[i] or mesh[self._tool]) for i in range(len(bodies))],
+            np.int64,
+        )
+        self._facets = _facet_side(bodies, self._textures, self._geometry, self._by_facets)
+        self._by_geoms = sum(self._by_facets) < len(bodies) - 1
+        charts, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
+        if self._facets is not None:
+            charts, pairs = max(charts, MAX_CHARTS), max(pairs, MAX_CHART_PAIRS)
+        self._space = workspace(charts, pairs)
+        self._number_by_geoms = self._collider.number.copy()
+        for i, geom in enumerate(self._collider.number):
+            if geom >= 0 and self._by_facets[self._geometry.body[geom]]:
+                self._number_by_geoms[i] = -1
         self._memory: Memory = memory_for(MAX_PAIRS, MAX_PATCHES, most)
         self.contacts: Contacts = contacts_for(MAX_PATCHES)
         """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
@@ -77,6 +101,8 @@ class Engine:
 
     def reset(self) -> None:
         """Forget all normals, bristles and noise of the past."""
+        if self._facets is not None:
+            forget(self._facets.memory)
         self._memory.counts[:] = 0
         self._memory.noise[:] = 0.0
         # The generator counts on from here: seeds must not begin a few steps apart.
@@ -100,13 +126,42 @@ class Engine:
             array every time.
         """
         count, geoms, places, distances, margins = self._collider.query(pose)
-        tick(
-            self._textures, self._geometry, self._tool, self._collider.poses,
-            self._collider.centre, self._collider.number, count, geoms, places, distances, margins,
-            pose, dt, self._parameters, self._grid, self._baseline, self._memory, self._space,
-            self.contacts, self._wrench,
-        )  # fmt: skip
+        if self._by_geoms:
+            tick(
+                self._textures, self._geometry, self._tool, self._collider.poses,
+                self._collider.centre, self._number_by_geoms, count, geoms, places, distances,
+                margins, pose, dt, self._parameters, self._grid, self._baseline, self._memory,
+                self._space, self.contacts, self._wrench,
+            )  # fmt: skip
+        else:
+            self._wrench[:] = 0.0
+            self.contacts.count[0] = 0
+        if self._facets is not None:
+            mesh_tick(
+                self._textures, self._facets.table, self._geometry, self._by_facets, self._tool,
+                self._collider.poses, self._collider.centre, self._collider.number, count, geoms,
+                distances, pose, dt, self._parameters, self._facets.memory, self._facets.space,
+                self._space, self.contacts, self._wrench,
+            )  # fmt: skip
         return self._wrench
+
+
+class _FacetSide(NamedTuple):
+    """What contact with meshes needs besides."""
+
+    table: FacetTable
+    memory: FacetMemory
+    space: FacetSpace
+
+
+def _facet_side(
+    bodies: Sequence[Body], textures: Textures, geometry: Geometry, by_facets: NDArray[np.int64]
+) -> _FacetSide | None:
+    if not by_facets.any():
+        return None
+    table = facet_table(bodies, textures, geometry)
+    space = facet_space(table, len(geometry.kind))
+    return _FacetSide(table, facet_memory(len(bodies)), space)
 
 
 def _parameters(settings: ForceSettings) -> Parameters:
@@ -117,6 +172,8 @@ def _parameters(settings: ForceSettings) -> Parameters:
         bristle_stiffness=float(settings.stiffness if bristle is None else bristle),
         max_nodes=int(settings.max_nodes),
         tolerance=-1.0 if settings.tolerance is None else float(settings.tolerance),
+        patch_radius=float(settings.patch_radius),
+        edge_fade=float(settings.edge_fade),
     )
 
 

@@ -17,6 +17,8 @@ class Parameters(NamedTuple):
     max_nodes: int
     tolerance: float
     """-1: from the textures."""
+    patch_radius: float
+    edge_fade: float
 
 
 class GridMethod(NamedTuple):

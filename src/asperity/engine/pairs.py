@@ -8,26 +8,13 @@ import numpy as np
 
 from asperity.compiled import clear, inner_kernel
 from asperity.contact.normals import normal_under
+from asperity.engine.frames import into
 
 _STEADY = 0.85
 """A pair's normal that turns by more than this cosine in one tick is not believed."""
 _TOGETHER = 0.9
 """Pairs whose normals agree to this cosine are one patch."""
 _LEAST_BLEND = 1e-4
-
-
-@inner_kernel
-def into(body, v, out):
-    """Fill a direction (3,) of world axes in a body's frame."""
-    for i in range(3):
-        out[i] = body[0, i] * v[0] + body[1, i] * v[1] + body[2, i] * v[2]
-
-
-@inner_kernel
-def out_of(body, v, out):
-    """Fill a direction (3,) of a body's frame in world axes."""
-    for i in range(3):
-        out[i] = body[i, 0] * v[0] + body[i, 1] * v[1] + body[i, 2] * v[2]
 
 
 @inner_kernel

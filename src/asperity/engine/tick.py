@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, inner_kernel, kernel
-from asperity.contact.flat import Geometry
-from asperity.contact.patch import (
+from asperity.compiled import clear, kernel
+from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
     DEPTH,
@@ -17,49 +16,22 @@ from asperity.contact.patch import (
     MOMENT,
     POINT_X,
     STATUS,
-    depth_along,
 )
+from asperity.contact.flat import Geometry
+from asperity.contact.patch import depth_along
 from asperity.engine.alternatives import advance_noise, baseline_force, depth_on_grid
+from asperity.engine.frames import into, out_of, rotation, slid, tolerance_for
 from asperity.engine.pairs import (
     collect_pairs,
     geoms_of,
     group,
     held_below,
-    into,
-    out_of,
     recall,
     steady_normals,
 )
 from asperity.forces.laws import bristle_force
 
 NO_ROOM = 2
-
-
-@inner_kernel
-def _rotation(pose, out):
-    """Fill the rotation (3, 3) of a pose (7,)."""
-    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
-    out[0, 0], out[0, 1], out[0, 2] = (
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-    )  # fmt: skip
-    out[1, 0], out[1, 1], out[1, 2] = (
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-    )  # fmt: skip
-    out[2, 0], out[2, 1], out[2, 2] = (
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
-
-
-@inner_kernel
-def _tolerance(textures, geometry, a, b, wanted):
-    """Return the gap that counts as certified: a thousandth of the finer texture's rms height."""
-    if wanted > 0.0:
-        return wanted
-    rms = np.inf
-    for body in (a, b):
-        if geometry.texture[body] >= 0:
-            rms = min(rms, textures.scales[geometry.texture[body], 5])
-    return max(1e-9, 1e-3 * rms) if rms < np.inf else 1e-9
 
 
 @kernel
@@ -74,7 +46,7 @@ def tick(
     """
     clear(wrench_out)
     body_a = poses[tool]
-    _rotation(pose, body_a)
+    rotation(pose, body_a)
     vectors = space.vectors
     origin = vectors[3]
     for i in range(3):
@@ -121,7 +93,7 @@ def tick(
         count_a, count_b = geoms_of(memory, count, p)
         out = memory.results[p]
         clear(out)
-        tolerance = _tolerance(textures, geometry, tool, b, parameters.tolerance)
+        tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
         depth_along(
             textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
             n, guess, tolerance, parameters.max_nodes, space, out,
@@ -177,7 +149,7 @@ def tick(
                     near_b[i, j] = body_b[i, j]
                 near_b[i, 3] = body_b[i, 3] - origin[i]
             _, count_b = geoms_of(memory, count, p)
-            _slid(memory, body_a, guess, origin, moved)
+            slid(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
             baseline_force(
                 textures, geometry, memory, count_b, near_b, n, guess, moved, push, depth,
                 baseline, space, force,
@@ -188,7 +160,7 @@ def tick(
         for k in range(3):
             wrench_out[k] += force[k]
         if parameters.friction > 0.0:
-            _slid(memory, body_a, guess, origin, moved)
+            slid(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
             into(body_b, moved, bristle)
             for k in range(3):
                 moved[k] = bristle[k] if dt > 0.0 else 0.0
@@ -231,21 +203,3 @@ def tick(
     if memory.counts[3] > 0 and live > 0:
         contacts.status[0] = NO_ROOM
         memory.counts[3] = 0
-
-
-@inner_kernel
-def _slid(memory, body_a, point, origin, moved_out):
-    """Fill how far the tool's material at `point` has moved since the last tick."""
-    if memory.counts[2] == 0:
-        clear(moved_out)
-        return
-    for i in range(3):
-        moved_out[i] = point[i] + origin[i] - memory.pose[i, 3]
-    local = np.empty(3)
-    for k in range(3):
-        local[k] = 0.0
-        for i in range(3):
-            local[k] += body_a[i, k] * (point[i] + origin[i] - body_a[i, 3])
-    for i in range(3):
-        for k in range(3):
-            moved_out[i] -= memory.pose[i, k] * local[k]

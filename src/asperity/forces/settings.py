@@ -20,6 +20,8 @@ _RANGES = {
     "step": (1e-9, 1e-2, "m"),
     "lever": (1e-6, 10.0, "m"),
     "window": (1e-7, 1.0, "m"),
+    "patch_radius": (1e-5, 1.0, "m"),
+    "edge_fade": (0.0, 1.0, "m"),
     "softness": (1e-9, 1e-2, "m"),
     "soft_area": (1e-15, 1.0, "m^2"),
     "ho_gain": (1e-6, 1e6, ""),
@@ -72,6 +74,12 @@ class ForceSettings:
     tolerance : float, optional
         Gap between the bounds of a depth that counts as certified [m]. If not given, a thousandth
         of the textures' rms height, and a nanometre at least.
+    patch_radius : float
+        Where a mesh is involved: how far the parts into which a wide contact is split reach over
+        its middle [m]. Contacts with a standard deviation of a third of it or less have one part.
+    edge_fade : float
+        Where a mesh is involved: thickness of the overlap [m] below which a tool that slides off
+        an edge loses its force, in proportion. 0: it drops at once.
 
     Raises
     ------
@@ -96,6 +104,8 @@ class ForceSettings:
     seed: int = 0
     max_nodes: int = 4000
     tolerance: float | None = None
+    patch_radius: float = 2.5e-3
+    edge_fade: float = 2.5e-3
 
     def __post_init__(self) -> None:
         require_choice("law", self.law, LAWS)

@@ -119,7 +119,9 @@ class Body:
     def _refuse_mixed(self) -> None:
         of_mesh = [geom.kind == "mesh" for geom in self.geoms]
         if self.mesh is None and any(of_mesh):
-            raise AsperityError(f"body {self.name!r} has geoms of kind mesh but no mesh; give it one")
+            raise AsperityError(
+                f"body {self.name!r} has geoms of kind mesh but no mesh; give it one"
+            )
         if self.mesh is not None and not all(of_mesh):
             raise AsperityError(
                 f"body {self.name!r} has a mesh, so its geoms are convex pieces of kind mesh; "

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body
 from asperity.picture.render import Camera, Lamp, camera_at, halved, look, shade
-from asperity.picture.sheets import Sheet, View, body_sheets
+from asperity.picture.sheets import body_sheets
+from asperity.picture.view import Sheet, View
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]

@@ -4,7 +4,55 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import kernel, lean_kernel
+
+
+@lean_kernel
+def _draw_triangle(a, b, c, na, nb, nc, slack, number, depth, normal_out, number_out):
+    """Draw a triangle into the buffers where it is nearer than what is there.
+
+    Parameters
+    ----------
+    a, b, c : (float, float, float)
+        Column and row [pixels], distance from the eye [m] of its corners.
+    na, nb, nc : (3,) arrays
+        Normals at its corners.
+    slack : float
+        How far beyond its sides it is drawn [pixels].
+    number, depth, normal_out, number_out
+        As for `draw_sheet`.
+    """
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = a, b, c
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area == 0.0 or not np.isfinite(area):
+        return
+    rows, columns = depth.shape
+    left = max(int(np.ceil(min(ax, bx, cx) - slack)), 0)
+    right = min(int(np.floor(max(ax, bx, cx) + slack)), columns - 1)
+    low = max(int(np.ceil(min(ay, by, cy) - slack)), 0)
+    high = min(int(np.floor(max(ay, by, cy) + slack)), rows - 1)
+    least_u, least_v, least_w = -1e-9, -1e-9, -1e-9
+    if slack > 0.0:
+        least_u -= slack * np.hypot(cx - ax, cy - ay) / abs(area)
+        least_v -= slack * np.hypot(bx - ax, by - ay) / abs(area)
+        least_w -= slack * np.hypot(cx - bx, cy - by) / abs(area)
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            u = ((column - ax) * (cy - ay) - (row - ay) * (cx - ax)) / area
+            v = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
+            if u < least_u or v < least_v or 1.0 - u - v < least_w:
+                continue
+            if slack > 0.0:  # what is seen is on the triangle, however far the pixel is off it
+                u, v = max(u, 0.0), max(v, 0.0)
+                total = max(u + v, 1.0)
+                u, v = u / total, v / total
+            w = 1.0 - u - v
+            far = w * az + u * bz + v * cz
+            if far < depth[row, column]:
+                depth[row, column] = far
+                number_out[row, column] = number
+                for k in range(3):
+                    normal_out[row, column, k] = w * na[k] + u * nb[k] + v * nc[k]
 
 
 @kernel
@@ -25,40 +73,46 @@ def draw_sheet(x, y, z, normals, number, depth, normal_out, number_out):
     number_out : (rows, columns) array
         Its number; changed.
     """
-    rows, columns = depth.shape
     for i in range(x.shape[0] - 1):
         for j in range(x.shape[1] - 1):
             for half in range(2):
                 # Corners (i, j), (i+1, j+1), and one of the two others.
                 ci = i + 1 if half == 0 else i
                 cj = j if half == 0 else j + 1
-                ax, ay = x[i, j], y[i, j]
-                bx, by = x[i + 1, j + 1], y[i + 1, j + 1]
-                cx, cy = x[ci, cj], y[ci, cj]
-                area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-                if area == 0.0 or not np.isfinite(area):
-                    continue
-                left = max(int(np.ceil(min(ax, bx, cx))), 0)
-                right = min(int(np.floor(max(ax, bx, cx))), columns - 1)
-                low = max(int(np.ceil(min(ay, by, cy))), 0)
-                high = min(int(np.floor(max(ay, by, cy))), rows - 1)
-                for row in range(low, high + 1):
-                    for column in range(left, right + 1):
-                        u = ((column - ax) * (cy - ay) - (row - ay) * (cx - ax)) / area
-                        v = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
-                        if u < -1e-9 or v < -1e-9 or u + v > 1.0 + 1e-9:
-                            continue
-                        w = 1.0 - u - v
-                        far = w * z[i, j] + u * z[i + 1, j + 1] + v * z[ci, cj]
-                        if far < depth[row, column]:
-                            depth[row, column] = far
-                            number_out[row, column] = number
-                            for k in range(3):
-                                normal_out[row, column, k] = (
-                                    w * normals[i, j, k]
-                                    + u * normals[i + 1, j + 1, k]
-                                    + v * normals[ci, cj, k]
-                                )
+                _draw_triangle(
+                    (x[i, j], y[i, j], z[i, j]),
+                    (x[i + 1, j + 1], y[i + 1, j + 1], z[i + 1, j + 1]),
+                    (x[ci, cj], y[ci, cj], z[ci, cj]),
+                    normals[i, j], normals[i + 1, j + 1], normals[ci, cj],
+                    0.0, number, depth, normal_out, number_out,
+                )  # fmt: skip
+
+
+@kernel
+def draw_patches(x, y, z, normals, corners, slack, number, depth, normal_out, number_out):
+    """Draw patches of triangles into the buffers, where they are nearer than what is there.
+
+    Parameters
+    ----------
+    x, y, z : (patches, points) arrays
+        Column and row [pixels], distance from the eye [m].
+    normals : (patches, points, 3) array
+    corners : (triangles, 3) int array
+        Points of each triangle, the same in all patches.
+    slack : float
+        How far triangles are drawn beyond their sides [pixels]: where patches of unlike fineness
+        meet, one would see through the seam.
+    number, depth, normal_out, number_out
+        As for `draw_sheet`.
+    """
+    for i in range(x.shape[0]):
+        for j in range(corners.shape[0]):
+            a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
+            _draw_triangle(
+                (x[i, a], y[i, a], z[i, a]), (x[i, b], y[i, b], z[i, b]),
+                (x[i, c], y[i, c], z[i, c]), normals[i, a], normals[i, b], normals[i, c],
+                slack, number, depth, normal_out, number_out,
+            )  # fmt: skip
 
 
 @kernel

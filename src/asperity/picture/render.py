@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.picture.raster import draw_sheet, light_pixels, project
-from asperity.picture.sheets import Sheet
+from asperity.picture.raster import draw_patches, draw_sheet, light_pixels, project
+from asperity.picture.view import Sheet
 
 Array = NDArray[np.float64]
 _LIGHT = np.array([-0.62, 0.3, 0.55])
 """Direction towards the light: to the right, towards the eye, upwards."""
+
+_SLACK = 0.3
+"""How far patches are drawn beyond their sides [pixels]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +104,11 @@ def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
     for number, sheet in sheets:
         x, y, z = (np.empty(sheet.points.shape[:2]) for _ in range(3))
         project(sheet.points, camera.frame, camera.pixel, camera.columns, camera.rows, x, y, z)
-        draw_sheet(x, y, z, sheet.normals, number, out.depth, out.normal, out.number)
+        buffers = (number, out.depth, out.normal, out.number)
+        if sheet.corners is None:
+            draw_sheet(x, y, z, sheet.normals, *buffers)
+        else:
+            draw_patches(x, y, z, sheet.normals, sheet.corners, _SLACK, *buffers)
     return out
 
 

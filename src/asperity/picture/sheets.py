@@ -1,4 +1,4 @@
-"""Displaced surfaces as sheets: grids of points with normals, fine near what is looked at.
+"""Displaced simple geoms as sheets: grids of points with normals, fine near what is looked at.
 
 A sheet follows `p = base + t w`: base point, height of the texture there, unit normal of the base.
 """
@@ -7,33 +7,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body, Geom
+from asperity.picture.mesh_sheets import mesh_sheets
 from asperity.picture.raster import displace
+from asperity.picture.view import Sheet, View, coarsened
+from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
-
-
-class Sheet(NamedTuple):
-    """A grid of points (a, b, 3) [m] with unit normals (a, b, 3), in world axes."""
-
-    points: Array
-    normals: Array
-
-
-class View(NamedTuple):
-    """What is looked at: a ball."""
-
-    centre: Array
-    radius: float
-    """[m]."""
-    samples: int
-    """Points of a sheet across the ball."""
 
 
 def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
@@ -46,8 +31,12 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
         Of the body's frame.
     view : View
     """
+    if body.mesh is not None:
+        yield from mesh_sheets(body, pose, view)
+        return
     rotation = rotation_of(pose[3:])
-    if body.texture is None:
+    field = None if body.texture is None else coarsened(body.texture, view.spacing)
+    if field is None:
         view = view._replace(samples=max(view.samples // 3, 60))
     for geom in body.geoms:
         turn = rotation_of(geom.quaternion)
@@ -58,18 +47,19 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
                 continue
             in_body = base @ turn.T + place
             w_body = w @ turn.T
-            height = _heights(body, geom, base, in_body, w_body)
+            height = _heights(body, field, geom, base, in_body, w_body)
             points, normals = np.empty(base.shape), np.empty(base.shape)
             displace(in_body, w_body, height, rotation, pose[:3], points, normals)
             yield Sheet(points, normals)
 
 
-def _heights(body: Body, geom: Geom, base: Array, in_body: Array, w: Array) -> Array:
+def _heights(
+    body: Body, field: HeightField | None, geom: Geom, base: Array, in_body: Array, w: Array
+) -> Array:
     """Return the texture's height [m] at base points given in the geom's and the body's frame."""
-    field = body.texture
-    if field is None:
+    if field is None or body.texture is None:
         return np.zeros(base.shape[:2])
-    shift = np.zeros(2) if field.border == "wrap" else 0.5 * np.asarray(field.size)
+    shift = np.zeros(2) if field.border == "wrap" else 0.5 * np.asarray(body.texture.size)
 
     def at(u: Array, v: Array) -> Array:
         return np.asarray(

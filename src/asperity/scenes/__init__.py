@@ -9,12 +9,16 @@ from pathlib import Path
 from asperity.errors import AsperityError
 from asperity.scene import Scene, read_scene
 from asperity.scene_texture import with_seed
+from asperity.scenes.file_cad import file_cad
+from asperity.scenes.hammer_blocks import hammer_blocks
 from asperity.scenes.probe_plate import probe_plate
 
 SCENES: dict[str, Callable[[], Scene]] = {
     "probe-plate": lambda: probe_plate("sinusoid"),
     "probe-plate-dots": lambda: probe_plate("jittered_dots"),
     "probe-plate-grating": lambda: probe_plate("grating"),
+    "hammer-blocks": hammer_blocks,
+    "file-cad": file_cad,
 }
 """What makes each built-in scene."""
 
@@ -51,4 +55,4 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
     return scene.changed(bodies=with_seed(scene.document.get("bodies", {}), seed))
 
 
-__all__ = ["SCENES", "load_scene", "probe_plate"]
+__all__ = ["SCENES", "file_cad", "hammer_blocks", "load_scene", "probe_plate"]

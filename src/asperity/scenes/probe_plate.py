@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from asperity.errors import require_between, require_choice
-from asperity.scene import Scene, make_scene
+from asperity.scene import Scene, scene_of
 
 TEXTURES: dict[str, dict[str, Any]] = {
     "sinusoid": {"kind": "sinusoid", "wavelength": 2e-3, "amplitude": 1e-4},
@@ -77,6 +77,6 @@ def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: floa
     }
     ending = {"sinusoid": "", "jittered_dots": "-dots"}.get(str(table.get("kind")))
     kind = table.get("kind", "map")
-    return make_scene(
+    return scene_of(
         xml, document, name="probe-plate" + (f"-{kind}" if ending is None else ending)
     )

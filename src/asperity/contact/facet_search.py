@@ -1,0 +1,260 @@
+"""Depths of one contact between bodies of facets: charts, pairs of charts, patches, searches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import inner_kernel, kernel
+from asperity.contact.chart import FLATTEST, ROWS
+from asperity.contact.deepest import (
+    LOOK_SIZE,
+    LOOKED,
+    PAIR,
+    begin,
+    fill_result,
+    search_looks,
+    walks_on_a,
+)
+from asperity.contact.facet_chart import facet_chart
+from asperity.contact.footprint import facing_pairs, piece
+from asperity.contact.patch import frame_round, geom_charts
+from asperity.contact.regions import bound_by, split_lines
+from asperity.contact.search import quick_bound
+
+
+@inner_kernel
+def _turn_into(frame, body, turn_out, shift_out):
+    """Fill the way from a body's frame into the contact frame."""
+    for i in range(3):
+        shift_out[i] = 0.0
+        for j in range(3):
+            total = 0.0
+            for k in range(3):
+                total += frame[i, k] * body[k, j]
+            turn_out[i, j] = total
+            shift_out[i] += frame[i, j] * body[j, 3]
+
+
+@inner_kernel
+def _slots_of(
+    table, geometry, f, side, frame, body, turn, shift, made, charts, space
+):  # fmt: skip
+    """Return first chart, number of charts, of what a facet stands for, and how many are made.
+
+    Charts are made when they are first asked for. Without room for them there are none.
+    """
+    clock, geom = space.clock[0], table.geom[f]
+    if geom >= 0:
+        if space.geom_slots[2, geom] != clock:
+            if made + 3 > charts.shape[0]:
+                return made, made, made, False
+            after = geom_charts(geometry, geom, frame, body, charts, made)
+            space.geom_slots[0, geom], space.geom_slots[1, geom] = made, after - made
+            space.geom_slots[2, geom] = clock
+            made = after
+        first = space.geom_slots[0, geom]
+        return first, first + space.geom_slots[1, geom], made, True
+    if space.slots[2 + side, f] != clock:
+        if made == charts.shape[0]:
+            return made, made, made, False
+        owner = table.body[f]
+        facet_chart(
+            table, f, turn, shift, geometry.texture[owner], table.mapping[owner],
+            geometry.origin[owner], charts[made],
+        )  # fmt: skip
+        space.slots[side, f], space.slots[2 + side, f] = made, clock
+        made += 1
+    first = space.slots[side, f]
+    return first, first + 1, made, True
+
+
+@inner_kernel
+def _seen(table, facings, i, n, space):
+    """Return whether both facets of a pair are seen along n (B's frame)."""
+    g, f = facings[i, 1], facings[i, 0]
+    along_a = along_b = 0.0
+    for k in range(3):
+        along_b += table.axes[g, 2, k] * n[k]
+        along_a -= space.footprint.normals[f, k] * n[k]
+    # Exact charts of round geoms decide for themselves.
+    return (along_b >= FLATTEST or table.geom[g] >= 0) and (
+        along_a >= FLATTEST or table.geom[f] >= 0
+    )
+
+
+@inner_kernel
+def pairs_of_charts(
+    textures, table, geometry, count, n, frame, body_a, body_b, work_space, space
+):  # fmt: skip
+    """Make the charts of all facing facets as seen along n, and bound each pair of them.
+
+    Fills `space.looks`; returns how many pairs, the number of charts of A and the stride of the
+    pairs' numbers, and whether there was room for all.
+
+    Parameters
+    ----------
+    count : int
+        How many rows of `space.footprint.facings` there are.
+    n : (3,) array
+        In B's frame.
+    frame : (3, 3) array
+        Rows u, v, n in world axes.
+    body_a, body_b : (3, 4) arrays
+        As seen from the contact's origin.
+    """
+    space.clock[0] += 1
+    stride = work_space.charts_b.shape[0]
+    turn_a, shift_a = space.frames[0, :, :3], space.frames[0, :, 3]
+    turn_b, shift_b = space.frames[1, :, :3], space.frames[1, :, 3]
+    down = space.frames[2, :, :3]
+    for k in range(3):
+        down[0, k], down[1, k], down[2, k] = frame[0, k], frame[1, k], -frame[2, k]
+    _turn_into(down, body_a, turn_a, shift_a)
+    _turn_into(frame, body_b, turn_b, shift_b)
+    made_a = made_b = pairs = 0
+    enough = True
+    facings = space.footprint.facings
+    for i in range(count):
+        if not _seen(table, facings, i, n, space):
+            continue
+        f, g = facings[i, 0], facings[i, 1]
+        first_a, last_a, made_a, fits = _slots_of(
+            table, geometry, f, 0, down, body_a, turn_a, shift_a, made_a, work_space.charts_a, space
+        )
+        enough = enough and fits
+        first_b, last_b, made_b, fits = _slots_of(
+            table, geometry, g, 1, frame, body_b, turn_b, shift_b, made_b, work_space.charts_b,
+            space,
+        )  # fmt: skip
+        enough = enough and fits
+        shared = table.geom[f] >= 0 or table.geom[g] >= 0
+        for a in range(first_a, last_a):
+            for b in range(first_b, last_b):
+                number = a * stride + b
+                known = False
+                if shared:
+                    for j in range(pairs):
+                        known = known or space.looks[j, PAIR] == number
+                if known:
+                    continue
+                cx, cy = work_space.charts_a[a], work_space.charts_b[b]
+                if not walks_on_a(cx, cy):
+                    cx, cy = cy, cx
+                bound = quick_bound(textures, cx, cy)
+                if bound > -math.inf:
+                    if pairs == space.looks.shape[0]:
+                        enough = False
+                        continue
+                    space.looks[pairs, 0], space.looks[pairs, LOOKED] = bound, 0.0
+                    space.looks[pairs, PAIR] = number
+                    pairs += 1
+    return pairs, made_a, stride, enough
+
+
+@inner_kernel
+def patch_depths(
+    textures, sums, pairs, made_a, stride, u, v, n, frame, body_b, radius, guess, tolerance,
+    max_nodes, work_space, space, results_out,
+):  # fmt: skip
+    """Search the patches of one direction; fill a row of `results_out` for each.
+
+    Returns how many patches there are: 1, 2 or 4.
+
+    Parameters
+    ----------
+    u, v : (3,) arrays
+        Axes of the tangent plane in B's frame;
+    n : (3,) array
+        the normal in world axes.
+    guess : (4, 3) array
+        Last deepest places in B's frame, nan if unknown.
+    """
+    charts, lines = work_space.charts_a, space.lines
+    first, second = split_lines(sums, u, v, radius, lines)
+    ways_1, ways_2 = (2 if first else 1), (2 if second else 1)
+    off_u = off_v = 0.0
+    for k in range(3):
+        off_u += frame[0, k] * body_b[k, 3]
+        off_v += frame[1, k] * body_b[k, 3]
+    looks = work_space.looks
+    for which in range(ways_1 * ways_2):
+        signs = (1.0 - 2.0 * (which % ways_1), 1.0 - 2.0 * (which // ways_1))
+        added = 0
+        for k in range(2):
+            if (k == 0 and first) or (k == 1 and second):
+                l_u, l_v = signs[k] * lines[k, 0], signs[k] * lines[k, 1]
+                l_0 = signs[k] * lines[k, 2] - l_u * off_u - l_v * off_v
+                for a in range(made_a):
+                    bound_by(charts[a], int(charts[a, ROWS]), l_u, l_v, l_0, radius)
+                added += 1
+        kept = 0
+        for i in range(pairs):
+            bound = space.looks[i, 0]
+            if added > 0:
+                pair = int(space.looks[i, PAIR])
+                cx, cy = charts[pair // stride], work_space.charts_b[pair % stride]
+                if not walks_on_a(cx, cy):
+                    cx, cy = cy, cx
+                bound = quick_bound(textures, cx, cy)
+            if bound > -math.inf:
+                for k in range(LOOK_SIZE):
+                    looks[kept, k] = space.looks[i, k]
+                looks[kept, 0] = bound
+                kept += 1
+        gu, gv = off_u, off_v
+        for k in range(3):
+            gu += u[k] * guess[which, k]
+            gv += v[k] * guess[which, k]
+        begin(work_space, max_nodes / (ways_1 * ways_2))
+        out = results_out[which]
+        search_looks(textures, stride, kept, gu, gv, tolerance, work_space)
+        fill_result(textures, stride, n, tolerance, work_space, out)
+        for a in range(made_a):
+            charts[a, ROWS] -= added
+    return ways_1 * ways_2
+
+
+@kernel
+def facets_along(
+    textures, table, geometry, body_a, body_b, n, highest, tolerance, max_nodes, work_space, space,
+    result_out,
+):  # fmt: skip
+    """Fill `result_out` (14,) with the depth of body 0 in body 1 along `n`, as `depth_along` does.
+
+    Facets count whose smooth overlap is less than `highest` [m]. Returns whether there was room
+    for all of them.
+    """
+    foot, frame = space.footprint, work_space.frame
+    turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
+    for i in range(3):
+        shift[i] = 0.0
+        for j in range(3):
+            shift[i] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
+            turn[i, j] = 0.0
+            for k in range(3):
+                turn[i, j] += body_b[k, i] * body_a[k, j]
+    count = facing_pairs(table, 0, 1, turn, shift, highest, foot)
+    kept = 0
+    for i in range(count):
+        f, g = foot.facings[i, 0], foot.facings[i, 1]
+        if piece(table, f, g, highest, highest, foot)[1] >= 0:
+            foot.facings[kept, 0], foot.facings[kept, 1] = f, g
+            kept += 1
+    local = space.frames[4, 0, :3]
+    for i in range(3):
+        local[i] = 0.0
+        for k in range(3):
+            local[i] += body_b[k, i] * n[k]
+    frame_round(n, frame)
+    pairs, _, stride, enough = pairs_of_charts(
+        textures, table, geometry, kept, local, frame, body_a, body_b, work_space, space
+    )
+    for i in range(pairs):
+        for k in range(LOOK_SIZE):
+            work_space.looks[i, k] = space.looks[i, k]
+    begin(work_space, max_nodes)
+    search_looks(textures, stride, pairs, np.nan, np.nan, tolerance, work_space)
+    fill_result(textures, stride, n, tolerance, work_space, result_out)
+    return enough and foot.clock[1] == 0

@@ -1,0 +1,312 @@
+"""The footprint of a contact: what of two smooth bodies overlaps, summed over facing facets.
+
+A facet of A that faces a facet of B is projected onto B's along B's normal and clipped to where
+the two overlap by more than `-reach` (nearer than the textures reach) and less than the deepest
+overlap that a contact may have. The sums over all such pieces do not depend on how the bodies
+were cut into facets, and change continuously with the pose: everything about a contact that is
+not its depth comes from them.
+
+The pieces are summed for up to six directions of B's frame, into which a facet's normal counts
+by `FacetTable.shares`: opposite walls of a hole are contacts of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.compiled import lean_kernel
+from asperity.contact.chart import FLATTEST
+from asperity.contact.facet_table import BINS, FacetTable
+
+MAX_FACINGS = 8192
+_STACK = 512
+_CORNERS = 24
+
+# Sums of one direction; one row of numbers.
+AREA, MASS, MEAN, SPREAD, NORMAL = 0, 1, 2, 5, 11  # weighted by how deep, (1, 1, 3, 6, 3)
+EDGE_A, EDGE_B = 14, 17  # outward normals of the border, times its length: A's edges, and B's
+DEEPEST = 20  # smooth overlap [m]
+SUMS_SIZE = 21
+
+# Codes of a piece's sides.
+_CUT, _OF_A, _OF_B = 0.0, 1.0, 2.0
+
+
+class FootprintSpace(NamedTuple):
+    """What the footprint writes to, allocated once."""
+
+    facings: NDArray[np.int64]
+    """Pairs of facets that face each other: of A, of B; (n, 2)."""
+    stack: NDArray[np.int64]
+    turned: NDArray[np.float64]
+    """Corners of A's facets in B's frame, (facets, 8, 3)."""
+    normals: NDArray[np.float64]
+    """Normals of A's facets in B's frame, (facets, 3)."""
+    stamp: NDArray[np.int64]
+    """When a facet was turned, (facets,)."""
+    clock: NDArray[np.int64]
+    """Counts the poses; and how often there was no room for all pairs at this one. (2,)"""
+    polygon: NDArray[np.float64]
+    sums: NDArray[np.float64]
+    """(6, 21)"""
+    limit: NDArray[np.float64]
+    """Deepest overlap of each direction [m], (6,)."""
+
+
+def footprint_space(facets: int) -> FootprintSpace:
+    """Return room for the footprints of bodies with so many facets in all."""
+    return FootprintSpace(
+        np.zeros((MAX_FACINGS, 2), np.int64),
+        np.zeros((_STACK, 2), np.int64),
+        np.zeros((facets, 8, 3)),
+        np.zeros((facets, 3)),
+        np.zeros(facets, np.int64),
+        np.zeros(2, np.int64),
+        np.zeros((2, _CORNERS, 4)),
+        np.zeros((BINS, SUMS_SIZE)),
+        np.zeros(BINS),
+    )
+
+
+@lean_kernel
+def _turn_facet(table: FacetTable, f, turn, shift, space):
+    """Note a facet of A in B's frame, once for a pose."""
+    if space.stamp[f] == space.clock[0]:
+        return
+    space.stamp[f] = space.clock[0]
+    for i in range(3):
+        total = 0.0
+        for k in range(3):
+            total += turn[i, k] * table.axes[f, 2, k]
+        space.normals[f, i] = total
+        for c in range(table.sides[f]):
+            place = shift[i]
+            for k in range(3):
+                place += turn[i, k] * table.points[f, c, k]
+            space.turned[f, c, i] = place
+
+
+@lean_kernel
+def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
+    """Fill `space.facings` with facets of bodies a and b that are near and face each other.
+
+    Parameters
+    ----------
+    a, b : int
+        Numbers of the bodies.
+    turn, shift : (3, 3), (3,) arrays
+        From A's frame to B's.
+    margin : float
+        How near [m].
+
+    Returns
+    -------
+    int
+        How many. Those that there is no room for are left out, and counted in `space.clock[1]`.
+    """
+    space.clock[0] += 1
+    space.clock[1] = 0
+    stack = space.stack
+    stack[0, 0], stack[0, 1] = table.root[a], table.root[b]
+    top, count = 1, np.int64(0)
+    while top > 0:
+        top -= 1
+        i, j = stack[top, 0], stack[top, 1]
+        apart = False
+        size_a = size_b = 0.0
+        for k in range(3):
+            middle, half = shift[k], 0.0
+            for m in range(3):
+                middle += turn[k, m] * 0.5 * (table.low[i, m] + table.high[i, m])
+                half += abs(turn[k, m]) * 0.5 * (table.high[i, m] - table.low[i, m])
+            low, high = table.low[j, k], table.high[j, k]
+            apart = apart or middle + half + margin < low or middle - half - margin > high
+            size_a, size_b = max(size_a, half), max(size_b, 0.5 * (high - low))
+        if apart:
+            continue
+        split_a = table.child[i] >= 0 and (size_a >= size_b or table.child[j] < 0)
+        if split_a or table.child[j] >= 0:
+            if top + 2 > _STACK:
+                space.clock[1] += 1
+                continue
+            for c in range(2):
+                stack[top, 0] = table.child[i] + c if split_a else i
+                stack[top, 1] = j if split_a else table.child[j] + c
+                top += 1
+            continue
+        for f in range(table.first[i], table.last[i]):
+            _turn_facet(table, f, turn, shift, space)
+            n = space.normals[f]
+            for g in range(table.first[j], table.last[j]):
+                other = table.axes[g, 2]
+                if n[0] * other[0] + n[1] * other[1] + n[2] * other[2] > -FLATTEST:
+                    continue
+                if count == MAX_FACINGS:
+                    space.clock[1] += 1
+                    continue
+                space.facings[count, 0], space.facings[count, 1] = f, g
+                count += 1
+    return count
+
+
+@lean_kernel
+def _clip(polygon, source, count, k0, k1, k2, k3, code):
+    """Cut a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`; return how many corners are left.
+
+    Rows of `polygon[source]` are x, y, d and the code of the side to the next corner; the result
+    is in `polygon[1 - source]`.
+    """
+    p, q = polygon[source], polygon[1 - source]
+    kept = 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        here = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
+        there = k0 + k1 * p[j, 0] + k2 * p[j, 1] + k3 * p[j, 2]
+        if here <= 0.0:
+            for k in range(4):
+                q[kept, k] = p[i, k]
+            kept += 1
+        if (here <= 0.0) != (there <= 0.0):
+            t = here / (here - there)
+            for k in range(3):
+                q[kept, k] = p[i, k] + t * (p[j, k] - p[i, k])
+            # Leaving, the cut begins here; entering, the old side goes on.
+            q[kept, 3] = code if here <= 0.0 else p[i, 3]
+            kept += 1
+    return kept
+
+
+@lean_kernel
+def piece(table: FacetTable, f, g, reach, near, space):
+    """Project facet f of A onto facet g of B and clip it to their overlap.
+
+    Returns which half of `space.polygon` it is in, and how many corners it has; the overlap d
+    is above `-reach` in all of them. There are -1 corners if the two are farther apart than
+    `near`, sideways or along g's normal.
+    """
+    polygon = space.polygon
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    count = table.sides[f]
+    for c in range(count):
+        # Seen from B's side A's facet runs round the other way.
+        p = space.turned[f, count - 1 - c]
+        d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+        polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
+        polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
+        polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
+        polygon[0, c, 3] = _OF_A
+    for k in range(3):
+        low, high = polygon[0, 0, k], polygon[0, 0, k]
+        for c in range(1, count):
+            low, high = min(low, polygon[0, c, k]), max(high, polygon[0, c, k])
+        half = (table.half[g, k] if k < 2 else 0.0) + near
+        if low > half or high < -(half if k < 2 else reach):
+            return np.int64(0), np.int64(-1)
+    here = np.int64(0)
+    count = _clip(polygon, here, count, -reach, 0.0, 0.0, -1.0, _CUT)
+    here = np.int64(1)
+    rows = table.count_rows[g]
+    for i in range(rows if rows > 0 else 4):
+        if count == 0:
+            return here, count
+        if rows > 0:
+            k0, k1, k2 = table.rows[g, i, 0], table.rows[g, i, 1], table.rows[g, i, 2]
+        else:
+            sign = 1.0 if i & 1 else -1.0
+            k0 = -table.half[g, i >> 1]
+            k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
+        count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
+        here = 1 - here
+    return here, count
+
+
+@lean_kernel
+def _mix(f0, f1, f2, g0, g1, g2, h0, h1, h2):
+    """Return 60 / area times the integral of a product of three linear functions of a triangle.
+
+    They are given by their values in its corners.
+    """
+    sf, sg, sh = f0 + f1 + f2, g0 + g1 + g2, h0 + h1 + h2
+    fg, fh = f0 * g0 + f1 * g1 + f2 * g2, f0 * h0 + f1 * h1 + f2 * h2
+    gh = g0 * h0 + g1 * h1 + g2 * h2
+    fgh = f0 * g0 * h0 + f1 * g1 * h1 + f2 * g2 * h2
+    return sf * sg * sh + sf * gh + sg * fh + sh * fg + 2.0 * fgh
+
+
+@lean_kernel
+def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
+    """Add a piece on facet g of B to the sums of one direction, counting `share` of it.
+
+    Weights are `d + reach`: places count by how deep they are.
+    """
+    p = space.polygon[here]
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    area = mass = m_x = m_y = m_xx = m_xy = m_yy = 0.0
+    x0, y0, g0 = p[0, 0], p[0, 1], p[0, 2] + reach
+    for i in range(1, count - 1):
+        x1, y1, g1 = p[i, 0], p[i, 1], p[i, 2] + reach
+        x2, y2, g2 = p[i + 1, 0], p[i + 1, 1], p[i + 1, 2] + reach
+        size = 0.5 * ((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0))
+        part = size / 60.0
+        area += size
+        mass += size * (g0 + g1 + g2) / 3.0
+        m_x += part * _mix(g0, g1, g2, x0, x1, x2, 1.0, 1.0, 1.0)
+        m_y += part * _mix(g0, g1, g2, y0, y1, y2, 1.0, 1.0, 1.0)
+        m_xx += part * _mix(g0, g1, g2, x0, x1, x2, x0, x1, x2)
+        m_xy += part * _mix(g0, g1, g2, x0, x1, x2, y0, y1, y2)
+        m_yy += part * _mix(g0, g1, g2, y0, y1, y2, y0, y1, y2)
+    sums[AREA] += share * area
+    sums[MASS] += share * mass
+    at = SPREAD
+    for i in range(3):
+        sums[MEAN + i] += share * (mass * o[i] + m_x * x[i] + m_y * y[i])
+        sums[NORMAL + i] += share * mass * z[i]
+        for k in range(i, 3):
+            total = mass * o[i] * o[k] + m_xx * x[i] * x[k] + m_yy * y[i] * y[k]
+            total += m_x * (o[i] * x[k] + x[i] * o[k]) + m_y * (o[i] * y[k] + y[i] * o[k])
+            sums[at] += share * (total + m_xy * (x[i] * y[k] + y[i] * x[k]))
+            at += 1
+    for i in range(count):
+        if p[i, 3] == _CUT:
+            continue
+        j = i + 1 if i + 1 < count else 0
+        out_x, out_y = p[j, 1] - p[i, 1], p[i, 0] - p[j, 0]
+        start = EDGE_A if p[i, 3] == _OF_A else EDGE_B
+        for k in range(3):
+            sums[start + k] += share * (out_x * x[k] + out_y * y[k])
+
+
+@lean_kernel
+def deepest_of(space, here, count):
+    """Return the largest overlap of a piece [m]."""
+    most = -np.inf
+    for i in range(count):
+        most = max(most, space.polygon[here, i, 2])
+    return most
+
+
+@lean_kernel
+def cut_deep(space, here, count, most):
+    """Clip a piece to overlaps of at most `most`; return where it is, and its corners."""
+    count = _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
+    return 1 - here, count
+
+
+@lean_kernel
+def sliver(sums):
+    """Return how thick the footprint is between an edge of A and the edge of B that it leaves.
+
+    Along a border that closes round a body's whole face outward normals cancel. What is left of
+    A's edges and of B's, where the two oppose each other, is the width of a sliver that is about
+    to slide off; its area over that width is its thickness [m], infinite if there is none.
+    """
+    opposed = 0.0
+    for k in range(3):
+        opposed -= sums[EDGE_A + k] * sums[EDGE_B + k]
+    if opposed <= 0.0 or sums[AREA] <= 0.0:
+        return np.inf
+    return sums[AREA] / math.sqrt(opposed)

@@ -1,0 +1,58 @@
+"""What contact between meshes is handed from tick to tick, and the room that it works in."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact.facet_space import WINDOWS
+from asperity.contact.facet_table import BINS
+
+
+class FacetMemory(NamedTuple):
+    """What is remembered of each body of the scene and each direction; see `touch`."""
+
+    known: NDArray[np.int64]
+    """Whether the body was met at the last pose, (bodies,)."""
+    active: NDArray[np.int64]
+    """Whether there was contact, (bodies, 6)."""
+    depth: NDArray[np.float64]
+    """Of the textured surfaces [m]: -inf where nothing overlapped, inf where it was too deep to
+    be a contact; (bodies, 6)."""
+    low: NDArray[np.float64]
+    """Largest overlap of the smooth bodies [m], (bodies, 6)."""
+    guess: NDArray[np.float64]
+    """Deepest place of each patch in the body's frame, nan if unknown; (bodies, 6, 4, 3)."""
+    pose: NDArray[np.float64]
+    """The tool's last rotation and position, (3, 4);"""
+    at: NDArray[np.int64]
+    """and whether there was one, (1,)."""
+    bristle: NDArray[np.float64]
+    """Deflection of each patch's bristle in the body's frame [m], (bodies, 6, 4, 3)."""
+
+
+def facet_memory(bodies: int) -> FacetMemory:
+    """Return a memory of nothing."""
+    return FacetMemory(
+        known=np.zeros(bodies, np.int64),
+        active=np.zeros((bodies, BINS), np.int64),
+        depth=np.full((bodies, BINS), -np.inf),
+        low=np.full((bodies, BINS), -np.inf),
+        guess=np.full((bodies, BINS, WINDOWS, 3), np.nan),
+        pose=np.zeros((3, 4)),
+        at=np.zeros(1, np.int64),
+        bristle=np.zeros((bodies, BINS, WINDOWS, 3)),
+    )
+
+
+def forget(memory: FacetMemory) -> None:
+    """Make a memory one of nothing."""
+    memory.known[:] = 0
+    memory.at[:] = 0
+    memory.active[:] = 0
+    memory.depth[:] = -np.inf
+    memory.low[:] = -np.inf
+    memory.guess[:] = np.nan
+    memory.bristle[:] = 0.0

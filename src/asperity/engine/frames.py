@@ -1,0 +1,67 @@
+"""Directions and poses in small arrays, for the kernels of a tick."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity.compiled import clear, inner_kernel
+
+
+@inner_kernel
+def rotation(pose, out):
+    """Fill the rotation (3, 3) of a pose (7,)."""
+    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
+    out[0, 0], out[0, 1], out[0, 2] = (
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+    )  # fmt: skip
+    out[1, 0], out[1, 1], out[1, 2] = (
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+    )  # fmt: skip
+    out[2, 0], out[2, 1], out[2, 2] = (
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    )  # fmt: skip
+
+
+@inner_kernel
+def into(body, v, out):
+    """Fill a direction (3,) of world axes in a body's frame."""
+    for i in range(3):
+        out[i] = body[0, i] * v[0] + body[1, i] * v[1] + body[2, i] * v[2]
+
+
+@inner_kernel
+def out_of(body, v, out):
+    """Fill a direction (3,) of a body's frame in world axes."""
+    for i in range(3):
+        out[i] = body[i, 0] * v[0] + body[i, 1] * v[1] + body[i, 2] * v[2]
+
+
+@inner_kernel
+def tolerance_for(textures, geometry, a, b, wanted):
+    """Return the gap that counts as certified: a thousandth of the finer texture's rms height."""
+    if wanted > 0.0:
+        return wanted
+    rms = np.inf
+    for body in (a, b):
+        if geometry.texture[body] >= 0:
+            rms = min(rms, textures.scales[geometry.texture[body], 5])
+    return max(1e-9, 1e-3 * rms) if rms < np.inf else 1e-9
+
+
+@inner_kernel
+def slid(known, last, body_a, point, origin, moved_out):
+    """Fill how far the tool's material at `point` has moved since the last tick.
+
+    `last` (3, 4) is the tool's last pose, if `known`; `point` is seen from `origin`.
+    """
+    if not known:
+        clear(moved_out)
+        return
+    for i in range(3):
+        moved_out[i] = point[i] + origin[i] - last[i, 3]
+    for k in range(3):
+        local = 0.0
+        for i in range(3):
+            local += body_a[i, k] * (point[i] + origin[i] - body_a[i, 3])
+        for i in range(3):
+            moved_out[i] -= last[i, k] * local

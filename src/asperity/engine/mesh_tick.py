@@ -1,0 +1,140 @@
+"""One tick of contact where a mesh is involved, compiled: see `touch`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import kernel
+from asperity.contact.deepest import (
+    COUNT_NODES,
+    COUNT_TIES,
+    DEPTH,
+    GAP,
+    M_X,
+    MOMENT,
+    POINT_X,
+    STATUS,
+)
+from asperity.engine.frames import into, out_of, rotation, slid, tolerance_for
+from asperity.engine.touch import moved_since, remember, touch
+from asperity.forces.laws import bristle_force
+
+NO_ROOM = 2
+
+
+@kernel
+def mesh_tick(
+    textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
+    pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
+):  # fmt: skip
+    """Add contacts and wrench (6,) of the tool with the bodies that `by_facets` marks."""
+    body_a = poses[tool]
+    rotation(pose, body_a)
+    vectors = work_space.vectors
+    origin = vectors[3]
+    for i in range(3):
+        body_a[i, 3] = pose[i]
+    for i in range(3):
+        origin[i] = pose[i]
+        for k in range(3):
+            origin[i] += body_a[i, k] * centre[k]
+    near_a, near_b = work_space.near[0], work_space.near[1]
+    for i in range(3):
+        for j in range(3):
+            near_a[i, j] = body_a[i, j]
+        near_a[i, 3] = body_a[i, 3] - origin[i]
+    root, size = table.root[tool], 0.0
+    for k in range(3):
+        size += max(abs(table.low[root, k]), abs(table.high[root, k])) ** 2
+    known = memory.at[0] == 1
+    moved = moved_since(memory.pose, body_a, math.sqrt(size)) if known else 0.0
+    rows = space.rows
+    rows.count[0], rows.count[1] = 0, 0
+    for b in range(by_facets.size):
+        if by_facets[b] == 0 or b == tool:
+            continue
+        pressed = -np.inf
+        for c in range(met):
+            g, h = number[geoms[c, 0]], number[geoms[c, 1]]
+            if g < 0 or h < 0:
+                continue
+            one, two = geometry.body[g], geometry.body[h]
+            if (one == tool and two == b) or (one == b and two == tool):
+                pressed = max(pressed, -distances[c])
+        if pressed == -np.inf:
+            if dt > 0.0:
+                memory.known[b] = 0
+                for d in range(memory.active.shape[1]):
+                    memory.active[b, d] = 0
+            continue
+        for i in range(3):
+            for j in range(3):
+                near_b[i, j] = poses[b, i, j]
+            near_b[i, 3] = poses[b, i, 3] - origin[i]
+        tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
+        touch(
+            textures, table, geometry, tool, b, near_a, near_b, pressed, moved,
+            parameters.patch_radius, parameters.edge_fade, tolerance, parameters.max_nodes, memory,
+            space, work_space,
+        )  # fmt: skip
+        if dt > 0.0:
+            remember(memory, space, b)
+    force, point, gone, held = vectors[4], vectors[5], vectors[6], vectors[7]
+    across, drag = vectors[8], vectors[9]
+    for p in range(rows.count[0]):
+        out = rows.result[p]
+        b, d, which = rows.where[p, 0], rows.where[p, 1], rows.where[p, 2]
+        bristle = memory.bristle[b, d, which]
+        if rows.weight[p] <= 0.0:
+            if dt > 0.0:
+                for k in range(3):
+                    bristle[k], memory.guess[b, d, which, k] = 0.0, np.nan
+            continue
+        if contacts.count[0] == contacts.body.size:
+            rows.count[1] += 1
+            continue
+        c = contacts.count[0]
+        contacts.count[0] += 1
+        push = parameters.stiffness * rows.weight[p] * out[DEPTH]
+        contacts.body[c], contacts.depth[c], contacts.weight[c] = b, out[DEPTH], rows.weight[p]
+        contacts.gap[c], contacts.status[c] = out[GAP], int(out[STATUS])
+        contacts.nodes[c], contacts.ties[c] = int(out[COUNT_NODES]), int(out[COUNT_TIES])
+        for k in range(3):
+            point[k] = out[POINT_X + k]
+            contacts.normal[c, k] = rows.normal[p, k]
+            contacts.slope_normal[c, k] = out[M_X + k]
+            contacts.point[c, k] = point[k] + origin[k]
+            force[k] = push * out[M_X + k]
+            wrench_io[k] += force[k]
+            wrench_io[3 + k] += push * out[MOMENT + k]
+        body_b = poses[b]
+        if parameters.friction > 0.0:
+            slid(known and dt > 0.0, memory.pose, body_a, point, origin, gone)
+            into(body_b, gone, held)
+            into(body_b, contacts.slope_normal[c], across)
+            most = parameters.friction * math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+            stiffness = parameters.bristle_stiffness * rows.weight[p]
+            before_x, before_y, before_z = bristle[0], bristle[1], bristle[2]
+            bristle_force(bristle, held, across, stiffness, most, drag)
+            if dt == 0.0:
+                bristle[0], bristle[1], bristle[2] = before_x, before_y, before_z
+            out_of(body_b, drag, held)
+            for k in range(3):
+                one, two = (k + 1) % 3, (k + 2) % 3
+                force[k] += held[k]
+                wrench_io[k] += held[k]
+                wrench_io[3 + k] += point[one] * held[two] - point[two] * held[one]
+        for k in range(3):
+            contacts.force[c, k] = force[k]
+            gone[k] = contacts.point[c, k] - body_b[k, 3]
+        if dt > 0.0:
+            into(body_b, gone, memory.guess[b, d, which])
+    if dt > 0.0:
+        memory.at[0] = 1
+        for i in range(3):
+            for j in range(4):
+                memory.pose[i, j] = body_a[i, j]
+    if rows.count[1] > 0 and contacts.count[0] > 0:
+        contacts.status[contacts.count[0] - 1] = NO_ROOM

@@ -1,0 +1,277 @@
+"""Contact where a mesh is involved: footprints, patches, depths, and the stiffness they share.
+
+For each body of the scene that the tool is near, the footprint (`contact.footprint`) is summed for
+six directions of that body's frame. A direction in which there is some has a normal (the mean of
+B's, by how deep it is), and one to four patches (`contact.regions`) whose depths are searched.
+
+A contact has to begin at the surface: a direction comes in only where its depth was about zero at
+the last pose, so that pushing through a thin plate does not meet the far side. It is
+believed while it lasts, however deep it gets.
+
+Stiffness is shared. With delta_p the depths of the patches of a direction, of which there are m,
+and delta their mean, a patch has the weight
+
+    w_p = W s delta / (m sum of s delta over directions),
+
+s the part that a direction has of those with about the same normal, so that a plane that counts
+for two directions counts once; and W a fade from 1 to 0 over the last of a footprint that slides
+off an edge.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import clear, inner_kernel
+from asperity.contact.deepest import DEPTH
+from asperity.contact.facet_search import pairs_of_charts, patch_depths
+from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
+from asperity.contact.facet_table import BINS
+from asperity.contact.footprint import (
+    DEEPEST,
+    MASS,
+    MEAN,
+    NORMAL,
+    add_piece,
+    cut_deep,
+    deepest_of,
+    facing_pairs,
+    piece,
+    sliver,
+)
+from asperity.contact.patch import frame_round
+from asperity.engine.frames import into, out_of
+
+_BIRTH = 1e-3
+"""A contact may begin this deep, and the motion of a tick besides [m]."""
+_NEAR_ZERO = 1e-4
+"""A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
+_BESIDE = 5e-4
+"""How much deeper than a contact may be facets are looked for [m]."""
+_ALIKE = 0.7
+"""Directions whose normals agree to this cosine begin to share their part."""
+
+# Columns of `FacetSpace.directions`.
+_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN = 0, 3, 4, 5, 6, 7, 8
+
+
+@inner_kernel
+def moved_since(memory_pose, body, size):
+    """Return how far a point of the tool has moved at most since the last pose [m]."""
+    turned = away = 0.0
+    for i in range(3):
+        away += (body[i, 3] - memory_pose[i, 3]) ** 2
+        for k in range(3):
+            turned += (body[i, k] - memory_pose[i, k]) ** 2
+    return math.sqrt(away) + math.sqrt(turned) * size
+
+
+@inner_kernel
+def _limits(memory, b, reach, moved, pressed, limit_out):
+    """Fill how deep the smooth bodies may overlap in each direction; return the largest."""
+    most = 0.0
+    for d in range(BINS):
+        if memory.active[b, d] == 1:
+            limit_out[d] = 2.0 * max(memory.low[b, d], 0.0) + reach + _BIRTH + 2.0 * moved
+        elif memory.known[b] == 1:
+            limit_out[d] = reach + _BIRTH + 2.0 * moved
+        else:
+            limit_out[d] = 1.5 * max(pressed, 0.0) + reach + _BIRTH
+        most = max(most, limit_out[d])
+    return most
+
+
+@inner_kernel
+def _sum_footprint(table, count, reach, near, space):
+    """Fill the sums of all directions; keep the pairs of facets that may touch, return how many."""
+    sums, limit = space.sums, space.limit
+    for d in range(BINS):
+        clear(sums[d])
+        sums[d, DEEPEST] = -np.inf
+    kept = 0
+    for i in range(count):
+        f, g = space.facings[i, 0], space.facings[i, 1]
+        here, corners = piece(table, f, g, reach, near, space)
+        if corners < 0:
+            continue
+        space.facings[kept, 0], space.facings[kept, 1] = f, g
+        kept += 1
+        if corners < 3:
+            continue
+        most = deepest_of(space, here, corners)
+        for d in range(BINS):
+            share = table.shares[g, d]
+            if share == 0.0:
+                continue
+            sums[d, DEEPEST] = max(sums[d, DEEPEST], most)
+            if most <= limit[d]:
+                add_piece(table, g, here, corners, reach, share, space, sums[d])
+            else:
+                there, left = cut_deep(space, here, corners, limit[d])
+                if left >= 3:
+                    add_piece(table, g, there, left, reach, share, space, sums[d])
+    return kept
+
+
+@inner_kernel
+def _may_touch(memory, b, d, sums, moved, shallowest):
+    """Return whether a direction is, or may become, a contact."""
+    if sums[MASS] <= 0.0:
+        return False
+    if memory.active[b, d] == 1:
+        return True
+    if memory.known[b] == 0:
+        return sums[DEEPEST] <= 2.0 * max(shallowest, 0.0) + _BIRTH
+    return memory.depth[b, d] <= moved + _NEAR_ZERO
+
+
+@inner_kernel
+def touch(
+    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, radius, fade, tolerance,
+    max_nodes, memory, space, work_space,
+):  # fmt: skip
+    """Add the patches between the tool and body b to `space.rows`, with their weights.
+
+    Parameters
+    ----------
+    near_a, near_b : (3, 4) arrays
+        The bodies as seen from the tool's centre of mass, world axes.
+    pressed : float
+        How deep MuJoCo finds the two [m].
+    moved : float
+        How far the tool has moved since the last pose [m].
+    radius : float
+        How far patches reach over the middle of the footprint [m].
+    fade : float
+        Thickness of a sliver below which its stiffness fades [m].
+    """
+    rows, foot = space.rows, space.footprint
+    turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
+    for i in range(3):
+        shift[i] = 0.0
+        for j in range(3):
+            shift[i] += near_b[j, i] * (near_a[j, 3] - near_b[j, 3])
+            turn[i, j] = 0.0
+            for k in range(3):
+                turn[i, j] += near_b[k, i] * near_a[k, j]
+    reach = 1e-7 + table.slack[tool] + table.slack[b]
+    for body in (tool, b):
+        if geometry.texture[body] >= 0:
+            reach += textures.scales[geometry.texture[body], 2]
+    most = _limits(memory, b, reach, moved, pressed, foot.limit)
+    scan = most + moved + _BESIDE
+    count = facing_pairs(table, tool, b, turn, shift, reach + scan, foot)
+    if foot.clock[1] > 0:
+        rows.count[1] += 1
+    count = _sum_footprint(table, count, reach, reach + scan, foot)
+    shallowest = np.inf
+    for d in range(BINS):
+        if foot.sums[d, MASS] > 0.0:
+            shallowest = min(shallowest, foot.sums[d, DEEPEST])
+    frame = work_space.frame
+    n, u = space.frames[4, 0, :3], space.frames[4, 1, :3]
+    v, world = space.frames[4, 2, :3], space.frames[5, 0, :3]
+    for d in range(BINS):
+        way, sums = space.directions[d], foot.sums[d]
+        way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, rows.count[0]
+        way[_PART], way[_TWIN] = 0.0, d
+        if not _may_touch(memory, b, d, sums, moved, shallowest):
+            continue
+        if rows.count[0] + WINDOWS > MAX_PATCHES:
+            rows.count[1] += 1
+            continue
+        size = math.sqrt(sums[NORMAL] ** 2 + sums[NORMAL + 1] ** 2 + sums[NORMAL + 2] ** 2)
+        for k in range(3):
+            n[k] = sums[NORMAL + k] / size
+            way[_N + k] = n[k]
+        twin = _twin(space, foot.sums, d)
+        if twin >= 0:
+            # The same plane counts for two directions: what is known of the one holds for both.
+            way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
+            continue
+        out_of(near_b, n, world)
+        frame_round(world, frame)
+        into(near_b, frame[0], u)
+        into(near_b, frame[1], v)
+        pairs, made_a, stride, enough = pairs_of_charts(
+            textures, table, geometry, count, n, frame, near_a, near_b, work_space, space
+        )
+        if not enough:
+            rows.count[1] += 1
+        start = rows.count[0]
+        patches = patch_depths(
+            textures, sums, pairs, made_a, stride, u, v, world, frame, near_b, radius,
+            memory.guess[b, d], tolerance, max_nodes, work_space, space, rows.result[start:],
+        )  # fmt: skip
+        total, deepest = 0.0, -np.inf
+        for p in range(patches):
+            depth = rows.result[start + p, DEPTH]
+            total += max(depth, 0.0)
+            deepest = max(deepest, depth)
+            rows.where[start + p, 0], rows.where[start + p, 1] = b, d
+            rows.where[start + p, 2] = p
+            for k in range(3):
+                rows.normal[start + p, k] = world[k]
+        way[_ROWS] = patches
+        way[_DEPTH] = total / patches if total > 0.0 else deepest
+        way[_FADE] = min(sliver(sums) / fade, 1.0) if fade > 0.0 else 1.0
+        rows.count[0] += patches
+    _share(space)
+
+
+@inner_kernel
+def _twin(space, sums, d):
+    """Return an earlier direction whose footprint is the same but for its share, or -1."""
+    for c in range(d):
+        if space.directions[c, _ROWS] == 0.0:
+            continue
+        same = True
+        for k in range(3):
+            same = same and abs(space.directions[c, _N + k] - space.directions[d, _N + k]) < 1e-12
+            one, two = sums[c, MEAN + k] / sums[c, MASS], sums[d, MEAN + k] / sums[d, MASS]
+            same = same and abs(one - two) < 1e-12
+        if same:
+            return c
+    return -1
+
+
+@inner_kernel
+def _share(space):
+    """Fill the weights of a body's patches, and what is remembered of its directions."""
+    rows, sums = space.rows, space.footprint.sums
+    total = 0.0
+    for d in range(BINS):
+        way = space.directions[d]
+        if way[_DEPTH] <= 0.0:
+            continue
+        alike = 0.0
+        for c in range(BINS):
+            other = space.directions[c]
+            if other[_DEPTH] > 0.0:
+                along = way[0] * other[0] + way[1] * other[1] + way[2] * other[2]
+                alike += sums[c, MASS] * max((along - _ALIKE) / (1.0 - _ALIKE), 0.0)
+        part = way[_DEPTH] * sums[d, MASS] / alike
+        space.directions[int(way[_TWIN]), _PART] += part
+        total += part
+    for d in range(BINS):
+        way = space.directions[d]
+        first, patches = int(way[_FIRST]), int(way[_ROWS])
+        for p in range(first, first + patches):
+            live = rows.result[p, DEPTH] > 0.0
+            rows.weight[p] = way[_FADE] * way[_PART] / (total * patches) if live else 0.0
+
+
+@inner_kernel
+def remember(memory, space, b):
+    """Note what the next pose has to know of body b."""
+    sums = space.footprint.sums
+    memory.known[b] = 1
+    for d in range(BINS):
+        way = space.directions[d]
+        searched = way[_DEPTH] > -np.inf
+        memory.low[b, d] = sums[d, DEEPEST]
+        buried = not searched and sums[d, DEEPEST] > 0.0
+        memory.depth[b, d] = np.inf if buried else way[_DEPTH]
+        memory.active[b, d] = 1 if way[_DEPTH] > 0.0 else 0

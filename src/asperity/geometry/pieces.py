@@ -1,0 +1,280 @@
+"""Convex pieces of a mesh, where MuJoCo looks for contacts.
+
+MuJoCo collides a mesh as its convex hull, which would fill every hole. So a concave mesh is cut
+into convex pieces by CoACD (Wei et al., ACM Trans. Graph. 41, 42 (2022)), once: the pieces are kept
+on disk. They only say where the body may touch; its surface remains the mesh's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import tempfile
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, KDTree, QhullError
+
+from asperity import compiled
+from asperity.errors import AsperityError, require_between
+from asperity.geometry.mesh import Array, Mesh
+from asperity.geometry.mesh_checks import SAME_PLACE, refuse, same_places
+from asperity.geometry.mesh_topology import Edges, edges_of
+
+_CONVEX = 1e-6
+_HAIR = 1e-4
+_MAX_CORNERS = 2000
+"""Of a solid that has more, these many of its corners are kept: what MuJoCo can use."""
+_CHUNK = 4_000_000
+# CoACD's defaults took 106 s and made 92 pieces of one CAD part; these 11 to 16 s and 8 to 16.
+_SETTINGS: dict[str, Any] = {"max_convex_hull": 16, "mcts_iterations": 50, "seed": 0}
+
+
+def convex_pieces(
+    mesh: Mesh, *, threshold: float = 0.1, cache_folder: str | os.PathLike[str] | None = None
+) -> tuple[Array, ...]:
+    """Return the convex solids that a mesh is made of, or nearly.
+
+    A closed convex mesh is its own hull. Any other is cut up by CoACD, in up to 16 pieces; that
+    takes seconds, so the result is kept on disk, by the mesh and the settings. A sheet gets a
+    thickness of 1e-4 of its size, because MuJoCo refuses solids without volume.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    threshold : float
+        How concave a piece may stay, 0.01 (many pieces) to 1 (few), CoACD's measure: about the
+        distance between the piece and its hull in parts of the mesh's size.
+    cache_folder : str or path, optional
+        Where results are kept; `asperity/convex-pieces` in the user's cache folder otherwise.
+
+    Returns
+    -------
+    tuple of (k, 3) arrays
+        The corners of each solid [m], in the mesh's frame: 4 to 2000, not coplanar. A convex
+        mesh with more corners keeps 2000 of them, spread over all directions.
+
+    Raises
+    ------
+    AsperityError
+        CoACD not installed (`pip install asperity[bake]`), or unable to cut the mesh. One line.
+    """
+    require_between("threshold", threshold, 0.01, 1.0)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    points, faces = _welded(mesh, size)
+    edges = edges_of(faces)
+    if _is_convex(points, faces, edges, size):
+        return (_solid(points, size),)
+    closed = bool((edges.count == 2).all())
+    settings = _SETTINGS | {
+        "threshold": float(threshold),
+        "preprocess_mode": "off" if closed else "auto",
+    }
+    file = _cache_file(points, faces, settings, cache_folder)
+    pieces = _read(file)
+    if pieces is None:
+        pieces = _cut(mesh.name, points, faces, settings)
+        _write(file, pieces)
+    return tuple(_solid(piece, size) for piece in pieces)
+
+
+def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
+    """Return how far the mesh reaches out of all the pieces [m], at most: 0 if nowhere.
+
+    Looked at are the vertices of the mesh, and the middles of its triangles and their sides. The
+    distance is that to the nearest piece; as a margin of the pieces it makes them hold the mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    pieces : tuple of (k, 3) arrays
+        As of `convex_pieces`.
+    """
+    points = _samples(mesh.vertices, mesh.faces)
+    hulls = [ConvexHull(piece) for piece in pieces]
+    # Outside a corner the distance to the planes is too small: a lower bound.
+    bounds = np.stack([_outside(points, hull) for hull in hulls], axis=1)
+    noise = 1e-12 * np.abs(points).max()
+    out = np.flatnonzero(bounds.min(axis=1) > noise)
+    points, bounds = points[out], bounds[out]
+    nearest = np.full(len(out), np.inf)
+    for rank in np.argsort(bounds, axis=1).T:
+        bound = bounds[np.arange(len(out)), rank]
+        open_still = bound < nearest
+        for k in np.unique(rank[open_still]):
+            which = np.flatnonzero(open_still & (rank == k))
+            found = _distances(points[which], hulls[k].points[hulls[k].simplices])
+            nearest[which] = np.minimum(nearest[which], found)
+    return float(nearest.max(initial=0.0))
+
+
+def _welded(mesh: Mesh, size: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices and faces with each place there once."""
+    places = same_places(mesh.vertices, SAME_PLACE * size)
+    _, first = np.unique(places, return_index=True)
+    return mesh.vertices[first], places[mesh.faces]
+
+
+def _samples(vertices: Array, faces: NDArray[np.int64]) -> Array:
+    """Return the vertices of triangles, the middles of their sides, and their own."""
+    triangles = vertices[faces]
+    sides = 0.5 * (triangles + np.roll(triangles, -1, axis=1))
+    return np.concatenate([vertices, sides.reshape(-1, 3), triangles.mean(axis=1)])
+
+
+def _axes(points: Array) -> Array:
+    """Return the principal axes of points as rows, the thinnest last."""
+    middle = points - points.mean(axis=0)
+    return np.asarray(np.linalg.eigh(middle.T @ middle)[1].T[::-1])
+
+
+def _is_convex(points: Array, faces: NDArray[np.int64], edges: Edges, size: float) -> bool:
+    """Return whether a surface is closed and lies everywhere on its hull, or is a convex sheet."""
+    axes = _axes(points)
+    if np.ptp(points @ axes[2]) < _HAIR * size:
+        return _is_convex_sheet(points @ axes[:2].T, faces)
+    if not (edges.count == 2).all():
+        return False
+    hull = ConvexHull(points)
+    a, b, c = (points[faces] - points.mean(axis=0)).swapaxes(0, 1)
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    if volume < 0.999 * hull.volume:
+        return False
+    return _all_on(_samples(points, faces), hull, _CONVEX * size)
+
+
+def _all_on(points: Array, hull: Any, tolerance: float) -> bool:
+    """Return whether points within a hull all lie on its surface.
+
+    The facet that a point lies on is nearly always one of the nearest; all are tried for the
+    few others, since all facets for all points of a fine mesh would take hours.
+    """
+    middles = hull.points[hull.simplices].mean(axis=1)
+    near = KDTree(middles).query(points, k=min(8, len(middles)))[1].reshape(len(points), -1)
+    planes = hull.equations[near]
+    depth = np.einsum("ijk,ik->ij", planes[:, :, :3], points) + planes[:, :, 3]
+    rest = points[(depth < -tolerance).all(axis=1)]
+    return all(_outside(some, hull).min() >= -tolerance for some in _chunks(rest, 100))
+
+
+def _chunks(points: Array, rows: int) -> Iterator[Array]:
+    return (points[k : k + rows] for k in range(0, len(points), rows))
+
+
+def _is_convex_sheet(flat: Array, faces: NDArray[np.int64]) -> bool:
+    """Return whether triangles in a plane fill the hull of their corners, on one side or two."""
+    a, b, c = flat[faces].swapaxes(0, 1)
+    (x, y), (s, t) = (b - a).T, (c - a).T
+    covered = 0.5 * np.abs(x * t - y * s).sum()
+    try:
+        whole = ConvexHull(flat).volume
+    except QhullError:  # a needle
+        return True
+    return bool(min(abs(covered - whole), abs(covered - 2.0 * whole)) <= _CONVEX * whole)
+
+
+def _outside(points: Array, hull: Any) -> Array:
+    """Return how far points lie above the highest plane of a hull [m]; below 0 inside."""
+    planes = np.unique(hull.equations, axis=0)
+    some = _chunks(points, max(1, _CHUNK // len(planes)))
+    return np.concatenate([(p @ planes[:, :3].T + planes[:, 3]).max(axis=1) for p in some])
+
+
+def _distances(points: Array, triangles: Array) -> Array:
+    """Return the distance of each point to the nearest of some triangles [m]."""
+    from trimesh.triangles import closest_point
+
+    found = []
+    for some in _chunks(points, max(1, 200_000 // len(triangles))):
+        repeated = np.repeat(some, len(triangles), axis=0)
+        near = closest_point(np.tile(triangles, (len(some), 1, 1)), repeated)
+        distance = np.linalg.norm(near - repeated, axis=1)
+        found.append(np.nan_to_num(distance, nan=np.inf).reshape(len(some), -1).min(axis=1))
+    return np.concatenate(found)
+
+
+def _solid(points: Array, size: float) -> Array:
+    """Return the corners of the hull of points, thickened where they have no volume."""
+    hair = _HAIR * size
+    for axis in _axes(points):
+        if np.ptp(points @ axis) < hair:
+            points = np.concatenate([points - 0.5 * hair * axis, points + 0.5 * hair * axis])
+    corners = points[np.sort(ConvexHull(points).vertices)]
+    if len(corners) > _MAX_CORNERS:
+        # Those farthest along directions spread over the sphere (Fibonacci's spiral).
+        up = np.linspace(-1.0, 1.0, _MAX_CORNERS)
+        turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_MAX_CORNERS)
+        level = np.sqrt(1.0 - up**2)
+        directions = np.stack([level * np.cos(turn), level * np.sin(turn), up])
+        corners = corners[np.unique([(corners @ d).argmax() for d in directions.T])]
+    return np.ascontiguousarray(corners)
+
+
+def _cut(
+    name: str, points: Array, faces: NDArray[np.int64], settings: dict[str, Any]
+) -> list[Array]:
+    """Return the pieces that CoACD cuts a mesh into."""
+    try:
+        import coacd
+    except ImportError:
+        raise AsperityError(
+            f"mesh {name!r} is not convex: its convex pieces need coacd, which is not installed; "
+            "valid: pip install asperity[bake]"
+        ) from None
+    coacd.set_log_level("error")
+    pieces = coacd.run_coacd(coacd.Mesh(points, faces.astype(np.int32)), **settings)
+    solids = [np.asarray(corners, dtype=np.float64) for corners, _ in pieces]
+    solids = [corners for corners in solids if len(corners) and np.isfinite(corners).all()]
+    if not solids:
+        refuse(name, "CoACD found no convex pieces in it; valid: a closed surface")
+    return solids
+
+
+def _cache_file(
+    points: Array,
+    faces: NDArray[np.int64],
+    settings: dict[str, Any],
+    folder: str | os.PathLike[str] | None,
+) -> Path:
+    try:
+        tool = version("coacd")
+    except ImportError:
+        tool = "none"
+    digest = hashlib.sha256(f"{tool} {sorted(settings.items())}".encode())
+    digest.update(points.tobytes())
+    digest.update(faces.tobytes())
+    # Beside the compiled kernels' folders, which are named by the sources: pieces outlive edits.
+    root = compiled.cache_folder().parent / "convex-pieces" if folder is None else Path(folder)
+    return root / f"{digest.hexdigest()[:32]}.npz"
+
+
+def _read(file: Path) -> list[Array] | None:
+    """Return the pieces in a file, None if it is not there or damaged."""
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            pieces = [archive[f"arr_{k}"] for k in range(len(archive.files))]
+    except Exception:  # whatever a damaged file makes of it: the pieces are made anew
+        return None
+    good = [p.ndim == 2 and p.shape[1] == 3 and p.dtype == float for p in pieces]
+    return pieces if pieces and all(good) and np.isfinite(np.concatenate(pieces)).all() else None
+
+
+def _write(file: Path, pieces: list[Array]) -> None:
+    """Write pieces so that no other process ever sees half a file."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                np.savez(stream, *pieces)
+            os.replace(temporary, file)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as error:
+        logging.getLogger(__name__).warning("convex pieces are not kept: %s", error)

@@ -1,0 +1,46 @@
+"""Where the corners of a mesh lie on its texture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.bodies import Body
+
+Array = NDArray[np.float64]
+
+
+def places_on_texture(body: Body) -> Array | None:
+    """Return the place on the texture of every corner of a body's mesh [m], (m, 3, 2).
+
+    None without texture, and for triplanar maps, which are no one place.
+    """
+    mesh, texture = body.mesh, body.texture
+    if mesh is None or texture is None or body.mapping == "triplanar":
+        return None
+    offset = np.asarray(body.offset, dtype=np.float64)
+    if body.mapping == "uv":
+        assert mesh.uv is not None
+        return mesh.uv * np.asarray(texture.size) - offset
+    if texture.border == "clamp":
+        offset = offset - 0.5 * np.asarray(texture.size)
+    points = mesh.vertices[mesh.faces]
+    if body.mapping == "planar":
+        return points[:, :, :2] - offset
+    return _round_z(points, mesh.vertices, texture.size[0], texture.border == "wrap") - offset
+
+
+def _round_z(points: Array, vertices: Array, length: float, wraps: bool) -> Array:
+    """Return u round the z axis, at the mean distance from it, and v along it [m].
+
+    Where the texture wraps, u is stretched so that it goes round a whole number of times.
+    """
+    round_by = 2.0 * math.pi * float(np.mean(np.hypot(vertices[:, 0], vertices[:, 1])))
+    if wraps:
+        round_by = max(round(round_by / length), 1) * length
+    angle = np.arctan2(points[:, :, 1], points[:, :, 0])
+    # The corners of a triangle within half a turn of its first.
+    angle -= 2.0 * math.pi * np.round((angle - angle[:, :1]) / (2.0 * math.pi))
+    return np.stack([angle / (2.0 * math.pi) * round_by, points[:, :, 2]], axis=2)

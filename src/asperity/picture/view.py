@@ -1,0 +1,67 @@
+"""What is looked at, and what is drawn of it: sheets and patches of points, no finer than seen."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+
+
+class Sheet(NamedTuple):
+    """Points (a, b, 3) [m] with unit normals (a, b, 3), in world axes.
+
+    Without `corners` they are a grid. With `corners` (n, 3) each row of points is a patch of n
+    triangles, whose corners are these points.
+    """
+
+    points: Array
+    normals: Array
+    corners: NDArray[np.int64] | None = None
+
+
+class View(NamedTuple):
+    """What is looked at: a ball."""
+
+    centre: Array
+    radius: float
+    """[m]."""
+    samples: int
+    """Points of a sheet across the ball."""
+    towards: Array | None = None
+    """Unit vector towards the eye, if what lies before and behind the ball is seen, too."""
+
+    @property
+    def spacing(self) -> float:
+        """From point to point of a sheet [m]."""
+        return 2.0 * self.radius / self.samples
+
+
+def coarsened(field: HeightField, spacing: float) -> HeightField:
+    """Return a field averaged over blocks of about `spacing` [m], or as it is if that is finer.
+
+    Relief finer than a pixel would be seen as patterns that are not there.
+    """
+    sizes = field.pixel_size[::-1]
+    blocks = [
+        _block(n, spacing / size, field.border)
+        for n, size in zip(field.samples.shape, sizes, strict=True)
+    ]
+    if blocks == [1, 1]:
+        return field
+    rows, columns = (n // b for n, b in zip(field.samples.shape, blocks, strict=True))
+    samples = field.samples[: rows * blocks[0], : columns * blocks[1]]
+    samples = samples.reshape(rows, blocks[0], columns, blocks[1]).mean(axis=(1, 3))
+    return HeightField(samples, (blocks[1] * sizes[1], blocks[0] * sizes[0]), field.border)
+
+
+def _block(samples: int, wanted: float, border: str) -> int:
+    """Return how many samples to average: a divisor of all, so that a map still repeats."""
+    largest = min(int(wanted), samples // 4)
+    if border == "clamp":
+        return max(largest, 1)
+    return max((b for b in range(1, largest + 1) if samples % b == 0), default=1)
