@@ -246,6 +246,3 @@ def _merged(old: Table, new: Table) -> dict[str, Any]:
         else:
             out[key] = value
     return out
-
-
-make_scene = scene_of  # TEMPORARY

@@ -148,9 +148,13 @@ def _typed(value: Any, key: str, annotation: str) -> Any:
     elif isinstance(value, str):
         if kinds & {"str", "Path"} or any(k.startswith("Literal") for k in kinds):
             return value
-    elif isinstance(value, list) and sequences and all(type(v) in (int, float) for v in value):
+    elif isinstance(value, list | tuple) and sequences and all(map(_is_number, value)):
         return tuple(float(v) for v in value)
     raise AsperityError(f"{key} must be {_wanted(kinds, sequences)}, got {value!r}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _wanted(kinds: set[str], sequences: bool) -> str:

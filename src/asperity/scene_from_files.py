@@ -35,7 +35,7 @@ _SHARE = 0.6
 """Of the target's top that the tool slides over."""
 _CLEARANCE = 1e-4
 """How far above contact the tool is drawn, beside both textures' reach [m]."""
-_UNITS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
+_COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
 
 Array = NDArray[np.float64]
 File = str | Path | Mapping[str, Any]
@@ -307,7 +307,8 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
         tool_pos=told(place),
         **{
             f"{key}_geoms": mesh_geoms(
-                key, part.mesh, len(part.pieces), density=DENSITY, rgba=_UNITS[key]
+                key, part.mesh, density=[DENSITY] * len(part.pieces),
+                rgba=[_COLOURS[key]] * len(part.pieces),
             )
             for key, part in parts.items()
         },

@@ -95,8 +95,10 @@ def body_mesh(table: Table, key: str, folder: Path | None) -> Mesh | None:
         mesh = _mesh_of_file(table, key, folder)
     elif "kind" in table:
         shape = _shape(table, key)
-        mesh = mesh_from_arrays(
-            shape.vertices, shape.faces, normals=shape.normals, name=table["kind"]
+        arrays = (shape.vertices, shape.faces)
+        mesh = at(
+            key,
+            lambda: mesh_from_arrays(*arrays, normals=shape.normals, name=table["kind"]),
         )
         # Its texture coordinates overlap and leave 0..1 as they were made to: no notes on that.
         mesh = replace(mesh, uv=shape.uv, notes=())
@@ -115,6 +117,14 @@ def body_pieces(table: Table, key: str, mesh: Mesh) -> tuple[NDArray[np.float64]
         return at(key, lambda: convex_pieces(mesh))
     turn, position = _place(table, key) or (np.eye(3), np.zeros(3))
     return tuple(np.asarray(piece) @ turn.T + position for piece in _shape(table, key).pieces)
+
+
+def mesh_and_pieces(table: Table, key: str) -> tuple[Mesh, tuple[NDArray[np.float64], ...]]:
+    """Return the mesh that a table describes, and the vertices of its convex pieces."""
+    mesh = body_mesh(table, key, None)
+    if mesh is None:
+        raise AsperityError(f"{key} is empty; it needs file or kind ({', '.join(MESHES)})")
+    return mesh, body_pieces(table, key, mesh)
 
 
 def _shape(table: Table, key: str) -> Shape:

@@ -180,7 +180,7 @@ def mesh_assets(
 
 
 def mesh_geoms(
-    name: str, mesh: Mesh, pieces: int, *, density: float | Sequence[float], rgba: str
+    name: str, mesh: Mesh, *, density: Sequence[float], rgba: Sequence[str]
 ) -> str:
     """Return the `<geom>` elements of a body whose assets `mesh_assets` wrote.
 
@@ -189,29 +189,26 @@ def mesh_geoms(
     name : str
         Of the body.
     mesh : Mesh
-    pieces : int
-        How many convex pieces there are.
-    density : float or sequence of float
-        Of the whole, or of each piece [kg/m^3]. One density is that of the whole mesh if it is
-        closed and written, else of the pieces.
-    rgba : str
-        Its colour.
+    density : sequence of float
+        Of each piece [kg/m^3]. If all are the same, and the mesh is closed and written, its mass is
+        that of the whole mesh; else of the pieces.
+    rgba : sequence of str
+        Colour of each piece; the whole is seen in that of the first.
     """
     seen = len(mesh.faces) <= MOST_SEEN
-    weighed = seen and isinstance(density, float) and is_closed(mesh)
-    each = [density] * pieces if isinstance(density, float) else density
+    weighed = seen and len(set(density)) == 1 and is_closed(mesh)
     lines = []
     if seen:
-        mass = f'density="{density:.9g}"' if weighed else 'mass="0"'
+        mass = f'density="{density[0]:.9g}"' if weighed else 'mass="0"'
         lines.append(
             f'      <geom name="{name}-shape" type="mesh" mesh="{name}-shape" group="2" '
-            f'contype="0" conaffinity="0" {mass} rgba="{rgba}"/>'
+            f'contype="0" conaffinity="0" {mass} rgba="{rgba[0]}"/>'
         )
-    for i, value in enumerate(each, start=1):
+    for i, (value, colour) in enumerate(zip(density, rgba, strict=True), start=1):
         mass = 'mass="0"' if weighed else f'density="{value:.9g}"'
         lines.append(
             f'      <geom name="{name}-{i}" type="mesh" mesh="{name}-{i}" '
-            f'group="{3 if seen else 2}" {mass} rgba="{rgba}"/>'
+            f'group="{3 if seen else 2}" {mass} rgba="{colour}"/>'
         )
     return "\n".join(lines)
 

@@ -112,13 +112,13 @@ def test_a_finer_sphere_is_rounder_to_second_order():
     texture = rough(4, 20e-6, shortest=1e-3)
     exact_body = Body("ball", [Geom("sphere", (radius,))], texture, "triplanar")
     poses = [pose(0, 0, 1.4e-3, turn(axis, 1.0)) for axis in ([1, 0, 0], [1, 2, 3], [-1, 3, 1])]
+    exact = [reference_depth(exact_body, at, solid("plane"), AT_REST, UP, **QUICK) for at in poses]
     for cuts in (2, 3, 4):
         vertices, faces, normals = icosphere(radius, cuts)
         ball = meshed(vertices, faces, texture, "triplanar", normals)
         off = [
-            reference_depth(ball, at, solid("plane"), AT_REST, UP, **QUICK).depth
-            - reference_depth(exact_body, at, solid("plane"), AT_REST, UP, **QUICK).depth
-            for at in poses
+            reference_depth(ball, at, solid("plane"), AT_REST, UP, **QUICK).depth - true.depth
+            for at, true in zip(poses, exact, strict=True)
         ]
         errors.append(math.sqrt(np.mean(np.square(off))))
     orders = np.log2(np.divide(errors[:-1], errors[1:]))

@@ -134,13 +134,11 @@ def search_looks(textures, stride, count, guess_u, guess_v, tolerance, space):
             )  # fmt: skip
             looks[k, 0] = min(looks[k, 0], above)
             continue
+        looks[k, 0] = -np.inf
         search_pair(
             textures, x, y, pair, looks[k, 1], looks[k, 2], above, tolerance, state,
             space.best, space.ties, space.nodes, space.work, space.at,
         )  # fmt: skip
-        count -= 1
-        for i in range(LOOK_SIZE):
-            looks[k, i] = looks[count, i]
 
 
 @inner_kernel

@@ -55,7 +55,7 @@ OVERLAP_SIZE = 22
 MAX_BORDERS = 26
 BORDER_SIZE = 7  # g, g_x, g_y, code, g_xx, g_xy, g_yy
 """Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
-WORK_SHAPE = (112, 24)
+WORK_SHAPE = (136, 24)
 """Room for all that a search notes on the way. Rows: two points, a trial, borders, lines and
 polygons, from these on."""
 TRIAL, BORDERS, LINES, POLYGON = 2, 3, 30, 62
@@ -98,7 +98,7 @@ def over_level(textures, cx, cy, x, y, out):
 def overlap_at(textures, cx, cy, x, y, work, out):
     """Fill `out` (22,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
 
-    The overlap is -inf where one of the two has no such point. `work` (112, 24) is written to.
+    The overlap is -inf where one of the two has no such point. `work` (136, 24) is written to.
     """
     if cx[LEVEL] == 1.0 and cy[TEXTURE] < 0.0:
         over_level(textures, cx, cy, x, y, out)

@@ -8,8 +8,9 @@ parallel to n. The sheets of a body together make an *envelope*, the upper surfa
 surface of A; the largest overlap of the two envelopes is read off, on the lines and along the rims.
 The best places are then looked at again, each in a window eight times finer, several times over.
 
-It is slow (about a second a call) and not certified: a peak that no line of the first grid comes
-near is missed. It is meant for tests.
+It is slow (about a second a call, two or three for meshes) and not certified: a peak that no line
+of the first grid comes near is missed. Where the answer is known exactly, what it finds is within
+1e-9 m of it, far below the 0.05 % of a texture's relief that is wanted. It is meant for tests.
 """
 
 from __future__ import annotations
@@ -77,7 +78,8 @@ def reference_depth(
     """Return how deep A reaches into B along `normal`, by brute force.
 
     `delta = max (h_B - h_A)` over all lines parallel to n on which both bodies have a facet with
-    |w.n| of at least 0.2 (w.n > 0 on B, < 0 on A); w is the normal of a mesh's flat triangle here.
+    |f.n| of at least 0.2 (f.n > 0 on B, < 0 on A). f is the normal of the base: of a geom's
+    surface, or of a mesh's flat triangle, whatever its interpolated normals.
 
     Parameters
     ----------

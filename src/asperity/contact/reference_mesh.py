@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 _PARTS = 4
 """Windows of a mesh are cut until each is this much smaller than the region that is looked at."""
 _CUTS = 120
+_SLIMMEST = 4.0
+"""A triangle longer than this many times its height is a sliver."""
+_HALVINGS = 6
+_MOST_TRIANGLES = 100_000
+
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.intp]
@@ -101,11 +106,11 @@ class MeshSurface:
     def counts(self, face: Faces, ends: Array, spacing: float) -> NDArray[np.intp]:
         """Return how many samples along p and q bring neighbours within `spacing`, (k, 2).
 
-        There are few different counts, so that many windows share one.
+        Counts are rounded up by up to a seventh, so that many windows share one.
         """
         least = np.maximum(_lengths(self.outlines(face, ends)) / spacing, 1.0)
-        power = 2.0 ** np.ceil(np.log2(least))
-        return np.where(0.75 * power >= least, np.ceil(0.75 * power), power).astype(np.intp) + 1
+        unit = np.maximum(2.0 ** np.ceil(np.log2(least)) / 16.0, 1.0)
+        return (np.ceil(least / unit) * unit).astype(np.intp) + 1
 
     def shadow(self) -> Array:
         """Return low and high (u, v) [m] of the shadow of all triangles; inf, -inf for none."""
@@ -168,9 +173,14 @@ def mesh_surface(body: Body, pose: Array, frame: Array, origin: Array, sense: fl
     area = np.linalg.norm(across, axis=-1)
     shown = (area > 0.0) & (sense * (across @ rotation[2]) >= STEEPEST * area)
     laid = _laid(body, body.mesh, corners)
+    parts = [corners, np.asarray(body.mesh.normals, dtype=np.float64)]
+    parts += [] if laid is None else [laid]
+    # All is linear in a triangle (normals until they are made unit length), so it may be cut.
+    triangles = _without_slivers(np.concatenate([part[shown] for part in parts], -1), rotation)
+    kites = np.concatenate([np.roll(triangles, -k, axis=1) for k in range(3)])
     return MeshSurface(
-        body, _kites(corners[shown]), _kites(np.asarray(body.mesh.normals)[shown]),
-        None if laid is None else _kites(laid[shown]), rotation, shift, sense,
+        body, kites[..., :3], kites[..., 3:6], None if laid is None else kites[..., 6:],
+        rotation, shift, sense,
     )  # fmt: skip
 
 
@@ -191,9 +201,28 @@ def _laid(body: Body, mesh: Mesh, corners: Array) -> Array | None:
     return np.stack([radius * angle, corners[..., 2]], axis=-1) - origin_of_map(body)
 
 
-def _kites(of_corners: Array) -> Array:
-    """Return values (m, 3, d) at the corners of triangles for the kites, (3 m, 3, d)."""
-    return np.concatenate([np.roll(of_corners, -k, axis=1) for k in range(3)])
+def _without_slivers(triangles: Array, rotation: Array) -> Array:
+    """Return triangles (m, 3, d), places first, those whose shadow is a sliver cut across.
+
+    A sliver of samples as far apart as wanted along its edges has far too many across.
+    """
+    for _ in range(_HALVINGS):
+        seen = (triangles[..., :3] @ rotation.T)[..., :2]
+        edges = np.roll(seen, -1, axis=1) - seen
+        lengths = np.linalg.norm(edges, axis=-1)
+        area = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+        sliver = lengths.max(axis=1) ** 2 > _SLIMMEST * area
+        if not sliver.any() or len(triangles) > _MOST_TRIANGLES:
+            break
+        k = lengths[sliver].argmax(axis=1)
+        start, end, last = (
+            np.take_along_axis(triangles[sliver], ((k + i) % 3)[:, None, None], axis=1)
+            for i in range(3)
+        )
+        middle = 0.5 * (start + end)
+        halves = [np.hstack([start, middle, last]), np.hstack([middle, end, last])]
+        triangles = np.concatenate([triangles[~sliver], *halves])
+    return triangles
 
 
 def _shares(p: Array, q: Array) -> Array:

@@ -43,8 +43,8 @@ def peaks(a: Envelope, b: Envelope, grid: Grid, most: int, limits: Limits) -> li
             continue
         taken.add(block)
         windows = (
-            windows_near(a, grid, lines[k], owner[k, 0], parameters[k, 0]),
-            windows_near(b, grid, lines[k], owner[k, 1], parameters[k, 1]),
+            windows_near(a, grid, places[k], owner[k, 0], parameters[k, 0]),
+            windows_near(b, grid, places[k], owner[k, 1], parameters[k, 1]),
         )
         sheets = a.windows[owner[k, 0]].sheet, b.windows[owner[k, 1]].sheet
         deepest.append(Candidate(depth[k], places[k], windows, parameters[k], sheets, grid.spacing))

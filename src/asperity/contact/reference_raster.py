@@ -7,14 +7,14 @@ kept, with its parameters: the *envelope*.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.reference_mesh import MeshSheet, MeshSurface
-from asperity.contact.reference_windows import Batch, Window, batches, windows_over
+from asperity.contact.reference_windows import AnySheet, Batch, Window, batches, windows_over
 
 NEAR = 2
 """A window reaches this many and a half pixels to each side of its pixel."""
@@ -57,13 +57,14 @@ class Envelope(NamedTuple):
 
 
 def windows_near(
-    envelope: Envelope, grid: Grid, line: Sequence[int], owner: int, parameters: Array
+    envelope: Envelope, grid: Grid, place: Array, owner: int, parameters: Array
 ) -> list[Window]:
-    """Return the windows that hold all points of an envelope near `line`.
+    """Return the windows that hold all points of an envelope near `place` (u, v) [m].
 
     The point that was found there, `parameters` of window `owner`, may lie on a sliver between
     the lines, of whose sheet the envelope shows nothing else.
     """
+    line = np.rint((place - grid.origin) / grid.spacing).astype(int)
     near = tuple(slice(max(k - NEAR, 0), k + NEAR + 1) for k in line)
     owners = np.append(envelope.owner[near].reshape(-1), owner)
     held = np.vstack([envelope.parameters[near].reshape(-1, 2), parameters])
@@ -72,9 +73,11 @@ def windows_near(
     for index in np.unique(owners[owners >= 0]):
         sheet, mine = envelope.windows[index].sheet, held[owners == index]
         if isinstance(sheet, MeshSheet):
-            # Triangles may be slivers, askew: what is near is asked of places, not of parameters.
-            places = sheet.at(mine[:, 0], mine[:, 1], displaced=False)[:, :2]
-            boxes.setdefault(sheet.surface, []).append(_widened(places, (NEAR + 1) * grid.spacing))
+            # Other triangles are near too. What is near is told by places: how far the texture
+            # moves points aside is known, and changes little in so small a window.
+            aside = _aside(sheet, mine)
+            box = place + _widened(aside, (NEAR + 1.5) * grid.spacing)
+            boxes.setdefault(sheet.surface, []).append(box)
         else:
             ends = _widened(mine, 2.0 * envelope.steps[index])
             found.append(Window(sheet, np.clip(ends, *sheet.ends)))
@@ -82,6 +85,12 @@ def windows_near(
         for box in _united(parts):
             found += windows_over(surface, box, 0.0)
     return found
+
+
+def _aside(sheet: AnySheet, parameters: Array) -> Array:
+    """Return by how much (u, v) [m] base points lie beside the displaced ones."""
+    base, displaced = (sheet.at(parameters[:, 0], parameters[:, 1], d) for d in (False, True))
+    return (base - displaced)[:, :2]
 
 
 def _widened(points: Array, spare: float | Array) -> Array:
@@ -205,8 +214,9 @@ def _crossings(vertices: Array, owner: Indices, grid: Grid) -> Crossings:
     corners = np.stack([np.stack([a, b, c]), np.stack([d, c, b])], axis=1).reshape(3, -1, 6)
     whose = np.tile(np.repeat(owner, a.shape[1] * a.shape[2]), 2)
     shown = np.isfinite(corners[0, :, 2] + corners[1, :, 2] + corners[2, :, 2])
-    corners, whose = corners[:, shown], whose[shown]
     at = (corners[..., :2] - grid.origin) / grid.spacing
+    shown &= np.all((at.max(axis=0) >= 0.0) & (at.min(axis=0) <= np.array(grid.shape) - 1), axis=-1)
+    corners, whose, at = corners[:, shown], whose[shown], at[:, shown]
     who, line = _boxes(at, grid.shape)
     edge_1, edge_2, across = at[1] - at[0], at[2] - at[0], line - at[0, who]
     area = edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]

@@ -45,6 +45,7 @@ from asperity.contact.chart import (
     Q,
 )
 from asperity.contact.climb import climb
+from asperity.contact.flat_pair import flat_best, is_straight
 from asperity.contact.overlap import (
     BORDERS,
     F_X,
@@ -274,6 +275,14 @@ def first_look(
     out[0] = -np.inf
     if not (x0 <= x1 and y0 <= y1):
         return
+    if is_straight(cx) and is_straight(cy):
+        # Nothing is left to be searched.
+        found, area = flat_best(textures, cx, cy, window, TIE, work, at)
+        if found:
+            state[NODES] += 1.0
+            state[UPPER] = max(state[UPPER], at[F])
+            _keep(at, pair, area, state, best, ties)
+        return
     span = max(x1 - x0, y1 - y0)
     ax, ay = _base_best(textures, cx, cy, window, work, at)
     out[1], out[2] = ax, ay
@@ -314,7 +323,7 @@ def search_pair(
     ties : (1024, 24) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
     nodes : (1028, 5) array
-    work : (112, 24) array
+    work : (136, 24) array
     at : (22,) array
         Working memory.
     """

@@ -22,6 +22,8 @@ from asperity.engine.touch import moved_since, remember, touch
 from asperity.forces.laws import bristle_force
 
 NO_ROOM = 2
+_JUMP = 1e-2
+"""No hand moves farther than this in a tick [m]."""
 
 
 @kernel
@@ -50,6 +52,13 @@ def mesh_tick(
         size += max(abs(table.low[root, k]), abs(table.high[root, k])) ** 2
     known = memory.at[0] == 1
     moved = moved_since(memory.pose, body_a, math.sqrt(size)) if known else 0.0
+    if moved > _JUMP:
+        # The tool is somewhere else: what was known of its contacts does not hold there.
+        known, moved = False, 0.0
+        for b in range(by_facets.size):
+            memory.known[b] = 0
+            for d in range(memory.active.shape[1]):
+                memory.active[b, d] = 0
     rows = space.rows
     rows.count[0], rows.count[1] = 0, 0
     for b in range(by_facets.size):

@@ -44,11 +44,11 @@ from asperity.contact.footprint import (
 from asperity.contact.patch import frame_round
 from asperity.engine.frames import into, out_of
 
-_BIRTH = 1e-3
+_BIRTH = 2e-4
 """A contact may begin this deep, and the motion of a tick besides [m]."""
 _NEAR_ZERO = 1e-4
 """A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
-_BESIDE = 5e-4
+_BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
 _ALIKE = 0.7
 """Directions whose normals agree to this cosine begin to share their part."""

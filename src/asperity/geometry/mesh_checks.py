@@ -7,7 +7,7 @@ that is there twice, a vertex that nothing uses) is put right and noted.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, SupportsInt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ def _whole_numbers(name: str, faces: Any) -> Indices:
     if array.dtype.kind not in "iu":
         refuse(name, f"faces hold {array.dtype} values; valid: whole numbers, indices of vertices")
     if array.dtype.kind == "u" and array.max() > np.iinfo(np.int64).max:
-        refuse(name, f"faces name vertex {array.max()}; valid: indices of vertices")
+        refuse(name, f"a face names vertex {array.max()}; valid: indices of vertices")
     return array.astype(np.int64)
 
 
@@ -254,6 +254,7 @@ def facet_heights(triangles: Array) -> Array:
     return twice_area / np.maximum(longest, math.ulp(0.0))
 
 
-def count_of(count: int, one: str, many: str = "") -> str:
+def count_of(count: SupportsInt, one: str, many: str = "") -> str:
     """Return a number with its noun."""
+    count = int(count)
     return f"{count} {one if count == 1 else many or one + 's'}"

@@ -171,7 +171,7 @@ def _angles(triangles: Array) -> Array:
 def _sums(group: Indices, values: Array, count: int) -> Array:
     """Return the sums of values (n,) or (n, 3) over groups."""
     if values.ndim == 1:
-        return np.bincount(group, values, count)
+        return np.bincount(group, values, count).astype(np.float64)
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1)
 
 
@@ -188,7 +188,7 @@ def given_normals(
     facets, _, sliver = flat_normals(vertices[faces], edges)
     largest = np.abs(normals).max(axis=2, keepdims=True)
     unit = _unit(normals / np.where(largest > 0.0, largest, 1.0))
-    none = ~unit.any(axis=2)
+    none = np.all(unit == 0.0, axis=2)
     if none.any():
         notes.append(f"{count_of(none.sum(), 'given normal')} of no length: the facet's taken")
     unit = np.where(none[:, :, None], facets[:, None], unit)

@@ -23,20 +23,20 @@ class Edges(NamedTuple):
     ----------
     of_half : (3 m,) array
         The edge of each half-edge.
-    count : (e,) array
+    size : (e,) array
         How many half-edges meet in each edge.
     pairs : (p, 2) array
         Half-edges that meet; of an edge of more than two, all their pairs.
     """
 
     of_half: Indices
-    count: Indices
+    size: Indices
     pairs: Indices
 
     @property
     def borders(self) -> NDArray[np.bool_]:
         """(3 m,): whether a half-edge is alone in its edge."""
-        return self.count[self.of_half] == 1
+        return self.size[self.of_half] == 1
 
 
 def edges_of(at: Indices) -> Edges:
@@ -68,10 +68,10 @@ def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
     """
     at = places[corners.faces]
     edges = edges_of(at)
-    many = np.count_nonzero(edges.count > 2)
+    many = np.count_nonzero(edges.size > 2)
     if many:
         notes.append(f"{count_of(many, 'edge')} shared by more than two triangles: kept")
-    pairs = edges.pairs[edges.count[edges.of_half[edges.pairs[:, 0]]] == 2]
+    pairs = edges.pairs[edges.size[edges.of_half[edges.pairs[:, 0]]] == 2]
     part = joined(len(at), pairs[:, 0] // 3, pairs[:, 1] // 3)
     turn = _disagreeing(corners, at, pairs, part, notes)
     corners = corners.turned(turn)
@@ -81,7 +81,7 @@ def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
     if inside_out.any():
         area = f"{np.count_nonzero(inside_out)} of {len(at)} triangles"
         notes.append(f"inside out (negative volume): turned round, {area}")
-    open_edges = np.count_nonzero(edges.count == 1)
+    open_edges = np.count_nonzero(edges.size == 1)
     if open_edges:
         notes.append(f"it is open: {count_of(open_edges, 'border edge')}")
     return corners.turned(inside_out)

@@ -7,6 +7,8 @@ slope along its other direction. But a user who does not know will look for the 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from asperity.geometry.mesh_checks import Array, Indices, count_of, joined
@@ -28,7 +30,7 @@ def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str
     mirrored = (twice < 0.0) & ~flat
     outside = ((uv < -1e-6) | (uv > 1.0 + 1e-6)).any(axis=(1, 2))
 
-    def share(which: Array) -> str:
+    def share(which: Any) -> str:
         return f"{100 * area[which].sum() / total:.3g} % of the area"
 
     notes = []
@@ -90,7 +92,7 @@ def overlap(uv: Array) -> float:
         inside &= sign[which] * left > 1e-6 * np.linalg.norm(sides, axis=2)[which, c]
     texel = (v[inside] % texels).astype(np.int64) * texels + (u[inside] % texels).astype(np.int64)
     used = np.bincount(texel, minlength=texels * texels)
-    return float(np.count_nonzero(used > 1) / max(np.count_nonzero(used), 1))
+    return float((used > 1).sum() / max(int((used > 0).sum()), 1))
 
 
 def _cells(places: Array) -> tuple[Array, Indices, Indices]:

@@ -16,7 +16,7 @@ from asperity.geometry.bodies import Geom
 Array = NDArray[np.float64]
 Triangles = tuple[Array, NDArray[np.int64], Array, float]
 
-_ROUND = 32
+_ROUND = 16
 """Triangles round a circle."""
 _UNBOUNDED = 100.0
 """Half side of an unbounded plane [m]."""

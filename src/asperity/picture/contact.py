@@ -6,24 +6,31 @@ for a place where a stiff tool could be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body
-from asperity.picture.render import Camera, Lamp, camera_at, halved, look, shade
-from asperity.picture.sheets import body_sheets
-from asperity.picture.view import Sheet, View
+from asperity.picture.parts import Part, scene_parts
+from asperity.picture.render import Lamp, camera_at, halved, hollows, look, shade
+from asperity.picture.view import Camera, Sheet, View
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
-_GROUND, _TOOL = (0.80, 0.74, 0.63), (0.42, 0.55, 0.72)
 _SHADOW = 900
 """Of the light's view [pixels]."""
+_SHADOW_COARSER = 3
+"""By how much surfaces are coarser that only throw shadows."""
+_CLOSE = (float(np.radians(-24.0)), float(np.radians(27.0)))
+"""Azimuth and elevation of the close picture [rad]."""
+_AZIMUTHS = tuple(float(np.radians(angle)) for angle in (-35.0, -50.0, -62.0))
+_ELEVATION = float(np.radians(22.0))
+"""Of the whole picture [rad]."""
+_CLEAREST = 0.3
+"""Opacity of the tool in the close picture where it faces the eye."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,90 +76,106 @@ class Picture:
 
 def contact_width(scene: Scene, moment: Moment) -> float:
     """Return how wide a close picture should be [m]: some of the tool, and all contacts."""
-    tool = next(body for body in scene.bodies if body.name == scene.tool)
-    width = float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
+    tool = _tool(scene)
+    if tool.mesh is None:
+        width = float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
+    else:
+        width = float(np.clip(0.3 * np.ptp(tool.mesh.vertices, axis=0).max(), 2e-3, 3.5e-2))
     if len(moment.point) > 1:
         width = max(width, 1.7 * float(np.linalg.norm(np.ptp(moment.point, axis=0))))
     return min(width, 0.2)
+
+
+def _tool(scene: Scene) -> Body:
+    return next(body for body in scene.bodies if body.name == scene.tool)
 
 
 def close_picture(scene: Scene, moment: Moment, *, columns: int = 760, rows: int = 620) -> Picture:
     """Return the surroundings of the contact; the tool is drawn like tinted glass."""
     width = contact_width(scene, moment)
     vertical, along = _frame(moment, moment.force.sum(axis=0))
-    middle = _middle(moment) + 0.17 * width * vertical
-    return _picture(
-        scene, moment, middle, vertical, along, width, 2 * columns, 2 * rows, glass=True,
-        elevation=np.radians(27.0), azimuth=np.radians(-24.0),
+    camera = camera_at(
+        _middle(moment) + 0.17 * width * vertical, vertical, along, width=width,
+        azimuth=_CLOSE[0], elevation=_CLOSE[1], columns=2 * columns, rows=2 * rows,
     )  # fmt: skip
+    return _picture(scene, moment, camera, vertical, _CLOSE[1], glass=True)
 
 
 def whole_picture(scene: Scene, moment: Moment, *, columns: int = 380, rows: int = 620) -> Picture:
-    """Return the whole tool on the scene."""
+    """Return the whole tool on the scene, from the side from which it fits the picture best."""
     vertical, along = _frame(moment, np.array([1.0, 0.0, 0.0]))
-    tool = next(body for body in scene.bodies if body.name == scene.tool)
-    corners = _corners(tool, moment)
-    azimuth, elevation = float(np.radians(-35.0)), float(np.radians(22.0))
+    corners = _corners(_tool(scene), moment)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    eye = camera_at(
-        middle, vertical, along, azimuth=azimuth, elevation=elevation, width=1.0, columns=1, rows=1
-    )
-    spans = [float(np.ptp(corners @ axis)) for axis in (eye.right, eye.up)]
-    width = 1.3 * max(spans[0], spans[1] * columns / rows, 0.3 * spans[1])
-    return _picture(
-        scene, moment, middle, vertical, along, width, 2 * columns, 2 * rows, glass=False,
-        elevation=elevation, azimuth=azimuth,
+    widths = []
+    for azimuth in _AZIMUTHS:
+        eye = camera_at(
+            middle, vertical, along, azimuth=azimuth, elevation=_ELEVATION, width=1.0,
+            columns=1, rows=1,
+        )  # fmt: skip
+        spans = [float(np.ptp(corners @ axis)) for axis in (eye.right, eye.up)]
+        widths.append(1.3 * max(spans[0], spans[1] * columns / rows, 0.3 * spans[1]))
+    best = int(np.argmin(np.array(widths) * [1.0, *[1.1] * (len(widths) - 1)]))
+    camera = camera_at(
+        middle, vertical, along, azimuth=_AZIMUTHS[best], elevation=_ELEVATION,
+        width=widths[best], columns=2 * columns, rows=2 * rows,
     )  # fmt: skip
+    return _picture(scene, moment, camera, vertical, _ELEVATION, glass=False)
 
 
 def _picture(
-    scene: Scene, moment: Moment, middle: Array, vertical: Array, along: Array, width: float,
-    columns: int, rows: int, *, glass: bool, elevation: float, azimuth: float,
-) -> Picture:  # fmt: skip
-    camera = camera_at(
-        middle, vertical, along, azimuth=float(azimuth), elevation=float(elevation), width=width,
-        columns=columns, rows=rows,
-    )  # fmt: skip
-    # Ground that runs out of the image has to reach down to its lower edge.
-    radius = 0.5 * float(np.hypot(width, 0.8 * rows / columns * width / np.sin(elevation)))
-    view = View(middle, radius, int(1.3 * radius / camera.pixel))
-    ground, tool = _sheets(scene, moment, view)
-    lamp = Lamp.over(ground + tool, camera, vertical, _SHADOW)
+    scene: Scene, moment: Moment, camera: Camera, vertical: Array, elevation: float, *, glass: bool
+) -> Picture:
+    """Draw the scene at twice the size, and halve it."""
+    # Level ground has to fill the image.
+    tall = camera.rows * camera.pixel / np.sin(elevation)
+    radius = 0.5 * float(np.hypot(camera.width, tall))
+    view = View(camera.centre, radius, int(radius / camera.pixel), camera)
+    raised = moment.pose.copy()
+    raised[:3] += moment.pushed
+    parts = scene_parts(scene, raised)
+    ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
+    colours = [part.colour for part in parts]
     below, above = look(ground, camera), look(tool, camera)
-    image, over = (shade(seen, camera, lamp, (_GROUND, _TOOL)) for seen in (below, above))
+    rough = view._replace(samples=view.samples // _SHADOW_COARSER)
+    lamps = _lamps(parts, rough, camera, vertical)
+    hollow = hollows(below, camera)
+    image = shade(below, camera, lamps[0], colours, hollow)
+    over = shade(above, camera, lamps[0], colours)
     opacity = np.where(above.depth < below.depth, 1.0, 0.0)
     if glass:
-        # Clear where it faces the eye, opaque at its outline.
+        # Its shadow is light; it is clear where it faces the eye, opaque at its outline.
+        image = 0.35 * image + 0.65 * shade(below, camera, lamps[1], colours, hollow)
         facing = np.clip(above.normal @ camera.towards, 0.0, 1.0)
-        opacity *= 0.5 + 0.5 * (1.0 - facing) ** 2
+        opacity *= _CLEAREST + (1.0 - _CLEAREST) * (1.0 - facing) ** 2
     colour = np.where(image[..., 3:] > 0.0, image[..., :3], 1.0)
     colour += opacity[..., None] * (over[..., :3] - colour)
     image = np.dstack([colour, np.maximum(image[..., 3], opacity > 0.0)])
-    small = Camera(
-        camera.centre, camera.right, camera.up, camera.towards, width, columns // 2, rows // 2
-    )
+    small = replace(camera, columns=camera.columns // 2, rows=camera.rows // 2)
     return Picture(halved(image), small)
 
 
-def _sheets(
-    scene: Scene, moment: Moment, view: View
-) -> tuple[list[tuple[int, Sheet]], list[tuple[int, Sheet]]]:
-    """Return the sheets of the scene's bodies (numbered 0) and of the tool's (1)."""
-    data = mujoco.MjData(scene.model)
-    mujoco.mj_kinematics(scene.model, data)
-    raised = moment.pose.copy()
-    raised[:3] += moment.pushed
-    ground, tool = [], []
-    for body in scene.bodies:
-        if body.name == scene.tool:
+def _sheets(parts: list[Part], view: View, *, is_tool: bool) -> list[tuple[int, Sheet]]:
+    """Return the sheets of the tool or of all else, with the numbers of their parts."""
+    sheets = []
+    for number, part in enumerate(parts):
+        if part.is_tool != is_tool:
+            continue
+        wide = view
+        if is_tool and part.body.mesh is None:
             # Also what is nearer to the eye than the ground in view: else one sees into it.
-            wider = View(view.centre, 2.0 * view.radius, 2 * view.samples)
-            tool += [(1, sheet) for sheet in body_sheets(body, raised, wider)]
-        else:
-            i = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_BODY, body.name)
-            pose = np.concatenate([data.xpos[i], data.xquat[i]])
-            ground += [(0, sheet) for sheet in body_sheets(body, pose, view)]
-    return ground, tool
+            wide = view._replace(radius=2.0 * view.radius, samples=2 * view.samples)
+        sheets += [(number, sheet) for sheet in part.sheets(wide)]
+    return sheets
+
+
+def _lamps(parts: list[Part], view: View, camera: Camera, vertical: Array) -> tuple[Lamp, Lamp]:
+    """Return light in which all throws shadows, and light in which the tool does not."""
+    view = view._replace(samples=max(view.samples, 60))
+    ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
+    return (
+        Lamp.over(ground + tool, camera, vertical, _SHADOW),
+        Lamp.over(ground, camera, vertical, _SHADOW),
+    )
 
 
 def _frame(moment: Moment, along: Array) -> tuple[Array, Array]:
@@ -176,8 +199,10 @@ def _middle(moment: Moment) -> Array:
 
 
 def _corners(body: Body, moment: Moment) -> Array:
-    """Return the corners (n, 3) of boxes round a body's geoms, where it is drawn."""
+    """Return the corners (n, 3) of a body's mesh or of boxes round its geoms, where it is drawn."""
     rotation = rotation_of(moment.pose[3:])
+    if body.mesh is not None:
+        return body.mesh.vertices @ rotation.T + moment.pose[:3] + moment.pushed
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = []
     for geom in body.geoms:

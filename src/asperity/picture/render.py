@@ -6,6 +6,7 @@ light from all over that hollows get less of, and a dull gloss.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,56 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.picture.raster import draw_patches, draw_sheet, light_pixels, project
-from asperity.picture.view import Sheet
+from asperity.picture.view import Camera, Sheet
 
 Array = NDArray[np.float64]
 _LIGHT = np.array([-0.62, 0.3, 0.55])
 """Direction towards the light: to the right, towards the eye, upwards."""
 
+_STEEPEST = 4.0
+"""How steeply a surface may fall away from the eye within one body."""
 _SLACK = 0.3
 """How far patches are drawn beyond their sides [pixels]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """An eye at infinity.
-
-    Parameters
-    ----------
-    centre : (3,) array
-        What is in the middle of the image [m].
-    right, up, towards : (3,) arrays
-        Unit vectors of the image, and towards the eye; a right-handed frame.
-    width : float
-        Of the image [m].
-    columns, rows : int
-        Of the image [pixels].
-    """
-
-    centre: Array
-    right: Array
-    up: Array
-    towards: Array
-    width: float
-    columns: int
-    rows: int
-
-    @property
-    def pixel(self) -> float:
-        """Size of a pixel [m]."""
-        return self.width / self.columns
-
-    @property
-    def frame(self) -> Array:
-        """Centre, right, up and towards: (4, 3)."""
-        return np.array([self.centre, self.right, self.up, self.towards])
-
-    def place(self, point: Array) -> tuple[float, float]:
-        """Return column and row (from the top) of a point (3,)."""
-        away = point - self.centre
-        column = away @ self.right / self.pixel + 0.5 * (self.columns - 1)
-        row = 0.5 * (self.rows - 1) - away @ self.up / self.pixel
-        return float(column), float(row)
 
 
 def camera_at(
@@ -137,33 +98,58 @@ class Lamp:
 def hollows(seen: Buffers, camera: Camera) -> Array:
     """Return how open each pixel lies to light from all over, about 0.35 to 1.
 
-    Judged by the image: what lies farther away than its surroundings is a hollow.
+    Judged by the image: what lies farther away than the middle between places on either side of
+    it is a hollow. Where one of these is much nearer or farther, another body begins.
     """
     from scipy.ndimage import gaussian_filter, zoom
 
     coarse = 4
-    depth = seen.depth[::coarse, ::coarse]
-    there = np.isfinite(depth)
-    if not there.any():
-        return np.ones(seen.depth.shape)
-    far = np.where(there, depth, 0.0)
+    far = seen.depth[::coarse, ::coarse]
+    far = np.where(np.isfinite(far), far, np.nan)
     out = np.ones(far.shape)
-    for size, weight in ((0.006, 0.35), (0.02, 0.35)):
+    for size in (0.006, 0.02):
         spread = size * camera.columns / coarse
-        share = np.maximum(gaussian_filter(there.astype(np.float64), spread), 1e-6)
-        lower = (far - gaussian_filter(far, spread) / share) / (size * camera.width)
-        out -= weight * np.clip(lower, 0.0, 1.0)
+        lower = np.zeros(far.shape)
+        for radius, turn in itertools.product((0.8, 1.4, 2.0), range(4)):
+            angle = 0.25 * np.pi * turn
+            rows, columns = (round(radius * spread * f(angle)) for f in (np.sin, np.cos))
+            steepest = _STEEPEST * radius * size * camera.width
+            one, two = (far - _moved(far, k * rows, k * columns) for k in (1, -1))
+            near = (np.abs(one) < steepest) & (np.abs(two) < steepest)
+            lower += np.where(near, 0.5 * (one + two), 0.0) / (12.0 * size * camera.width)
+        out -= 0.35 * np.clip(gaussian_filter(lower, 0.3 * spread), 0.0, 1.0)
     rows, columns = seen.depth.shape
     fine = zoom(np.clip(out, 0.35, 1.0), coarse, order=1)[:rows, :columns]
     return np.ascontiguousarray(fine)
 
 
-def shade(seen: Buffers, camera: Camera, lamp: Lamp, colours: Sequence[Sequence[float]]) -> Array:
-    """Return the image (rows, columns, 4): red, green, blue and opacity, 0 to 1."""
+def _moved(values: Array, rows: int, columns: int) -> Array:
+    """Return values moved in the image; nan where there are none."""
+    height, width = values.shape
+    out = np.full(values.shape, np.nan)
+    i, j = (slice(max(n, 0), max(size + n, 0)) for n, size in ((rows, height), (columns, width)))
+    k, m = (slice(max(-n, 0), max(size - n, 0)) for n, size in ((rows, height), (columns, width)))
+    out[i, j] = values[k, m]
+    return out
+
+
+def shade(
+    seen: Buffers,
+    camera: Camera,
+    lamp: Lamp,
+    colours: Sequence[Sequence[float]],
+    open_to: Array | None = None,
+) -> Array:
+    """Return the image (rows, columns, 4): red, green, blue and opacity, 0 to 1.
+
+    `open_to` are the `hollows`, if they are known; `colours` are those of the numbered sheets.
+    """
+    if open_to is None:
+        open_to = hollows(seen, camera)
     lights = np.zeros((*seen.depth.shape, 3))
     light_pixels(
         seen.depth, seen.normal, lamp.reach, camera.pixel, camera.frame, lamp.camera.pixel,
-        lamp.camera.frame, lamp.camera.towards, hollows(seen, camera), lights,
+        lamp.camera.frame, lamp.camera.towards, open_to, lights,
     )  # fmt: skip
     colour = np.asarray(colours)[np.maximum(seen.number, 0)]
     image = colour * (lights[..., 0] + lights[..., 1])[..., None] + lights[..., 2:]

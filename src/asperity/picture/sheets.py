@@ -41,7 +41,10 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
     for geom in body.geoms:
         turn = rotation_of(geom.quaternion)
         place = np.asarray(geom.position)
-        centre = turn.T @ (rotation.T @ (view.centre - pose[:3]) - place)
+        middle = view.centre
+        if geom.kind == "plane":
+            middle = _ahead(view, pose[:3] + rotation @ place, rotation @ turn[:, 2])
+        centre = turn.T @ (rotation.T @ (middle - pose[:3]) - place)
         for base, w in _charts(geom, centre, view):
             if min(base.shape[:2]) < 2:
                 continue
@@ -51,6 +54,15 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
             points, normals = np.empty(base.shape), np.empty(base.shape)
             displace(in_body, w_body, height, rotation, pose[:3], points, normals)
             yield Sheet(points, normals)
+
+
+def _ahead(view: View, place: Array, normal: Array) -> Array:
+    """Return what a camera's middle shows of a plane, or what lies under the view's without one."""
+    towards = normal if view.camera is None else view.camera.towards
+    slope = float(towards @ normal)
+    if abs(slope) < 0.05:
+        return view.centre
+    return np.asarray(view.centre - towards * (float((view.centre - place) @ normal) / slope))
 
 
 def _heights(

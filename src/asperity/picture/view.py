@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,65 @@ class Sheet(NamedTuple):
     corners: NDArray[np.int64] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """An eye at infinity.
+
+    Parameters
+    ----------
+    centre : (3,) array
+        What is in the middle of the image [m].
+    right, up, towards : (3,) arrays
+        Unit vectors of the image, and towards the eye; a right-handed frame.
+    width : float
+        Of the image [m].
+    columns, rows : int
+        Of the image [pixels].
+    """
+
+    centre: Array
+    right: Array
+    up: Array
+    towards: Array
+    width: float
+    columns: int
+    rows: int
+
+    @property
+    def pixel(self) -> float:
+        """Size of a pixel [m]."""
+        return self.width / self.columns
+
+    @property
+    def frame(self) -> Array:
+        """Centre, right, up and towards: (4, 3)."""
+        return np.array([self.centre, self.right, self.up, self.towards])
+
+    def turned(self, rotation: Array, position: Array) -> Camera:
+        """Return the camera in the frame that has this pose: columns of `rotation` its axes."""
+        return Camera(
+            (self.centre - position) @ rotation, self.right @ rotation, self.up @ rotation,
+            self.towards @ rotation, self.width, self.columns, self.rows,
+        )  # fmt: skip
+
+    def sees(self, points: Array) -> NDArray[np.bool_]:
+        """Return which triangles (n, 3, 3) may reach into the image, whatever stands before."""
+        away = points - self.centre
+        seen = np.ones(len(points), bool)
+        for axis, size in ((self.right, self.width), (self.up, self.rows * self.pixel)):
+            # A little more: the texture moves them.
+            across, half = away @ axis, 0.53 * size
+            seen &= (across.min(axis=1) <= half) & (across.max(axis=1) >= -half)
+        return seen
+
+    def place(self, point: Array) -> tuple[float, float]:
+        """Return column and row (from the top) of a point (3,)."""
+        away = point - self.centre
+        column = away @ self.right / self.pixel + 0.5 * (self.columns - 1)
+        row = 0.5 * (self.rows - 1) - away @ self.up / self.pixel
+        return float(column), float(row)
+
+
 class View(NamedTuple):
     """What is looked at: a ball."""
 
@@ -32,8 +92,8 @@ class View(NamedTuple):
     """[m]."""
     samples: int
     """Points of a sheet across the ball."""
-    towards: Array | None = None
-    """Unit vector towards the eye, if what lies before and behind the ball is seen, too."""
+    camera: Camera | None = None
+    """If what lies before and behind the ball is seen, too."""
 
     @property
     def spacing(self) -> float:

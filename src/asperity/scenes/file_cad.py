@@ -17,11 +17,12 @@ from asperity.geometry.shapes.cad_part import TEXTURE as MACHINED
 from asperity.geometry.shapes.file_tool import LENGTH, THICKNESS
 from asperity.geometry.shapes.file_tool import TEXTURE as TEETH
 from asperity.scene import Scene, scene_of
-from asperity.scene_mesh import body_mesh, body_pieces
+from asperity.scene_mesh import mesh_and_pieces
 from asperity.scene_mjcf import mesh_assets, mesh_geoms
 
 STEEL, WOOD = 7850.0, 700.0
 """Densities of the blade and the part, and of the file's handle [kg/m^3]."""
+METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
 YAW = float(np.radians(20.0))
 """How far the file is turned from the part's long side."""
 STROKE = 0.04
@@ -39,8 +40,8 @@ _XML = """<mujoco model="file-cad">
   </asset>
   <worldbody>
     <light pos="0.1 -0.3 0.5" dir="-0.2 0.5 -0.8"/>
-    <body name="table" pos="0 0 -0.005">
-      <geom name="top" type="box" size="0.25 0.16 0.005" rgba="0.86 0.85 0.83 1"/>
+    <body name="table">
+      <geom name="top" type="plane" size="0 0 0.01" rgba="0.90 0.89 0.87 1"/>
     </body>
     <body name="part">
 {part}
@@ -58,15 +59,16 @@ def file_cad() -> Scene:
     """Return the scene of a double-cut file on a machined part."""
     meshes: dict[str, dict[str, Any]] = {"part": {"kind": "cad_part"}, "file": {"kind": "file_tool"}}
     assets, geoms = [], {}
-    for name, rgba in (("part", "0.80 0.74 0.63 1"), ("file", "0.42 0.55 0.72 1")):
-        key = f"bodies.{name}.mesh"
-        mesh = body_mesh(meshes[name], key, None)
-        assert mesh is not None
-        pieces = body_pieces(meshes[name], key, mesh)
-        assets.append(mesh_assets(name, mesh, pieces))
+    for name, colour in (("part", "0.80 0.74 0.63 1"), ("file", METAL)):
+        mesh, pieces = mesh_and_pieces(meshes[name], f"bodies.{name}.mesh")
+        # The blade lies at x > 0, the handle before it.
         wooden = [name == "file" and piece[:, 0].max() < -0.01 for piece in pieces]
-        density = [WOOD if wood else STEEL for wood in wooden]
-        geoms[name] = mesh_geoms(name, mesh, len(pieces), density=density, rgba=rgba)
+        assets.append(mesh_assets(name, mesh, pieces))
+        geoms[name] = mesh_geoms(
+            name, mesh,
+            density=[WOOD if wood else STEEL for wood in wooden],
+            rgba=[HANDLE if wood else colour for wood in wooden],
+        )  # fmt: skip
     along = np.array([np.cos(YAW), np.sin(YAW), 0.0])
     # The middle of the stroke has the middle of the blade over the boss.
     place = -(0.5 * LENGTH + 0.5 * STROKE) * along
@@ -88,7 +90,6 @@ def file_cad() -> Scene:
         "coupling": {"mode": "direct"},
         "trajectory": {
             "kind": "slide", "seconds": 2.0, "speed": 0.08, "length": STROKE, "direction": YAW,
-            "press_force": 2.0,
         },
     }  # fmt: skip
     return scene_of(xml, document, name="file-cad")

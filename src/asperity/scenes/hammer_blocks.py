@@ -16,11 +16,12 @@ import numpy as np
 from asperity.geometry.shapes.block import BLOCKS
 from asperity.geometry.shapes.hammer import FACE_TIP, TEXTURE
 from asperity.scene import Scene, scene_of
-from asperity.scene_mesh import body_mesh, body_pieces
+from asperity.scene_mesh import mesh_and_pieces
 from asperity.scene_mjcf import mesh_assets, mesh_geoms
 
 STEEL, WOOD = 7850.0, 700.0
-"""Densities of head and handle [kg/m^3]."""
+"""Densities of the head, and of handle and blocks [kg/m^3]."""
+METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
 GAP = 0.008
 """Between blocks [m]."""
 _UPRIGHT = (float(np.sqrt(0.5)), 0.0, float(np.sqrt(0.5)), 0.0)
@@ -38,8 +39,8 @@ _XML = """<mujoco model="hammer-blocks">
   </asset>
   <worldbody>
     <light pos="0.1 -0.3 0.5" dir="-0.2 0.5 -0.8"/>
-    <body name="table" pos="-0.08 0.045 -0.005">
-      <geom name="top" type="box" size="0.26 0.16 0.005" rgba="0.86 0.85 0.83 1"/>
+    <body name="table">
+      <geom name="top" type="plane" size="0 0 0.01" rgba="0.90 0.89 0.87 1"/>
     </body>
 {blocks}
     <body name="hammer" pos="{x:.9g} 0 {z:.9g}">
@@ -52,7 +53,7 @@ _XML = """<mujoco model="hammer-blocks">
 _BLOCK = """    <body name="{name}" pos="0 {y:.9g} {z:.9g}">
 {geoms}
     </body>"""
-_COLOURS = ("0.80 0.66 0.47 1", "0.74 0.56 0.38 1", "0.84 0.73 0.56 1")
+_COLOURS = ("0.84 0.72 0.53 1", "0.76 0.60 0.42 1", "0.88 0.79 0.63 1")
 
 
 def hammer_blocks() -> Scene:
@@ -60,55 +61,54 @@ def hammer_blocks() -> Scene:
     hammer: dict[str, Any] = {
         "kind": "hammer", "position": [0.0, 0.0, FACE_TIP], "quaternion": list(_UPRIGHT),
     }  # fmt: skip
-    bodies: dict[str, Any] = {
-        "hammer": {"mesh": hammer, "texture": {**TEXTURE, "mapping": "uv"}},
-    }
-    assets, blocks, y = [], [], -0.5 * BLOCKS[0].size[1]
-    for i, made in enumerate(BLOCKS):
-        name = f"block-{i + 1}"
+    bodies: dict[str, Any] = {"hammer": {"mesh": hammer, "texture": {**TEXTURE, "mapping": "uv"}}}
+    part, geoms = _hammer(hammer)
+    assets, blocks, y = [part], [], -0.5 * BLOCKS[0].size[1]
+    for made, colour in zip(BLOCKS, _COLOURS, strict=True):
+        name = f"block-{len(blocks) + 1}"
         length, width, height = made.size
         mesh = {
             "kind": "block", "length": length, "width": width, "height": height,
             "uv_size": list(made.uv_size),
         }  # fmt: skip
         bodies[name] = {"mesh": mesh, "texture": {**made.texture, "mapping": "uv"}}
-        part, geoms = _mjcf(name, mesh, _COLOURS[i % len(_COLOURS)])
+        part, solids = _block(name, mesh, colour)
         assets.append(part)
-        blocks.append(
-            _BLOCK.format(name=name, y=y + 0.5 * width, z=0.5 * height, geoms=geoms)
-        )
+        blocks.append(_BLOCK.format(name=name, y=y + 0.5 * width, z=0.5 * height, geoms=solids))
         y += width + GAP
-    part, geoms = _mjcf("hammer", hammer, "0.42 0.55 0.72 1")
     length, _, height = BLOCKS[0].size
     xml = _XML.format(
-        assets="\n".join([*assets, part]),
-        blocks="\n".join(blocks),
-        hammer=geoms,
-        x=-0.25 * length,
+        assets="\n".join(assets), blocks="\n".join(blocks), hammer=geoms, x=-0.25 * length,
         z=height + 5e-4,
-    )
+    )  # fmt: skip
     document = {
         "schema": 1,
         "tool": {"body": "hammer"},
         "bodies": bodies,
         "force": {"stiffness": 400.0, "anti_alias": "tick"},
         "coupling": {"mode": "direct"},
-        "trajectory": {
-            "kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length,
-            "press_force": 2.0,
-        },
-    }  # fmt: skip
+        "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length},
+    }
     return scene_of(xml, document, name="hammer-blocks")
 
 
-def _mjcf(name: str, table: dict[str, Any], rgba: str) -> tuple[str, str]:
-    """Return the assets and the geoms of a body with a made mesh."""
-    mesh = body_mesh(table, f"bodies.{name}.mesh", None)
-    assert mesh is not None
-    pieces = body_pieces(table, f"bodies.{name}.mesh", mesh)
-    # The head reaches from the face to the ball, above the frame; the handle away to -x.
-    density = [WOOD if piece[:, 0].min() < -0.02 else STEEL for piece in pieces]
+def _hammer(table: dict[str, Any]) -> tuple[str, str]:
+    """Return the assets and the geoms of the hammer."""
+    mesh, pieces = mesh_and_pieces(table, "bodies.hammer.mesh")
+    # The head lies above the face, the handle away towards -x.
+    wooden = [piece[:, 0].min() < -0.02 for piece in pieces]
+    density = [WOOD if wood else STEEL for wood in wooden]
+    colours = [HANDLE if wood else METAL for wood in wooden]
+    return (
+        mesh_assets("hammer", mesh, pieces),
+        mesh_geoms("hammer", mesh, density=density, rgba=colours),
+    )
+
+
+def _block(name: str, table: dict[str, Any], colour: str) -> tuple[str, str]:
+    """Return the assets and the geoms of a block."""
+    mesh, pieces = mesh_and_pieces(table, f"bodies.{name}.mesh")
     return (
         mesh_assets(name, mesh, pieces),
-        mesh_geoms(name, mesh, len(pieces), density=density, rgba=rgba),
+        mesh_geoms(name, mesh, density=[WOOD] * len(pieces), rgba=[colour] * len(pieces)),
     )

@@ -33,13 +33,13 @@ _XML = """<mujoco model="probe-plate">
   <worldbody>
     <light pos="0.1 -0.2 0.4" dir="-0.2 0.4 -0.8"/>
     <body name="plate" pos="0 0 -0.004">
-      <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.78 0.74 0.66 1"/>
+      <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>
     </body>
     <body name="probe" pos="-0.03 0 {height:.9g}">
       <freejoint name="hand"/>
-      <geom name="tip" type="sphere" size="{radius:.9g}" mass="0.001" rgba="0.35 0.45 0.6 1"/>
+      <geom name="tip" type="sphere" size="{radius:.9g}" mass="0.001" rgba="0.42 0.55 0.72 1"/>
       <geom name="shaft" type="capsule" fromto="0 0 {shaft:.9g} 0 0 0.04" size="{thin:.9g}"
-            mass="0.004" rgba="0.35 0.45 0.6 1"/>
+            mass="0.004" rgba="0.42 0.55 0.72 1"/>
       <geom name="grip" type="capsule" fromto="0 0 0.04 0 0 0.11" size="0.004"
             mass="0.045" rgba="0.2 0.2 0.22 1"/>
     </body>

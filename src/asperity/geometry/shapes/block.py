@@ -5,6 +5,7 @@ The paper prints neither sizes nor stripes; all of them here are ours.
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -67,8 +68,7 @@ def block(
     length, width, height : float
         Along x, y and z [m], above two chamfers; the middle is the origin.
     chamfer : float
-        What is cut off on either side of an edge [m], above 0. The 45 degree strip carries the
-        turn of the normals.
+        Cut off on either side of an edge [m], above 0; it carries the turn of the normals.
     uv_size : (float, float)
         What one unit of u and v spans [m].
     """
@@ -79,7 +79,9 @@ def block(
         ]
     )
     if not 0.0 < chamfer < half.min():
-        raise AsperityError(f"chamfer must be above 0 and below {half.min():.4g} m, got {chamfer!r}")
+        raise AsperityError(
+            f"chamfer must be above 0 and below {half.min():.4g} m, got {chamfer!r}"
+        )
     mesh = Patchwork()
     _belt(mesh, half, chamfer)
     for sign in (-1.0, 1.0):
@@ -91,7 +93,7 @@ def block(
 def _belt(mesh: Patchwork, half: Array, chamfer: float) -> None:
     """Add what runs round the x axis: top, sides, bottom and the chamfers between them."""
     slant = math.sqrt(2.0) * chamfer
-    (x, y, z), (inner_x, inner_y, inner_z) = half, half - chamfer
+    (_, y, z), (inner_x, inner_y, inner_z) = half, half - chamfer
     # From the bottom's edge at +y round by -y and the top to where it began; v is 0 in the middle
     # of the top.
     around = [(inner_y, -z), (-inner_y, -z), (-y, -inner_z), (-y, inner_z), (-inner_y, z)]
@@ -109,35 +111,40 @@ def _belt(mesh: Patchwork, half: Array, chamfer: float) -> None:
 def _end(mesh: Patchwork, half: Array, chamfer: float, sign: float) -> None:
     """Add one end, its chamfers and its corners, hung on the top's edge."""
     slant = math.sqrt(2.0) * chamfer
-    (x, y, z), (inner_x, inner_y, inner_z) = half, half - chamfer
+    (x, _, z), (inner_x, inner_y, inner_z) = half, half - chamfer
     down = [(inner_x, z), (x, inner_z), (x, -inner_z), (inner_x, -z)]
     u = inner_x + np.cumsum([0.0, slant, 2.0 * inner_z, slant])
     columns = list(zip(down, u, strict=True))
-    for left, right in zip(columns[:-1], columns[1:], strict=True):
+    for left, right in itertools.pairwise(columns):
         pair = (left, right) if sign > 0.0 else (right, left)
         points = [[(sign * at[0], row, at[1]) for at, _ in pair] for row in (-inner_y, inner_y)]
         uv = [[(sign * place, row) for _, place in pair] for row in (-inner_y, inner_y)]
         flat = (int(sign), 0, 0) if left[0][0] == right[0][0] else None
         _quad(mesh, np.array(points), np.array(uv), flat)
     for side in (-1.0, 1.0):
-        here = np.array([sign, side, 1.0])
-        upright = np.array([(x, inner_y, inner_z), (x, inner_y, -inner_z)])
-        beside = np.array([(inner_x, y, inner_z), (inner_x, y, -inner_z)])
-        places = np.array([(u[1], inner_y), (u[2], inner_y)])
-        _facet(mesh, here * [upright[0], upright[1], beside[1], beside[0]],
-               here[:2] * [*places, *(places + [0.0, slant])[::-1]])  # fmt: skip
-        for row, first in ((0, 0), (1, 2)):
-            face = (inner_x, inner_y, (z, -z)[row])
-            low, high = u[first], u[first + 1]
-            tip = (0.5 * (low + high), inner_y + math.sqrt(0.75) * slant)
-            at_face, at_end = ((low, high), (high, low))[row]
-            _facet(mesh, here * [face, upright[row], beside[row]],
-                   here[:2] * [(at_face, inner_y), (at_end, inner_y), tip])  # fmt: skip
+        _upright(mesh, half, chamfer, np.array([sign, side, 1.0]))
 
 
-def _quad(
-    mesh: Patchwork, points: Array, uv: Array, normal: tuple[int, int, int] | None
-) -> None:
+def _upright(mesh: Patchwork, half: Array, chamfer: float, signs: Array) -> None:
+    """Add the chamfer of an upright edge and the corners above and below, hung on the end."""
+    slant = math.sqrt(2.0) * chamfer
+    (x, y, z), (inner_x, inner_y, inner_z) = half, half - chamfer
+    u = inner_x + np.cumsum([0.0, slant, 2.0 * inner_z, slant])
+    at_end = np.array([(x, inner_y, inner_z), (x, inner_y, -inner_z)])
+    at_side = np.array([(inner_x, y, inner_z), (inner_x, y, -inner_z)])
+    points = [at_end[0], at_end[1], at_side[1], at_side[0]]
+    outer = inner_y + slant
+    uv = [(u[1], inner_y), (u[2], inner_y), (u[2], outer), (u[1], outer)]
+    _facet(mesh, signs * points, signs[:2] * uv)
+    # The corners are equilateral.
+    tip = inner_y + math.sqrt(0.75) * slant
+    for row, (end, face, height) in enumerate(((1, 0, z), (2, 3, -z))):
+        points = [np.array([inner_x, inner_y, height]), at_end[row], at_side[row]]
+        uv = [(u[face], inner_y), (u[end], inner_y), (0.5 * (u[face] + u[end]), tip)]
+        _facet(mesh, signs * points, signs[:2] * uv)
+
+
+def _quad(mesh: Patchwork, points: Array, uv: Array, normal: tuple[int, int, int] | None) -> None:
     if normal is None:
         mesh.grid(points, uv, "block", rank=ROUND)
     else:

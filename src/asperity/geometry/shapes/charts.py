@@ -74,7 +74,9 @@ def dome(rings: Array, centre: Array, outwards: Array) -> Array:
     """
     flat = (rings - centre) @ plane_axes(outwards).T
     tip = np.broadcast_to(centre, rings[:1].shape)
-    true = np.array([_area(cells(closed)).sum() for closed in _strips(np.concatenate([tip, rings]))])
+    true = np.array(
+        [_area(cells(closed)).sum() for closed in _strips(np.concatenate([tip, rings]))]
+    )
     shadow = np.array([abs(_cross(loop, np.roll(loop, -1, axis=0)).sum()) / 2 for loop in flat])
     return flat * np.sqrt(np.cumsum(true) / shadow)[:, None, None]
 

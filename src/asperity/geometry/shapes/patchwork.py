@@ -84,7 +84,7 @@ def plane_axes(normal: Array, u_axis: Sequence[float] | None = None) -> Array:
 
 
 class Patchwork:
-    """Triangles in the making: patches are added, then `shape` closes and checks nothing more.
+    """Triangles in the making: patches are added, then `shape` welds them, and checks nothing.
 
     Texture coordinates are given in metres. Triangles of one `chart` keep their places to each
     other; `shape` lays the charts side by side along v.
@@ -95,11 +95,6 @@ class Patchwork:
         self._uv: list[Array] = []
         self._facets: list[Array] = []
         self._tags: list[tuple[str, str, int]] = []
-
-    @property
-    def count(self) -> int:
-        """How many triangles there are."""
-        return len(self._tags)
 
     def add(
         self,

@@ -26,12 +26,13 @@ def triangulated(loops: Sequence[Array]) -> NDArray[np.int64]:
     """
     points = np.concatenate(list(loops))
     # In units near 1, as Qhull's tolerances expect.
-    triangles = Delaunay((points - points.mean(axis=0)) / np.ptp(points)).simplices
+    scaled = (points - points.mean(axis=0)) / np.ptp(points)
+    triangles: NDArray[np.int64] = Delaunay(scaled).simplices.astype(np.int64)
     middles = points[triangles].mean(axis=1)
     kept = _inside(loops[0], middles)
     for hole in loops[1:]:
         kept &= ~_inside(hole, middles)
-    triangles = triangles[kept].astype(np.int64)
+    triangles = triangles[kept]
     edges = points[triangles[:, 1:]] - points[triangles[:, :1]]
     clockwise = np.linalg.det(edges) < 0.0
     triangles[clockwise] = triangles[clockwise][:, ::-1]
