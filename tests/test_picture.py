@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from asperity.geometry.bodies import Body, Geom
-from asperity.picture.contact import Moment, close_picture, whole_picture
-from asperity.picture.render import Camera, Lamp, look, shade
-from asperity.picture.sheets import View, body_sheets
+from asperity.geometry.mesh import mesh_from_arrays
+from asperity.picture.contact import Moment, close_picture, contact_width, whole_picture
+from asperity.picture.mesh_sheets import mesh_sheets
+from asperity.picture.parts import scene_parts
+from asperity.picture.render import Lamp, camera_at, hollows, look, shade
+from asperity.picture.sheets import body_sheets
+from asperity.picture.view import Camera, View, coarsened
 from asperity.scenes import load_scene
 from asperity.texture.patterns import sinusoid
 
@@ -90,6 +94,22 @@ def test_a_ball_throws_a_shadow():
     assert 0.01 < darker.mean() < 0.3
 
 
+def test_contacts_at_one_place_are_drawn_as_one():
+    class Found:
+        count = np.array([3])
+        point = np.array([[0, 0, 0], [1e-3, 0, 0], [1e-9, 0, 0], [9, 9, 9.0]])
+        normal = np.tile([0, 0, 1.0], (4, 1))
+        force = np.array([[0, 0, 1.0], [0, 0, 2], [0, 1, 4], [9, 9, 9]])
+        depth = np.array([1e-4, 2e-4, 1e-4, 9])
+
+    moment = Moment.of(0.0, HOME, Found)
+    np.testing.assert_allclose(moment.point, [[0, 0, 0], [1e-3, 0, 0]], atol=1e-8)
+    np.testing.assert_allclose(moment.force, [[0, 1, 5], [0, 0, 2]])
+    np.testing.assert_allclose(moment.depth, [1e-4, 2e-4])
+    Found.count = np.array([0])
+    assert Moment.of(0.0, HOME, Found).point.shape == (0, 3)
+
+
 def test_a_moment_without_contact_has_a_picture_too():
     scene = load_scene("probe-plate")
     none = np.zeros((0, 3))
@@ -99,3 +119,134 @@ def test_a_moment_without_contact_has_a_picture_too():
         assert image.shape == (90, 120, 4)
         assert np.isfinite(image).all()
         assert image[..., 3].mean() > 0.1
+
+
+SOLID = (Geom("mesh", (1e-2, 1e-2, 1e-2)),)
+
+
+def ball_mesh(radius, turns=24):
+    """Return a ball of triangles, whose texture coordinates are torn along one line."""
+    u, v = (a.ravel() for a in np.meshgrid(np.arange(turns + 1), np.arange(1, turns)))
+    longitude, latitude = 2 * np.pi * u / turns, np.pi * (v / turns - 0.5)
+    points = radius * np.stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
+         np.sin(latitude)], axis=1,
+    )  # fmt: skip
+    number = np.arange(len(u)).reshape(turns - 1, turns + 1)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    return mesh_from_arrays(points, faces, uv=np.stack([u / turns, v / turns], axis=1))
+
+
+def mesh_points(body, view, **options):
+    sheets = list(mesh_sheets(body, HOME, view, **options))
+    return np.concatenate([sheet.points.reshape(-1, 3) for sheet in sheets]), sheets
+
+
+@pytest.mark.parametrize("mapping", ["planar", "triplanar", "cylindrical", "uv"])
+def test_a_mesh_is_displaced_along_its_normals(mapping):
+    mesh = ball_mesh(3e-3)
+    texture = sinusoid(wavelength=2e-3, amplitude=1e-4, periods=9)
+    body = Body("ball", SOLID, texture, mapping, mesh=mesh)
+    points, sheets = mesh_points(body, View(np.zeros(3), 4e-3, 100))
+    away = np.linalg.norm(points, axis=1) - 3e-3
+    assert -1.7e-4 < away.min() < -0.8e-4  # triangles lie a little within the ball
+    assert 0.8e-4 < away.max() <= 1e-4 * (1 + 1e-3)
+    for sheet in sheets:
+        np.testing.assert_allclose(np.linalg.norm(sheet.normals, axis=-1), 1.0, atol=1e-9)
+        assert np.mean(np.sum(sheet.normals * sheet.points, axis=-1) > 0) > 0.95
+
+
+def test_a_mesh_s_relief_and_slope_are_the_texture_s():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) * 1e-2
+    mesh = mesh_from_arrays(corners, [[0, 1, 2], [0, 2, 3]])
+    points, sheets = mesh_points(
+        Body("plate", SOLID, WAVES, mesh=mesh), View(np.zeros(3), 2e-2, 800)
+    )
+    phase = 2 * np.pi * points[:, 0] / 2e-3
+    np.testing.assert_allclose(points[:, 2], 1e-4 * np.cos(phase), atol=2e-7)
+    normals = np.concatenate([sheet.normals.reshape(-1, 3) for sheet in sheets])
+    slope = -1e-4 * np.sin(phase) * 2 * np.pi / 2e-3
+    np.testing.assert_allclose(-normals[:, 0] / normals[:, 2], slope, atol=2e-3)
+
+
+def test_only_what_the_camera_sees_is_fine():
+    mesh = ball_mesh(3e-3)
+    body = Body("ball", SOLID, WAVES, "triplanar", mesh=mesh)
+    everything, _ = mesh_points(body, View(np.zeros(3), 4e-3, 100))
+    camera = from_above(1e-3, centre=(0.0, 0.0, 2e-3))
+    points, _ = mesh_points(body, View(np.zeros(3), 4e-3, 100, camera))
+    assert len(points) < 0.5 * len(everything)
+    near = np.abs(points[:, :2]).max(axis=1) < 0.5e-3
+    assert (near & (points[:, 2] > 0)).sum() > 5 * (near & (points[:, 2] < 0)).sum()
+    # Nothing is left out: what is out of view throws shadows.
+    assert np.ptp(points[:, 0]) > 5.9e-3
+
+
+def test_one_cannot_see_through_where_a_texture_is_torn():
+    mesh = ball_mesh(3e-3)
+    texture = sinusoid(wavelength=2e-3, amplitude=2e-4, periods=9)
+    torn = mesh.uv.copy()
+    torn[: len(torn) // 2, :, 0] += 1 / 18  # half a wave between the upper and lower triangles
+    mesh = type(mesh)(mesh.vertices, mesh.faces, mesh.normals, torn)
+    body = Body("ball", SOLID, texture, "uv", mesh=mesh)
+    x, y, z = np.eye(3)
+    camera = Camera(np.zeros(3), y, z, x, 3e-3, 301, 301)
+    sheets = [(0, s) for s in mesh_sheets(body, HOME, View(np.zeros(3), 4e-3, 600, camera))]
+    seen = look(sheets, camera)
+    assert (seen.depth < 0).all()  # the near side, everywhere
+    without = [(0, s) for _, s in sheets if not _is_strip(s)]
+    assert (look(without, camera).depth > 0).any()
+
+
+def _is_strip(sheet):
+    return sheet.corners[0].tolist() == [0, 1, sheet.points.shape[1] // 2]
+
+
+def test_relief_finer_than_a_pixel_is_averaged():
+    fine = sinusoid(wavelength=1e-3, amplitude=1e-4, periods=8, samples=64)
+    assert coarsened(fine, 1e-5) is fine
+    coarse = coarsened(fine, 1.3e-4)
+    assert coarse.size == pytest.approx(fine.size)
+    assert coarse.samples.shape[1] == 64
+    u = np.linspace(0, 8e-3, 50)
+    np.testing.assert_allclose(coarse.heights(u, 0.0), fine.heights(u, 0.0), atol=6e-6)
+
+
+def test_a_level_floor_is_open_and_a_hollow_is_not():
+    x, _, z = np.eye(3)
+    camera = camera_at(
+        np.zeros(3), z, x, azimuth=0.3, elevation=0.5, width=2e-2, columns=400, rows=300
+    )
+    floor = Body("floor", [Geom("plane", (0.0, 0.0))])
+    block = Body("block", [Geom("box", (2e-3, 2e-3, 4e-3))])
+    view = View(np.zeros(3), 3e-2, 200, camera)
+    level = look([(0, s) for s in body_sheets(floor, HOME, view)], camera)
+    assert np.isfinite(level.depth).all()
+    np.testing.assert_allclose(hollows(level, camera), 1.0, atol=1e-6)
+    both = look([(0, s) for b in (floor, block) for s in body_sheets(b, HOME, view)], camera)
+    assert hollows(both, camera).min() < 0.8
+
+
+@pytest.mark.parametrize("name", ["hammer-blocks", "file-cad"])
+def test_a_tool_that_is_a_mesh_has_pictures(name):
+    scene = load_scene(name)
+    parts = scene_parts(scene, scene.start)
+    tool = [part for part in parts if part.is_tool]
+    assert len({part.colour for part in tool}) == 2  # steel and wood
+    assert np.sum([part.faces for part in tool], axis=0).tolist() == [1] * len(tool[0].faces)
+    up = np.array([[0.0, 0.0, 1.0]])
+    moment = Moment(0.0, scene.start, scene.start[None, :3], up, 0.5 * up, np.array([1e-4]))
+    assert 2e-3 < contact_width(scene, moment) < 5e-2
+    for draw in (close_picture, whole_picture):
+        image = draw(scene, moment, columns=150, rows=120).image
+        assert np.isfinite(image).all()
+        assert image[..., 3].min() == 1.0  # the table fills it
+        assert image[..., :3].std() > 0.05
+    # The whole tool is in the image.
+    eye = whole_picture(scene, moment, columns=150, rows=120).camera
+    body = tool[0].body
+    turn = np.array([eye.place(p + scene.start[:3]) for p in body.mesh.vertices])
+    if name == "hammer-blocks":
+        assert turn.min() > 0
+        assert (turn.max(axis=0) < [150, 120]).all()

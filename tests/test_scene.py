@@ -25,12 +25,17 @@ def test_built_in_scenes_survive_a_folder(name, tmp_path):
     assert again.document == scene.document
     assert again.force == scene.force
     assert again.motion == scene.motion
-    old, new = (next(b for b in s.bodies if b.name == "plate") for s in (scene, again))
-    np.testing.assert_array_equal(old.texture.samples, new.texture.samples)
-    assert old.geoms == new.geoms
+    for old, new in zip(scene.bodies, again.bodies, strict=True):
+        assert (old.name, old.geoms, old.mapping) == (new.name, new.geoms, new.mapping)
+        assert (old.texture is None, old.mesh is None) == (new.texture is None, new.mesh is None)
+        if old.texture is not None:
+            np.testing.assert_array_equal(old.texture.samples, new.texture.samples)
+        if old.mesh is not None:
+            for part in ("vertices", "faces", "normals", "uv"):
+                np.testing.assert_array_equal(getattr(old.mesh, part), getattr(new.mesh, part))
     # Any tool of MuJoCo opens it.
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "saved" / "scene.xml"))
-    assert model.body("probe").id > 0
+    assert model.body(scene.tool).id > 0
     mujoco.mj_step(model, mujoco.MjData(model))
 
 

@@ -155,8 +155,10 @@ def test_meshes_in_files_of_mujoco_move_into_the_scene(tmp_path):
         """<mujoco><compiler meshdir="."/><asset>
         <mesh file="box.obj" scale="0.001 0.001 0.001"/>
         <texture name="t" type="2d" file="red.png"/><material name="m" texture="t"/></asset>
-        <worldbody><body name="box"><geom type="mesh" mesh="box" pos="0 0 0.5" material="m"/></body>
-        <body name="probe" pos="0 0 1"><freejoint/><geom size="0.001"/></body></worldbody></mujoco>"""
+        <worldbody>
+        <body name="box"><geom type="mesh" mesh="box" pos="0 0 0.5" material="m"/></body>
+        <body name="probe" pos="0 0 1"><freejoint/><geom size="0.001"/></body>
+        </worldbody></mujoco>"""
     )
     scene = read_scene(tmp_path)
     assert "red.png" in scene.notes[0]
@@ -173,7 +175,10 @@ def test_meshes_in_files_of_mujoco_move_into_the_scene(tmp_path):
         ({"unit": "mm"}, ["bodies.block.mesh", "kind", "file", "hammer"]),
         ({"kind": "hamer"}, ["bodies.block.mesh.kind", "did you mean 'hammer'"]),
         ({"kind": ["block"]}, ["bodies.block.mesh.kind"]),
-        ({"kind": "block", "lenght": 1.0}, ["bodies.block.mesh.lenght", "bodies.block.mesh.length"]),
+        (
+            {"kind": "block", "lenght": 1.0},
+            ["bodies.block.mesh.lenght", "bodies.block.mesh.length"],
+        ),
         ({"kind": "block", "length": 0.03}, ["bodies.block.mesh.width is missing"]),
         (BLOCK | {"length": -1.0}, ["bodies.block.mesh", "length", "-1"]),
         (BLOCK | {"length": "3"}, ["bodies.block.mesh.length", "a number"]),
@@ -252,7 +257,11 @@ class TestFromFiles:
         assert (target.mapping, tool.mapping) == ("uv", "triplanar")
         assert target.texture.relief == pytest.approx(2e-4, rel=1e-2)
         told = "\n".join(scene.notes)
-        for word in ("atlas was made", "no height_range for rough.png: 0.2 mm", "no size for rough"):
+        for word in (
+            "atlas was made",
+            "no height_range for rough.png: 0.2 mm",
+            "no size for rough",
+        ):
             assert word in told
         # The tool stands above the slab's top, both textures' reach away, and slides along y.
         low = tool.mesh.vertices[:, 2].min() + scene.start[2]
@@ -261,7 +270,9 @@ class TestFromFiles:
         assert scene.motion.length == pytest.approx(0.036)
         assert scene.motion.direction == pytest.approx(np.pi / 2)
         assert scene.start[1] == pytest.approx(-0.018)
-        assert scene.model.body("tool").mass[0] == pytest.approx(1e3 * 8e-3 * 8e-3 * 30e-3, rel=1e-4)
+        assert scene.model.body("tool").mass[0] == pytest.approx(
+            1e3 * 8e-3 * 8e-3 * 30e-3, rel=1e-4
+        )
         scene.save(tmp_path / "saved")
         assert {p.name for p in (tmp_path / "saved").iterdir()} == {
             "scene.xml", "scene.toml", "bar.obj", "slab.obj", "rough.png",
@@ -307,6 +318,17 @@ class TestFromFiles:
         scene = make_scene(**files)
         assert body_of(scene, "target").mapping == "triplanar"
         assert any("xatlas" in note for note in scene.notes)
+
+    def test_a_peak_has_a_short_slide(self, files, tmp_path):
+        peak = tmp_path / "peak.obj"
+        peak.write_text(
+            "v -20 -20 0\nv 20 -20 0\nv 20 20 0\nv -20 20 0\nv 0 0 20\n"
+            "f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n"
+        )
+        scene = make_scene(tool=files["tool"], target=peak, unit="mm")
+        assert scene.motion.length == pytest.approx(2e-3)
+        low = body_of(scene, "tool").mesh.vertices[:, 2].min() + scene.start[2]
+        assert low == pytest.approx(0.02 + 1e-4, abs=1e-6)
 
     def test_a_tool_may_be_turned(self, files):
         half = float(np.sqrt(0.5))

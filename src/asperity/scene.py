@@ -1,12 +1,17 @@
 """A scene: bodies, their textures, how they push, and how the tool moves by default.
 
 On disk it is a folder of two files. `scene.xml` is MJCF, for any tool of MuJoCo: bodies of simple
-geoms; the tool is a body with a freejoint. `scene.toml` adds what MJCF has no words for:
+geoms, or of convex pieces of a mesh; the tool is a body with a freejoint. `scene.toml` adds what
+MJCF has no words for:
 
     schema = 1
 
     [tool]
     body = "probe"
+
+    [bodies.part.mesh]           # the surface of a body whose geoms are of type mesh
+    file = "part.stl"
+    unit = "mm"
 
     [bodies.plate.texture]
     kind = "sinusoid"            # or: file = "coin.png", pixel_size = 1e-5, height_range = 1e-4
@@ -30,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 from numpy.typing import NDArray
 
 from asperity.anti_alias import MODES
@@ -52,6 +58,7 @@ from asperity.scene_mjcf import compiled, read_mjcf, tool_start, touchable_geoms
 from asperity.scene_texture import beside, body_texture
 from asperity.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.trajectory_file import read_poses
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -151,7 +158,7 @@ def scene_of(
     xml : str
         MJCF, without files.
     document : mapping
-        See [Scenes](../scenes.md#scene-toml).
+        What `scene.toml` would hold.
     name : str
     folder : Path, optional
         Where the files lie that `document` names.

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,16 +22,13 @@ from asperity.scene import Scene, scene_of
 from asperity.scene_file import require_table
 from asperity.scene_mesh import body_mesh, body_pieces, uv_size
 from asperity.scene_mjcf import compiled, mesh_assets, mesh_geoms
+from asperity.scene_place import fall, slide_over
 from asperity.texture.images import IMAGE_SUFFIXES, read_pixels
 
 HEIGHT_RANGE = 2e-4
 """Of an image whose relief is not given [m]."""
 DENSITY = 1000.0
 """Of the tool [kg/m^3]."""
-_PLAIN = 0.05
-"""What lies within this share of a body's height from its top is its top."""
-_SHARE = 0.6
-"""Of the target's top that the tool slides over."""
 _CLEARANCE = 1e-4
 """How far above contact the tool is drawn, beside both textures' reach [m]."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
@@ -129,7 +125,8 @@ def make_scene(
     }
     if name is None:
         name = f"{parts['tool'].mesh.name}-on-{parts['target'].mesh.name}"
-    slide, place = _placed(parts["tool"], parts["target"])
+    tool_mesh, ground = (part.mesh.vertices[part.mesh.faces] for part in parts.values())
+    slide, place = slide_over(ground, tool_mesh)
     document = {
         "schema": 1,
         "tool": {"body": "tool"},
@@ -138,7 +135,7 @@ def make_scene(
         "coupling": {"mode": "direct"},
         "trajectory": slide,
     }
-    place[2] -= _fall(compiled(_xml(name, parts, place)))
+    place[2] -= fall(compiled(_xml(name, parts, place)))
     scene = scene_of(_xml(name, parts, place), document, name=name)
     # Asperities meet before the smooth surfaces do.
     reach = [max(b.texture.highest, 0.0) for b in scene.bodies if b.texture is not None]
@@ -234,64 +231,9 @@ def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> N
     )
 
 
-def _placed(tool: _Part, target: _Part) -> tuple[dict[str, Any], Array]:
-    """Return a slide over the target's top, and where the tool begins, surely above it."""
-    ground, above = (part.mesh.vertices[part.mesh.faces] for part in (target, tool))
-    top, tip = _highest(ground), _highest(-above)
-    low, high = top.min(axis=0), top.max(axis=0)
-    along = int(np.argmax((high - low)[:2]))
-    length = _SHARE * float(high[along] - low[along])
-    start = 0.5 * (low + high)
-    start[along] -= 0.5 * length
-    place = start + 0.5 * (tip.min(axis=0) + tip.max(axis=0))
-    place[2] = ground[..., 2].max() - above[..., 2].min() + 1e-3
-    slide = {"kind": "slide", "seconds": 2.0, "speed": 0.083, "length": length}
-    if along == 1:
-        slide["direction"] = 0.5 * math.pi
-    return slide, np.asarray(place)
-
-
-def _highest(triangles: Array) -> Array:
-    """Return the points (n, 3) of the triangles that lie wholly at the top."""
-    level = triangles[..., 2].max() - _PLAIN * np.ptp(triangles[..., 2])
-    whole = (triangles[..., 2] >= level).all(axis=1)
-    points = triangles[whole] if whole.any() else triangles
-    points = points.reshape(-1, 3)
-    return np.asarray(points[points[:, 2] >= level])
-
-
-def _fall(model: mujoco.MjModel) -> float:
-    """Return how far the tool can be lowered until it meets the target [m]."""
-    data = mujoco.MjData(model)
-    groups: list[list[int]] = [[], []]
-    for i in range(model.ngeom):
-        if model.geom_contype[i]:
-            groups[model.body(int(model.geom_bodyid[i])).name == "tool"].append(i)
-    low = sum(float(model.geom_rbound[group].max()) for group in groups)
-    least = data.qpos[2] - 4.0 * low
-    fallen = 0.0
-    # What is farther away than that in any direction can be approached by that along z.
-    for _ in range(200):
-        mujoco.mj_kinematics(model, data)
-        away = min(
-            mujoco.mj_geomDistance(model, data, a, b, 10.0, None)
-            for a in groups[0]
-            for b in groups[1]
-        )
-        if away < 1e-7:
-            break
-        data.qpos[2] -= away
-        fallen += away
-        if data.qpos[2] < least:  # it passes by: through a hole, or beside
-            return 0.0
-    return float(fallen)
-
-
 def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
     """Return the MJCF with the tool at a place."""
-    corners = np.concatenate(
-        [parts["target"].mesh.vertices, parts["tool"].mesh.vertices + place]
-    )
+    corners = np.concatenate([parts["target"].mesh.vertices, parts["tool"].mesh.vertices + place])
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = float(np.linalg.norm(high - low))
 
@@ -307,7 +249,9 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
         tool_pos=told(place),
         **{
             f"{key}_geoms": mesh_geoms(
-                key, part.mesh, density=[DENSITY] * len(part.pieces),
+                key,
+                part.mesh,
+                density=[DENSITY] * len(part.pieces),
                 rgba=[_COLOURS[key]] * len(part.pieces),
             )
             for key, part in parts.items()

@@ -152,9 +152,7 @@ def tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
     return require_pose(model.qpos0[:7], f"pose of {tool!r}")
 
 
-def mesh_assets(
-    name: str, mesh: Mesh, pieces: Sequence[NDArray[np.float64]]
-) -> str:
+def mesh_assets(name: str, mesh: Mesh, pieces: Sequence[NDArray[np.float64]]) -> str:
     """Return the `<mesh>` elements of a body: its pieces, and the whole to be seen.
 
     Parameters
@@ -179,9 +177,7 @@ def mesh_assets(
     return "\n".join(lines)
 
 
-def mesh_geoms(
-    name: str, mesh: Mesh, *, density: Sequence[float], rgba: Sequence[str]
-) -> str:
+def mesh_geoms(name: str, mesh: Mesh, *, density: Sequence[float], rgba: Sequence[str]) -> str:
     """Return the `<geom>` elements of a body whose assets `mesh_assets` wrote.
 
     Parameters

@@ -91,6 +91,80 @@ def test_bad_options_are_refused_in_one_line(options, names, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+def write_slab(path, size):
+    """Write a box without texture coordinates as OBJ [mm]."""
+    x, y, z = (0.5 * s for s in size)
+    corners = [(a, b, c) for a in (-x, x) for b in (-y, y) for c in (-z, z)]
+    sides = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    lines = [f"v {a} {b} {c}" for a, b, c in corners] + [f"f {side}" for side in sides]
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    grey = np.random.default_rng(3).integers(0, 255, (24, 24)).astype(np.uint8)
+    Image.fromarray(grey).save(tmp_path / "rough.png")
+    return [
+        "run", "--tool", write_slab(tmp_path / "bar.obj", (6, 6, 20)), "--tool-unit", "mm",
+        "--target", write_slab(tmp_path / "slab.obj", (40, 30, 5)), "--target-unit", "mm",
+        "--target-texture", str(tmp_path / "rough.png"), "--target-relief-mm", "0.05",
+        "--target-mapping", "triplanar",
+    ]  # fmt: skip
+
+
+def test_a_run_straight_from_meshes_and_an_image(meshes, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main([*meshes, "--seconds", "0.05", "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    assert summary["scene"] == "bar-on-slab"
+    assert summary["contacts"]["ticks_in_contact"] > 25
+    assert any("no size for rough.png" in note for note in summary["notes"])
+    assert "no size for rough.png" in capsys.readouterr().out
+    assert {path.name for path in out.iterdir()} == FILES
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        (["probe-plate"], ["probe-plate", "--tool", "not both"]),
+        (["--tool", "none.obj"], ["tool", "none.obj"]),
+        (["--tool-unit", "furlong"], ["furlong", "mm"]),
+        (["--target-mapping", "uw"], ["mapping", "uw", "choose from", "uv"]),
+        (["--target-relief-mm", "-1"], ["--target-relief-mm", "-1"]),
+        (["--tool-mapping", "uv"], ["--tool-mapping", "--tool-texture"]),
+        (["--tool-relief-mm", "1"], ["--tool-relief-mm", "--tool-texture"]),
+        (["--seed", "3"], ["--seed"]),
+    ],
+)
+def test_bad_meshes_are_refused_in_one_line(meshes, change, names, tmp_path, capsys):
+    before = sorted(tmp_path.iterdir())
+    assert main([*meshes, *change, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    for name in names:
+        assert name in said[0]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ([], ["scene", "--tool", "--target"]),
+        (["--tool", "a.obj"], ["--target missing"]),
+        (["--target", "a.obj"], ["--tool missing"]),
+        (["--tool-unit", "mm"], ["--tool and --target missing"]),
+        (["probe-plate", "--target-unit", "mm"], ["probe-plate", "--target-unit", "not both"]),
+    ],
+)
+def test_a_scene_or_both_meshes(options, names, tmp_path, capsys):
+    assert main(["run", *options, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    for name in names:
+        assert name in said[0]
+
+
 def test_an_interrupted_run_leaves_nothing(tmp_path, monkeypatch, capsys):
     from asperity.simulation import Simulation
 

@@ -348,7 +348,9 @@ def test_an_atlas_has_one_scale_and_says_which():
     (note,) = made.notes
     assert "6 charts" in note
     spans = float(note.split("one unit spans ")[1].split(" m")[0])
-    assert sides / on_texture == pytest.approx(np.full((12, 3), spans), rel=4e-3)  # charts in whole texels
+    assert sides / on_texture == pytest.approx(
+        np.full((12, 3), spans), rel=4e-3
+    )  # charts in whole texels
     with pytest.raises(AsperityError, match="it has texture coordinates"):
         with_atlas(made)
 

@@ -142,10 +142,10 @@ class Run:
         """Return the scene of the meshes and textures that the options name."""
         from asperity.scene_from_files import make_scene
 
-        meshes, textures = {}, {}
+        options: dict[str, Any] = {}
         for body in ("tool", "target"):
             unit, relief = getattr(self, f"{body}_unit"), getattr(self, f"{body}_relief_mm")
-            meshes[body] = {"file": getattr(self, body), "unit": unit or "m"}
+            options[body] = {"file": getattr(self, body), "unit": unit or "m"}
             if getattr(self, f"{body}_texture") is None:
                 continue
             texture: dict[str, Any] = {"file": getattr(self, f"{body}_texture")}
@@ -153,8 +153,8 @@ class Run:
                 texture["mapping"] = getattr(self, f"{body}_mapping")
             if relief is not None:
                 texture["height_range"] = relief * 1e-3
-            textures[f"{body}_texture"] = texture
-        return make_scene(**meshes, **textures)
+            options[f"{body}_texture"] = texture
+        return make_scene(**options)
 
     def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:
         """Return the scene's motion with what the options change."""

@@ -57,7 +57,8 @@ UV_LEAST, UV_MOST = EQ + 6, EQ + 7  # singular values of the map from a to the t
 UV_ROOT = EQ + 8  # what the root adds
 BEND_1, BEND_2 = EQ + 9, EQ + 10  # of a plane chart: sizes of w' and w''
 TOP = EQ + 11  # highest point of the texture, infinite where only the whole texture's is known
-SIZE = EQ + 12
+SIDE = EQ + 12  # largest sideways part of w
+SIZE = EQ + 13
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
@@ -99,7 +100,9 @@ def _finish(chart, frame, body, mapping, origin):
     level = flat and abs(chart[V0]) < 1e-12 and abs(chart[V0 + 1]) < 1e-12 and chart[UNIT] == 1.0
     chart[LEVEL] = 1.0 if level else 0.0
     chart[MAPPING] = mapping
-    chart[TOP] = np.inf
+    chart[TOP], chart[SIDE] = np.inf, 1.0
+    if flat:
+        chart[SIDE] = math.hypot(chart[V0], chart[V0 + 1])
     if chart[TEXTURE] < 0.0:
         return
     for axis in range(3):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from asperity.compiled import clear, lean_kernel
 from asperity.contact.chart import (
     B0,
@@ -18,6 +20,7 @@ from asperity.contact.chart import (
     RECTANGLE_HARD,
     ROUND,
     ROWS,
+    SIDE,
     STRETCH,
     TEXTURE,
     TOP,
@@ -90,6 +93,14 @@ def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
         row = ROWS + 1 + 6 * i
         chart[row], chart[row + 1] = table.rows[f, i, 0], table.rows[f, i, 1]
         chart[row + 2], chart[row + 5] = table.rows[f, i, 2], table.rows[f, i, 3]
+    # Over the rectangle w, before it is made a unit vector, is largest sideways in a corner.
+    side = 0.0
+    for i in range(4):
+        x, y = (half_x if i & 1 else -half_x), (half_y if i & 2 else -half_y)
+        w_u = chart[V0] + chart[V1] * x + chart[V2] * y
+        w_v = chart[V0 + 1] + chart[V1 + 1] * x + chart[V2 + 1] * y
+        side = max(side, math.sqrt(w_u * w_u + w_v * w_v))
+    chart[SIDE] = min(side / table.least[f], 1.0)
     chart[TEXTURE], chart[MAPPING] = texture, mapping
     if texture < 0:
         return

@@ -14,7 +14,6 @@ from asperity.contact.deepest import (
     PAIR,
     begin,
     fill_result,
-    search_looks,
     walks_on_a,
 )
 from asperity.contact.facet_chart import facet_chart
@@ -22,6 +21,7 @@ from asperity.contact.footprint import facing_pairs, piece
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
 from asperity.contact.search import quick_bound
+from asperity.contact.sieve import sieve
 
 
 @inner_kernel
@@ -209,7 +209,7 @@ def patch_depths(
             gv += v[k] * guess[which, k]
         begin(work_space, max_nodes / (ways_1 * ways_2))
         out = results_out[which]
-        search_looks(textures, stride, kept, gu, gv, tolerance, work_space)
+        sieve(textures, stride, kept, gu, gv, tolerance, work_space, space)
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
             charts[a, ROWS] -= added
@@ -255,6 +255,6 @@ def facets_along(
         for k in range(LOOK_SIZE):
             work_space.looks[i, k] = space.looks[i, k]
     begin(work_space, max_nodes)
-    search_looks(textures, stride, pairs, np.nan, np.nan, tolerance, work_space)
+    sieve(textures, stride, pairs, np.nan, np.nan, tolerance, work_space, space)
     fill_result(textures, stride, n, tolerance, work_space, result_out)
     return enough and foot.clock[1] == 0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from asperity.contact.deepest import LOOK_SIZE, RESULT_SIZE
 from asperity.contact.facet_table import BINS, FacetTable
 from asperity.contact.footprint import FootprintSpace, footprint_space
+from asperity.contact.sieve import BOX_SIZE, MAX_BOXES
 
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
@@ -47,6 +48,12 @@ class FacetSpace(NamedTuple):
     """Of each direction: normal (B's frame) 3, middle (world axes) 3, fade, depth, allowed."""
     looks: NDArray[np.float64]
     """The pairs of charts of one direction, before they are searched window by window."""
+    boxes: NDArray[np.float64]
+    """Boxes of the sieve: x0, x1, y0, y1, row of the pair; (n, 5)."""
+    heap: NDArray[np.int64]
+    """The numbers of those that wait, the most promising on top, and"""
+    keys: NDArray[np.float64]
+    """their bounds [m]."""
     lines: NDArray[np.float64]
     """Lines (in u and v) that windows are bounded by: (2, 3)."""
     frames: NDArray[np.float64]
@@ -70,6 +77,9 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         clock=np.zeros(1, np.int64),
         directions=np.zeros((BINS, 9)),
         looks=np.zeros((MAX_CHART_PAIRS, LOOK_SIZE)),
+        boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
+        heap=np.zeros(MAX_BOXES, np.int64),
+        keys=np.zeros(MAX_BOXES),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),
     )

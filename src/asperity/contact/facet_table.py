@@ -52,6 +52,8 @@ class FacetTable(NamedTuple):
     unit: Array
     """1 where w is constant."""
     bends: Array
+    least: Array
+    """Least length of w before it is made a unit vector."""
     place: Array
     """Place on the texture, or base point in the texture's frame, at a = 0, by x, by y; (n, 9)."""
     spread: Array
@@ -106,7 +108,8 @@ def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) 
         corners=facets.corners, half=facets.half, rows=rows, count_rows=count_rows,
         w=facets.w.reshape(-1, 9).copy(),
         unit=np.all(facets.w[:, 1:] == 0.0, axis=(1, 2)).astype(np.float64),
-        bends=facets.bends, place=place, spread=spread, body=owner, mapping=mapping,
+        bends=facets.bends,
+        least=facets.least, place=place, spread=spread, body=owner, mapping=mapping,
         top=_tops(facets, owner, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
         slack=np.array(slacks), low=low, high=high, child=child, first=first, last=last,

@@ -37,6 +37,7 @@ from asperity.contact.chart import (
     PZ,
     QINV,
     RECTANGLE,
+    SIDE,
     TEXTURE,
     TOP,
     C,
@@ -75,8 +76,8 @@ _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no mo
 _SMALLEST = 1e-10  # boxes are not divided below this [m]
 
 # What a search knows; one row of numbers.
-BEST, UPPER, NODES, LIMIT, TIES, SPENT = 0, 1, 2, 3, 4, 5
-STATE_SIZE = 6
+BEST, UPPER, NODES, LIMIT, TIES = 0, 1, 2, 3, 4
+STATE_SIZE = 5
 
 
 @lean_kernel
@@ -99,7 +100,7 @@ def _extent(chart):
 
 
 @lean_kernel
-def _window(cx, cy, shift):
+def window_of(cx, cy, shift):
     """Return the box of X's parameters that Y covers, as far as X goes."""
     u, v, half_u, half_v = _extent(cy)
     half_u, half_v = half_u + shift, half_v + shift
@@ -225,14 +226,17 @@ def _base_best(textures, cx, cy, window, work, at):
 
 
 @small_kernel
+def sideways(textures, chart):
+    """Return how far a chart's texture moves points sideways at most [m]."""
+    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
+        return 0.0
+    return textures.scales[int(chart[TEXTURE]), 2] * chart[SIDE]
+
+
+@small_kernel
 def _shift(textures, cx, cy):
     """Return how far the textures move points sideways at most [m]."""
-    shift = 0.0
-    if cx[TEXTURE] >= 0.0 and cx[LEVEL] == 0.0:
-        shift += textures.scales[int(cx[TEXTURE]), 2]
-    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
-        shift += textures.scales[int(cy[TEXTURE]), 2]
-    return shift
+    return sideways(textures, cx) + sideways(textures, cy)
 
 
 @small_kernel
@@ -249,7 +253,7 @@ def _rough(textures, cx, cy):
 def quick_bound(textures, cx, cy):
     """Return an upper bound of the overlap of two charts, -inf if they do not meet."""
     shift = _shift(textures, cx, cy)
-    x0, x1, y0, y1 = _window(cx, cy, shift)
+    x0, x1, y0, y1 = window_of(cx, cy, shift)
     if not (x0 <= x1 and y0 <= y1):
         return -np.inf
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -270,7 +274,7 @@ def first_look(
     and where on X the smooth bases overlap most.
     """
     shift = _shift(textures, cx, cy)
-    window = _window(cx, cy, shift)
+    window = window_of(cx, cy, shift)
     x0, x1, y0, y1 = window
     out[0] = -np.inf
     if not (x0 <= x1 and y0 <= y1):
@@ -299,8 +303,8 @@ def first_look(
 
 @lean_kernel
 def search_pair(
-    textures, cx, cy, pair, ax, ay, above, tolerance, state, best, ties, nodes, work, at
-):
+    textures, cx, cy, pair, ax, ay, above, whole, box, tolerance, state, best, ties, nodes, work, at
+):  # fmt: skip
     """Search one pair of charts; improve what `state`, `best` and `ties` hold.
 
     Parameters
@@ -313,11 +317,15 @@ def search_pair(
         Where the smooth bases overlap most, and
     above : float
         an upper bound of the depth [m], as `first_look` has them.
+    whole : bool
+        Whether all of the charts is searched, or
+    box : (x0, x1, y0, y1)
+        only this part of X's parameters.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
-    state : (6,) array
+    state : (5,) array
         BEST and UPPER, the least and most that the depth can be [m]; NODES looked at and their
-        LIMIT; TIES, how many; SPENT, 1 when the limit was reached.
+        LIMIT; TIES, how many.
     best : (23,) array
         The deepest place, as by `overlap_at`, and its pair.
     ties : (1024, 24) array
@@ -328,7 +336,7 @@ def search_pair(
         Working memory.
     """
     shift = _shift(textures, cx, cy)
-    window = _window(cx, cy, shift)
+    window = window_of(cx, cy, shift)
     x0, x1, y0, y1 = window
     span = max(x1 - x0, y1 - y0)
     ball = is_ball_over_plate(cx, cy)
@@ -336,12 +344,18 @@ def search_pair(
     if ball:
         ax, ay = parameters_under(cx, cy[O], cy[O + 1])
     boxes = nodes[-4:]
-    top = 0
-    for i in range(_blocks(textures, cx, window, boxes)):
-        for j in range(4):
-            nodes[top, j] = boxes[i, j]
-        nodes[top, 4] = above
+    top = np.int64(0)
+    if whole:
+        for i in range(_blocks(textures, cx, window, boxes)):
+            for j in range(4):
+                nodes[top, j] = boxes[i, j]
+            nodes[top, 4] = above
+            top += 1
+    else:
+        nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = box
+        nodes[0, 4] = above
         top += 1
+        span = max(box[1] - box[0], box[3] - box[2])
     finest = max(span * _FINEST_TIE, _SMALLEST)
     while top > 0:
         top -= 1
@@ -366,7 +380,6 @@ def search_pair(
             continue
         if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < _SMALLEST:
             state[UPPER] = max(state[UPPER], bound)
-            state[SPENT] = 1.0
             continue
         # Oblong boxes are halved, others quartered.
         cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0

@@ -71,16 +71,20 @@ class Facets:
         return self.origin[:, None] + self.corners @ self.axes[:, :2]
 
     @property
-    def bends(self) -> Array:
-        """Bounds of the first [1/m] and second [1/m^2] derivatives of w, (n, 2)."""
+    def least(self) -> Array:
+        """Least length of w before it is made a unit vector, over the rectangle; (n,)."""
         w0, slopes = self.w[:, 0], self.w[:, 1:]
-        size = np.linalg.norm(slopes, axis=2)
-        slope = np.hypot(size[:, 0], size[:, 1])
         middle = w0 / np.linalg.norm(w0, axis=1)[:, None]
         # Along its middle direction w is linear: least in a corner of the rectangle.
         least = np.einsum("ij,ij->i", w0, middle)
         least -= np.sum(np.abs(np.einsum("ijk,ik->ij", slopes, middle)) * self.half, axis=1)
-        first = slope / np.maximum(least, _LEAST_LENGTH)
+        return np.maximum(least, _LEAST_LENGTH)
+
+    @property
+    def bends(self) -> Array:
+        """Bounds of the first [1/m] and second [1/m^2] derivatives of w, (n, 2)."""
+        size = np.linalg.norm(self.w[:, 1:], axis=2)
+        first = np.hypot(size[:, 0], size[:, 1]) / self.least
         return np.stack([first, 3.0 * first**2], axis=1)
 
 

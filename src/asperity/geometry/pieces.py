@@ -7,24 +7,18 @@ on disk. They only say where the body may touch; its surface remains the mesh's.
 
 from __future__ import annotations
 
-import hashlib
-import logging
 import os
-import tempfile
 from collections.abc import Iterator
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
-from asperity import compiled
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.mesh import Array, Mesh
-from asperity.geometry.mesh_checks import SAME_PLACE, refuse, same_places
+from asperity.geometry.mesh_checks import SAME_PLACE, Indices, joined, refuse, same_places
 from asperity.geometry.mesh_topology import Edges, edges_of
+from asperity.geometry.piece_cache import cache_file, read_pieces, write_pieces
 
 _CONVEX = 1e-6
 _HAIR = 1e-4
@@ -32,7 +26,8 @@ _MAX_CORNERS = 4000
 """Of a solid that has more, the farthest along these many directions are kept."""
 _CHUNK = 4_000_000
 # CoACD's defaults took 106 s and made 92 pieces of one CAD part; these 11 to 16 s and 8 to 16.
-_SETTINGS: dict[str, Any] = {"max_convex_hull": 16, "mcts_iterations": 50, "seed": 0}
+_SETTINGS: dict[str, Any] = {"mcts_iterations": 50, "seed": 0}
+_MAX_PIECES = 16
 
 
 def convex_pieces(
@@ -40,9 +35,11 @@ def convex_pieces(
 ) -> tuple[Array, ...]:
     """Return the convex solids that a mesh is made of, or nearly.
 
-    A closed convex mesh is its own hull. Any other is cut up by CoACD, in up to 16 pieces; that
-    takes seconds, so the result is kept on disk, by the mesh and the settings. A sheet gets a
-    thickness of 1e-4 of its size, because MuJoCo refuses solids without volume.
+    A closed convex mesh is its own hull, and so is each closed convex part of a mesh. Any other is
+    cut up by CoACD, in up to 16 pieces (of several parts, 4 at least for each); that takes
+    seconds, for round surfaces a minute, so the result is kept on disk, by the mesh and the
+    settings. A sheet gets a thickness of 1e-4 of its size, because MuJoCo refuses solids without
+    volume; even so compile the pieces with `inertia="shell"`.
 
     Parameters
     ----------
@@ -66,21 +63,51 @@ def convex_pieces(
     """
     require_between("threshold", threshold, 0.01, 1.0)
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    points, faces = _welded(mesh, size)
-    edges = edges_of(faces)
-    if _is_convex(points, faces, edges, size):
-        return (_solid(points, size),)
-    closed = bool((edges.size == 2).all())
-    settings = _SETTINGS | {
-        "threshold": float(threshold),
-        "preprocess_mode": "off" if closed else "auto",
-    }
-    file = _cache_file(points, faces, settings, cache_folder)
-    pieces = _read(file)
-    if pieces is None:
-        pieces = _cut(mesh.name, points, faces, settings)
-        _write(file, pieces)
+    places = same_places(mesh.vertices, SAME_PLACE * size)
+    _, first = np.unique(places, return_index=True)
+    parts = _closed_parts(mesh.vertices[first], places[mesh.faces])
+    settings = _SETTINGS | {"threshold": float(threshold)}
+    settings["max_convex_hull"] = max(4, _MAX_PIECES // len(parts))
+    pieces: list[Array] = []
+    for points, faces in parts:
+        edges = edges_of(faces)
+        if _is_convex(points, faces, edges, size):
+            pieces.append(points)
+            continue
+        closed = bool((edges.size == 2).all())
+        settings["preprocess_mode"] = "off" if closed else "auto"
+        file = cache_file(points, faces, settings, cache_folder)
+        cut = read_pieces(file)
+        if cut is None:
+            cut = _cut(mesh.name, points, faces, settings)
+            write_pieces(file, cut)
+        pieces += cut
     return tuple(_solid(piece, size) for piece in pieces)
+
+
+def _closed_parts(points: Array, faces: Indices) -> list[tuple[Array, Indices]]:
+    """Return a surface as its parts if these are solids for themselves, else as it is.
+
+    A part that is open, or a cavity in another, says nothing without the others.
+    """
+    edges = edges_of(faces)
+    part = joined(len(faces), *edges.pairs.T // 3)
+    count = int(part.max()) + 1
+    if count > _MAX_PIECES or not (edges.size == 2).all():
+        return [(points, faces)]
+    parts = []
+    for k in range(count):
+        used, of_part = np.unique(faces[part == k], return_inverse=True)
+        parts.append((points[used], of_part.reshape(-1, 3).astype(np.int64)))
+    if min(_volume(*one) for one in parts) <= 0.0:
+        return [(points, faces)]
+    return parts
+
+
+def _volume(points: Array, faces: Indices) -> float:
+    """Return the volume that a closed surface encloses [m^3]."""
+    a, b, c = (points[faces] - points.mean(axis=0)).swapaxes(0, 1)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
 def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
@@ -113,18 +140,12 @@ def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
     return float(nearest.max(initial=0.0))
 
 
-def _welded(mesh: Mesh, size: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return vertices and faces with each place there once."""
-    places = same_places(mesh.vertices, SAME_PLACE * size)
-    _, first = np.unique(places, return_index=True)
-    return mesh.vertices[first], places[mesh.faces]
-
-
-def _samples(vertices: Array, faces: NDArray[np.int64]) -> Array:
+def _samples(vertices: Array, faces: Indices) -> Array:
     """Return the vertices of triangles, the middles of their sides, and their own."""
     triangles = vertices[faces]
     sides = 0.5 * (triangles + np.roll(triangles, -1, axis=1))
-    return np.concatenate([vertices, sides.reshape(-1, 3), triangles.mean(axis=1)])
+    samples = np.concatenate([vertices, sides.reshape(-1, 3), triangles.mean(axis=1)])
+    return np.unique(samples, axis=0)
 
 
 def _axes(points: Array) -> Array:
@@ -133,7 +154,7 @@ def _axes(points: Array) -> Array:
     return np.asarray(np.linalg.eigh(middle.T @ middle)[1].T[::-1])
 
 
-def _is_convex(points: Array, faces: NDArray[np.int64], edges: Edges, size: float) -> bool:
+def _is_convex(points: Array, faces: Indices, edges: Edges, size: float) -> bool:
     """Return whether a surface is closed and lies everywhere on its hull, or is a convex sheet."""
     axes = _axes(points)
     if np.ptp(points @ axes[2]) < _HAIR * size:
@@ -141,9 +162,7 @@ def _is_convex(points: Array, faces: NDArray[np.int64], edges: Edges, size: floa
     if not (edges.size == 2).all():
         return False
     hull = ConvexHull(points)
-    a, b, c = (points[faces] - points.mean(axis=0)).swapaxes(0, 1)
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
-    if volume < 0.999 * hull.volume:
+    if _volume(points, faces) < 0.999 * hull.volume:
         return False
     return _all_on(_samples(points, faces), hull, _CONVEX * size)
 
@@ -166,7 +185,7 @@ def _chunks(points: Array, rows: int) -> Iterator[Array]:
     return (points[k : k + rows] for k in range(0, len(points), rows))
 
 
-def _is_convex_sheet(flat: Array, faces: NDArray[np.int64]) -> bool:
+def _is_convex_sheet(flat: Array, faces: Indices) -> bool:
     """Return whether triangles in a plane fill the hull of their corners, on one side or two."""
     a, b, c = flat[faces].swapaxes(0, 1)
     (x, y), (s, t) = (b - a).T, (c - a).T
@@ -218,9 +237,7 @@ def _solid(points: Array, size: float) -> Array:
     return np.ascontiguousarray(corners)
 
 
-def _cut(
-    name: str, points: Array, faces: NDArray[np.int64], settings: dict[str, Any]
-) -> list[Array]:
+def _cut(name: str, points: Array, faces: Indices, settings: dict[str, Any]) -> list[Array]:
     """Return the pieces that CoACD cuts a mesh into."""
     try:
         import coacd
@@ -236,48 +253,3 @@ def _cut(
     if not solids:
         refuse(name, "CoACD found no convex pieces in it; valid: a closed surface")
     return solids
-
-
-def _cache_file(
-    points: Array,
-    faces: NDArray[np.int64],
-    settings: dict[str, Any],
-    folder: str | os.PathLike[str] | None,
-) -> Path:
-    try:
-        tool = version("coacd")
-    except ImportError:
-        tool = "none"
-    digest = hashlib.sha256(f"{tool} {sorted(settings.items())}".encode())
-    digest.update(points.tobytes())
-    digest.update(faces.tobytes())
-    # Beside the compiled kernels' folders, which are named by the sources: pieces outlive edits.
-    root = compiled.cache_folder().parent / "convex-pieces" if folder is None else Path(folder)
-    return root / f"{digest.hexdigest()[:32]}.npz"
-
-
-def _read(file: Path) -> list[Array] | None:
-    """Return the pieces in a file, None if it is not there or damaged."""
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            pieces = [archive[f"arr_{k}"] for k in range(len(archive.files))]
-    except Exception:  # whatever a damaged file makes of it: the pieces are made anew
-        return None
-    good = [p.ndim == 2 and p.shape[1] == 3 and p.dtype == float for p in pieces]
-    return pieces if pieces and all(good) and np.isfinite(np.concatenate(pieces)).all() else None
-
-
-def _write(file: Path, pieces: list[Array]) -> None:
-    """Write pieces so that no other process ever sees half a file."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, *pieces)
-            os.replace(temporary, file)
-        except BaseException:
-            os.unlink(temporary)
-            raise
-    except OSError as error:
-        logging.getLogger(__name__).warning("convex pieces are not kept: %s", error)

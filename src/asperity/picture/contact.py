@@ -20,6 +20,8 @@ from asperity.picture.view import Camera, Sheet, View
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
+_ONE_PLACE = 1e-6
+"""Contacts nearer than about this are drawn as one [m]."""
 _SHADOW = 900
 """Of the light's view [pixels]."""
 _SHADOW_COARSER = 3
@@ -46,15 +48,21 @@ class Moment:
 
     @classmethod
     def of(cls, time: float, pose: Array, contacts: Any) -> Moment:
-        """Return a copy of what the engine's `contacts` hold now."""
+        """Return a copy of what the engine's `contacts` hold now; those at one place are one."""
         n = int(contacts.count[0])
+        _, first, one = np.unique(
+            np.round(contacts.point[:n] / _ONE_PLACE), axis=0, return_index=True,
+            return_inverse=True,
+        )  # fmt: skip
+        force = np.zeros((len(first), 3))
+        np.add.at(force, one.reshape(-1), contacts.force[:n])
         return cls(
             time,
             pose.copy(),
-            contacts.point[:n].copy(),
-            contacts.normal[:n].copy(),
-            contacts.force[:n].copy(),
-            contacts.depth[:n].copy(),
+            contacts.point[:n][first].copy(),
+            contacts.normal[:n][first].copy(),
+            force,
+            contacts.depth[:n][first].copy(),
         )
 
     @property

@@ -121,7 +121,7 @@ def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
 def _template(divisions: int) -> tuple[Array, Whole]:
     """Return the points (k, 3) of an evenly divided triangle, by weights, and its triangles."""
     n = divisions
-    number = {}
+    number: dict[tuple[int, int], int] = {}
     for i in range(n + 1):
         for j in range(n + 1 - i):
             number[i, j] = len(number)

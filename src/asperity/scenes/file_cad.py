@@ -2,8 +2,8 @@
 
 The paper prints no sizes; all are asperity's. The part, a flange with a boss, stands on a smooth
 table, its underside on z = 0. The file lies flat on top of the boss; its frame is on its middle
-plane where the blade begins, x along the blade to its point, z up. It is pushed to and fro along its
-blade, turned a little against the part's long side.
+plane where the blade begins, x along the blade to its point, z up. It is pushed to and fro along
+its blade, turned a little against the part's long side.
 """
 
 from __future__ import annotations
@@ -57,7 +57,10 @@ _XML = """<mujoco model="file-cad">
 
 def file_cad() -> Scene:
     """Return the scene of a double-cut file on a machined part."""
-    meshes: dict[str, dict[str, Any]] = {"part": {"kind": "cad_part"}, "file": {"kind": "file_tool"}}
+    meshes: dict[str, dict[str, Any]] = {
+        "part": {"kind": "cad_part"},
+        "file": {"kind": "file_tool"},
+    }
     assets, geoms = [], {}
     for name, colour in (("part", "0.80 0.74 0.63 1"), ("file", METAL)):
         mesh, pieces = mesh_and_pieces(meshes[name], f"bodies.{name}.mesh")

@@ -63,7 +63,8 @@ def hammer_blocks() -> Scene:
     }  # fmt: skip
     bodies: dict[str, Any] = {"hammer": {"mesh": hammer, "texture": {**TEXTURE, "mapping": "uv"}}}
     part, geoms = _hammer(hammer)
-    assets, blocks, y = [part], [], -0.5 * BLOCKS[0].size[1]
+    assets, blocks = [part], list[str]()
+    y = -0.5 * BLOCKS[0].size[1]
     for made, colour in zip(BLOCKS, _COLOURS, strict=True):
         name = f"block-{len(blocks) + 1}"
         length, width, height = made.size

@@ -77,6 +77,4 @@ def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: floa
     }
     ending = {"sinusoid": "", "jittered_dots": "-dots"}.get(str(table.get("kind")))
     kind = table.get("kind", "map")
-    return scene_of(
-        xml, document, name="probe-plate" + (f"-{kind}" if ending is None else ending)
-    )
+    return scene_of(xml, document, name="probe-plate" + (f"-{kind}" if ending is None else ending))

@@ -1,0 +1,227 @@
+"""The deepest overlap among many plane charts: the most promising box first, of all pairs.
+
+Wide contact of two textured bodies has thousands of places that are nearly as deep. Boxes of all
+pairs of charts stand in one heap, ordered by a bound that costs two looks into the textures'
+pyramids; a box is quartered until it is about as large as their finest waves, and only then
+searched as `search` does it, with second-order bounds and climbs. So what the budget is spent on is where
+the deepest place may be, and what is left of it is bounded by the top of the heap.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import inner_kernel, lean_kernel, small_kernel
+from asperity.contact.bound import base_bound, beyond_rows
+from asperity.contact.chart import (
+    B0,
+    B1,
+    B2,
+    MAPPING,
+    PLANAR,
+    Q_LEAST,
+    Q_MOST,
+    QINV,
+    TEXTURE,
+    TOP,
+    UNIT,
+    UV_MOST,
+    V0,
+    C,
+    O,
+    Q,
+)
+from asperity.contact.deepest import LOOKED, PAIR, walks_on_a
+from asperity.contact.search import (
+    BEST,
+    LIMIT,
+    NODES,
+    TIE,
+    UPPER,
+    first_look,
+    search_pair,
+    sideways,
+    window_of,
+)
+from asperity.contact.surface import parameters_under
+from asperity.texture.packed import texture_bounds
+
+MAX_BOXES = 32768
+BOX_SIZE = 5  # x0, x1, y0, y1, row of its pair among the looks
+_LEAF = 2.0
+"""Boxes are searched that are this large [grains of the finer texture]."""
+_ONCE = 4.0
+"""Charts that are this large are not worth a sieve [grains]."""
+
+
+@small_kernel
+def _highest(textures, chart, x, y, half_x, half_y):
+    """Return the highest point of a chart's texture over a box of its parameters."""
+    if chart[TEXTURE] < 0.0:
+        return 0.0
+    k = int(chart[TEXTURE])
+    if chart[MAPPING] != PLANAR:
+        return min(chart[TOP], textures.scales[k, 2])
+    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
+    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
+    u = chart[B0] + chart[B1] * x + chart[B2] * y
+    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
+    return texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)[0]
+
+
+@lean_kernel
+def box_bound(textures, cx, cy, box, shift_x, shift_y):
+    """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
+
+    -inf where they do not meet. `shift_x`, `shift_y`: how far their textures move points
+    sideways at most [m].
+    """
+    x0, x1, y0, y1 = box
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    if beyond_rows(cx, x, y, half_x, half_y):
+        return -np.inf
+    bound, g1, g2 = base_bound(cx, cy, x, y, x0, x1, y0, y1, shift_x + shift_y)
+    if bound == -np.inf:
+        return bound
+    u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
+    bx, by = parameters_under(cy, u, v)
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    moved = (shift_x + shift_y) / cy[Q_LEAST]
+    reach_x = abs(i * cx[Q] + j * cx[Q + 2]) * half_x
+    reach_x += abs(i * cx[Q + 1] + j * cx[Q + 3]) * half_y + moved
+    reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
+    reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y + moved
+    if beyond_rows(cy, bx, by, reach_x, reach_y):
+        return -np.inf
+    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
+    high = _highest(textures, cx, x, y, half_x, half_y)
+    if cx[UNIT] == 1.0:
+        bound += high * (cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1])
+    else:
+        bound += max(high, 0.0) * steepness
+    high = _highest(textures, cy, bx, by, reach_x, reach_y)
+    if cy[UNIT] == 1.0:
+        # The height over a place of a plane that is moved along its normal.
+        bound += high * (cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1])
+    else:
+        bound += max(high, 0.0) * steepness
+    return bound
+
+
+@small_kernel
+def _grain(textures, chart):
+    """Return over how many metres of a chart's parameters its texture bends to its own height."""
+    if chart[TEXTURE] < 0.0:
+        return np.inf
+    k = int(chart[TEXTURE])
+    # Of a sinusoid that is its length over 2 pi.
+    return math.sqrt(textures.scales[k, 2] / max(textures.scales[k, 4], 1e-300)) / chart[UV_MOST]
+
+
+@lean_kernel
+def _push(heap, keys, size, number, key):
+    """Put a box into the heap, whose largest key is on top."""
+    at = size
+    while at > 0:
+        above = (at - 1) >> 1
+        if keys[above] >= key:
+            break
+        keys[at], heap[at] = keys[above], heap[above]
+        at = above
+    keys[at], heap[at] = key, number
+
+
+@lean_kernel
+def _pop(heap, keys, size):
+    """Take the top off a heap of `size` boxes."""
+    key, number = keys[size - 1], heap[size - 1]
+    last = size - 1
+    at = 0
+    while True:
+        child = 2 * at + 1
+        if child >= last:
+            break
+        if child + 1 < last and keys[child + 1] > keys[child]:
+            child += 1
+        if keys[child] <= key:
+            break
+        keys[at], heap[at] = keys[child], heap[child]
+        at = child
+    keys[at], heap[at] = key, number
+
+
+@inner_kernel
+def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
+    """Search the first `count` pairs of `space.looks`, as `search_looks` does.
+
+    `room` has the arrays of the heap: `boxes`, `heap`, `keys`.
+    """
+    state, looks = space.state, space.looks
+    boxes, heap, keys = room.boxes, room.heap, room.keys
+    size, used = np.int64(0), np.int64(0)
+    for row in range(count):
+        # A box that is no number stands for all of a pair.
+        boxes[used, 4], boxes[used, 0] = row, np.nan
+        _push(heap, keys, size, used, looks[row, 0])
+        size += 1
+        used += 1
+    while size > 0:
+        above, number = keys[0], heap[0]
+        if above <= state[BEST] - TIE:
+            break
+        if state[NODES] >= state[LIMIT] or used + 4 > MAX_BOXES:
+            state[UPPER] = max(state[UPPER], above)
+            break
+        _pop(heap, keys, size)
+        size -= 1
+        row = int(boxes[number, 4])
+        pair = int(looks[row, PAIR])
+        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
+        if not walks_on_a(cx, cy):
+            cx, cy = cy, cx
+        if looks[row, LOOKED] == 0.0:
+            looks[row, LOOKED] = 1.0
+            first_look(
+                textures, cx, cy, pair, guess_u, guess_v, state, space.best, space.ties,
+                space.work, space.at, looks[row],
+            )  # fmt: skip
+            state[NODES] += 2.0
+            above = min(above, looks[row, 0])
+            if above > state[BEST] - TIE:
+                _push(heap, keys, size, number, above)
+                size += 1
+            continue
+        shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
+        box = (boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3])
+        if box[0] != box[0]:
+            box = window_of(cx, cy, shift_x + shift_y)
+        x0, x1, y0, y1 = box
+        grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
+        large = max(x1 - x0, y1 - y0) / grain
+        whole = boxes[number, 0] != boxes[number, 0]
+        if cx[C] > 0.0 or cy[C] > 0.0 or large <= (_ONCE if whole else _LEAF):
+            search_pair(
+                textures, cx, cy, pair, looks[row, 1], looks[row, 2], above, whole, box,
+                tolerance, state, space.best, space.ties, space.nodes, space.work, space.at,
+            )  # fmt: skip
+            continue
+        state[NODES] += 1.0
+        cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
+        mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+        for child in range(4):
+            if (child & 1 and not cut_x) or (child & 2 and not cut_y):
+                continue
+            p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
+            q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
+            high = box_bound(textures, cx, cy, (p0, p1, q0, q1), shift_x, shift_y)
+            high = min(high, above)
+            if high <= state[BEST] - TIE:
+                continue
+            boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
+            boxes[used, 4] = row
+            _push(heap, keys, size, used, high)
+            size += 1
+            used += 1
