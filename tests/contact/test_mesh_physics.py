@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from naive_bodies import AT_REST, UP, moved, pose, ripple, rough, solid, turn
-from naive_meshes import ball_mesh, block, roller, roof, thing, with_uv
+from naive_meshes import ball_mesh, block, hook, roller, roof, thing, with_uv
 from scipy.spatial.transform import Rotation
 
 from asperity.contact.pair import BodyPair
@@ -75,7 +75,9 @@ def check_gradient(pair, at, pose_b, n):
         ahead[axis] = (pair.depth(moved(at, axis, step), pose_b, n).depth - found.depth) / STEP
         behind[axis] = (found.depth - pair.depth(moved(at, axis, -step), pose_b, n).depth) / STEP
     kinked = ahead - behind > 3e-3
-    assert gradient[~kinked] == pytest.approx(0.5 * (ahead + behind)[~kinked], abs=CLOSE)
+    # Where the depth bends sharply (towards a drop point), differences are off by their third order.
+    allowed = CLOSE + 0.03 * np.abs(ahead - behind)
+    assert np.all(np.abs(gradient - 0.5 * (ahead + behind))[~kinked] < allowed[~kinked])
     assert np.all(gradient[kinked] < ahead[kinked] + CLOSE)
     assert np.all(gradient[kinked] > behind[kinked] - CLOSE)
     return np.count_nonzero(kinked)
@@ -88,10 +90,10 @@ def exact_pair(a, b):
 @pytest.mark.parametrize("mapping", ["planar", "uv", "triplanar", "cylindrical"])
 @pytest.mark.parametrize("kind_a", MESHES)
 def test_the_gradient_agrees_with_differences(kind_a, mapping):
-    """Against every mesh: both textured, the tool, the ground; with four, neither."""
+    """Against every mesh: both textured, the tool, the ground, neither."""
     kinked = total = 0
     for number, kind_b in enumerate(MESHES):
-        textured = ("ab", "a", "b", "ab")[number] if mapping != "cylindrical" else "b"
+        textured = ("ab", "a", "b", "")[(number + list(MESHES).index(kind_a)) % 4]
         a, b, at, pose_b, n = meeting(kind_a, kind_b, mapping, textured, 10 + number)
         kinked += check_gradient(exact_pair(a, b), at, pose_b, n)
         total += 6
@@ -156,7 +158,8 @@ def test_on_an_edge_of_b_the_slope_of_a_counts(texture, mapping):
         at = pose(3e-3 + beyond, 2e-4, 1.4e-3, turn([1, 2, 3], 0.7))
         found = pair.depth(at, AT_REST, UP)
         assert found.point[0] == pytest.approx(3e-3, abs=1e-9)
-        assert abs(found.slope_normal[0]) > 0.05
+        if texture is None:
+            assert abs(found.slope_normal[0]) > 0.05
         assert check_gradient(pair, at, AT_REST, UP) == 0
 
 
@@ -175,6 +178,22 @@ def test_edge_on_edge_m_is_perpendicular_to_both(texture):
     assert m[2] == pytest.approx(1.0)
     assert abs(m[0]) > 0.1
     assert check_gradient(exact_pair(tool, ground), at, AT_REST, UP) == 0
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="of two edges that are parallel it takes the slope of B or of A by who is walked on",
+)
+def test_parallel_edges_take_a_slope_between_those_of_a():
+    """A ridge of a prism lies on a plate's edge: m is that of a facet beside it, or between."""
+    radius, sides = 3e-3, 96
+    tool = thing("tool", roller(radius, 4e-3, sides)).body
+    lying, sink = turn([1, 0, 0], math.pi / 2), 1e-4
+    at = pose(3e-3 + 0.5 * radius, 0, radius * math.cos(math.pi / 6) - sink, lying)
+    found = exact_pair(tool, plate(None, 3e-3)).depth(at, AT_REST, UP)
+    assert found.depth == pytest.approx(sink, abs=1e-12)
+    one, other = (math.tan(math.pi / 6 + k * math.pi / sides) for k in (-1, 1))
+    assert one - 1e-6 <= abs(found.slope_normal[0]) <= other + 1e-6
 
 
 def two_charts(texture, jump):
@@ -381,19 +400,19 @@ def test_plates_in_and_out_of_register():
         # Two waves of one length a quarter apart: sqrt(2) A.
         rise = math.sqrt(2.0) * amplitude if rise is None else rise
         assert found.depth == pytest.approx(sink + rise, abs=2e-9)
-        assert found.gradient[:3] == pytest.approx([0.0, 0.0, -1.0], abs=1e-3)
+        # Half a wave on all places are equally deep, and any of their slopes is one.
+        if shift != 0.5 * wavelength:
+            rate = -2 * amplitude * math.pi / wavelength * math.sin(math.pi * shift / wavelength)
+            assert found.gradient[:3] == pytest.approx([rate, 0.0, -1.0], abs=1e-3)
 
 
 def test_smooth_overlap_leaves_out_the_far_side():
     """Of two shelves of one mesh, the tool meets the lower alone if the upper is too deep."""
-    from naive_meshes import hook
-
-    tool, pair_n = thing("tool", block((5e-4, 5e-4, 5e-4))).body, UP
-    pair = BodyPair(tool, hook().body)
+    pair = BodyPair(thing("tool", block((5e-4, 5e-4, 5e-4))).body, hook().body)
     # On the lower arm: its top is at -5 mm, the upper arm's at 0.
     at = pose(5e-3, 0, -5e-3 + 4.5e-4)
-    assert pair.depth(at, AT_REST, pair_n, smooth_overlap=1e-3).depth == pytest.approx(5e-5)
-    assert pair.depth(at, AT_REST, pair_n).depth == pytest.approx(5.05e-3)
+    assert pair.depth(at, AT_REST, UP, smooth_overlap=1e-3).depth == pytest.approx(5e-5)
+    assert pair.depth(at, AT_REST, UP).depth == pytest.approx(5.05e-3)
 
 
 def test_too_many_pairs_are_refused_and_never_left_out():

@@ -38,6 +38,7 @@ from asperity.contact.chart import (
     QINV,
     RECTANGLE,
     ROWS,
+    SUMMIT,
     TEXTURE,
     C,
     E,
@@ -374,6 +375,11 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     if cy[TEXTURE] >= 0.0:
         # Y stays below its tangent plane, moved along its normal.
         bound += high_y * (steepness if high_y > 0.0 else max(1.0 - change_y, 0.0))
+    if cx[SUMMIT] < np.inf and cy[SUMMIT] < np.inf:
+        # No point is higher than that of the base which it was, and its texture's highest.
+        top = cx[O + 2] + cx[PZ] * x + cx[PZ + 1] * y
+        top += abs(cx[PZ]) * half_x + abs(cx[PZ + 1]) * half_y
+        bound = min(bound, min(top, cx[SUMMIT]) + cy[SUMMIT] + max(high, 0.0) + max(high_y, 0.0))
     if bound <= enough:
         return bound, UNSEEN, bound, 0.0
     overlap_at(textures, cx, cy, x, y, work, at)

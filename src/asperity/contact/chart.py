@@ -58,7 +58,8 @@ UV_ROOT = EQ + 8  # what the root adds
 BEND_1, BEND_2 = EQ + 9, EQ + 10  # of a plane chart: sizes of w' and w''
 TOP = EQ + 11  # highest point of the texture, infinite where only the whole texture's is known
 SIDE = EQ + 12  # largest sideways part of w
-SIZE = EQ + 13
+SUMMIT = EQ + 13  # largest z of the base, infinite where it is not known
+SIZE = EQ + 14
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
@@ -100,7 +101,7 @@ def _finish(chart, frame, body, mapping, origin):
     level = flat and abs(chart[V0]) < 1e-12 and abs(chart[V0 + 1]) < 1e-12 and chart[UNIT] == 1.0
     chart[LEVEL] = 1.0 if level else 0.0
     chart[MAPPING] = mapping
-    chart[TOP], chart[SIDE] = np.inf, 1.0
+    chart[TOP], chart[SIDE], chart[SUMMIT] = np.inf, 1.0, np.inf
     if flat:
         chart[SIDE] = math.hypot(chart[V0], chart[V0 + 1])
     if chart[TEXTURE] < 0.0:

@@ -63,10 +63,8 @@ RESULT_SIZE = 14
 
 # Of a pair of charts before it is searched: an upper bound, where the smooth bases overlap most.
 LOOKED, PAIR = 3, 4  # whether it has been climbed once; number of A's chart * stride + that of B's
-LOOK_SIZE = 5
-
-
-WHOLE = (0.0, 0.0, 0.0, 0.0)
+LOOK_BOX = 5  # of plane charts: the part of X's parameters over which they overlap
+LOOK_SIZE = 9
 
 
 class Workspace(NamedTuple):
@@ -116,8 +114,8 @@ def begin(space, max_nodes):
 @inner_kernel
 def search_looks(textures, stride, count, guess_u, guess_v, tolerance, space):
     """Search the first `count` pairs of `space.looks`, the most promising first."""
-    state, looks, whole = space.state, space.looks, count > 0
-    while whole:
+    state, looks = space.state, space.looks
+    while count > 0:
         k = np.int64(0)  # a plain 0 is a type of its own, and all below is compiled for it too
         for i in range(1, count):
             if looks[i, 0] > looks[k, 0]:
@@ -138,7 +136,7 @@ def search_looks(textures, stride, count, guess_u, guess_v, tolerance, space):
             continue
         looks[k, 0] = -np.inf
         search_pair(
-            textures, x, y, pair, looks[k, 1], looks[k, 2], above, whole, WHOLE, tolerance, state,
+            textures, x, y, pair, looks[k, 1], looks[k, 2], above, tolerance, state,
             space.best, space.ties, space.nodes, space.work, space.at,
         )  # fmt: skip
 

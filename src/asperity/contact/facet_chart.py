@@ -22,6 +22,7 @@ from asperity.contact.chart import (
     ROWS,
     SIDE,
     STRETCH,
+    SUMMIT,
     TEXTURE,
     TOP,
     TRIPLANAR,
@@ -93,6 +94,11 @@ def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
         row = ROWS + 1 + 6 * i
         chart[row], chart[row + 1] = table.rows[f, i, 0], table.rows[f, i, 1]
         chart[row + 2], chart[row + 5] = table.rows[f, i, 2], table.rows[f, i, 3]
+    summit = -math.inf
+    for i in range(table.sides[f]):
+        z = chart[PZ] * table.corners[f, i, 0] + chart[PZ + 1] * table.corners[f, i, 1]
+        summit = max(summit, z)
+    chart[SUMMIT] = chart[O + 2] + summit
     # Over the rectangle w, before it is made a unit vector, is largest sideways in a corner.
     side = 0.0
     for i in range(4):

@@ -7,21 +7,23 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, kernel
-from asperity.contact.chart import FLATTEST, ROWS
+from asperity.contact.chart import FLATTEST, ROWS, O, Q
 from asperity.contact.deepest import (
     LOOK_SIZE,
     LOOKED,
     PAIR,
+    RESULT_SIZE,
     begin,
     fill_result,
     walks_on_a,
 )
 from asperity.contact.facet_chart import facet_chart
 from asperity.contact.footprint import facing_pairs, piece
+from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
-from asperity.contact.search import quick_bound
-from asperity.contact.sieve import sieve
+from asperity.contact.search import TIES
+from asperity.contact.sieve import pair_bound, sieve
 
 
 @inner_kernel
@@ -142,13 +144,12 @@ def pairs_of_charts(
                 cx, cy = work_space.charts_a[a], work_space.charts_b[b]
                 if not walks_on_a(cx, cy):
                     cx, cy = cy, cx
-                bound = quick_bound(textures, cx, cy)
-                if bound > -math.inf:
-                    if pairs == space.looks.shape[0]:
-                        enough = False
-                        continue
-                    space.looks[pairs, 0], space.looks[pairs, LOOKED] = bound, 0.0
-                    space.looks[pairs, PAIR] = number
+                if pairs == space.looks.shape[0]:
+                    enough = False
+                    continue
+                pair_bound(textures, cx, cy, work_space.work, space.looks[pairs])
+                if space.looks[pairs, 0] > -math.inf:
+                    space.looks[pairs, LOOKED], space.looks[pairs, PAIR] = 0.0, number
                     pairs += 1
     return pairs, made_a, stride, enough
 
@@ -178,42 +179,93 @@ def patch_depths(
     for k in range(3):
         off_u += frame[0, k] * body_b[k, 3]
         off_v += frame[1, k] * body_b[k, 3]
-    looks = work_space.looks
-    for which in range(ways_1 * ways_2):
-        signs = (1.0 - 2.0 * (which % ways_1), 1.0 - 2.0 * (which // ways_1))
+    for k in range(2):
+        lines[k, 2] -= lines[k, 0] * off_u + lines[k, 1] * off_v
+    # The deepest place of all is that of every part that it lies in.
+    gu, gv = _guess(guess[0], u, v, off_u, off_v)
+    for i in range(pairs):
+        for k in range(LOOK_SIZE):
+            work_space.looks[i, k] = space.looks[i, k]
+    begin(work_space, max_nodes)
+    sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space)
+    fill_result(textures, stride, n, tolerance, work_space, results_out[0])
+    if ways_1 * ways_2 == 1:
+        return 1
+    single, at_1, at_2 = _single_place(work_space, stride, lines)
+    for which in range(ways_1 * ways_2 - 1, -1, -1):
+        sign_1 = 1.0 if which % ways_1 == 0 else -1.0
+        sign_2 = 1.0 if which // ways_1 == 0 else -1.0
+        within = (not first or sign_1 * at_1 >= -radius) and (
+            not second or sign_2 * at_2 >= -radius
+        )
+        out = results_out[which]
+        if single and within:
+            for k in range(RESULT_SIZE):
+                out[k] = results_out[0, k]
+            continue
         added = 0
         for k in range(2):
             if (k == 0 and first) or (k == 1 and second):
-                l_u, l_v = signs[k] * lines[k, 0], signs[k] * lines[k, 1]
-                l_0 = signs[k] * lines[k, 2] - l_u * off_u - l_v * off_v
+                sign = sign_1 if k == 0 else sign_2
                 for a in range(made_a):
-                    bound_by(charts[a], int(charts[a, ROWS]), l_u, l_v, l_0, radius)
+                    bound_by(
+                        charts[a], int(charts[a, ROWS]), sign * lines[k, 0], sign * lines[k, 1],
+                        sign * lines[k, 2], radius,
+                    )  # fmt: skip
                 added += 1
-        kept = 0
-        for i in range(pairs):
-            bound = space.looks[i, 0]
-            if added > 0:
-                pair = int(space.looks[i, PAIR])
-                cx, cy = charts[pair // stride], work_space.charts_b[pair % stride]
-                if not walks_on_a(cx, cy):
-                    cx, cy = cy, cx
-                bound = quick_bound(textures, cx, cy)
-            if bound > -math.inf:
-                for k in range(LOOK_SIZE):
-                    looks[kept, k] = space.looks[i, k]
-                looks[kept, 0] = bound
-                kept += 1
-        gu, gv = off_u, off_v
-        for k in range(3):
-            gu += u[k] * guess[which, k]
-            gv += v[k] * guess[which, k]
-        begin(work_space, max_nodes / (ways_1 * ways_2))
-        out = results_out[which]
+        kept = _bounded_anew(textures, stride, pairs, work_space, space)
+        gu, gv = _guess(guess[which], u, v, off_u, off_v)
+        begin(work_space, max_nodes / 4)
         sieve(textures, stride, kept, gu, gv, tolerance, work_space, space)
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
             charts[a, ROWS] -= added
     return ways_1 * ways_2
+
+
+@inner_kernel
+def _guess(guess, u, v, off_u, off_v):
+    """Return where in the contact frame a place of B's frame lies."""
+    for k in range(3):
+        off_u += u[k] * guess[k]
+        off_v += v[k] * guess[k]
+    return off_u, off_v
+
+
+@inner_kernel
+def _single_place(work_space, stride, lines):
+    """Return whether one place is deepest, and how far it lies from the lines [m].
+
+    Of the place it is the base point on A that counts.
+    """
+    best = work_space.best
+    if work_space.state[TIES] != 1.0 or work_space.ties[0, OVERLAP_SIZE + 1] > 0.0:
+        return False, 0.0, 0.0
+    pair = int(best[OVERLAP_SIZE])
+    a, b = work_space.charts_a[pair // stride], work_space.charts_b[pair % stride]
+    x, y = (best[X], best[Y]) if walks_on_a(a, b) else (best[ON_X], best[ON_Y])
+    at_u, at_v = a[O] + a[Q] * x + a[Q + 1] * y, a[O + 1] + a[Q + 2] * x + a[Q + 3] * y
+    return (
+        True,
+        lines[0, 0] * at_u + lines[0, 1] * at_v + lines[0, 2],
+        lines[1, 0] * at_u + lines[1, 1] * at_v + lines[1, 2],
+    )
+
+
+@inner_kernel
+def _bounded_anew(textures, stride, pairs, work_space, space):
+    """Fill the pairs of charts to be searched within a part; return how many."""
+    looks, kept = work_space.looks, 0
+    for i in range(pairs):
+        pair = int(space.looks[i, PAIR])
+        cx, cy = work_space.charts_a[pair // stride], work_space.charts_b[pair % stride]
+        if not walks_on_a(cx, cy):
+            cx, cy = cy, cx
+        pair_bound(textures, cx, cy, work_space.work, looks[kept])
+        if looks[kept, 0] > -math.inf:
+            looks[kept, LOOKED], looks[kept, PAIR] = 0.0, pair
+            kept += 1
+    return kept
 
 
 @kernel

@@ -11,17 +11,18 @@ import math
 import numpy as np
 
 from asperity.compiled import lean_kernel
-from asperity.contact.chart import ROWS, TEXTURE, C
-from asperity.contact.overlap import (
-    BORDERS,
-    F_X,
-    F_Y,
-    LINES,
-    POLYGON,
-    F,
-    borders_at,
-    overlap_at,
+from asperity.contact.chart import (
+    PZ,
+    Q_LEAST,
+    QINV,
+    RECTANGLE,
+    ROWS,
+    TEXTURE,
+    C,
+    O,
+    Q,
 )
+from asperity.contact.overlap import POLYGON, F, overlap_at
 
 _ROOM = 36  # a polygon of this many corners at most, and as many being made
 _THIN = 1e-9
@@ -61,37 +62,62 @@ def _clipped(polygon, size, a, b, r):
 
 
 @lean_kernel
-def flat_best(textures, cx, cy, window, tie, work, at):
-    """Fill `at` (22,) with the deepest place of two smooth plane charts.
+def plane_overlap(cx, cy, slack, polygon):
+    """Fill `polygon` with the part of X's parameters over which two plane charts overlap.
 
-    Parameters
-    ----------
-    window : (x0, x1, y0, y1)
-        The part of X's rectangle that counts.
-    tie : float
-        Corners that are less deep by at most this count as equally deep [m].
+    Borders of Y, and the sides of X's rectangle, may be passed by `slack` [m]. Curved borders are
+    left out. Returns how many corners there are, and the overlap of the smooth bases, which is
+    linear: at (0, 0), by x, by y.
+    """
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    du, dv = cx[O] - cy[O], cx[O + 1] - cy[O + 1]
+    # Y's parameters over X's: b0 + b1 x + b2 y, c0 + c1 x + c2 y.
+    b0, b1, b2 = i * du + j * dv, i * cx[Q] + j * cx[Q + 2], i * cx[Q + 1] + j * cx[Q + 3]
+    c0, c1, c2 = k * du + m * dv, k * cx[Q] + m * cx[Q + 2], k * cx[Q + 1] + m * cx[Q + 3]
+    at_zero = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
+    g_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
+    g_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
+    for n in range(4):
+        polygon[n, 0] = cx[RECTANGLE] if n in (0, 3) else cx[RECTANGLE + 1]
+        polygon[n, 1] = cx[RECTANGLE + 2] if n < 2 else cx[RECTANGLE + 3]
+    size = np.int64(4)
+    for n in range(int(cx[ROWS])):
+        row = ROWS + 1 + 6 * n
+        if cx[row + 4] == 0.0 and size > 0:
+            size = _clipped(polygon, size, cx[row + 1], cx[row + 2], -cx[row])
+    slack /= cy[Q_LEAST]
+    for n in range(4):
+        sign = 1.0 if n & 1 else -1.0
+        if size > 0:
+            f0, f1, f2 = (b0, b1, b2) if n < 2 else (c0, c1, c2)
+            size = _clipped(
+                polygon, size, sign * f1, sign * f2, sign * (cy[RECTANGLE + n] - f0) + slack
+            )
+    for n in range(int(cy[ROWS])):
+        row = ROWS + 1 + 6 * n
+        if cy[row + 4] == 0.0 and size > 0:
+            k1, k2 = cy[row + 1], cy[row + 2]
+            size = _clipped(
+                polygon, size, k1 * b1 + k2 * c1, k1 * b2 + k2 * c2,
+                slack - cy[row] - k1 * b0 - k2 * c0,
+            )  # fmt: skip
+    return size, at_zero, g_x, g_y
+
+
+@lean_kernel
+def flat_best(textures, cx, cy, tie, work, at):
+    """Fill `at` (22,) with the deepest place of two smooth plane charts.
 
     Returns
     -------
     tuple (bool, float)
-        Whether there is such a place; the area that it stands for [m^2].
+        Whether there is such a place; the area that it stands for [m^2]. Corners that are less
+        deep by at most `tie` [m] count as equally deep.
     """
-    x0, x1, y0, y1 = window
-    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    overlap_at(textures, cx, cy, x, y, work, at)
-    if at[F] == -np.inf:
+    polygon = work[POLYGON:]
+    size, at_zero, g_x, g_y = plane_overlap(cx, cy, 0.0, polygon)
+    if size == 0:
         return False, 0.0
-    middle, g_x, g_y = at[F], at[F_X], at[F_Y]
-    borders, polygon = work[BORDERS:LINES], work[POLYGON:]
-    count = borders_at(cx, cy, at, borders)
-    for i in range(4):
-        polygon[i, 0] = (x0 if i in (0, 3) else x1) - x
-        polygon[i, 1] = (y0 if i < 2 else y1) - y
-    size = np.int64(4)
-    for i in range(count):
-        size = _clipped(polygon, size, borders[i, 1], borders[i, 2], -borders[i, 0])
-        if size == 0:
-            return False, 0.0
     most = -np.inf
     for j in range(size):
         most = max(most, g_x * polygon[j, 0] + g_y * polygon[j, 1])
@@ -115,13 +141,12 @@ def flat_best(textures, cx, cy, window, tie, work, at):
             if away > length:
                 length, first, last = away, i, j
     if abs(area) > 1e-6 * length * length and length > 0.0:
-        x += polygon[0, 0] + c_x / area
-        y += polygon[0, 1] + c_y / area
+        x, y = polygon[0, 0] + c_x / area, polygon[0, 1] + c_y / area
         area = abs(area)
     else:
         # A corner, or the middle of a side.
-        x += 0.5 * (polygon[first, 0] + polygon[last, 0])
-        y += 0.5 * (polygon[first, 1] + polygon[last, 1])
+        x = 0.5 * (polygon[first, 0] + polygon[last, 0])
+        y = 0.5 * (polygon[first, 1] + polygon[last, 1])
         area = _THIN * length
     overlap_at(textures, cx, cy, x, y, work, at)
-    return at[F] >= middle + most - 2.0 * tie, area
+    return at[F] >= at_zero + most - 2.0 * tie, area

@@ -69,11 +69,11 @@ TIE = 1e-9
 MOST_TIES = 1024
 SAME = 1e-6
 """Places closer than this are one [m]."""
-_FINEST_TIE = 1.0 / 20.0
+FINEST_TIE = 1.0 / 20.0
 _STACK = 1024
 _PLATEAU = 1e-7  # slopes below this are none
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
-_SMALLEST = 1e-10  # boxes are not divided below this [m]
+SMALLEST = 1e-10  # boxes are not divided below this [m]
 
 # What a search knows; one row of numbers.
 BEST, UPPER, NODES, LIMIT, TIES = 0, 1, 2, 3, 4
@@ -281,7 +281,7 @@ def first_look(
         return
     if is_straight(cx) and is_straight(cy):
         # Nothing is left to be searched.
-        found, area = flat_best(textures, cx, cy, window, TIE, work, at)
+        found, area = flat_best(textures, cx, cy, TIE, work, at)
         if found:
             state[NODES] += 1.0
             state[UPPER] = max(state[UPPER], at[F])
@@ -302,9 +302,73 @@ def first_look(
 
 
 @lean_kernel
-def search_pair(
-    textures, cx, cy, pair, ax, ay, above, whole, box, tolerance, state, best, ties, nodes, work, at
+def judge(
+    textures, cx, cy, pair, ax, ay, window, box, bound, shift, ball, state, best, ties, work, at
 ):  # fmt: skip
+    """Return a bound of the overlap over a box that has to be divided further, else -inf.
+
+    `bound` is that of the box it comes from. What is found on the way is kept.
+    """
+    p0, p1, q0, q1 = box
+    state[NODES] += 1.0
+    enough = state[BEST] - TIE
+    middle_x, middle_y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
+    if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
+        return -np.inf
+    if ball:
+        high, kind, second, loose = ball_bound(textures, cx, cy, ax, ay, box, enough, at)
+    else:
+        high, kind, second, loose = node_bound(
+            textures, cx, cy, ax, ay, box, shift, enough, work, at
+        )
+    seen, high = kind != UNSEEN, min(high, bound)
+    if kind >= BOUNDED and high > enough:
+        high, seen = sharpest_bound(
+            textures, cx, cy, box, kind, high, second, loose,
+            best, best[OVERLAP_SIZE] == pair, work, at,
+        )  # fmt: skip
+    closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
+    if seen and at[F] > state[BEST] - TIE and climb(
+        # The middle of a box, or the highest place in it: the maximum may be near.
+        textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at
+    ):  # fmt: skip
+        _keep(at, pair, 0.0, state, best, ties)
+    if high <= state[BEST] - TIE:
+        return -np.inf
+    if closed:
+        state[UPPER] = max(state[UPPER], high)
+        return -np.inf
+    flat = cx[C] == cy[C] == 0.0 and cx[TEXTURE] < 0.0 and cy[TEXTURE] < 0.0
+    if flat and seen and high <= at[F] + TIE and _clear_of_borders(cx, cy, at, box, work):
+        # All of it is equally deep: flat on flat.
+        state[UPPER] = max(state[UPPER], high)
+        _keep(at, pair, (p1 - p0) * (q1 - q0), state, best, ties)
+        return -np.inf
+    return high
+
+
+@lean_kernel
+def settle(textures, cx, cy, pair, window, box, bound, state, best, ties, work, at):
+    """Look for a place as deep as the deepest in a small box that is as good as certified."""
+    x0, x1, y0, y1 = box
+    state[UPPER] = max(state[UPPER], bound)
+    weight = (x1 - x0) * (y1 - y0)
+    px, py = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    if cx[C] == cy[C] == 0.0 and cx[TEXTURE] < 0.0 and cy[TEXTURE] < 0.0:
+        overlap_at(textures, cx, cy, px, py, work, at)
+        if abs(at[F_X]) + abs(at[F_Y]) < _PLATEAU:
+            # Flat on flat: the box counts if its middle does.
+            if _clear_of_borders(cx, cy, at, (px, px, py, py), work):
+                _keep(at, pair, weight, state, best, ties)
+            return
+    if climb(textures, cx, cy, window, px, py, x1 - x0 + y1 - y0, work, at):
+        _keep(at, pair, weight, state, best, ties)
+
+
+@lean_kernel
+def search_pair(
+    textures, cx, cy, pair, ax, ay, above, tolerance, state, best, ties, nodes, work, at
+):
     """Search one pair of charts; improve what `state`, `best` and `ties` hold.
 
     Parameters
@@ -317,10 +381,6 @@ def search_pair(
         Where the smooth bases overlap most, and
     above : float
         an upper bound of the depth [m], as `first_look` has them.
-    whole : bool
-        Whether all of the charts is searched, or
-    box : (x0, x1, y0, y1)
-        only this part of X's parameters.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
     state : (5,) array
@@ -340,23 +400,16 @@ def search_pair(
     x0, x1, y0, y1 = window
     span = max(x1 - x0, y1 - y0)
     ball = is_ball_over_plate(cx, cy)
-    flat = cx[C] == cy[C] == 0.0 and cx[TEXTURE] < 0.0 and cy[TEXTURE] < 0.0
     if ball:
         ax, ay = parameters_under(cx, cy[O], cy[O + 1])
     boxes = nodes[-4:]
-    top = np.int64(0)
-    if whole:
-        for i in range(_blocks(textures, cx, window, boxes)):
-            for j in range(4):
-                nodes[top, j] = boxes[i, j]
-            nodes[top, 4] = above
-            top += 1
-    else:
-        nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = box
-        nodes[0, 4] = above
+    top = 0
+    for i in range(_blocks(textures, cx, window, boxes)):
+        for j in range(4):
+            nodes[top, j] = boxes[i, j]
+        nodes[top, 4] = above
         top += 1
-        span = max(box[1] - box[0], box[3] - box[2])
-    finest = max(span * _FINEST_TIE, _SMALLEST)
+    finest = max(span * FINEST_TIE, SMALLEST)
     while top > 0:
         top -= 1
         bound = nodes[top, 4]
@@ -364,21 +417,11 @@ def search_pair(
             continue
         x0, x1, y0, y1 = nodes[top, 0], nodes[top, 1], nodes[top, 2], nodes[top, 3]
         if bound <= state[BEST] + tolerance and max(x1 - x0, y1 - y0) <= finest:
-            # As good as certified. What is left is whether it holds a place as deep.
-            state[UPPER] = max(state[UPPER], bound)
-            weight = (x1 - x0) * (y1 - y0)
-            px, py = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-            if flat:
-                overlap_at(textures, cx, cy, px, py, work, at)
-                if abs(at[F_X]) + abs(at[F_Y]) < _PLATEAU:
-                    # Flat on flat: the box counts if its middle does.
-                    if _clear_of_borders(cx, cy, at, (px, px, py, py), work):
-                        _keep(at, pair, weight, state, best, ties)
-                    continue
-            if climb(textures, cx, cy, window, px, py, x1 - x0 + y1 - y0, work, at):
-                _keep(at, pair, weight, state, best, ties)
+            settle(
+                textures, cx, cy, pair, window, (x0, x1, y0, y1), bound, state, best, ties, work, at
+            )
             continue
-        if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < _SMALLEST:
+        if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < SMALLEST:
             state[UPPER] = max(state[UPPER], bound)
             continue
         # Oblong boxes are halved, others quartered.
@@ -390,39 +433,11 @@ def search_pair(
                 continue
             p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
             q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
-            state[NODES] += 1.0
-            enough = state[BEST] - TIE
-            box = (p0, p1, q0, q1)
-            middle_x, middle_y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
-            if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
-                continue
-            if ball:
-                high, kind, second, loose = ball_bound(textures, cx, cy, ax, ay, box, enough, at)
-            else:
-                high, kind, second, loose = node_bound(
-                    textures, cx, cy, ax, ay, box, shift, enough, work, at
-                )
-            seen, high = kind != UNSEEN, min(high, bound)
-            if kind >= BOUNDED and high > enough:
-                high, seen = sharpest_bound(
-                    textures, cx, cy, box, kind, high, second, loose,
-                    best, best[OVERLAP_SIZE] == pair, work, at,
-                )  # fmt: skip
-            closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
-            if seen and at[F] > state[BEST] - TIE and climb(
-                # The middle of a box, or the highest place in it: the maximum may be near.
-                textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at
-            ):  # fmt: skip
-                _keep(at, pair, 0.0, state, best, ties)
-            if high <= state[BEST] - TIE:
-                continue
-            if closed:
-                state[UPPER] = max(state[UPPER], high)
-                continue
-            if flat and seen and high <= at[F] + TIE and _clear_of_borders(cx, cy, at, box, work):
-                # All of it is equally deep: flat on flat.
-                state[UPPER] = max(state[UPPER], high)
-                _keep(at, pair, (p1 - p0) * (q1 - q0), state, best, ties)
+            high = judge(
+                textures, cx, cy, pair, ax, ay, window, (p0, p1, q0, q1), bound, shift, ball,
+                state, best, ties, work, at,
+            )  # fmt: skip
+            if high == -np.inf:
                 continue
             # Insertion keeps the most promising child on top of the stack.
             place = top

@@ -3,8 +3,8 @@
 Wide contact of two textured bodies has thousands of places that are nearly as deep. Boxes of all
 pairs of charts stand in one heap, ordered by a bound that costs two looks into the textures'
 pyramids; a box is quartered until it is about as large as their finest waves, and only then
-searched as `search` does it, with second-order bounds and climbs. So what the budget is spent on is where
-the deepest place may be, and what is left of it is bounded by the top of the heap.
+searched as `search` does it, with second-order bounds and climbs. So what the budget is spent on
+is where the deepest place may be, and what is left is bounded by the top of the heap.
 """
 
 from __future__ import annotations
@@ -21,9 +21,12 @@ from asperity.contact.chart import (
     B2,
     MAPPING,
     PLANAR,
+    PZ,
     Q_LEAST,
     Q_MOST,
     QINV,
+    RECTANGLE,
+    SUMMIT,
     TEXTURE,
     TOP,
     UNIT,
@@ -33,17 +36,23 @@ from asperity.contact.chart import (
     O,
     Q,
 )
-from asperity.contact.deepest import LOOKED, PAIR, walks_on_a
+from asperity.contact.deepest import LOOK_BOX, LOOKED, PAIR, walks_on_a
+from asperity.contact.flat_pair import plane_overlap
+from asperity.contact.overlap import POLYGON
 from asperity.contact.search import (
     BEST,
+    FINEST_TIE,
     LIMIT,
     NODES,
+    SMALLEST,
     TIE,
     UPPER,
     first_look,
+    judge,
+    quick_bound,
     search_pair,
+    settle,
     sideways,
-    window_of,
 )
 from asperity.contact.surface import parameters_under
 from asperity.texture.packed import texture_bounds
@@ -52,8 +61,8 @@ MAX_BOXES = 32768
 BOX_SIZE = 5  # x0, x1, y0, y1, row of its pair among the looks
 _LEAF = 2.0
 """Boxes are searched that are this large [grains of the finer texture]."""
-_ONCE = 4.0
-"""Charts that are this large are not worth a sieve [grains]."""
+_CHEAP = 0.1
+"""What a bound from the pyramids alone costs [nodes of `search`]."""
 
 
 @small_kernel
@@ -72,6 +81,48 @@ def _highest(textures, chart, x, y, half_x, half_y):
 
 
 @lean_kernel
+def _risen(textures, cx, cy, bound, box, shift):
+    """Return a bound of the smooth overlap over a box, and what the textures add to it there."""
+    x0, x1, y0, y1 = box
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    g1, g2 = i * cy[PZ] + k * cy[PZ + 1], j * cy[PZ] + m * cy[PZ + 1]
+    u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
+    bx, by = parameters_under(cy, u, v)
+    moved = shift / cy[Q_LEAST]
+    reach_x = abs(i * cx[Q] + j * cx[Q + 2]) * half_x
+    reach_x += abs(i * cx[Q + 1] + j * cx[Q + 3]) * half_y + moved
+    reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
+    reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y + moved
+    if beyond_rows(cy, bx, by, reach_x, reach_y):
+        return -np.inf
+    # No point is higher than that of the base which it was, and its texture's highest.
+    top = cx[O + 2] + cx[PZ] * x + cx[PZ + 1] * y
+    top += abs(cx[PZ]) * half_x + abs(cx[PZ + 1]) * half_y
+    base = cy[O + 2] + cy[PZ] * bx + cy[PZ + 1] * by
+    base += abs(cy[PZ]) * reach_x + abs(cy[PZ + 1]) * reach_y
+    top = min(top, cx[SUMMIT]) + min(base, cy[SUMMIT])
+    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
+    high = _highest(textures, cx, x, y, half_x, half_y)
+    if cx[UNIT] == 1.0:
+        bound += high * (cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1])
+        top += high * cx[V0 + 2]
+    else:
+        bound += max(high, 0.0) * steepness
+        top += max(high, 0.0)
+    high = _highest(textures, cy, bx, by, reach_x, reach_y)
+    if cy[UNIT] == 1.0:
+        # The height over a place of a plane that is moved along its normal.
+        bound += high * (cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1])
+        top += high * cy[V0 + 2]
+    else:
+        bound += max(high, 0.0) * steepness
+        top += max(high, 0.0)
+    return min(bound, top)
+
+
+@lean_kernel
 def box_bound(textures, cx, cy, box, shift_x, shift_y):
     """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
 
@@ -83,32 +134,52 @@ def box_bound(textures, cx, cy, box, shift_x, shift_y):
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     if beyond_rows(cx, x, y, half_x, half_y):
         return -np.inf
-    bound, g1, g2 = base_bound(cx, cy, x, y, x0, x1, y0, y1, shift_x + shift_y)
+    bound, _, _ = base_bound(cx, cy, x, y, x0, x1, y0, y1, shift_x + shift_y)
     if bound == -np.inf:
         return bound
-    u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
-    bx, by = parameters_under(cy, u, v)
-    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
-    moved = (shift_x + shift_y) / cy[Q_LEAST]
-    reach_x = abs(i * cx[Q] + j * cx[Q + 2]) * half_x
-    reach_x += abs(i * cx[Q + 1] + j * cx[Q + 3]) * half_y + moved
-    reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
-    reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y + moved
-    if beyond_rows(cy, bx, by, reach_x, reach_y):
-        return -np.inf
-    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
-    high = _highest(textures, cx, x, y, half_x, half_y)
-    if cx[UNIT] == 1.0:
-        bound += high * (cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1])
-    else:
-        bound += max(high, 0.0) * steepness
-    high = _highest(textures, cy, bx, by, reach_x, reach_y)
-    if cy[UNIT] == 1.0:
-        # The height over a place of a plane that is moved along its normal.
-        bound += high * (cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1])
-    else:
-        bound += max(high, 0.0) * steepness
-    return bound
+    return _risen(textures, cx, cy, bound, box, shift_x + shift_y)
+
+
+@lean_kernel
+def pair_bound(textures, cx, cy, work, look_out):
+    """Fill an upper bound of the overlap of two charts, -inf if they do not meet.
+
+    With it, for plane charts, the part of X's parameters over which they do: `LOOK_BOX`.
+    """
+    if cx[C] > 0.0 or cy[C] > 0.0:
+        look_out[0] = quick_bound(textures, cx, cy)
+        return
+    look_out[0] = -np.inf
+    shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
+    polygon = work[POLYGON:]
+    size, at_zero, g_x, g_y = plane_overlap(cx, cy, shift_x + shift_y, polygon)
+    if size == 0:
+        return
+    smooth = -np.inf
+    x0, y0 = polygon[0, 0], polygon[0, 1]
+    x1, y1 = x0, y0
+    for j in range(size):
+        x, y = polygon[j, 0], polygon[j, 1]
+        smooth = max(smooth, at_zero + g_x * x + g_y * y)
+        x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
+    look_out[1], look_out[2] = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    look_out[LOOK_BOX], look_out[LOOK_BOX + 1] = x0, x1
+    look_out[LOOK_BOX + 2], look_out[LOOK_BOX + 3] = y0, y1
+    look_out[0] = _risen(textures, cx, cy, smooth, (x0, x1, y0, y1), shift_x + shift_y)
+
+
+@lean_kernel
+def _is_there(cx, cy, u, v):
+    """Return whether a place of the contact frame lies on a chart and is not beside the other."""
+    x, y = parameters_under(cx, u, v)
+    if not (cx[RECTANGLE] <= x <= cx[RECTANGLE + 1]):
+        return False
+    if not (cx[RECTANGLE + 2] <= y <= cx[RECTANGLE + 3]) or beyond_rows(cx, x, y, 0.0, 0.0):
+        return False
+    x, y = parameters_under(cy, u, v)
+    if not (cy[RECTANGLE] <= x <= cy[RECTANGLE + 1]):
+        return False
+    return cy[RECTANGLE + 2] <= y <= cy[RECTANGLE + 3] and not beyond_rows(cy, x, y, 0.0, 0.0)
 
 
 @small_kernel
@@ -182,6 +253,11 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
         cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
         if not walks_on_a(cx, cy):
             cx, cy = cy, cx
+        plane = cx[C] == 0.0 and cy[C] == 0.0
+        rough = cx[TEXTURE] >= 0.0 or cy[TEXTURE] >= 0.0
+        if plane and rough and looks[row, LOOKED] == 0.0:
+            # Climbing in every pair would take most of the time: where the contact was will do.
+            looks[row, LOOKED] = 0.0 if _is_there(cx, cy, guess_u, guess_v) else 1.0
         if looks[row, LOOKED] == 0.0:
             looks[row, LOOKED] = 1.0
             first_look(
@@ -194,21 +270,29 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
                 _push(heap, keys, size, number, above)
                 size += 1
             continue
-        shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
-        box = (boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3])
-        if box[0] != box[0]:
-            box = window_of(cx, cy, shift_x + shift_y)
-        x0, x1, y0, y1 = box
-        grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
-        large = max(x1 - x0, y1 - y0) / grain
-        whole = boxes[number, 0] != boxes[number, 0]
-        if cx[C] > 0.0 or cy[C] > 0.0 or large <= (_ONCE if whole else _LEAF):
+        if not plane:
             search_pair(
-                textures, cx, cy, pair, looks[row, 1], looks[row, 2], above, whole, box,
-                tolerance, state, space.best, space.ties, space.nodes, space.work, space.at,
+                textures, cx, cy, pair, looks[row, 1], looks[row, 2], above, tolerance, state,
+                space.best, space.ties, space.nodes, space.work, space.at,
             )  # fmt: skip
             continue
-        state[NODES] += 1.0
+        shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
+        x0, x1, y0, y1 = boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3]
+        if x0 != x0:
+            x0, x1 = looks[row, LOOK_BOX], looks[row, LOOK_BOX + 1]
+            y0, y1 = looks[row, LOOK_BOX + 2], looks[row, LOOK_BOX + 3]
+        window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
+        grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
+        large = max(x1 - x0, y1 - y0)
+        if above <= state[BEST] + tolerance and large <= FINEST_TIE * grain:
+            settle(
+                textures, cx, cy, pair, window, (x0, x1, y0, y1), above, state, space.best,
+                space.ties, space.work, space.at,
+            )  # fmt: skip
+            continue
+        if large < SMALLEST:
+            state[UPPER] = max(state[UPPER], above)
+            continue
         cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
         mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
         for child in range(4):
@@ -216,8 +300,16 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
                 continue
             p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
             q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
-            high = box_bound(textures, cx, cy, (p0, p1, q0, q1), shift_x, shift_y)
-            high = min(high, above)
+            if large > _LEAF * grain:
+                state[NODES] += _CHEAP
+                high = box_bound(textures, cx, cy, (p0, p1, q0, q1), shift_x, shift_y)
+                high = min(high, above)
+            else:
+                high = judge(
+                    textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
+                    (p0, p1, q0, q1), above, shift_x + shift_y, False, state, space.best,
+                    space.ties, space.work, space.at,
+                )  # fmt: skip
             if high <= state[BEST] - TIE:
                 continue
             boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
