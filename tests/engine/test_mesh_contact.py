@@ -172,7 +172,7 @@ def test_where_the_scene_stands_does_not_count(half, tool_first):
 @pytest.mark.parametrize("textured", [False, True])
 def test_action_and_reaction(textured):
     """Which of two bodies is the tool does not count, where n is the same: flat on flat."""
-    top, low = ((waves(30e-6, 1.1e-3), waves(20e-6, 0.7e-3)) if textured else (None, None))
+    top, low = (waves(30e-6, 1.1e-3), waves(20e-6, 0.7e-3)) if textured else (None, None)
     small = block((3e-3, 2e-3, 1e-3))
     plate = slab(texture=low).body.mesh
     one = engine_of(thing("tool", small, top), thing("plate", plate, low), max_nodes=ENOUGH)
@@ -256,7 +256,10 @@ def test_seams_of_a_plate_are_not_felt(seams, tilt):
     tool = brick((4e-3, 3e-3, 2e-3))
     q = both(turn(UP, 0.35), turn([0, 1, 0], tilt))
     path = along_x(-8e-3, 8e-3, 2e-3 - 3e-4, 1e-3, q)
-    found, whole = slide(engine_of(tool, SEAMS[seams]()), path), slide(engine_of(tool, slab()), path)
+    found, whole = (
+        slide(engine_of(tool, SEAMS[seams]()), path),
+        slide(engine_of(tool, slab()), path),
+    )
     report(f"over {seams}, tilted {tilt}", found)
     size = np.linalg.norm(whole.wrench[:, :3], axis=1).max()
     assert np.abs(found.wrench - whole.wrench)[:, :3].max() < 1e-3 * size
@@ -373,7 +376,9 @@ def test_turning_on_an_edge_is_continuous():
     """A flat tool that overhangs an edge yaws in place: only its top is touched."""
     engine = engine_of(brick((6e-3, 5e-3, 2e-3)), slab())
     tilt = turn([1, 0.3, 0], 0.01)
-    path = [pose(-11.5e-3, 4.7e-3, 1.5e-3, both(turn(UP, a), tilt)) for a in np.arange(1.4, 2.2, 2e-3)]
+    path = [
+        pose(-11.5e-3, 4.7e-3, 1.5e-3, both(turn(UP, a), tilt)) for a in np.arange(1.4, 2.2, 2e-3)
+    ]
     found = slide(engine, path)
     report("yawing on an edge", found)
     assert found.largest_change < 0.02
@@ -495,7 +500,9 @@ def test_a_peg_feels_the_hole_and_not_the_hull(kind):
     for push in np.linspace(0, 2e-4, 5):
         found = touch(engine, pose(room + push, room + push, -2e-3))
     if kind == "brick":
-        assert found.wrench[:3] == pytest.approx([-STIFFNESS * 1e-4, -STIFFNESS * 1e-4, 0], rel=0.01)
+        assert found.wrench[:3] == pytest.approx(
+            [-STIFFNESS * 1e-4, -STIFFNESS * 1e-4, 0], rel=0.01
+        )
 
 
 def test_a_peg_that_stands_on_the_rim_feels_the_top():
@@ -604,9 +611,7 @@ def test_a_closed_path_over_one_patch_does_no_work():
 
 def test_work_round_a_whole_scene_is_bounded():
     """n and patches change: the wrench is no gradient. What a path gains or loses, measured."""
-    engine = engine_of(
-        brick((4e-3, 3e-3, 2e-3)), slab(texture=waves(15e-6, 4e-3)), friction=0.0
-    )
+    engine = engine_of(brick((4e-3, 3e-3, 2e-3)), slab(texture=waves(15e-6, 4e-3)), friction=0.0)
     net = gross = 0.0
     count = 1500
     last = None

@@ -7,7 +7,7 @@ import pytest
 from contact.naive_meshes import Touch, ball_mesh, block, engine_of, thing, touch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from naive_engine import pose, rotation
+from naive_engine import pose, rotation, turn
 
 from asperity.contact.pair import BodyPair
 from asperity.errors import AsperityError
@@ -111,7 +111,7 @@ def poses(draw, reach):
     return pose(*place, draw(quaternions))
 
 
-def check(found, *, full=False):
+def check(found):
     """Hold all that the engine says of a pose to what it must be, whatever the pose."""
     for name, values in zip(Touch._fields, found, strict=True):
         assert np.isfinite(values).all(), f"{name}: {values}"
@@ -121,9 +121,8 @@ def check(found, *, full=False):
     assert np.all(found.weight > 0.0)
     for body in set(found.body):
         total = found.weight[found.body == body].sum()
+        # Less than 1 where a tool slides off an edge, or some patches of a wide one are free.
         assert total <= 1.0 + 1e-9
-        if full:
-            assert total == pytest.approx(1.0)
     scale = max(np.abs(found.force).sum(), 1e-12)
     assert found.wrench[:3] == pytest.approx(found.force.sum(axis=0), abs=1e-9 * scale)
     if len(found.depth) == 0:
@@ -163,13 +162,12 @@ def test_a_path_of_small_steps_gives_finite_wrenches(tool, ground, places):
     """With memory and friction: the tool goes on from where it is, deep or not."""
     (tool, size), (ground, other) = tool, ground
     reach = max(size, other)
-    engine = engine_of(tool, ground, friction=0.5, max_nodes=300, edge_fade=0.0)
+    engine = engine_of(tool, ground, friction=0.5, max_nodes=300)
     at, angle = np.array([0.0, 0.0, 0.5 * reach]), 0.0
     for *step, turned in places[:20]:
         at = np.clip(at + 0.05 * reach * np.array(step), -reach, reach)
         angle += 0.1 * turned
-        found = touch(engine, pose(*at, (math.cos(angle), 0.6 * math.sin(angle), 0.8 * math.sin(angle), 0)))
-        check(found, full=True)
+        check(touch(engine, pose(*at, turn([3, 4, 0], angle))))
 
 
 @quick
@@ -197,7 +195,7 @@ def test_no_finite_input_gives_a_depth_that_is_not_finite(data, a, b, toward):
 @quick
 @given(tool=things("tool"), ground=things("ground"), at=st.data())
 def test_the_same_path_gives_the_same_wrenches(tool, ground, at):
-    """After `reset`, and on a second engine: nothing is left over; looking (dt = 0) leaves no trace."""
+    """After `reset`, and on a second engine that also looks (dt = 0): that leaves no trace."""
     (tool, size), (ground, other) = tool, ground
     path = at.draw(st.lists(poses(max(size, other)), min_size=1, max_size=4))
     one, two = (engine_of(tool, ground, max_nodes=200) for _ in range(2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from asperity.compiled import clear, inner_kernel
 
@@ -38,14 +38,14 @@ def out_of(body, v, out):
 
 @inner_kernel
 def tolerance_for(textures, geometry, a, b, wanted):
-    """Return the gap that counts as certified: a thousandth of the finer texture's rms height."""
+    """Return the gap that counts as certified: a thousandth of the overlap's rms height."""
     if wanted > 0.0:
         return wanted
-    rms = np.inf
+    square = 0.0
     for body in (a, b):
         if geometry.texture[body] >= 0:
-            rms = min(rms, textures.scales[geometry.texture[body], 5])
-    return max(1e-9, 1e-3 * rms) if rms < np.inf else 1e-9
+            square += textures.scales[geometry.texture[body], 5] ** 2
+    return max(1e-9, 1e-3 * math.sqrt(square))
 
 
 @inner_kernel

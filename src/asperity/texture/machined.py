@@ -112,8 +112,10 @@ def cross_cut(
     angles: tuple[float, float] = (math.radians(45.0), math.radians(70.0)),
     face: float = 0.25,
     fillet: float | None = None,
+    variation: float = 0.0,
     periods: int = 12,
     samples: int = 48,
+    seed: int = 0,
 ) -> HeightField:
     """Return the teeth of a double-cut file: two crossed sets of saw-tooth grooves.
 
@@ -137,12 +139,18 @@ def cross_cut(
     fillet : float, optional
         Length over which creases are rounded [m], 2 samples or more; a sixteenth of the pitch if
         not given.
+    variation : float
+        Standard deviation of the teeth's heights, as a share of their mean, 0 to 0.3: no two
+        teeth of a real file are cut, or worn, alike.
     periods, samples : int
         Pitches along each side of the tile, about, 2 or more; samples in each, 8 or more.
+    seed : int
+        Of the variation.
     """
     require_positive("pitch", pitch, "[m]")
     require_not_negative("height", height, "[m]")
     require_between("face", face, 0.1, 0.9)
+    require_between("variation", variation, 0.0, 0.3)
     second = 0.85 * pitch if second_pitch is None else second_pitch
     require_positive("second_pitch", second, "[m]")
     for name, value, least in (("periods", periods, 2), ("samples", samples, FEWEST)):
@@ -168,6 +176,9 @@ def cross_cut(
     angle = math.degrees(math.atan2(second_k[0], second_k[1]))
     note = f"second cut: pitch {1e6 / np.hypot(*second_k):.4g} um at {angle:.3g} degrees to u"
     heights = smoothed(np.minimum(*teeth), pixel_size, fillet)
+    if variation > 0.0:
+        uneven = _smooth_noise(heights.shape, pixel_size, 0.5 * pitch, _generator(seed))
+        heights = (heights - heights.min()) * (1.0 + variation * uneven)
     return HeightField(_scaled(heights, height), pixel_size, "wrap", (note,))
 
 
@@ -285,6 +296,22 @@ def brushed(
     heights -= heights.mean()
     spread_out = float(heights.std())
     return HeightField(heights * (rms / spread_out), pixels, "wrap")
+
+
+def _smooth_noise(
+    shape: tuple[int, ...],
+    pixel_size: tuple[float, float],
+    length: float,
+    random: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Return noise of mean 0 and deviation 1 that repeats, smooth over `length` [m]."""
+    waves = np.hypot(
+        np.fft.fftfreq(shape[0], pixel_size[1])[:, None], np.fft.rfftfreq(shape[1], pixel_size[0])
+    )
+    noise = np.fft.rfft2(random.standard_normal(shape))
+    noise *= np.exp(-2.0 * (math.pi * length * waves) ** 2)
+    out = np.fft.irfft2(noise, s=shape)
+    return (out - out.mean()) / out.std()
 
 
 def _bump(x: NDArray[np.float64]) -> NDArray[np.float64]:
