@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from asperity.demo import PROBES, run_demo, steps
+from asperity.demo import PROBES, SCENES, run_demo, steps
 from asperity.perception.studies import StudySettings
 from asperity.real_surfaces import REAL_SURFACES
 from asperity.report import render
@@ -15,7 +15,7 @@ SETTINGS = StudySettings(spacings=6)
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo")
-    told = {"drags": 0, "rubs": 0}
+    told = {"drags": 0, "rubs": 0, "ticks": 0}
 
     def count(what):
         told[what] += 1
@@ -23,13 +23,14 @@ def demo(tmp_path_factory):
     results = run_demo(
         folder, None, settings=SETTINGS,
         on_drag=lambda: count("drags"), on_rub=lambda: count("rubs"),
+        on_ticks=lambda: count("ticks"),
     )  # fmt: skip
     return results, told
 
 
 def test_progress_is_told_as_often_as_announced(demo):
     _, told = demo
-    assert (told["drags"], told["rubs"]) == steps(SETTINGS)
+    assert (told["drags"], told["rubs"], told["ticks"]) == steps(SETTINGS)
 
 
 def test_the_page_is_self_contained_and_complete(demo):
@@ -39,12 +40,29 @@ def test_the_page_is_self_contained_and_complete(demo):
     assert links
     assert all(link.startswith("data:") for link in links)
     assert page.count("<audio") == len(REAL_SURFACES)
-    assert page.count("<img") == 4 + len(REAL_SURFACES) + 4
+    assert page.count("<img") == 4 + len(REAL_SURFACES) + 3 * len(SCENES)
     for claim in results.claims:
         assert f"<code>{claim['id']}</code>" in page
     assert "How long it took" in page
-    assert f"{results.run.summary['status']['certified']} of" in page
     assert "chosen after the paper" in page
+
+
+def test_each_scene_is_shown_with_its_figures(demo):
+    results, _ = demo
+    page = render(results)
+    assert {scene.name for scene in SCENES} == set(results.runs)
+    for plate in (4, 5, 6):
+        assert f"(colour plate {plate})" in page
+    for scene in SCENES:
+        summary = results.runs[scene.name].summary
+        depths = sum(summary["status"].values())
+        assert summary["ticks"] == round(scene.seconds * 1e3) + 1
+        assert summary["contacts"]["ticks_in_contact"] == summary["ticks"]
+        assert f"certified: {summary['status']['certified']} of {depths} depths" in page
+        assert summary["status"]["overflow"] == 0
+        median, rare = results.tick_us[scene.name]
+        assert 0.0 < median <= rare
+        assert (results.folder / f"{scene.prefix}recording.h5").is_file()
 
 
 def test_missing_surfaces_are_said_to_be_generated(demo):

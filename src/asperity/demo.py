@@ -1,4 +1,4 @@
-"""`asperity demo`: the studies, real surfaces and a probe in 6-DoF, into one report."""
+"""`asperity demo`: the studies, real surfaces and three scenes in 6-DoF, into one report."""
 
 from __future__ import annotations
 
@@ -21,18 +21,51 @@ if TYPE_CHECKING:
     from asperity.headless import Run
     from asperity.perception.claims import Claim
     from asperity.picture.contact import Picture
+    from asperity.scene import Scene
+    from asperity.simulation import Rollout
 
 PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
 """Diameters rubbed over the real surfaces [m]."""
 _SOUND_PROBE = 2
 _SOUND_RATE = 22050
 _SOUND_SECONDS = 2.0
-SCENE = "probe-plate-dots"
-"""What the probe is dragged over at the end."""
-_DRAG_SECONDS = 0.3
 _PICTURE_ROWS = 440
+_TICKS = 25
+"""Ticks of a scene between two calls that tell how far it is."""
+
+_TIMED = slice(98, 200)
+"""Ticks that are run once more to be timed; the first two are not counted."""
 
 Advance = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class DemoScene:
+    """A scene of the demo, and how much of it is run."""
+
+    name: str
+    seconds: float
+    """Of simulated time."""
+    anti_alias: str
+
+    @property
+    def prefix(self) -> str:
+        """How the names of its files begin."""
+        return self.name.replace("-", "_") + "_"
+
+    @property
+    def calls(self) -> int:
+        """How often its progress is told."""
+        return round(self.seconds * 1e3) // _TICKS + 1
+
+
+# Longest first: they share two threads. Averaging would cost several poses in every tick.
+SCENES = (
+    DemoScene("file-cad", 0.2, "off"),
+    DemoScene("hammer-blocks", 0.25, "off"),
+    DemoScene("probe-plate-dots", 0.3, "tick"),
+)
+"""The scenes that are run, in six directions."""
 
 
 @dataclass
@@ -60,16 +93,18 @@ class Results:
     remarks: dict[str, str]
     """What each real surface is, measured or generated."""
     sounds: dict[str, Sound]
-    run: Run
-    """The probe on the plate, in 6-DoF."""
+    runs: dict[str, Run]
+    """What came of each scene in 6-DoF, by name."""
+    tick_us: dict[str, tuple[float, float]]
+    """How long a tick of each took with nothing beside it: median and 99 % [us]."""
     folder: Path
     watch: Stopwatch
 
 
-def steps(settings: StudySettings) -> tuple[int, int]:
-    """Return how often each of the two progress callbacks of `run_demo` is called."""
+def steps(settings: StudySettings) -> tuple[int, int, int]:
+    """Return how often each of the three progress callbacks of `run_demo` is called."""
     drags = settings.spacings * sum(settings.drags(name) for name in STUDIES)
-    return drags, len(REAL_SURFACES) * len(PROBES)
+    return drags, len(REAL_SURFACES) * len(PROBES), sum(shown.calls for shown in SCENES)
 
 
 def run_demo(
@@ -79,6 +114,7 @@ def run_demo(
     settings: StudySettings | None = None,
     on_drag: Advance = lambda: None,
     on_rub: Advance = lambda: None,
+    on_ticks: Advance = lambda: None,
 ) -> Results:
     """Run everything, write figures, datasets, claims and sounds into `folder`.
 
@@ -89,20 +125,21 @@ def run_demo(
     data : Path or None
         Folder of measured surfaces; what is not there is generated.
     settings : StudySettings, optional
-    on_drag, on_rub : callable
-        Called after each drag of the studies, and after each probe on a real surface.
+    on_drag, on_rub, on_ticks : callable
+        Called after each drag of the studies, after each probe on a real surface, and every few
+        ticks of a scene.
     """
     settings = settings or StudySettings()
     watch = Stopwatch()
     sweep = settings.sweep()
-    # The rubs' kernels let go of the interpreter's lock: they run beside the studies.
+    # Compiled kernels let go of the interpreter's lock: scenes and rubs run beside the studies.
     with ThreadPoolExecutor(max_workers=2) as pool:
         start = time.perf_counter()
+        pending_runs = [pool.submit(_run_one, shown, folder, on_ticks) for shown in SCENES]
         pending = [
             pool.submit(_rub_one, surface, data, settings, on_rub) for surface in REAL_SURFACES
         ]
-        pending_run = pool.submit(_drag_probe, folder)
-        # Slow to import; by now the rubs are under way.
+        # Slow to import; by now the others are under way.
         from asperity import plots
         from asperity.perception.write import write_dataset, write_studies
 
@@ -114,8 +151,10 @@ def run_demo(
         with watch.step("figures and data of the studies"):
             claims = write_studies(studies, None, folder, ("svg",))
         done = [future.result() for future in pending]
-        run, pictures = pending_run.result()
-        watch.seconds["real surfaces (beside the two above)"] = time.perf_counter() - start
+        ran = [future.result() for future in pending_runs]
+        watch.seconds["scenes and real surfaces (beside the two above)"] = (
+            time.perf_counter() - start
+        )
     rubs, remarks, sounds = {}, {}, {}
     with watch.step("figures, data and sounds of the real surfaces"):
         for surface, (dataset, remark) in zip(REAL_SURFACES, done, strict=True):
@@ -126,22 +165,52 @@ def run_demo(
                 dataset, level=_SOUND_PROBE, rate=_SOUND_RATE, seconds=_SOUND_SECONDS
             )
             sounds[surface.name].write(folder / f"{surface.name}.wav")
-    with watch.step("figures and data of the probe on the plate"):
+    with watch.step("ticks of the scenes, timed alone"):
+        # Beside other threads a tick waits for the interpreter longer than it computes.
+        tick_us = {
+            shown.name: _timed(run, scene)
+            for shown, (run, _, scene) in zip(SCENES, ran, strict=True)
+        }
+    runs = {}
+    with watch.step("figures and data of the scenes"):
         from asperity.headless import write_figures, write_summary
 
-        write_summary(run, folder / "probe_plate_summary.json")
-        write_figures(run, pictures, folder, prefix="probe_plate_", kinds=("svg",))
-    return Results(settings, studies, claims, rubs, remarks, sounds, run, folder, watch)
+        for shown, (run, pictures, _) in zip(SCENES, ran, strict=True):
+            runs[shown.name] = run
+            write_summary(run, folder / f"{shown.prefix}summary.json")
+            write_figures(run, pictures, folder, prefix=shown.prefix, kinds=("svg",))
+    return Results(settings, studies, claims, rubs, remarks, sounds, runs, tick_us, folder, watch)
 
 
-def _drag_probe(folder: Path) -> tuple[Run, tuple[Picture, Picture]]:
-    """Drag the probe over the plate in 6-DoF; return what came of it, and pictures of it."""
+def _run_one(
+    shown: DemoScene, folder: Path, on_ticks: Advance
+) -> tuple[Run, tuple[Picture, Picture], Scene]:
+    """Run a scene in 6-DoF; return what came of it, pictures of it, and the scene."""
     from asperity.headless import run_scene, take_pictures
     from asperity.scenes import load_scene
 
-    scene = load_scene(SCENE).changed(trajectory={"seconds": _DRAG_SECONDS})
-    run = run_scene(scene, folder / "probe_plate_recording.h5")
-    return run, take_pictures(run, scene, rows=_PICTURE_ROWS)
+    scene = load_scene(shown.name).changed(
+        trajectory={"seconds": shown.seconds}, force={"anti_alias": shown.anti_alias}
+    )
+
+    def tell(i: int, _: Rollout) -> None:
+        if i % _TICKS == 0:
+            on_ticks()
+
+    run = run_scene(scene, folder / f"{shown.prefix}recording.h5", on_tick=tell)
+    return run, take_pictures(run, scene, rows=_PICTURE_ROWS), scene
+
+
+def _timed(run: Run, scene: Scene) -> tuple[float, float]:
+    """Return the median and the 99 % quantile of the time of a tick [us]."""
+    import numpy as np
+
+    from asperity.simulation import Simulation
+    from asperity.trajectory import Trajectory
+
+    path = Trajectory(run.rollout.time[_TIMED], run.rollout.handle_pose[_TIMED])
+    took = Simulation(scene).rollout(path).tick_seconds[2:] * 1e6
+    return float(np.median(took)), float(np.percentile(took, 99.0))
 
 
 def _rub_one(

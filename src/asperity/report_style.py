@@ -16,6 +16,10 @@ section { background: #fff; border: 1px solid #e2e2dc; border-radius: 8px;
 section p { max-width: 52em; }
 figure { margin: 1rem 0; }
 figure img { width: 100%; height: auto; display: block; }
+.pair { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; }
+@media (max-width: 760px) { .pair { grid-template-columns: 1fr; } }
+.figures { background: #f4f4f1; border-radius: 6px; padding: .5rem .8rem; font-size: .9rem; }
+section p.figures { max-width: none; }
 figcaption { color: #5a5a55; font-size: .88rem; margin-top: .3rem; }
 table { border-collapse: collapse; font-size: .9rem; }
 table.facts th { text-align: left; font-weight: 600; padding: .18rem 1.4rem .18rem 0; }

@@ -4,6 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from naive_engine import pose, rotation, turn, waves
+
+from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.mesh import mesh_from_arrays
+from asperity.texture.height_field import HeightField
 from contact.naive_meshes import (
     STIFFNESS,
     ball_mesh,
@@ -19,11 +24,6 @@ from contact.naive_meshes import (
     thing,
     touch,
 )
-from naive_engine import pose, rotation, turn, waves
-
-from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import mesh_from_arrays
-from asperity.texture.height_field import HeightField
 
 UP = np.array([0.0, 0.0, 1.0])
 PRESS = 1e-3
@@ -369,8 +369,8 @@ def test_every_change_of_the_number_of_patches_is_smooth(half):
 
 @pytest.mark.xfail(
     strict=True,
-    reason="a facet that turns past 78 degrees (n.n < -0.2) brings in a contact that is millimetres "
-    "deep at once: its depth was not about zero at the last pose but unknown",
+    reason="a facet that turns past 78 degrees (n.n < -0.2) brings in a contact that is "
+    "millimetres deep at once: its depth was not about zero at the last pose but unknown",
 )
 def test_turning_on_an_edge_is_continuous():
     """A flat tool that overhangs an edge yaws in place: only its top is touched."""
@@ -634,7 +634,7 @@ def test_work_round_a_whole_scene_is_bounded():
 
 
 def bumpy(name, half, cuts, seed):
-    """Return a plate on (a tool over) z = 0 that is bumpy there, of `cuts` x `cuts` pairs of triangles."""
+    """Return a plate on (a tool over) z = 0, bumpy there, of `cuts` x `cuts` pairs."""
     mesh = block((half, half, 1e-3), (0, 0, -1e-3 if name == "plate" else 1e-3), cuts)
     vertices = mesh.vertices.copy()
     on = np.abs(vertices[:, 2]) < 1e-9

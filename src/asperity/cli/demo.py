@@ -10,7 +10,7 @@ from asperity.errors import AsperityError, OutputError
 
 @dataclass
 class Demo:
-    """Run the paper's studies and rub real surfaces; leave one self-contained page."""
+    """Run the paper's studies, real surfaces and three scenes; leave one self-contained page."""
 
     out: Path = Path("out")
     """Folder: report.html goes into it, figures, data and sounds into its subfolder demo."""
@@ -29,25 +29,26 @@ class Demo:
         from asperity.output import result_folder, write_whole
         from asperity.perception.studies import StudySettings
         from asperity.report import render
-        from asperity.simulation import announce_compiling
 
         page = self.out / "report.html"
         if page.exists() and not self.overwrite:
             raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
         data, settings = self._data(), StudySettings()
         loading = time.perf_counter() - start
-        drags, rubs = steps(settings)
-        announce_compiling()
+        drags, rubs, ticks = steps(settings)
+        scenes = _scenes_notice()
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 first = bars.add_task(compile_notice(), total=drags)
                 second = bars.add_task("real surfaces", total=rubs)
+                third = bars.add_task(scenes, total=ticks)
                 results = run_demo(
                     folder,
                     data,
                     settings=settings,
                     on_drag=lambda: bars.advance(first),
                     on_rub=lambda: bars.advance(second),
+                    on_ticks=lambda: bars.advance(third),
                 )
             took = {"loading the libraries": loading} | results.watch.seconds
             took["all"] = time.perf_counter() - start
@@ -66,3 +67,18 @@ class Demo:
             return self.data
         beside = Path("../shared/data/measured")
         return beside if beside.is_dir() else None
+
+
+def _scenes_notice() -> str:
+    """Return a description of the scenes; say, once, that the first run takes longer."""
+    import logging
+
+    from asperity.compiled import cache_state
+
+    folder, _ = cache_state()
+    if any(folder.rglob("mesh_tick.mesh_tick-*.nbc")):
+        return "scenes"
+    logging.getLogger(__name__).warning(
+        "compiling the contact engine, once after an installation: takes about a minute more"
+    )
+    return "scenes (compiling first: a minute more)"

@@ -19,11 +19,13 @@ from asperity.contact.deepest import (
 )
 from asperity.contact.facet_chart import facet_chart
 from asperity.contact.footprint import facing_pairs, piece
-from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, X, Y
+from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
-from asperity.contact.search import TIES
+from asperity.contact.search import BEST, TIE, TIES
 from asperity.contact.sieve import pair_bound, sieve
+
+_ANYWHERE = 1e3
 
 
 @inner_kernel
@@ -238,8 +240,11 @@ def _single_place(work_space, stride, lines):
 
     Of the place it is the base point on A that counts.
     """
-    best = work_space.best
-    if work_space.state[TIES] != 1.0 or work_space.ties[0, OVERLAP_SIZE + 1] > 0.0:
+    best, ties, alone = work_space.best, work_space.ties, 0
+    for t in range(int(work_space.state[TIES])):
+        if ties[t, F] >= work_space.state[BEST] - TIE:
+            alone += 1 if ties[t, OVERLAP_SIZE + 1] == 0.0 else 2
+    if alone != 1:
         return False, 0.0, 0.0
     pair = int(best[OVERLAP_SIZE])
     a, b = work_space.charts_a[pair // stride], work_space.charts_b[pair % stride]
@@ -291,7 +296,7 @@ def facets_along(
     kept = 0
     for i in range(count):
         f, g = foot.facings[i, 0], foot.facings[i, 1]
-        if piece(table, f, g, highest, highest, foot)[1] >= 0:
+        if piece(table, f, g, highest, _ANYWHERE, highest, foot)[1] >= 0:
             foot.facings[kept, 0], foot.facings[kept, 1] = f, g
             kept += 1
     local = space.frames[4, 0, :3]

@@ -16,7 +16,7 @@ WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
 MAX_PATCHES = 64
 MAX_CHARTS = 1024
-MAX_CHART_PAIRS = 4096
+MAX_CHART_PAIRS = 8192
 
 
 class PatchRows(NamedTuple):
@@ -45,7 +45,7 @@ class FacetSpace(NamedTuple):
     """First chart, number of charts, and when they were made, of each geom; (3, geoms)."""
     clock: NDArray[np.int64]
     directions: NDArray[np.float64]
-    """Of each direction: normal (B's frame) 3, middle (world axes) 3, fade, depth, allowed."""
+    """What is found of each direction; see `engine.touch`."""
     looks: NDArray[np.float64]
     """The pairs of charts of one direction, before they are searched window by window."""
     boxes: NDArray[np.float64]
@@ -75,7 +75,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         slots=np.zeros((4, facets), np.int64),
         geom_slots=np.zeros((3, geoms), np.int64),
         clock=np.zeros(1, np.int64),
-        directions=np.zeros((BINS, 9)),
+        directions=np.zeros((BINS, 10)),
         looks=np.zeros((MAX_CHART_PAIRS, LOOK_SIZE)),
         boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
         heap=np.zeros(MAX_BOXES, np.int64),

@@ -22,7 +22,7 @@ from asperity.compiled import lean_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
 
-MAX_FACINGS = 8192
+MAX_FACINGS = 32768
 _STACK = 512
 _CORNERS = 24
 
@@ -31,6 +31,8 @@ AREA, MASS, MEAN, SPREAD, NORMAL = 0, 1, 2, 5, 11  # weighted by how deep, (1, 1
 EDGE_A, EDGE_B = 14, 17  # outward normals of the border, times its length: A's edges, and B's
 DEEPEST = 20  # smooth overlap [m]
 SUMS_SIZE = 21
+
+_ASTRAY = math.cos(math.radians(20.0))
 
 # Codes of a piece's sides.
 _CUT, _OF_A, _OF_B = 0.0, 1.0, 2.0
@@ -55,6 +57,8 @@ class FootprintSpace(NamedTuple):
     """(6, 21)"""
     limit: NDArray[np.float64]
     """Deepest overlap of each direction [m], (6,)."""
+    masses: NDArray[np.float64]
+    """What each facing pair adds to each direction's MASS, (n, 6)."""
 
 
 def footprint_space(facets: int) -> FootprintSpace:
@@ -69,6 +73,7 @@ def footprint_space(facets: int) -> FootprintSpace:
         np.zeros((2, _CORNERS, 4)),
         np.zeros((BINS, SUMS_SIZE)),
         np.zeros(BINS),
+        np.zeros((MAX_FACINGS, BINS)),
     )
 
 
@@ -181,12 +186,12 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
 
 
 @lean_kernel
-def piece(table: FacetTable, f, g, reach, near, space):
+def piece(table: FacetTable, f, g, reach, beside, near, space):
     """Project facet f of A onto facet g of B and clip it to their overlap.
 
     Returns which half of `space.polygon` it is in, and how many corners it has; the overlap d
     is above `-reach` in all of them. There are -1 corners if the two are farther apart than
-    `near`, sideways or along g's normal.
+    `beside` sideways, or overlap by more than `near`.
     """
     polygon = space.polygon
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
@@ -203,7 +208,7 @@ def piece(table: FacetTable, f, g, reach, near, space):
         low, high = polygon[0, 0, k], polygon[0, 0, k]
         for c in range(1, count):
             low, high = min(low, polygon[0, c, k]), max(high, polygon[0, c, k])
-        half = (table.half[g, k] if k < 2 else 0.0) + near
+        half = table.half[g, k] + beside if k < 2 else near
         if low > half or high < -(half if k < 2 else reach):
             return np.int64(0), np.int64(-1)
     here = np.int64(0)
@@ -241,7 +246,7 @@ def _mix(f0, f1, f2, g0, g1, g2, h0, h1, h2):
 def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
     """Add a piece on facet g of B to the sums of one direction, counting `share` of it.
 
-    Weights are `d + reach`: places count by how deep they are.
+    Weights are `d + reach`: places count by how deep they are. Returns the weight added.
     """
     p = space.polygon[here]
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
@@ -278,6 +283,7 @@ def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
         start = EDGE_A if p[i, 3] == _OF_A else EDGE_B
         for k in range(3):
             sums[start + k] += share * (out_x * x[k] + out_y * y[k])
+    return share * mass
 
 
 @lean_kernel
@@ -294,6 +300,26 @@ def cut_deep(space, here, count, most):
     """Clip a piece to overlaps of at most `most`; return where it is, and its corners."""
     count = _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
     return 1 - here, count
+
+
+@lean_kernel
+def steady_normal(table: FacetTable, count, direction, space, n):
+    """Turn a mean normal (3,) to the mean of those within 20 degrees of it, less towards the end.
+
+    So a chamfer beside a wide face does not tilt the normal of the face.
+    """
+    x = y = z = 0.0
+    for i in range(count):
+        mass = space.masses[i, direction]
+        if mass == 0.0:
+            continue
+        f = table.axes[space.facings[i, 1], 2]
+        along = f[0] * n[0] + f[1] * n[1] + f[2] * n[2]
+        mass *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        x, y, z = x + mass * f[0], y + mass * f[1], z + mass * f[2]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0:
+        n[0], n[1], n[2] = x / size, y / size, z / size
 
 
 @lean_kernel

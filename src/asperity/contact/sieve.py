@@ -41,7 +41,6 @@ from asperity.contact.flat_pair import plane_overlap
 from asperity.contact.overlap import POLYGON
 from asperity.contact.search import (
     BEST,
-    FINEST_TIE,
     LIMIT,
     NODES,
     SMALLEST,
@@ -58,9 +57,11 @@ from asperity.contact.surface import parameters_under
 from asperity.texture.packed import texture_bounds
 
 MAX_BOXES = 32768
-BOX_SIZE = 5  # x0, x1, y0, y1, row of its pair among the looks
+BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
 _LEAF = 2.0
 """Boxes are searched that are this large [grains of the finer texture]."""
+_SETTLED = 2.5
+"""Boxes that are as good as certified are not divided below this [grains]."""
 _CHEAP = 0.1
 """What a bound from the pyramids alone costs [nodes of `search`]."""
 
@@ -283,37 +284,49 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
             y0, y1 = looks[row, LOOK_BOX + 2], looks[row, LOOK_BOX + 3]
         window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
         grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
-        large = max(x1 - x0, y1 - y0)
-        if above <= state[BEST] + tolerance and large <= FINEST_TIE * grain:
-            settle(
-                textures, cx, cy, pair, window, (x0, x1, y0, y1), above, state, space.best,
-                space.ties, space.work, space.at,
-            )  # fmt: skip
-            continue
-        if large < SMALLEST:
-            state[UPPER] = max(state[UPPER], above)
-            continue
-        cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
-        mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-        for child in range(4):
-            if (child & 1 and not cut_x) or (child & 2 and not cut_y):
-                continue
-            p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
-            q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
-            if large > _LEAF * grain:
+        while True:
+            large = max(x1 - x0, y1 - y0)
+            if above <= state[BEST] + tolerance and large <= _SETTLED * grain:
+                state[NODES] += 1.0
+                settle(
+                    textures, cx, cy, pair, window, (x0, x1, y0, y1), above, state, space.best,
+                    space.ties, space.work, space.at,
+                )  # fmt: skip
+                break
+            if large < SMALLEST or used + 4 > MAX_BOXES:
+                state[UPPER] = max(state[UPPER], above)
+                break
+            first, best, highest = used, np.int64(-1), -np.inf
+            cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
+            mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+            for child in range(4):
+                if (child & 1 and not cut_x) or (child & 2 and not cut_y):
+                    continue
+                p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
+                q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
                 state[NODES] += _CHEAP
                 high = box_bound(textures, cx, cy, (p0, p1, q0, q1), shift_x, shift_y)
                 high = min(high, above)
-            else:
-                high = judge(
-                    textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
-                    (p0, p1, q0, q1), above, shift_x + shift_y, False, state, space.best,
-                    space.ties, space.work, space.at,
-                )  # fmt: skip
-            if high <= state[BEST] - TIE:
-                continue
-            boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
-            boxes[used, 4] = row
-            _push(heap, keys, size, used, high)
-            size += 1
-            used += 1
+                if high > state[BEST] - TIE and large <= _LEAF * grain:
+                    high = judge(
+                        textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
+                        (p0, p1, q0, q1), high, shift_x + shift_y, False, state, space.best,
+                        space.ties, space.work, space.at,
+                    )  # fmt: skip
+                if high <= state[BEST] - TIE:
+                    continue
+                boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
+                boxes[used, 4], boxes[used, 5] = row, high
+                if high > highest:
+                    best, highest = used, high
+                used += 1
+            # On to the best of them, until it is small: what is found there closes others.
+            plunge = best >= 0 and large > _LEAF * grain
+            for k in range(first, used):
+                if k != best or not plunge:
+                    _push(heap, keys, size, k, boxes[k, 5])
+                    size += 1
+            if not plunge:
+                break
+            x0, x1, y0, y1 = boxes[best, 0], boxes[best, 1], boxes[best, 2], boxes[best, 3]
+            above = highest

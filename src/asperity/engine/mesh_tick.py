@@ -52,6 +52,8 @@ def mesh_tick(
         size += max(abs(table.low[root, k]), abs(table.high[root, k])) ** 2
     known = memory.at[0] == 1
     moved = moved_since(memory.pose, body_a, math.sqrt(size)) if known else 0.0
+    if moved > _JUMP and dt == 0.0:
+        moved = _JUMP  # only looking: what is known is kept
     if moved > _JUMP:
         # The tool is somewhere else: what was known of its contacts does not hold there.
         known, moved = False, 0.0
@@ -72,11 +74,12 @@ def mesh_tick(
             one, two = geometry.body[g], geometry.body[h]
             if (one == tool and two == b) or (one == b and two == tool):
                 pressed = max(pressed, -distances[c])
-        if pressed == -np.inf:
+        held = 0
+        for d in range(memory.active.shape[1]):
+            held += memory.active[b, d]
+        if pressed == -np.inf and held == 0:
             if dt > 0.0:
                 memory.known[b] = 0
-                for d in range(memory.active.shape[1]):
-                    memory.active[b, d] = 0
             continue
         for i in range(3):
             for j in range(3):
@@ -90,7 +93,7 @@ def mesh_tick(
         )  # fmt: skip
         if dt > 0.0:
             remember(memory, space, b)
-    force, point, gone, held = vectors[4], vectors[5], vectors[6], vectors[7]
+    force, point, gone, bent = vectors[4], vectors[5], vectors[6], vectors[7]
     across, drag = vectors[8], vectors[9]
     for p in range(rows.count[0]):
         out = rows.result[p]
@@ -121,20 +124,20 @@ def mesh_tick(
         body_b = poses[b]
         if parameters.friction > 0.0:
             slid(known and dt > 0.0, memory.pose, body_a, point, origin, gone)
-            into(body_b, gone, held)
+            into(body_b, gone, bent)
             into(body_b, contacts.slope_normal[c], across)
             most = parameters.friction * math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
             stiffness = parameters.bristle_stiffness * rows.weight[p]
             before_x, before_y, before_z = bristle[0], bristle[1], bristle[2]
-            bristle_force(bristle, held, across, stiffness, most, drag)
+            bristle_force(bristle, bent, across, stiffness, most, drag)
             if dt == 0.0:
                 bristle[0], bristle[1], bristle[2] = before_x, before_y, before_z
-            out_of(body_b, drag, held)
+            out_of(body_b, drag, bent)
             for k in range(3):
                 one, two = (k + 1) % 3, (k + 2) % 3
-                force[k] += held[k]
-                wrench_io[k] += held[k]
-                wrench_io[3 + k] += point[one] * held[two] - point[two] * held[one]
+                force[k] += bent[k]
+                wrench_io[k] += bent[k]
+                wrench_io[3 + k] += point[one] * bent[two] - point[two] * bent[one]
         for k in range(3):
             contacts.force[c, k] = force[k]
             gone[k] = contacts.point[c, k] - body_b[k, 3]

@@ -11,11 +11,13 @@ believed while it lasts, however deep it gets.
 Stiffness is shared. With delta_p the depths of the patches of a direction, of which there are m,
 and delta their mean, a patch has the weight
 
-    w_p = W s delta / (m sum of s delta over directions),
+    w_p = W s v delta / (m sum of s v delta over directions),
 
 s the part that a direction has of those with about the same normal, so that a plane that counts
-for two directions counts once; and W a fade from 1 to 0 over the last of a footprint that slides
-off an edge.
+for two directions counts once. Where a tool lies across an edge of B, what overlaps is a sliver as
+seen from one of the edge's two sides, thin and deep: v, the square of its thickness over twice its
+depth, at most 1, is why the other side counts. And W fades from 1 to 0 over the last of a
+footprint that slides off an edge.
 """
 
 from __future__ import annotations
@@ -40,9 +42,10 @@ from asperity.contact.footprint import (
     facing_pairs,
     piece,
     sliver,
+    steady_normal,
 )
 from asperity.contact.patch import frame_round
-from asperity.engine.frames import into, out_of
+from asperity.engine.frames import out_of
 
 _BIRTH = 2e-4
 """A contact may begin this deep, and the motion of a tick besides [m]."""
@@ -50,11 +53,13 @@ _NEAR_ZERO = 1e-4
 """A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
 _BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
+_LET_GO = 1e-4
+"""A direction whose part falls to this is no contact."""
 _ALIKE = 0.7
 """Directions whose normals agree to this cosine begin to share their part."""
 
 # Columns of `FacetSpace.directions`.
-_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN = 0, 3, 4, 5, 6, 7, 8
+_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID = 0, 3, 4, 5, 6, 7, 8, 9
 
 
 @inner_kernel
@@ -93,25 +98,30 @@ def _sum_footprint(table, count, reach, near, space):
     kept = 0
     for i in range(count):
         f, g = space.facings[i, 0], space.facings[i, 1]
-        here, corners = piece(table, f, g, reach, near, space)
+        here, corners = piece(table, f, g, reach, near, near, space)
         if corners < 0:
             continue
         space.facings[kept, 0], space.facings[kept, 1] = f, g
         kept += 1
         if corners < 3:
+            for d in range(BINS):
+                space.masses[kept - 1, d] = 0.0
             continue
         most = deepest_of(space, here, corners)
         for d in range(BINS):
             share = table.shares[g, d]
+            space.masses[kept - 1, d] = 0.0
             if share == 0.0:
                 continue
+            added = 0.0
             sums[d, DEEPEST] = max(sums[d, DEEPEST], most)
             if most <= limit[d]:
-                add_piece(table, g, here, corners, reach, share, space, sums[d])
+                added = add_piece(table, g, here, corners, reach, share, space, sums[d])
             else:
                 there, left = cut_deep(space, here, corners, limit[d])
                 if left >= 3:
-                    add_piece(table, g, there, left, reach, share, space, sums[d])
+                    added = add_piece(table, g, there, left, reach, share, space, sums[d])
+            space.masses[kept - 1, d] = added
     return kept
 
 
@@ -173,6 +183,7 @@ def touch(
     frame = work_space.frame
     n, u = space.frames[4, 0, :3], space.frames[4, 1, :3]
     v, world = space.frames[4, 2, :3], space.frames[5, 0, :3]
+    local = space.frames[6, :, :3]
     for d in range(BINS):
         way, sums = space.directions[d], foot.sums[d]
         way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, rows.count[0]
@@ -185,16 +196,24 @@ def touch(
         size = math.sqrt(sums[NORMAL] ** 2 + sums[NORMAL + 1] ** 2 + sums[NORMAL + 2] ** 2)
         for k in range(3):
             n[k] = sums[NORMAL + k] / size
+        steady_normal(table, count, d, foot, n)
+        for k in range(3):
             way[_N + k] = n[k]
         twin = _twin(space, foot.sums, d)
         if twin >= 0:
             # The same plane counts for two directions: what is known of the one holds for both.
             way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
+            way[_VALID] = space.directions[twin, _VALID]
             continue
+        # Axes that turn with B: what is split along them is the same wherever B is.
+        frame_round(n, local)
+        for k in range(3):
+            u[k], v[k] = local[0, k], local[1, k]
+        out_of(near_b, u, frame[0])
+        out_of(near_b, v, frame[1])
         out_of(near_b, n, world)
-        frame_round(world, frame)
-        into(near_b, frame[0], u)
-        into(near_b, frame[1], v)
+        for k in range(3):
+            frame[2, k] = world[k]
         pairs, made_a, stride, enough = pairs_of_charts(
             textures, table, geometry, count, n, frame, near_a, near_b, work_space, space
         )
@@ -214,9 +233,16 @@ def touch(
             rows.where[start + p, 2] = p
             for k in range(3):
                 rows.normal[start + p, k] = world[k]
-        way[_ROWS] = patches
-        way[_DEPTH] = total / patches if total > 0.0 else deepest
-        way[_FADE] = min(sliver(sums) / fade, 1.0) if fade > 0.0 else 1.0
+        depth = total / patches if total > 0.0 else deepest
+        if memory.known[b] == 1 and memory.active[b, d] == 0 and depth > _NEAR_ZERO + 2.0 * moved:
+            # It did not begin at the surface: a side that has come into view within the other body.
+            continue
+        thickness = sliver(sums)
+        way[_VALID] = min(thickness / max(2.0 * depth, 1e-12), 1.0) ** 2
+        if way[_VALID] < _LET_GO and shallowest < depth:
+            continue
+        way[_ROWS], way[_DEPTH] = patches, depth
+        way[_FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
         rows.count[0] += patches
     _share(space)
 
@@ -252,7 +278,7 @@ def _share(space):
             if other[_DEPTH] > 0.0:
                 along = way[0] * other[0] + way[1] * other[1] + way[2] * other[2]
                 alike += sums[c, MASS] * max((along - _ALIKE) / (1.0 - _ALIKE), 0.0)
-        part = way[_DEPTH] * sums[d, MASS] / alike
+        part = way[_VALID] * way[_DEPTH] * sums[d, MASS] / alike
         space.directions[int(way[_TWIN]), _PART] += part
         total += part
     for d in range(BINS):

@@ -1,0 +1,477 @@
+"""The time of a whole tick where meshes touch, beside the paper's method and python-fcl.
+
+    make bench
+    python benchmarks/bench_meshes.py [--only SECTION ...] [--quick] [--json FILE] [--figure FILE]
+
+The paper's two hard scenes, a hammer on striped blocks and a file on a machined part, are run
+tick by tick in eight stretches of their own paths, and of three perturbed ones at depths of 0.2 to
+1.4 mm; then other tools, whose triangles or contacts grow in number. A tick is `Engine.wrench`
+from Python, MuJoCo's query included. All is repeated in three rounds, in which all that is compared
+takes turns, and each pose counts with its median over the rounds: see `bench_contact.py`; what the
+paper's method and python-fcl are given is told in `mesh_cases.py`. Bars are ratios of medians of
+one run, at the same poses. Times are in microseconds, one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.engine.engine import Engine
+from asperity.scene import Scene
+from asperity.scenes import load_scene
+from asperity.simulation import Simulation
+from mesh_cases import (
+    DT,
+    FULL_DETAIL,
+    SEGMENTS,
+    FclPair,
+    Growing,
+    Paper,
+    Where,
+    ball,
+    blocks,
+    bumps,
+    contact_of,
+    dragged,
+    families,
+    feet,
+    full_detail,
+    pressed,
+    stretches,
+)
+
+SCENES = ("hammer-blocks", "file-cad")
+SECTIONS = ("scenes", "paper", "fcl", "triangles", "contacts")
+ROUNDS = 3
+FLOOR, AIM = 3.0, 20.0
+"""python-fcl's time over asperity's: the bar, and what is aimed at."""
+SHALLOW, DEEP = 2e-4, 1.4e-3
+Times = NDArray[np.float64]
+
+
+class Effort(NamedTuple):
+    """How much is done: what a whole run takes, and a quick look."""
+
+    own: float
+    """For a scene's own path [s]; the number of poses follows, of those in `COUNTS`."""
+    perturbed: float
+    growing: float
+    beside: int
+    """Poses of a path at which the paper's method and python-fcl are run."""
+    triangles: dict[str, tuple[int, ...]]
+    contacts: tuple[int, ...]
+    detail: float
+    """Part of the triangles of full detail."""
+
+
+COUNTS = (24, 48, 96, 200, 400, 1000, 2000)
+WHOLE = Effort(
+    10.0, 4.0, 1.2, 24, {"ball": (1, 2, 3, 4, 5, 6), "bumps": (7, 16, 40, 100, 224)},
+    (1, 2, 4, 8, 16, 32, 64), 1.0,
+)  # fmt: skip
+QUICK = Effort(0.0, 0.0, 0.3, 6, {"ball": (2, 4), "bumps": (7, 40)}, (1, 16), 0.1)
+SERIES: dict[str, tuple[str, Callable[[int], Growing]]] = {
+    "ball": ("ball of 15 mm on a plate", ball),
+    "bumps": ("bumpy plate on bumpy plate", bumps),
+    "feet": ("feet of 5 mm of one tool on a plate", feet),
+    "blocks": ("blocks of 5 mm, each a body", blocks),
+}
+
+
+class Ticks(NamedTuple):
+    """What was measured on a path; rows are poses."""
+
+    microseconds: Times
+    patches: NDArray[np.int64]
+    certified: NDArray[np.int64]
+    gap: Times
+    nodes: Times
+    no_room: int
+    """How many ticks had no room for all contacts or pairs of facets."""
+    where: list[Where | None]
+
+
+def ticks(engine: Engine, path: Sequence[NDArray[np.float64]], rounds: int = ROUNDS) -> Ticks:
+    """Time the engine on stretches of poses; the first pose of each only leads in."""
+    clock, laps, notes, where = time.perf_counter_ns, [], [], []
+    for lap in range(rounds + 1):
+        ns = []
+        for stretch in path:
+            engine.reset()
+            engine.wrench(stretch[0], DT)
+            for pose in stretch[1:]:
+                begun = clock()
+                engine.wrench(pose, DT)
+                ns.append(clock() - begun)
+                # The first lap only notes what is found.
+                if lap == 0:
+                    notes.append(_noted(engine))
+                    where.append(contact_of(engine, pose))
+        if lap > 0:
+            laps.append(ns)
+    patches, certified, gap, nodes, no_room = (np.array(column) for column in zip(*notes))
+    times = np.median(laps, axis=0) * 1e-3
+    return Ticks(times, patches, certified, gap, nodes, int(no_room.sum()), where)
+
+
+def _noted(engine: Engine) -> tuple[int, int, float, float, bool]:
+    c = engine.contacts
+    k = c.count[0]
+    # Patches whose deepest places are one place were searched once.
+    searches = {(c.depth[i], c.gap[i], c.nodes[i]) for i in range(k)}
+    return (
+        k,
+        int(np.sum(c.status[:k] == 0)),
+        float(c.gap[:k].max(initial=0.0)),
+        float(sum(nodes for _, _, nodes in searches)),
+        bool((c.status[:k] == 2).any()),
+    )
+
+
+def spread(times: Times) -> dict[str, float]:
+    """Return median, p95, p99, p99.9 and max."""
+    named = zip(("median", "p95", "p99", "p99.9"), np.percentile(times, [50, 95, 99, 99.9]))
+    return {name: float(value) for name, value in named} | {"max": float(times.max())}
+
+
+def found(done: Ticks) -> dict[str, Any]:
+    """Return what the searches came to."""
+    total = int(done.patches.sum())
+    return {
+        "poses": len(done.microseconds),
+        "patches": int(np.median(done.patches)),
+        "certified": float(done.certified.sum() / total) if total else float("nan"),
+        "gap_m": float(done.gap.max()),
+        "nodes": float(np.median(done.nodes)),
+        "nodes_max": float(done.nodes.max()),
+        "no_room": done.no_room,
+        "without_contact": int(np.sum(done.patches == 0)),
+    }
+
+
+def affordable(engine: Engine, path: Sequence[NDArray[np.float64]], seconds: float) -> int:
+    """Return how many poses can be timed in so long, from what a few of them take."""
+    begun, few = time.perf_counter(), 0
+    for stretch in path:
+        engine.reset()
+        for pose in stretch[:4]:
+            engine.wrench(pose, DT)
+            few += 1
+    each = (time.perf_counter() - begun) / few * (ROUNDS + 1)
+    return max([n for n in COUNTS if n * each <= seconds], default=COUNTS[0])
+
+
+def row(name: str, cells: Sequence[str], width: int = 10) -> None:
+    """Print a line of a table."""
+    print(f"  {name:<28}" + "".join(f"{c:>{width}}" for c in cells), flush=True)
+
+
+def micro(value: float) -> str:
+    """Return microseconds as they are printed."""
+    return f"{value:.1f}" if value < 100.0 else f"{value:.0f}"
+
+
+HEAD = ["poses", "median", "p95", "p99", "p99.9", "max", "patches", "certif.", "gap um", "nodes",
+        "(max)", "no room"]  # fmt: skip
+
+
+def told(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
+    """Print the line of a path."""
+    row(name, [
+        str(what["poses"]), *(micro(t) for t in times.values()), str(what["patches"]),
+        f"{what['certified']:.1%}", f"{1e6 * what['gap_m']:.3g}", f"{what['nodes']:.0f}",
+        f"{what['nodes_max']:.0f}", str(what["no_room"]),
+    ], 9)  # fmt: skip
+
+
+def scenes(effort: Effort, only: Sequence[str], bars: list[dict[str, Any]]) -> dict[str, Any]:
+    """The two scenes, beside the paper's method and python-fcl."""
+    return {name: one_scene(name, effort, only, bars) for name in SCENES}
+
+
+def one_scene(
+    name: str, effort: Effort, only: Sequence[str], bars: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Do one scene."""
+    scene = load_scene(name).changed(force={"anti_alias": "off"})
+    simulation = Simulation(scene)
+    engine = simulation._engine
+    print(f"\n{name}: us a tick, Engine.wrench with MuJoCo's query")
+    row("", HEAD, 9)
+    out: dict[str, Any] = {"paths": {}}
+    done: dict[str, Ticks] = {}
+    for path_name, path in families(scene, simulation).items():
+        own = path_name == "own path"
+        timed = _timed_part(engine, path, effort.own if own else effort.perturbed, own)
+        done[path_name] = ticks(engine, timed)
+        times, what = spread(done[path_name].microseconds), found(done[path_name])
+        told(path_name, times, what)
+        out["paths"][path_name] = {"tick_us": times, **what}
+    query = _query_times(engine, [w.pose for t in done.values() for w in t.where if w])
+    print(f"  of it MuJoCo's query {micro(query['median'])}, p99 {micro(query['p99'])}")
+    out["query_us"] = query
+    if "paper" in only:
+        beside_paper(engine, done, effort, out)
+    if "fcl" in only:
+        try:
+            beside_fcl(name, scene, engine, done, effort, out, bars)
+        except ImportError as error:
+            print(f"  python-fcl: not installed ({error}); left out")
+    return out
+
+
+def _timed_part(
+    engine: Engine, path: NDArray[np.float64], seconds: float, own: bool
+) -> list[NDArray[np.float64]]:
+    """Return the stretches of a path that are timed, pressed to depths unless they are its own."""
+    depths = 0.5 * (SHALLOW + DEEP) - 0.5 * (DEEP - SHALLOW) * np.cos(0.0437 * np.arange(len(path)))
+
+    def cut(count: int) -> list[NDArray[np.float64]]:
+        parts = [path[a:b] for a, b in stretches(path, count)]
+        if own:
+            return parts
+        wanted = [depths[a:b] for a, b in stretches(path, count)]
+        return [pressed(engine, part, deep) for part, deep in zip(parts, wanted, strict=True)]
+
+    return cut(affordable(engine, cut(COUNTS[0]), seconds))
+
+
+def _query_times(engine: Engine, poses: Sequence[NDArray[np.float64]]) -> dict[str, float]:
+    clock, laps = time.perf_counter_ns, []
+    for _ in range(ROUNDS):
+        ns = []
+        for pose in poses:
+            begun = clock()
+            engine._collider.query(pose)
+            ns.append(clock() - begun)
+        laps.append(ns)
+    return spread(np.median(laps, axis=0) * 1e-3)
+
+
+def _taken(done: Ticks, count: int, body: int | None = None) -> list[int]:
+    """Return up to `count` poses in contact (with one body), spread over a path."""
+    there = [i for i, w in enumerate(done.where) if w and (body is None or w.body == body)]
+    return [there[i] for i in np.linspace(0, len(there) - 1, min(count, len(there))).astype(int)]
+
+
+def beside_paper(
+    engine: Engine, done: dict[str, Ticks], effort: Effort, out: dict[str, Any]
+) -> None:
+    """Run the paper's method at some of the poses."""
+    paper = Paper(engine)
+    print("  the paper's method: eleven depths on a grid of 50 x 50, compiled; at the same poses")
+    row("", ["poses", "median", "p99", "asperity", "ratio", "short of asperity's depth, um"])
+    for name, one in done.items():
+        chosen = _taken(one, effort.beside)
+        looks = [paper.looked(w) for w in (one.where[i] for i in chosen) if w]
+        if not looks:
+            continue
+        laps, depths = [], np.array([])
+        for _ in range(ROUNDS + 1):
+            # The first lap compiles.
+            laps.append([look() for look in looks])
+        depths = np.array([(look(), paper.depths[0])[1] for look in looks])
+        short = np.array([one.where[i].depth for i in chosen]) - depths  # type: ignore[union-attr]
+        times, own = spread(np.median(laps[1:], axis=0)), spread(one.microseconds[chosen])
+        ratio = times["median"] / own["median"]
+        row(name, [
+            str(len(looks)), micro(times["median"]), micro(times["p99"]), micro(own["median"]),
+            f"{ratio:.2f}",
+            f"{1e6 * np.median(short):.1f} ({1e6 * short.min():.1f} to {1e6 * short.max():.1f})",
+        ])  # fmt: skip
+        out["paths"][name]["paper"] = {
+            "paper_us": times, "asperity_us": own, "ratio": ratio,
+            "short_m": [float(x) for x in (np.median(short), short.min(), short.max())],
+        }  # fmt: skip
+    print(f"  drawn heights are within {1e9 * paper.worst:.3g} nm of asperity's")
+
+
+def beside_fcl(
+    name: str, scene: Scene, engine: Engine, done: dict[str, Ticks], effort: Effort,
+    out: dict[str, Any], bars: list[dict[str, Any]],
+) -> None:  # fmt: skip
+    """Run python-fcl on the full-detail surfaces at some of the poses."""
+    part = {"hammer-blocks": "block-1", "file-cad": "part"}[name]
+    bodies = {body.name: i for i, body in enumerate(scene.bodies)}
+    meshes = {
+        which: full_detail(scene.bodies[bodies[which]], round(effort.detail * FULL_DETAIL[which]))
+        for which in (scene.tool, part)
+    }
+    size = {which: len(faces) for which, (_, faces) in meshes.items()}
+    pair = FclPair(meshes[scene.tool], meshes[part], engine._collider.poses[bodies[part]])
+    sizes = " and ".join(f"{n} triangles ({which})" for which, n in size.items())
+    print(f"  python-fcl on {sizes}; at the same poses")
+    row("", ["poses", "asked", "median", "p99", "asperity", "ratio", "pairs: median (least)"])
+    out["fcl_triangles"] = size
+    ratios: dict[int, list[float]] = {300: [], 100_000: []}
+    for path, one in done.items():
+        chosen = _taken(one, effort.beside, bodies[part])
+        poses = [w.pose for w in (one.where[i] for i in chosen) if w]
+        if not poses:
+            continue
+        own = spread(one.microseconds[chosen])
+        out["paths"][path]["fcl"] = {}
+        for most in ratios:
+            pairs = [pair.query(pose, most) for pose in poses]
+            laps = [[_microseconds(pair, pose, most) for pose in poses] for _ in range(ROUNDS)]
+            times = spread(np.median(laps, axis=0))
+            ratio = times["median"] / own["median"]
+            ratios[most].append(ratio)
+            row(path, [
+                str(len(poses)), "300" if most == 300 else "all", micro(times["median"]),
+                micro(times["p99"]), micro(own["median"]), f"{ratio:.2f}",
+                f"{np.median(pairs):.0f} ({min(pairs)})",
+            ])  # fmt: skip
+            out["paths"][path]["fcl"][str(most)] = {
+                "fcl_us": times, "asperity_us": own, "ratio": ratio,
+                "pairs_median": float(np.median(pairs)), "pairs_least": min(pairs),
+            }  # fmt: skip
+    for most, values in ratios.items():
+        if not values:
+            continue
+        asked = "300 pairs" if most == 300 else "all pairs"
+        bars.append({
+            "bar": f"{name}: python-fcl ({asked}) to asperity, least of {len(values)} paths",
+            "value": min(values), "least": FLOOR, "aim": AIM, "held": min(values) >= FLOOR,
+        })  # fmt: skip
+
+
+def _microseconds(pair: FclPair, pose: NDArray[np.float64], most: int) -> float:
+    begun = time.perf_counter_ns()
+    pair.query(pose, most)
+    return (time.perf_counter_ns() - begun) * 1e-3
+
+
+def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, Any]]:
+    """Time one tool at all its sizes."""
+    title, make = SERIES[which]
+    out = []
+    for size in sizes:
+        growing = make(size)
+        engine = Engine(growing.model, growing.bodies, "tool")
+        mesh = growing.bodies[-1].mesh
+        assert mesh is not None
+        lead = dragged(engine, growing, 9)
+        count = affordable(engine, [lead], effort.growing)
+        done = ticks(engine, [dragged(engine, growing, count + 1)])
+        times, what = spread(done.microseconds), found(done)
+        number = len(mesh.faces) if which in ("ball", "bumps") else size
+        told(f"{title}"[:20].rstrip() + f" {number:>6}", times, what)
+        out.append({"size": number, "tick_us": times, **what})
+    return out
+
+
+def triangles(effort: Effort) -> dict[str, Any]:
+    """Tools of more and more triangles."""
+    print("\ngrowth with the tool's triangles: us a tick (bumps: of the plate below as well)")
+    row("triangles", HEAD, 9)
+    return {which: grown(which, sizes, effort) for which, sizes in effort.triangles.items()}
+
+
+def contacts(effort: Effort) -> dict[str, Any]:
+    """More and more places that touch at once."""
+    print("\ngrowth with contacts: us a tick")
+    row("contacts", HEAD, 9)
+    return {which: grown(which, effort.contacts, effort) for which in ("feet", "blocks")}
+
+
+def figure(figures: dict[str, Any], path: Path) -> None:
+    """Draw growth with triangles and with contacts, medians with bands up to p99."""
+    from matplotlib.figure import Figure
+
+    from asperity.plots import COLOURS, MARKERS, style
+
+    panels = [
+        ("triangles", "triangles of the tool", "a  growth with triangles"),
+        ("contacts", "feet or blocks that touch", "b  growth with contacts"),
+    ]
+    panels = [panel for panel in panels if panel[0] in figures]
+    with style():
+        drawn = Figure(figsize=(4.4 * len(panels), 3.6), layout="constrained")
+        axes = drawn.subplots(1, len(panels), squeeze=False)[0]
+        for axis, (section, label, title) in zip(axes, panels, strict=True):
+            for i, (which, points) in enumerate(figures[section].items()):
+                _series(axis, SERIES[which][0], points, COLOURS[i], MARKERS[i])
+            axis.axhline(1e3, color="#666666", linewidth=0.8, linestyle=":")
+            axis.annotate(
+                "1 kHz", (1.0, 1e3), xycoords=("axes fraction", "data"), fontsize=8,
+                color="#666666", ha="right", va="bottom",
+            )  # fmt: skip
+            axis.set(xscale="log", yscale="log", xlabel=label, ylabel="time of a tick [µs]")
+            axis.set_title(title)
+            axis.legend(loc="upper left")
+            low, high = axis.get_ylim()
+            axis.set_ylim(low, 4.0 * high)
+        drawn.savefig(path)
+    print(f"wrote {path}: line median, band to p99, hollow where not all was certified")
+
+
+def _series(axis: Any, name: str, points: Sequence[dict[str, Any]], colour: str, mark: str) -> None:
+    sizes = [p["size"] for p in points]
+    medians, highs = ([p["tick_us"][key] for p in points] for key in ("median", "p99"))
+    axis.fill_between(sizes, medians, highs, color=colour, alpha=0.18, linewidth=0)
+    axis.plot(sizes, medians, color=colour, label=name)
+    for p in points:
+        whole = p["certified"] == 1.0 and p["no_room"] == 0
+        face = colour if whole else "white"
+        axis.plot(
+            p["size"], p["tick_us"]["median"], mark, color=colour, markerfacecolor=face, markersize=5
+        )
+
+
+def main() -> int:
+    """Run the benchmark; return 1 if a bar is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, default=SECTIONS)
+    parser.add_argument("--quick", action="store_true", help="a look at everything, no bars")
+    parser.add_argument("--json", type=Path, help="write all figures to this file")
+    parser.add_argument("--figure", type=Path, help="draw growth to this file (png, svg, pdf)")
+    options = parser.parse_args()
+    begun, bars = time.perf_counter(), list[dict[str, Any]]()
+    effort = QUICK if options.quick else WHOLE
+    _compile()
+    figures: dict[str, Any] = {}
+    if {"scenes", "paper", "fcl"} & set(options.only):
+        figures["scenes"] = scenes(effort, options.only, bars)
+    for name, run in (("triangles", triangles), ("contacts", contacts)):
+        if name in options.only:
+            figures[name] = run(effort)
+    print()
+    for b in bars:
+        state = "held    " if b["held"] else "NOT held"
+        print(
+            f"{state}  {b['bar']}: {b['value']:.2f} (bar: at least {b['least']:g}, aim "
+            f"{b['aim']:g})"
+        )
+    print(f"all of it took {time.perf_counter() - begun:.0f} s")
+    if options.json:
+        figures |= {
+            "bars": bars, "seconds": time.perf_counter() - begun, "threads": 1, "rounds": ROUNDS,
+            "stretches": SEGMENTS, "quick": options.quick,
+        }  # fmt: skip
+        options.json.write_text(json.dumps(figures, indent=1) + "\n")
+    if options.figure and {"triangles", "contacts"} & set(figures):
+        figure(figures, options.figure)
+    return 0 if options.quick or all(b["held"] for b in bars) else 1
+
+
+def _compile() -> None:
+    """Compile the engine before anything is timed, and say how long that took."""
+    begun = time.perf_counter()
+    growing = ball(1)
+    engine = Engine(growing.model, growing.bodies, "tool")
+    engine.wrench(growing.start, DT)
+    print(f"compiled, or read from the cache, in {time.perf_counter() - begun:.1f} s")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

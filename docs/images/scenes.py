@@ -1,0 +1,42 @@
+"""Makes scenes.png: the paper's three scenes, close, with the forces."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from asperity import load_scene
+from asperity.headless import run_scene
+from asperity.picture.contact import close_picture
+from asperity.plots import COLOURS, style
+
+SCENES = {"probe-plate-dots": 0.2, "hammer-blocks": 0.12, "file-cad": 0.08}
+"""How long each is run [s]; the picture is of the moment of the largest force across the normal."""
+OUT = Path(__file__).with_name("scenes.png")
+
+with style(), tempfile.TemporaryDirectory() as folder:
+    figure = Figure(figsize=(10.2, 3.6), dpi=125)
+    for axis, (name, seconds) in zip(figure.subplots(1, 3), SCENES.items(), strict=True):
+        scene = load_scene(name).changed(
+            trajectory={"seconds": seconds}, force={"anti_alias": "off"}
+        )
+        moment = run_scene(scene, Path(folder) / f"{name}.h5").moment
+        picture = close_picture(scene, moment, columns=520, rows=520)
+        axis.imshow(np.clip(picture.image, 0.0, 1.0), interpolation="antialiased")
+        longest = 0.3 * picture.camera.width / np.linalg.norm(moment.force, axis=1).max()
+        for point, force in zip(moment.point + moment.pushed, moment.force, strict=True):
+            ends = [picture.camera.place(p) for p in (point + longest * force, point)]
+            look = {"arrowstyle": "-|>", "color": COLOURS[1], "lw": 2.2, "shrinkA": 0, "shrinkB": 0}
+            axis.annotate("", *ends, arrowprops=look)
+            axis.plot(*ends[1], "o", color=COLOURS[1], mec="white", ms=5.0)
+        width = picture.camera.width * 1e3
+        axis.set(xticks=[], yticks=[], xlim=(-0.5, 519.5), ylim=(519.5, -0.5))
+        axis.set_title(f"{name}, {width:.2g} mm wide")
+        axis.grid(False)
+        axis.spines[:].set_visible(False)
+    figure.subplots_adjust(left=0.008, right=0.992, top=0.9, bottom=0.02, wspace=0.03)
+    figure.savefig(OUT, dpi=140)
+picture = Image.open(OUT).convert("RGB").quantize(256)
+picture.save(OUT, optimize=True)

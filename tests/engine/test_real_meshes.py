@@ -1,0 +1,156 @@
+"""Meshes that nobody on this project made, with maps of every kind, rubbed straight from files."""
+
+import importlib.util
+import itertools
+
+import numpy as np
+import pytest
+import trimesh
+from naive_engine import rotation, turn
+
+from asperity import Simulation, make_scene
+from asperity.errors import AsperityError
+from asperity.geometry import pieces
+from asperity.scenes import load_scene
+
+UNITS = {"featuretype.STL": "in", "idler_riser.STL": "in", "wallhole.obj": "cm"}
+"""What the meshes ask for that are too large in metres."""
+MESHES = (
+    "angle_block.STL", "assembly_peg_ring.stl", "block.stl", "featuretype.STL", "fuze.obj",
+    "hammerblock.stl", "hammerhandle.stl", "hammerhead.stl", "ico4uv.obj", "idler_riser.STL",
+    "nail.stl", "octagonal_pocket.ply", "spot.obj", "spot_control_mesh.obj", "unit_cube.STL",
+    "wallhole.obj",
+)  # fmt: skip
+MAPS = {
+    "none": None,
+    "constant": {"file": "heights/Metal049A_1K_Displacement.jpg"},
+    "8 bit": {"file": "heights/Ground054_1K_Displacement.jpg"},
+    "16 bit": {"file": "heights/derived_fabric_pattern_07_height16.png"},
+    "palette": {"file": "heights/hterrain_sand_depth.png"},
+    "normals": {"file": "heights/fabric_pattern_07_nor_gl_1k.jpg", "kind": "normal-opengl"},
+    "gaps": {"file": "measured/bullet_land_striae.npz", "missing": "fill"},
+    "instrument": {"file": "measured/tmd-1.tmd"},
+}
+TICKS = 40
+pytestmark = [
+    pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}")
+    for name in ("coacd", "xatlas")
+]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Cut meshes coarsely, 7 s for the slowest; else it is 40 s. Results are kept as always."""
+    coarse = {"mcts_iterations": 5, "mcts_nodes": 5, "mcts_max_depth": 1}
+    coarse |= {"resolution": 300, "preprocess_resolution": 30, "seed": 0}
+    monkeypatch.setattr(pieces, "_SETTINGS", coarse)
+
+
+def texture_of(data, kind):
+    """Return the table of a kind of map, or skip."""
+    if MAPS[kind] is None:
+        return None
+    if kind == "instrument" and importlib.util.find_spec("SurfaceTopography") is None:
+        pytest.skip("SurfaceTopography, which reads .tmd, is not installed")
+    return MAPS[kind] | {"file": data / MAPS[kind]["file"]}
+
+
+def told(source):
+    return {"file": source, "unit": UNITS.get(source.name, "m")}
+
+
+def extent(source):
+    """Return the extents of a mesh in its unit [m]."""
+    scale = {"in": 0.0254, "cm": 0.01, "m": 1.0}[UNITS.get(source.name, "m")]
+    return scale * np.ptp(trimesh.load(source, force="mesh").vertices, axis=0)
+
+
+def box(path, sides, middle=(0.0, 0.0, 0.0)):
+    trimesh.creation.box(sides, trimesh.transformations.translation_matrix(middle)).export(path)
+    return path
+
+
+def ball(path, radius):
+    trimesh.creation.icosphere(3, radius).export(path)
+    return path
+
+
+def rub(scene, size):
+    """Slide, turn and press a tool deeper and deeper; return its wrenches."""
+    scene = scene.changed(force={"anti_alias": "off"})
+    simulation = Simulation(scene)
+    reach = sum(b.texture.relief for b in scene.bodies if b.texture is not None)
+    wrenches = []
+    for s in np.linspace(0.0, 1.0, TICKS):
+        at = scene.start.copy()
+        at[0] += 0.02 * size * np.sin(3.0 * s)
+        at[1] += 0.01 * size * np.sin(5.0 * s)
+        at[2] -= 2e-4 + s * (reach + 0.02 * size)
+        at[3:] = turn([1, 2, 3], 0.05 * np.sin(4.0 * s))
+        wrench = simulation.step(at)
+        assert np.isfinite(wrench).all()
+        count = simulation.contact_count
+        assert np.isfinite(simulation.contacts.depth[:count]).all()
+        assert (wrench == 0.0).all() or count > 0
+        wrenches.append(wrench)
+    force = np.linalg.norm(wrenches, axis=0)[:3]
+    assert force[2] > 0.0
+    return np.array(wrenches)
+
+
+def check_as_tool(data, folder, name, kind):
+    source = data / "meshes" / name
+    sides = extent(source)
+    ground = box(folder / "ground.stl", np.minimum(1.5 * sides.max(), 1.9) * np.array([1, 1, 0.2]))
+    scene = make_scene(
+        tool=told(source), tool_texture=texture_of(data, kind),
+        target=ground, target_texture=texture_of(data, "16 bit"),
+    )  # fmt: skip
+    rub(scene, sides.min())
+
+
+def check_as_target(data, folder, name, kind):
+    source = data / "meshes" / name
+    sides = extent(source)
+    make = ball if len(name) % 2 else lambda path, r: box(path, (2 * r, 2 * r, 2 * r))
+    tool = make(folder / "tool.stl", max(0.1 * sides.min(), 1e-3))
+    scene = make_scene(
+        tool=tool, target=told(source), target_texture=texture_of(data, kind),
+    )  # fmt: skip
+    rub(scene, sides.min())
+
+
+def test_every_real_mesh_is_rubbed(data):
+    files = {path.name for path in (data / "meshes").iterdir() if path.suffix != ".txt"}
+    assert files == set(MESHES)
+
+
+@pytest.mark.parametrize(("name", "unit"), UNITS.items())
+@pytest.mark.parametrize("role", ["tool", "target"])
+def test_a_mesh_too_large_in_metres_asks_for_its_unit(data, tmp_path, name, unit, role):
+    files = dict.fromkeys(("tool", "target"), box(tmp_path / "box.stl", (0.1, 0.1, 0.1)))
+    with pytest.raises(AsperityError) as refused:
+        make_scene(**files | {role: data / "meshes" / name})
+    line = str(refused.value)
+    assert "\n" not in line
+    assert line.startswith(f"{role}: mesh {name.split('.')[0]!r}: its extents are ")
+    assert "valid: 0.1 mm to 2 m" in line
+    assert f"unit={unit!r}" in line
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    ("name", "kind"), zip(MESHES, itertools.cycle(MAPS), strict=False), ids=lambda x: x
+)
+def test_each_mesh_with_one_kind_of_map(data, tmp_path, name, kind):
+    """Every mesh and every kind once: those at even places as the tool, the others under it."""
+    check = (check_as_tool, check_as_target)[MESHES.index(name) // len(MAPS) ^ (len(name) % 2)]
+    check(data, tmp_path, name, kind)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("check", [check_as_tool, check_as_target])
+@pytest.mark.parametrize("kind", MAPS)
+@pytest.mark.parametrize("name", MESHES)
+def test_every_mesh_with_every_kind_of_map(data, tmp_path, name, kind, check):
+    check(data, tmp_path, name, kind)
