@@ -5,7 +5,7 @@
 
 The paper's two hard scenes, a hammer on striped blocks and a file on a machined part, are run
 tick by tick in eight stretches of their own paths, and of three perturbed ones at depths of 0.2 to
-1.4 mm; then other tools, whose triangles or contacts grow in number. A tick is `Engine.wrench`
+1 mm; then other tools, whose triangles or contacts grow in number. A tick is `Engine.wrench`
 from Python, MuJoCo's query included. All is repeated in three rounds, in which all that is compared
 takes turns, and each pose counts with its median over the rounds: see `bench_contact.py`; what the
 paper's method and python-fcl are given is told in `mesh_cases.py`. Bars are ratios of medians of
@@ -32,6 +32,7 @@ from asperity.simulation import Simulation
 from mesh_cases import (
     DT,
     FULL_DETAIL,
+    LEAD,
     SEGMENTS,
     FclPair,
     Growing,
@@ -51,10 +52,12 @@ from mesh_cases import (
 
 SCENES = ("hammer-blocks", "file-cad")
 SECTIONS = ("scenes", "paper", "fcl", "triangles", "contacts")
-ROUNDS = 3
+PAIRS, EVERY, MOST_LOOKED = 300, 100_000, 96
+"""Pairs of triangles that python-fcl has to report, and what it is asked for besides: all; and
+at how many poses of a path it is seen how many there are."""
 FLOOR, AIM = 3.0, 20.0
 """python-fcl's time over asperity's: the bar, and what is aimed at."""
-SHALLOW, DEEP = 2e-4, 1.4e-3
+SHALLOW, DEEP = 2e-4, 1e-3
 Times = NDArray[np.float64]
 
 
@@ -71,19 +74,20 @@ class Effort(NamedTuple):
     contacts: tuple[int, ...]
     detail: float
     """Part of the triangles of full detail."""
+    rounds: int
 
 
 COUNTS = (24, 48, 96, 200, 400, 1000, 2000)
 WHOLE = Effort(
     10.0, 4.0, 1.2, 24, {"ball": (1, 2, 3, 4, 5, 6), "bumps": (7, 16, 40, 100, 224)},
-    (1, 2, 4, 8, 16, 32, 64), 1.0,
+    (1, 2, 4, 8, 16, 32, 64), 1.0, 3,
 )  # fmt: skip
-QUICK = Effort(0.0, 0.0, 0.3, 6, {"ball": (2, 4), "bumps": (7, 40)}, (1, 16), 0.1)
+QUICK = Effort(0.0, 0.0, 0.3, 6, {"ball": (2, 4), "bumps": (7, 40)}, (1, 16), 0.1, 1)
 SERIES: dict[str, tuple[str, Callable[[int], Growing]]] = {
-    "ball": ("ball of 15 mm on a plate", ball),
-    "bumps": ("bumpy plate on bumpy plate", bumps),
-    "feet": ("feet of 5 mm of one tool on a plate", feet),
-    "blocks": ("blocks of 5 mm, each a body", blocks),
+    "ball": ("ball on a plate", ball),
+    "bumps": ("bumps on bumps", bumps),
+    "feet": ("one tool's feet on a plate", feet),
+    "blocks": ("blocks, each a body", blocks),
 }
 
 
@@ -95,19 +99,28 @@ class Ticks(NamedTuple):
     certified: NDArray[np.int64]
     gap: Times
     nodes: Times
+    deepest: Times
     no_room: int
     """How many ticks had no room for all contacts or pairs of facets."""
     where: list[Where | None]
 
 
-def ticks(engine: Engine, path: Sequence[NDArray[np.float64]], rounds: int = ROUNDS) -> Ticks:
-    """Time the engine on stretches of poses; the first pose of each only leads in."""
+def ticks(
+    engine: Engine, path: Sequence[NDArray[np.float64]], rounds: int, lead: Sequence[float] = (0.0,)
+) -> Ticks:
+    """Time the engine on stretches of poses; the first of each, from above, only leads in.
+
+    `lead` are heights above the first pose [m], a tick each.
+    """
     clock, laps, notes, where = time.perf_counter_ns, [], [], []
     for lap in range(rounds + 1):
         ns = []
         for stretch in path:
             engine.reset()
-            engine.wrench(stretch[0], DT)
+            for above in lead:
+                pose = stretch[0].copy()
+                pose[2] += above
+                engine.wrench(pose, DT)
             for pose in stretch[1:]:
                 begun = clock()
                 engine.wrench(pose, DT)
@@ -118,12 +131,14 @@ def ticks(engine: Engine, path: Sequence[NDArray[np.float64]], rounds: int = ROU
                     where.append(contact_of(engine, pose))
         if lap > 0:
             laps.append(ns)
-    patches, certified, gap, nodes, no_room = (np.array(column) for column in zip(*notes))
+    patches, certified, gap, nodes, deepest, no_room = (
+        np.array(column) for column in zip(*notes, strict=True)
+    )
     times = np.median(laps, axis=0) * 1e-3
-    return Ticks(times, patches, certified, gap, nodes, int(no_room.sum()), where)
+    return Ticks(times, patches, certified, gap, nodes, deepest, int(no_room.sum()), where)
 
 
-def _noted(engine: Engine) -> tuple[int, int, float, float, bool]:
+def _noted(engine: Engine) -> tuple[int, int, float, float, float, bool]:
     c = engine.contacts
     k = c.count[0]
     # Patches whose deepest places are one place were searched once.
@@ -133,14 +148,15 @@ def _noted(engine: Engine) -> tuple[int, int, float, float, bool]:
         int(np.sum(c.status[:k] == 0)),
         float(c.gap[:k].max(initial=0.0)),
         float(sum(nodes for _, _, nodes in searches)),
+        float(c.depth[:k].max(initial=0.0)),
         bool((c.status[:k] == 2).any()),
     )
 
 
 def spread(times: Times) -> dict[str, float]:
     """Return median, p95, p99, p99.9 and max."""
-    named = zip(("median", "p95", "p99", "p99.9"), np.percentile(times, [50, 95, 99, 99.9]))
-    return {name: float(value) for name, value in named} | {"max": float(times.max())}
+    levels = {"median": 50.0, "p95": 95.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
+    return {name: float(np.percentile(times, level)) for name, level in levels.items()}
 
 
 def found(done: Ticks) -> dict[str, Any]:
@@ -153,12 +169,15 @@ def found(done: Ticks) -> dict[str, Any]:
         "gap_m": float(done.gap.max()),
         "nodes": float(np.median(done.nodes)),
         "nodes_max": float(done.nodes.max()),
+        "deepest_m": float(done.deepest.max()),
         "no_room": done.no_room,
         "without_contact": int(np.sum(done.patches == 0)),
     }
 
 
-def affordable(engine: Engine, path: Sequence[NDArray[np.float64]], seconds: float) -> int:
+def affordable(
+    engine: Engine, path: Sequence[NDArray[np.float64]], seconds: float, rounds: int
+) -> int:
     """Return how many poses can be timed in so long, from what a few of them take."""
     begun, few = time.perf_counter(), 0
     for stretch in path:
@@ -166,11 +185,11 @@ def affordable(engine: Engine, path: Sequence[NDArray[np.float64]], seconds: flo
         for pose in stretch[:4]:
             engine.wrench(pose, DT)
             few += 1
-    each = (time.perf_counter() - begun) / few * (ROUNDS + 1)
+    each = (time.perf_counter() - begun) / few * (rounds + 1)
     return max([n for n in COUNTS if n * each <= seconds], default=COUNTS[0])
 
 
-def row(name: str, cells: Sequence[str], width: int = 10) -> None:
+def row(name: str, cells: Sequence[str], width: int = 11) -> None:
     """Print a line of a table."""
     print(f"  {name:<28}" + "".join(f"{c:>{width}}" for c in cells), flush=True)
 
@@ -181,7 +200,7 @@ def micro(value: float) -> str:
 
 
 HEAD = ["poses", "median", "p95", "p99", "p99.9", "max", "patches", "certif.", "gap um", "nodes",
-        "(max)", "no room"]  # fmt: skip
+        "(max)", "mm deep", "no room"]  # fmt: skip
 
 
 def told(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
@@ -189,7 +208,7 @@ def told(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
     row(name, [
         str(what["poses"]), *(micro(t) for t in times.values()), str(what["patches"]),
         f"{what['certified']:.1%}", f"{1e6 * what['gap_m']:.3g}", f"{what['nodes']:.0f}",
-        f"{what['nodes_max']:.0f}", str(what["no_room"]),
+        f"{what['nodes_max']:.0f}", f"{1e3 * what['deepest_m']:.2f}", str(what["no_room"]),
     ], 9)  # fmt: skip
 
 
@@ -211,12 +230,13 @@ def one_scene(
     done: dict[str, Ticks] = {}
     for path_name, path in families(scene, simulation).items():
         own = path_name == "own path"
-        timed = _timed_part(engine, path, effort.own if own else effort.perturbed, own)
-        done[path_name] = ticks(engine, timed)
+        timed = _timed_part(engine, path, effort, own)
+        done[path_name] = ticks(engine, timed, effort.rounds, (0.0,) if own else LEAD)
         times, what = spread(done[path_name].microseconds), found(done[path_name])
         told(path_name, times, what)
         out["paths"][path_name] = {"tick_us": times, **what}
-    query = _query_times(engine, [w.pose for t in done.values() for w in t.where if w])
+    poses = [w.pose for t in done.values() for w in t.where if w]
+    query = _query_times(engine, poses, effort.rounds)
     print(f"  of it MuJoCo's query {micro(query['median'])}, p99 {micro(query['p99'])}")
     out["query_us"] = query
     if "paper" in only:
@@ -230,10 +250,10 @@ def one_scene(
 
 
 def _timed_part(
-    engine: Engine, path: NDArray[np.float64], seconds: float, own: bool
+    engine: Engine, path: NDArray[np.float64], effort: Effort, own: bool
 ) -> list[NDArray[np.float64]]:
     """Return the stretches of a path that are timed, pressed to depths unless they are its own."""
-    depths = 0.5 * (SHALLOW + DEEP) - 0.5 * (DEEP - SHALLOW) * np.cos(0.0437 * np.arange(len(path)))
+    depths = 0.5 * (SHALLOW + DEEP) - 0.5 * (DEEP - SHALLOW) * np.cos(0.0311 * np.arange(len(path)))
 
     def cut(count: int) -> list[NDArray[np.float64]]:
         parts = [path[a:b] for a, b in stretches(path, count)]
@@ -242,12 +262,17 @@ def _timed_part(
         wanted = [depths[a:b] for a, b in stretches(path, count)]
         return [pressed(engine, part, deep) for part, deep in zip(parts, wanted, strict=True)]
 
-    return cut(affordable(engine, cut(COUNTS[0]), seconds))
+    few = cut(COUNTS[0])
+    seconds = effort.own if own else effort.perturbed
+    count = affordable(engine, few, seconds, effort.rounds)
+    return few if count == COUNTS[0] else cut(count)
 
 
-def _query_times(engine: Engine, poses: Sequence[NDArray[np.float64]]) -> dict[str, float]:
+def _query_times(
+    engine: Engine, poses: Sequence[NDArray[np.float64]], rounds: int
+) -> dict[str, float]:
     clock, laps = time.perf_counter_ns, []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         ns = []
         for pose in poses:
             begun = clock()
@@ -269,14 +294,14 @@ def beside_paper(
     """Run the paper's method at some of the poses."""
     paper = Paper(engine)
     print("  the paper's method: eleven depths on a grid of 50 x 50, compiled; at the same poses")
-    row("", ["poses", "median", "p99", "asperity", "ratio", "short of asperity's depth, um"])
+    row("", ["poses", "median", "p99", "asperity", "ratio", "  short of its depth by, um"])
     for name, one in done.items():
         chosen = _taken(one, effort.beside)
         looks = [paper.looked(w) for w in (one.where[i] for i in chosen) if w]
         if not looks:
             continue
         laps, depths = [], np.array([])
-        for _ in range(ROUNDS + 1):
+        for _ in range(effort.rounds + 1):
             # The first lap compiles.
             laps.append([look() for look in looks])
         depths = np.array([(look(), paper.depths[0])[1] for look in looks])
@@ -286,13 +311,18 @@ def beside_paper(
         row(name, [
             str(len(looks)), micro(times["median"]), micro(times["p99"]), micro(own["median"]),
             f"{ratio:.2f}",
-            f"{1e6 * np.median(short):.1f} ({1e6 * short.min():.1f} to {1e6 * short.max():.1f})",
+            f"  {1e6 * np.median(short):.1f} ({1e6 * short.min():.1f} to {1e6 * short.max():.1f})",
         ])  # fmt: skip
         out["paths"][name]["paper"] = {
             "paper_us": times, "asperity_us": own, "ratio": ratio,
             "short_m": [float(x) for x in (np.median(short), short.min(), short.max())],
         }  # fmt: skip
-    print(f"  drawn heights are within {1e9 * paper.worst:.3g} nm of asperity's")
+    off = np.concatenate(paper.off)
+    if off.size:
+        middle, high = np.percentile(off, [50, 99])
+        print(
+            f"  drawn heights are off asperity's by {1e9 * middle:.2g} nm, p99 {1e9 * high:.2g} nm"
+        )
 
 
 def beside_fcl(
@@ -307,41 +337,47 @@ def beside_fcl(
         for which in (scene.tool, part)
     }
     size = {which: len(faces) for which, (_, faces) in meshes.items()}
-    pair = FclPair(meshes[scene.tool], meshes[part], engine._collider.poses[bodies[part]])
+    fixed = engine._collider.poses[bodies[part]]
+    pair = FclPair(meshes[scene.tool], meshes[part], fixed, (PAIRS, EVERY))
     sizes = " and ".join(f"{n} triangles ({which})" for which, n in size.items())
-    print(f"  python-fcl on {sizes}; at the same poses")
-    row("", ["poses", "asked", "median", "p99", "asperity", "ratio", "pairs: median (least)"])
+    print(f"  python-fcl on {sizes}; at poses with {PAIRS} pairs of triangles or more")
+    row("", ["poses", "asked", "median", "p99", "asperity", "ratio", "  pairs: median (most)"])
     out["fcl_triangles"] = size
-    ratios: dict[int, list[float]] = {300: [], 100_000: []}
+    ratios = []
     for path, one in done.items():
-        chosen = _taken(one, effort.beside, bodies[part])
-        poses = [w.pose for w in (one.where[i] for i in chosen) if w]
-        if not poses:
+        there = _taken(one, MOST_LOOKED, bodies[part])
+        pairs = np.array([pair.query(one.where[i].pose, EVERY) for i in there])  # type: ignore[union-attr]
+        many = np.flatnonzero(pairs >= PAIRS)
+        out["paths"][path]["fcl"] = {"poses": len(there), "poses_of_many_pairs": len(many)}
+        if not many.size:
+            print(
+                f"  {path}: none of {len(there)} poses has (at most {pairs.max(initial=0)} pairs)"
+            )
             continue
-        own = spread(one.microseconds[chosen])
-        out["paths"][path]["fcl"] = {}
-        for most in ratios:
-            pairs = [pair.query(pose, most) for pose in poses]
-            laps = [[_microseconds(pair, pose, most) for pose in poses] for _ in range(ROUNDS)]
+        many = many[np.linspace(0, many.size - 1, min(effort.beside, many.size)).astype(int)]
+        poses = [one.where[there[i]].pose for i in many]  # type: ignore[union-attr]
+        own = spread(one.microseconds[[there[i] for i in many]])
+        for most in (PAIRS, EVERY):
+            laps = [
+                [_microseconds(pair, pose, most) for pose in poses] for _ in range(effort.rounds)
+            ]
             times = spread(np.median(laps, axis=0))
             ratio = times["median"] / own["median"]
-            ratios[most].append(ratio)
+            if most == PAIRS:
+                ratios.append(ratio)
             row(path, [
-                str(len(poses)), "300" if most == 300 else "all", micro(times["median"]),
+                str(len(poses)), str(PAIRS) if most == PAIRS else "all", micro(times["median"]),
                 micro(times["p99"]), micro(own["median"]), f"{ratio:.2f}",
-                f"{np.median(pairs):.0f} ({min(pairs)})",
+                f"  {np.median(pairs[many]):.0f} ({pairs[many].max()})",
             ])  # fmt: skip
             out["paths"][path]["fcl"][str(most)] = {
                 "fcl_us": times, "asperity_us": own, "ratio": ratio,
-                "pairs_median": float(np.median(pairs)), "pairs_least": min(pairs),
+                "pairs_median": float(np.median(pairs[many])),
             }  # fmt: skip
-    for most, values in ratios.items():
-        if not values:
-            continue
-        asked = "300 pairs" if most == 300 else "all pairs"
+    if ratios:
         bars.append({
-            "bar": f"{name}: python-fcl ({asked}) to asperity, least of {len(values)} paths",
-            "value": min(values), "least": FLOOR, "aim": AIM, "held": min(values) >= FLOOR,
+            "bar": f"{name}: python-fcl ({PAIRS} pairs) to asperity, least of {len(ratios)} paths",
+            "value": min(ratios), "least": FLOOR, "aim": AIM, "held": min(ratios) >= FLOOR,
         })  # fmt: skip
 
 
@@ -361,11 +397,11 @@ def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, An
         mesh = growing.bodies[-1].mesh
         assert mesh is not None
         lead = dragged(engine, growing, 9)
-        count = affordable(engine, [lead], effort.growing)
-        done = ticks(engine, [dragged(engine, growing, count + 1)])
+        count = affordable(engine, [lead], effort.growing, effort.rounds)
+        done = ticks(engine, [dragged(engine, growing, count + 1)], effort.rounds)
         times, what = spread(done.microseconds), found(done)
         number = len(mesh.faces) if which in ("ball", "bumps") else size
-        told(f"{title}"[:20].rstrip() + f" {number:>6}", times, what)
+        told(f"{title} {number:>{27 - len(title)}}", times, what)
         out.append({"size": number, "tick_us": times, **what})
     return out
 
@@ -424,7 +460,12 @@ def _series(axis: Any, name: str, points: Sequence[dict[str, Any]], colour: str,
         whole = p["certified"] == 1.0 and p["no_room"] == 0
         face = colour if whole else "white"
         axis.plot(
-            p["size"], p["tick_us"]["median"], mark, color=colour, markerfacecolor=face, markersize=5
+            p["size"],
+            p["tick_us"]["median"],
+            mark,
+            color=colour,
+            markerfacecolor=face,
+            markersize=5,
         )
 
 
@@ -455,8 +496,8 @@ def main() -> int:
     print(f"all of it took {time.perf_counter() - begun:.0f} s")
     if options.json:
         figures |= {
-            "bars": bars, "seconds": time.perf_counter() - begun, "threads": 1, "rounds": ROUNDS,
-            "stretches": SEGMENTS, "quick": options.quick,
+            "bars": bars, "seconds": time.perf_counter() - begun, "threads": 1,
+            "rounds": effort.rounds, "stretches": SEGMENTS, "quick": options.quick,
         }  # fmt: skip
         options.json.write_text(json.dumps(figures, indent=1) + "\n")
     if options.figure and {"triangles", "contacts"} & set(figures):

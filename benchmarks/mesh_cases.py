@@ -22,19 +22,20 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import inner_kernel, kernel
+from asperity.compiled import kernel, lean_kernel
 from asperity.contact.chart import (
+    B0,
+    B1,
+    B2,
     FLATTEST,
     LEVEL,
     PZ,
+    Q_LEAST,
     RECTANGLE,
     ROWS,
     SIDE,
     TEXTURE,
     UNIT,
-    B0,
-    B1,
-    B2,
     V0,
     V1,
     V2,
@@ -60,10 +61,12 @@ from asperity.texture.procedural import self_affine
 from peers import now
 
 DT, SPEED = 1e-3, 0.083
+LEAD = (1e-3, 7.5e-4, 5e-4, 2.5e-4, 0.0)
+"""From how far above a perturbed path is met, tick by tick [m]."""
 SEGMENTS = 8
 """Stretches of a path, spread over it, that are timed tick by tick."""
-KNOT = 20
-"""Ticks from one pose whose depth is set to the next."""
+KNOT, _LOOKS = 50, 6
+"""Ticks from one pose whose depth is set to the next, and looks that setting it takes at most."""
 GRID, STEP, LEVER = 50, 20e-6, 10e-3
 FULL_DETAIL = {"hammer": 433_152, "file": 285_824, "part": 658_432, "block-1": 400_000}
 """Triangles: the paper's; of the block ours, its texels would ask for 9.5 million."""
@@ -125,16 +128,40 @@ def stretches(path: Array, count: int) -> list[tuple[int, int]]:
 def pressed(engine: Engine, path: Array, depths: Array) -> Array:
     """Return a path moved up or down, so that it is about as deep as wanted [m]."""
     knots = np.unique([*range(0, len(path), KNOT), len(path) - 1])
-    heights = [_level(engine, path[i], depths[i]) for i in knots]
+    heights, start = [], math.nan
+    for i in knots:
+        start = _level(engine, path[i], depths[i], start)
+        heights.append(start)
     out = path.copy()
     out[:, 2] = np.interp(np.arange(len(path)), knots, heights)
     return out
 
 
-def _level(engine: Engine, pose: Array, depth: float) -> float:
-    """Return the height at which a pose is so deep."""
+def _level(engine: Engine, pose: Array, depth: float, start: float) -> float:
+    """Return the height at which a pose is so deep; `start` is a guess, or nan."""
     pose = pose.copy()
-    # From above down to where MuJoCo says that something is near.
+    near = math.nan if start == start else _first_near(engine, pose)
+    pose[2] = start if start == start else near - depth
+    met = False
+    for look in range(_LOOKS):
+        engine.reset()
+        engine.wrench(pose, 0.0)
+        k = engine.contacts.count[0]
+        if k == 0 and met:
+            break
+        met = k > 0
+        # Along n a tool that is lifted is less deep by just as much.
+        off = float(engine.contacts.depth[:k].max()) - depth if met else -1e-4 * (1 + look)
+        if abs(off) < 5e-5:
+            break
+        pose[2] += min(max(off, -1e-3), 1e-3)
+    # Where it starts on its own, an engine may find nothing: then as deep as MuJoCo has it.
+    return float(pose[2]) if met or start == start else near - depth
+
+
+def _first_near(engine: Engine, pose: Array) -> float:
+    """Return the height at which MuJoCo, from above, first says that something is near."""
+    pose = pose.copy()
     low, high = pose[2] - 0.03, pose[2] + 0.03
     while high - low > 1e-6:
         pose[2] = 0.5 * (low + high)
@@ -142,17 +169,7 @@ def _level(engine: Engine, pose: Array, depth: float) -> float:
             low = pose[2]
         else:
             high = pose[2]
-    pose[2] = low - depth
-    for _ in range(6):
-        engine.reset()
-        engine.wrench(pose, 0.0)
-        k = engine.contacts.count[0]
-        off = engine.contacts.depth[:k].max() - depth if k else -2e-4
-        # Along n a tool that is lifted is less deep by just as much.
-        pose[2] += off
-        if abs(off) < 1e-5:
-            break
-    return float(pose[2])
+    return float(low)
 
 
 # Full detail, and python-fcl.
@@ -161,7 +178,8 @@ def _level(engine: Engine, pose: Array, depth: float) -> float:
 def full_detail(body: Body, count: int) -> tuple[Array, NDArray[np.int64]]:
     """Return vertices and faces of a body's displaced surface, of about `count` triangles."""
     mesh = body.mesh
-    assert mesh is not None and body.texture is not None and body.mapping == "uv"
+    assert mesh is not None
+    assert body.texture is not None
     corners = mesh.vertices[mesh.faces]
     parts = np.concatenate([corners, mesh.normals, places_on_texture(body)], axis=2)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -217,15 +235,16 @@ def _halved(parts: Array, limit: float) -> Array:
 class FclPair:
     """Two triangle meshes in python-fcl's hierarchies, the first of which moves."""
 
-    def __init__(self, tool: tuple[Array, Any], part: tuple[Array, Any], fixed: Array) -> None:
+    def __init__(
+        self, tool: tuple[Array, Any], part: tuple[Array, Any], fixed: Array, asked: Sequence[int]
+    ) -> None:
         import fcl
 
         self._fcl = fcl
         self.tool, self._part = (self._object(*mesh) for mesh in (tool, part))
         self._part.setTransform(fcl.Transform(fixed[:, :3], fixed[:, 3]))
         self._requests = {
-            most: fcl.CollisionRequest(num_max_contacts=most, enable_contact=True)
-            for most in (300, 100_000)
+            most: fcl.CollisionRequest(num_max_contacts=most, enable_contact=True) for most in asked
         }
 
     def _object(self, vertices: Array, faces: NDArray[np.int64]) -> Any:
@@ -273,10 +292,29 @@ def contact_of(engine: Engine, pose: Array) -> Where | None:
     return Where(pose.copy(), int(c.body[main]), c.normal[main].copy(), middle, spread, deepest)
 
 
-@inner_kernel
-def _height_over(textures, chart, u, v):
-    """Return the height of a plane chart over (u, v), textured through a flat map; or -inf."""
+@lean_kernel
+def _outside(chart, x, y, margin):
+    """Return whether parameters lie beyond a chart's borders by more than `margin`."""
+    if x < chart[RECTANGLE] - margin or x > chart[RECTANGLE + 1] + margin:
+        return True
+    if y < chart[RECTANGLE + 2] - margin or y > chart[RECTANGLE + 3] + margin:
+        return True
+    for i in range(int(chart[ROWS])):
+        row = ROWS + 1 + 6 * i
+        if chart[row] + chart[row + 1] * x + chart[row + 2] * y > margin:
+            return True
+    return False
+
+
+@lean_kernel
+def _height_over(textures, chart, u, v, margin):
+    """Return the height of a plane chart over (u, v), textured through a flat map; or -inf.
+
+    `margin`: how far apart in parameters a point and what is drawn there may be.
+    """
     x, y = parameters_under(chart, u, v)
+    if _outside(chart, x, y, margin):
+        return -np.inf
     t = w_z = 0.0
     if chart[TEXTURE] >= 0.0:
         k = int(chart[TEXTURE])
@@ -295,40 +333,41 @@ def _height_over(textures, chart, u, v):
                 size = 1.0 / math.sqrt(w_u * w_u + w_v * w_v + w_z * w_z)
                 w_u, w_v, w_z = w_u * size, w_v * size, w_z * size
             x, y = parameters_under(chart, u - t * w_u, v - t * w_v)
-    if x < chart[RECTANGLE] or x > chart[RECTANGLE + 1]:
+    if margin > 0.0 and _outside(chart, x, y, 0.0):
         return -np.inf
-    if y < chart[RECTANGLE + 2] or y > chart[RECTANGLE + 3]:
-        return -np.inf
-    for i in range(int(chart[ROWS])):
-        row = ROWS + 1 + 6 * i
-        if chart[row] + chart[row + 1] * x + chart[row + 2] * y > 0.0:
-            return -np.inf
     return chart[O + 2] + chart[PZ] * x + chart[PZ + 1] * y + t * w_z
 
 
-@inner_kernel
+@lean_kernel
+def _shift(textures, chart):
+    """Return how far a chart's texture moves points sideways at most [m]."""
+    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
+        return 0.0
+    return chart[SIDE] * textures.scales[int(chart[TEXTURE]), 2]
+
+
+@lean_kernel
 def _draw(textures, chart, cu, cv, window, heights):
     """Raise `heights` (GRID, GRID) to a chart's surface where that is higher."""
     pitch = window / GRID
     hx = 0.5 * (chart[RECTANGLE + 1] - chart[RECTANGLE])
     hy = 0.5 * (chart[RECTANGLE + 3] - chart[RECTANGLE + 2])
-    shift = 0.0
-    if chart[TEXTURE] >= 0.0:
-        shift = chart[SIDE] * textures.scales[int(chart[TEXTURE]), 2]
+    shift = _shift(textures, chart)
     reach_u = abs(chart[Q]) * hx + abs(chart[Q + 1]) * hy + shift
     reach_v = abs(chart[Q + 2]) * hx + abs(chart[Q + 3]) * hy + shift
     start_u, start_v = cu - 0.5 * window + 0.5 * pitch, cv - 0.5 * window + 0.5 * pitch
-    i0 = max(int(math.ceil((chart[O] - reach_u - start_u) / pitch)), 0)
-    i1 = min(int(math.floor((chart[O] + reach_u - start_u) / pitch)), GRID - 1)
-    j0 = max(int(math.ceil((chart[O + 1] - reach_v - start_v) / pitch)), 0)
-    j1 = min(int(math.floor((chart[O + 1] + reach_v - start_v) / pitch)), GRID - 1)
+    i0 = max(math.ceil((chart[O] - reach_u - start_u) / pitch), 0)
+    i1 = min(math.floor((chart[O] + reach_u - start_u) / pitch), GRID - 1)
+    j0 = max(math.ceil((chart[O + 1] - reach_v - start_v) / pitch), 0)
+    j1 = min(math.floor((chart[O + 1] + reach_v - start_v) / pitch), GRID - 1)
+    margin = shift / chart[Q_LEAST]
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
-            z = _height_over(textures, chart, start_u + i * pitch, start_v + j * pitch)
+            z = _height_over(textures, chart, start_u + i * pitch, start_v + j * pitch, margin)
             heights[i, j] = max(heights[i, j], z)
 
 
-@inner_kernel
+@lean_kernel
 def _into(frame, body, sign, turn, shift):
     """Fill the way from a body's frame into (u, v, sign n)."""
     for i in range(3):
@@ -341,7 +380,7 @@ def _into(frame, body, sign, turn, shift):
                 turn[i, j] += s * frame[i, k] * body[k, j]
 
 
-@inner_kernel
+@lean_kernel
 def _moved(frame, body, axis, by, out):
     """Fill a body's pose moved along axis 0, 1 of `frame`, or turned about axis 0, 1, 2 (2..4)."""
     for i in range(3):
@@ -361,7 +400,7 @@ def _moved(frame, body, axis, by, out):
             out[i, j] = c * body[i, j] + s * across + (1.0 - c) * along * e[i]
 
 
-@inner_kernel
+@lean_kernel
 def _side(textures, table, geometry, facets, turn, shift, cu, cv, window, chart, heights):
     """Draw facets of one body."""
     for i in range(GRID):
@@ -410,21 +449,22 @@ def paper_depths(
 
 
 @kernel
-def worst_height(textures, table, geometry, facets, turn, shift, places, chart):
-    """Return by how much the drawn heights are off asperity's at most, over (u, v) `places`."""
-    work, worst = np.empty(POINT_SIZE), 0.0
-    for f in facets:
+def heights_off(textures, table, geometry, facets, turn, shift, places, chart, off_out):
+    """Fill by how much drawn heights are off asperity's over (u, v) `places`, nan beyond facets."""
+    work = np.empty(POINT_SIZE)
+    for k in range(len(facets)):
+        f = facets[k]
         owner = table.body[f]
         facet_chart(
             table, f, turn, shift, geometry.texture[owner], table.mapping[owner],
             geometry.origin[owner], chart,
         )  # fmt: skip
+        margin = _shift(textures, chart) / chart[Q_LEAST]
         for i in range(len(places)):
-            z = _height_over(textures, chart, places[i, 0], places[i, 1])
+            z = _height_over(textures, chart, places[i, 0], places[i, 1], margin)
             other = height_at(textures, chart, places[i, 0], places[i, 1], work)[0]
-            if z > -np.inf and other > -np.inf:
-                worst = max(worst, abs(z - other))
-    return worst
+            there = z > -np.inf and other > -np.inf
+            off_out[k, i] = abs(z - other) if there else np.nan
 
 
 class Paper:
@@ -435,8 +475,8 @@ class Paper:
         self._engine, self._table = engine, engine._facets.table
         self._room, self._chart = np.empty((2, GRID, GRID)), np.zeros(CHART_SIZE)
         self.depths = np.empty(11)
-        self.worst = 0.0
-        """By how much a drawn height was off asperity's, where that was looked at [m]."""
+        self.off: list[Array] = []
+        """By how much drawn heights were off asperity's, where that was looked at [m]."""
 
     def looked(self, where: Where) -> Callable[[], float]:
         """Return what takes the eleven depths at a contact, and returns how long that took [us]."""
@@ -466,10 +506,11 @@ class Paper:
         spread = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 2)) * window + [cu, cv]
         for number, body, sign in zip(facets, (body_a, body_b), (-1.0, 1.0), strict=True):
             into = frame * [[1.0], [1.0], [sign]]
-            off = worst_height(
-                *scene, number, into @ body[:, :3], into @ body[:, 3], spread, self._chart
+            off = np.empty((len(number), len(spread)))
+            heights_off(
+                *scene, number, into @ body[:, :3], into @ body[:, 3], spread, self._chart, off
             )
-            self.worst = max(self.worst, off)
+            self.off.append(off[~np.isnan(off)])
         arguments = (
             *scene, *facets, body_a, body_b, frame, cu, cv, window, self._room, self._chart,
             self.depths,
@@ -543,7 +584,7 @@ def bumps(n: int) -> Growing:
     """Return a plate of 2 n^2 triangles with bumps of 0.5 mm each 10 mm, on one of each 8 mm."""
     under = _bumpy(n, 0.06, 0.008, 1.0)
     over = _bumpy(n, 0.03, 0.010, -1.0)
-    box = _box(np.array([0.06, 0.06, 4.5e-3])) + [0.0, 0.0, -1.75e-3]
+    box = _box(np.array([0.06, 0.06, 4.5e-3])) - np.array([0.0, 0.0, 1.75e-3])
     body = _mesh_body("plate", under, [box], 1)
     text = '<body name="plate"><geom type="mesh" mesh="plate"/></body>'
     upper = box * [0.5, 0.5, -1.0]
@@ -584,7 +625,7 @@ def _spots(count: int) -> Array:
 def feet(count: int) -> Growing:
     """Return a tool on so many square feet of 5 mm on one plate."""
     box = _box(np.array([5e-3, 5e-3, 5e-3]))
-    pieces = [box + [*spot, 0.0] for spot in _spots(count)]
+    pieces = [box + np.append(spot, 0.0) for spot in _spots(count)]
     return _growing([_plate()], _solids(pieces), pieces, 2e-4)
 
 

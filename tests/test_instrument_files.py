@@ -133,7 +133,12 @@ def test_channels_that_are_no_heights_are_named(exr):
 def test_a_damaged_float_picture_is_refused(exr, damage):
     path = exr({"Y": HEIGHTS})
     whole = path.read_bytes()
-    parts = {"empty": b"", "junk": b"junk" * 20, "head": whole[:60], "cut": whole[: len(whole) // 2]}
+    parts = {
+        "empty": b"",
+        "junk": b"junk" * 20,
+        "head": whole[:60],
+        "cut": whole[: len(whole) // 2],
+    }
     path.write_bytes(parts[damage])
     with pytest.raises(SurfaceError, match=r"map\.exr: (the file is empty|cannot be read)") as said:
         read_heights(path, pixel_size=1e-5, height_range=RELIEF)
@@ -149,7 +154,8 @@ def normals():
 
 def test_normals_in_floats_are_integrated(exr):
     field = HeightField.from_file(exr({"RGB": normals()}), pixel_size=1e-5, kind="normal-opengl")
-    assert field.relief == pytest.approx(8 * 0.3e-5, rel=0.1)
+    # A ridge of eight samples to a side; between samples it is a little round.
+    assert 7 * 0.3e-5 < field.relief < 8 * 0.3e-5
 
 
 @pytest.mark.xfail(

@@ -79,6 +79,6 @@ def _scenes_notice() -> str:
     if any(folder.rglob("mesh_tick.mesh_tick-*.nbc")):
         return "scenes"
     logging.getLogger(__name__).warning(
-        "compiling the contact engine, once after an installation: takes about a minute more"
+        "first run after an installation: compiling takes about a minute more"
     )
     return "scenes (compiling first: a minute more)"

@@ -40,6 +40,7 @@ from asperity.contact.chart import (
     ROWS,
     SUMMIT,
     TEXTURE,
+    UV_MOST,
     C,
     E,
     O,
@@ -49,7 +50,10 @@ from asperity.contact.climb import climb
 from asperity.contact.overlap import (
     BORDERS,
     F_X,
+    F_XX,
+    F_XY,
     F_Y,
+    F_YY,
     LINES,
     ON_X,
     ON_Y,
@@ -467,7 +471,42 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
             _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * ratio * ratio
         )
     loose *= 0.5 * radius * radius
-    return _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
+    found = _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
+    if cx[C] > 0.0 or cy[C] > 0.0 or not level_y:
+        return found
+    # The bend at the middle, and how much it changes: sharper on ridges, and in small boxes.
+    third = radius * _third(
+        textures, cx, cy, size_x, slope_x, size_bend, w1, w2, side, size_bend_y, slope_y, fastest
+    )
+    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
+    other = _second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
+    least = min(found[0], other[0])
+    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
+        return least, other[1], other[2], other[3]
+    return least, found[1], found[2], found[3]
+
+
+@small_kernel
+def _third(textures, cx, cy, a, s, b, w1, w2, side, b_y, s_y, fastest):
+    """Return a bound of the third derivative of f for two plane charts, Y's level or smooth.
+
+    `a`, `s`, `b`: sizes of X's height, slope and bend; `s_y`, `b_y`: of Y's; by each one's own
+    parameters. The product rule for t w, the chain rule for Y's height over X's place.
+    """
+    t = t_y = 0.0
+    if cx[TEXTURE] >= 0.0:
+        t = textures.scales[int(cx[TEXTURE]), 7] * cx[UV_MOST] ** 3
+    if cy[TEXTURE] >= 0.0:
+        t_y = textures.scales[int(cy[TEXTURE]), 7] * cy[UV_MOST] ** 3
+    w3 = 5.0 * w1 * w2  # of v / |v| with v linear: 15 w1^3, and w2 is 3 w1^2
+    more = 3.0 * b * w1 + 3.0 * s * w2 + a * w3
+    turn = b * side + 2.0 * s * w1 + a * w2  # how much X's place bends in (u, v)
+    over = 1.0 / cy[Q_LEAST]
+    flat = math.sqrt(cy[PZ] ** 2 + cy[PZ + 1] ** 2)
+    return (
+        t + more + (s_y + flat) * over * (t * side + more)
+        + 3.0 * b_y * over * over * fastest * turn + t_y * (over * fastest) ** 3
+    )  # fmt: skip
 
 
 @lean_kernel

@@ -42,7 +42,7 @@ class Textures(NamedTuple):
     number of levels, whether it wraps; shape (textures, 8)."""
     scales: NDArray[np.float64]
     """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
-    rms height; lowest height; shape (textures, 7)."""
+    rms height; lowest height; largest size of a third derivative; shape (textures, 8)."""
 
 
 def pack(fields: Sequence[HeightField]) -> Textures:
@@ -63,7 +63,8 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         pu, pv = field.pixel_size
         bend = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
         bend += _largest(c, 1, 1) / (pu * pv)
-        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, field.rms, field.lowest])
+        third = _third(c, pu, pv)
+        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, field.rms, field.lowest, third])
         coefficients.append(c.ravel())
         bounds.append(pyramid)
         first_coefficient += c.size
@@ -74,7 +75,7 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         np.concatenate([np.zeros((0, 3), np.float32), *bounds]),
         np.array(levels, dtype=np.int64).reshape(-1, 3),
         np.array(table, dtype=np.int64).reshape(-1, 8),
-        np.array(scales, dtype=np.float64).reshape(-1, 7),
+        np.array(scales, dtype=np.float64).reshape(-1, 8),
     )
 
 
@@ -114,6 +115,13 @@ def _most(c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False
 def _largest(c: NDArray[np.float64], along_u: int, along_v: int) -> float:
     """Return the largest size of a coefficient of a partial derivative."""
     return float(np.max(np.abs(np.diff(np.diff(c, along_u, axis=1), along_v, axis=0))))
+
+
+def _third(c: NDArray[np.float64], pu: float, pv: float) -> float:
+    """Return the largest size of a third derivative along any direction."""
+    parts = [_largest(c, 3 - k, k) / (pu ** (3 - k) * pv**k) for k in range(4)]
+    # Of unit vectors (a, b), (|a| + |b|)^3 is at most this.
+    return 2.0**1.5 * max(parts)
 
 
 def _up(values: NDArray[np.float64]) -> NDArray[np.float32]:

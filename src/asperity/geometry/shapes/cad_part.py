@@ -24,7 +24,7 @@ PIXEL_SIZE = 1.65e-4
 UV_SIZE = (0.033, 0.033)
 """Of the texture's tile [m]."""
 TEXTURE: dict[str, Any] = {
-    "kind": "brushed", "size": UV_SIZE[0], "pixel_size": PIXEL_SIZE, "rms": 1.5e-5,
+    "kind": "brushed", "size": UV_SIZE[0], "pixel_size": PIXEL_SIZE, "rms": 6e-6,
     "length": 0.012, "width": 6 * PIXEL_SIZE, "seed": 6,
 }  # fmt: skip
 """Marks of machining along the part's long side, as `scene.toml` says it. Ours."""

@@ -27,7 +27,7 @@ UV_SIZE = (8 * math.sqrt(2.0) * PITCH, 8 * math.sqrt(2.0) * PITCH)
 """Of the texture's tile [m]: what `cross_cut` makes of 12 periods at 45 degrees."""
 TEXTURE: dict[str, Any] = {
     "kind": "cross_cut", "pitch": PITCH, "second_pitch": PITCH, "height": 2.5e-4,
-    "samples": 8, "periods": 12, "variation": 0.1, "seed": 3,
+    "samples": 8, "periods": 12, "variation": 0.2, "seed": 3,
 }  # fmt: skip
 """Teeth of a double cut, as `scene.toml` says it; steep towards the point. Ours."""
 
