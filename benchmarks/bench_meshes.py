@@ -58,6 +58,8 @@ at how many poses of a path it is seen how many there are."""
 FLOOR, AIM = 3.0, 20.0
 """python-fcl's time over asperity's: the bar, and what is aimed at."""
 SHALLOW, DEEP = 2e-4, 1e-3
+TOO_LONG = 3e4
+"""A tool whose tick takes longer [us] does not grow further."""
 Times = NDArray[np.float64]
 
 
@@ -79,7 +81,7 @@ class Effort(NamedTuple):
 
 COUNTS = (24, 48, 96, 200, 400, 1000, 2000)
 WHOLE = Effort(
-    10.0, 4.0, 1.2, 24, {"ball": (1, 2, 3, 4, 5, 6), "bumps": (7, 16, 40, 100, 224)},
+    8.0, 3.0, 1.0, 24, {"ball": (1, 2, 3, 4, 5, 6), "bumps": (7, 16, 40, 100, 224)},
     (1, 2, 4, 8, 16, 32, 64), 1.0, 3,
 )  # fmt: skip
 QUICK = Effort(0.0, 0.0, 0.3, 6, {"ball": (2, 4), "bumps": (7, 40)}, (1, 16), 0.1, 1)
@@ -96,12 +98,13 @@ class Ticks(NamedTuple):
 
     microseconds: Times
     patches: NDArray[np.int64]
+    bodies: NDArray[np.int64]
     certified: NDArray[np.int64]
     gap: Times
     nodes: Times
     deepest: Times
-    no_room: int
-    """How many ticks had no room for all contacts or pairs of facets."""
+    no_room: NDArray[np.bool_]
+    """Whether there was no room for all contacts or pairs of facets."""
     where: list[Where | None]
 
 
@@ -131,20 +134,19 @@ def ticks(
                     where.append(contact_of(engine, pose))
         if lap > 0:
             laps.append(ns)
-    patches, certified, gap, nodes, deepest, no_room = (
-        np.array(column) for column in zip(*notes, strict=True)
-    )
+    columns = [np.array(column) for column in zip(*notes, strict=True)]
     times = np.median(laps, axis=0) * 1e-3
-    return Ticks(times, patches, certified, gap, nodes, deepest, int(no_room.sum()), where)
+    return Ticks(times, *columns, where)
 
 
-def _noted(engine: Engine) -> tuple[int, int, float, float, float, bool]:
+def _noted(engine: Engine) -> tuple[int, int, int, float, float, float, bool]:
     c = engine.contacts
     k = c.count[0]
     # Patches whose deepest places are one place were searched once.
     searches = {(c.depth[i], c.gap[i], c.nodes[i]) for i in range(k)}
     return (
         k,
+        len(set(c.body[:k].tolist())),
         int(np.sum(c.status[:k] == 0)),
         float(c.gap[:k].max(initial=0.0)),
         float(sum(nodes for _, _, nodes in searches)),
@@ -165,12 +167,13 @@ def found(done: Ticks) -> dict[str, Any]:
     return {
         "poses": len(done.microseconds),
         "patches": int(np.median(done.patches)),
+        "bodies": int(np.median(done.bodies)),
         "certified": float(done.certified.sum() / total) if total else float("nan"),
         "gap_m": float(done.gap.max()),
         "nodes": float(np.median(done.nodes)),
         "nodes_max": float(done.nodes.max()),
         "deepest_m": float(done.deepest.max()),
-        "no_room": done.no_room,
+        "no_room": int(done.no_room.sum()),
         "without_contact": int(np.sum(done.patches == 0)),
     }
 
@@ -199,14 +202,17 @@ def micro(value: float) -> str:
     return f"{value:.1f}" if value < 100.0 else f"{value:.0f}"
 
 
-HEAD = ["poses", "median", "p95", "p99", "p99.9", "max", "patches", "certif.", "gap um", "nodes",
-        "(max)", "mm deep", "no room"]  # fmt: skip
+HEAD = [
+    "poses", "median", "p95", "p99", "p99.9", "max", "patches", "bodies", "certif.", "gap um",
+    "nodes", "(max)", "mm deep", "no room",
+]  # fmt: skip
 
 
 def told(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
     """Print the line of a path."""
     row(name, [
         str(what["poses"]), *(micro(t) for t in times.values()), str(what["patches"]),
+        str(what["bodies"]),
         f"{what['certified']:.1%}", f"{1e6 * what['gap_m']:.3g}", f"{what['nodes']:.0f}",
         f"{what['nodes_max']:.0f}", f"{1e3 * what['deepest_m']:.2f}", str(what["no_room"]),
     ], 9)  # fmt: skip
@@ -358,9 +364,7 @@ def beside_fcl(
         poses = [one.where[there[i]].pose for i in many]  # type: ignore[union-attr]
         own = spread(one.microseconds[[there[i] for i in many]])
         for most in (PAIRS, EVERY):
-            laps = [
-                [_microseconds(pair, pose, most) for pose in poses] for _ in range(effort.rounds)
-            ]
+            laps = [_fcl_times(pair, poses, most) for _ in range(effort.rounds)]
             times = spread(np.median(laps, axis=0))
             ratio = times["median"] / own["median"]
             if most == PAIRS:
@@ -381,14 +385,17 @@ def beside_fcl(
         })  # fmt: skip
 
 
-def _microseconds(pair: FclPair, pose: NDArray[np.float64], most: int) -> float:
-    begun = time.perf_counter_ns()
-    pair.query(pose, most)
-    return (time.perf_counter_ns() - begun) * 1e-3
+def _fcl_times(pair: FclPair, poses: Sequence[NDArray[np.float64]], most: int) -> list[float]:
+    clock, out = time.perf_counter_ns, []
+    for pose in poses:
+        begun = clock()
+        pair.query(pose, most)
+        out.append((clock() - begun) * 1e-3)
+    return out
 
 
 def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, Any]]:
-    """Time one tool at all its sizes."""
+    """Time one tool at all its sizes, until a tick takes too long."""
     title, make = SERIES[which]
     out = []
     for size in sizes:
@@ -396,13 +403,16 @@ def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, An
         engine = Engine(growing.model, growing.bodies, "tool")
         mesh = growing.bodies[-1].mesh
         assert mesh is not None
-        lead = dragged(engine, growing, 9)
-        count = affordable(engine, [lead], effort.growing, effort.rounds)
-        done = ticks(engine, [dragged(engine, growing, count + 1)], effort.rounds)
-        times, what = spread(done.microseconds), found(done)
         number = len(mesh.faces) if which in ("ball", "bumps") else size
+        count = affordable(engine, [dragged(engine, growing, 9)], effort.growing, effort.rounds)
+        path = dragged(engine, growing, count + 1)
+        done = ticks(engine, [path], effort.rounds if count > COUNTS[0] else 1)
+        times, what = spread(done.microseconds), found(done)
         told(f"{title} {number:>{27 - len(title)}}", times, what)
         out.append({"size": number, "tick_us": times, **what})
+        if times["median"] > TOO_LONG and size != sizes[-1]:
+            print(f"  {title}: larger ones are left out, a tick takes over {TOO_LONG:.0f} us")
+            break
     return out
 
 

@@ -67,6 +67,8 @@ SEGMENTS = 8
 """Stretches of a path, spread over it, that are timed tick by tick."""
 KNOT, _LOOKS = 50, 6
 """Ticks from one pose whose depth is set to the next, and looks that setting it takes at most."""
+ASTRAY = 3e-3
+"""No contact here is so deep: one that is said to be is false [m]."""
 GRID, STEP, LEVER = 50, 20e-6, 10e-3
 FULL_DETAIL = {"hammer": 433_152, "file": 285_824, "part": 658_432, "block-1": 400_000}
 """Triangles: the paper's; of the block ours, its texels would ask for 9.5 million."""
@@ -278,10 +280,10 @@ class Where(NamedTuple):
 
 
 def contact_of(engine: Engine, pose: Array) -> Where | None:
-    """Return the contact of the last pose that pushes most."""
+    """Return the contact of the last pose that pushes most; None without, or if one is false."""
     c = engine.contacts
     k = c.count[0]
-    if k == 0:
+    if k == 0 or c.depth[:k].max() > ASTRAY:
         return None
     main = int(np.argmax(c.weight[:k] * c.depth[:k]))
     same = (c.body[:k] == c.body[main]) & (c.normal[:k] @ c.normal[main] > 0.99)

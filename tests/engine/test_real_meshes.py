@@ -178,3 +178,26 @@ def test_each_mesh_with_one_kind_of_map(data, tmp_path, name, kind):
 @pytest.mark.parametrize("name", MESHES)
 def test_every_mesh_with_every_kind_of_map(data, tmp_path, name, kind, check):
     check(data, tmp_path, name, kind)
+
+
+@pytest.mark.slow
+def test_a_press_ends_as_if_it_began_there(data, tmp_path):
+    """A CAD part pressed 3 mm into a cube's top, 0.1 mm a tick: once 14 N sideways."""
+    cube = tmp_path / "cube.obj"
+    lines = [f"v {x} {y} {z}" for x in (-25, 25) for y in (-25, 25) for z in (-25, 25)]
+    lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    for side in ("1243", "5786", "1562", "3487", "1375", "2684"):
+        lines.append("f " + " ".join(f"{v}/{k}" for k, v in enumerate(side, 1)))
+    cube.write_text("\n".join(lines) + "\n")
+    rough = texture_of(data, "16 bit")
+    scene = make_scene(
+        tool=told(data / "meshes/idler_riser.STL"), tool_texture=rough,
+        target={"file": cube, "unit": "mm"}, target_texture=rough,
+    ).changed(force={"anti_alias": "off"})  # fmt: skip
+    poses = [scene.start + 1e-4 * i * np.array([1, 0, -1, 0, 0, 0, 0]) for i in range(31)]
+    pressed = Simulation(scene)
+    for pose in poses:
+        wrench = pressed.step(pose)
+    fresh = Simulation(scene).step(poses[-1])
+    assert fresh[2] > 1.0
+    np.testing.assert_allclose(wrench, fresh, atol=0.3)

@@ -59,7 +59,8 @@ BEND_1, BEND_2 = EQ + 9, EQ + 10  # of a plane chart: sizes of w' and w''
 TOP = EQ + 11  # highest point of the texture, infinite where only the whole texture's is known
 SIDE = EQ + 12  # largest sideways part of w
 SUMMIT = EQ + 13  # largest z of the base, infinite where it is not known
-SIZE = EQ + 14
+COVERS = EQ + 14  # of a facet: least and largest u, least and largest v of its base
+SIZE = EQ + 18
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 

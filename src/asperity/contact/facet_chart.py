@@ -9,6 +9,7 @@ from asperity.contact.chart import (
     B0,
     BEND_1,
     BEND_2,
+    COVERS,
     LEAST_ROOT,
     LEVEL,
     MAPPING,
@@ -95,10 +96,15 @@ def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
         chart[row], chart[row + 1] = table.rows[f, i, 0], table.rows[f, i, 1]
         chart[row + 2], chart[row + 5] = table.rows[f, i, 2], table.rows[f, i, 3]
     summit = -math.inf
+    u0 = v0 = math.inf
+    u1 = v1 = -math.inf
     for i in range(table.sides[f]):
-        z = chart[PZ] * table.corners[f, i, 0] + chart[PZ + 1] * table.corners[f, i, 1]
-        summit = max(summit, z)
+        x, y = table.corners[f, i, 0], table.corners[f, i, 1]
+        u, v = chart[O] + a * x + b * y, chart[O + 1] + c * x + d * y
+        u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
+        summit = max(summit, chart[PZ] * x + chart[PZ + 1] * y)
     chart[SUMMIT] = chart[O + 2] + summit
+    chart[COVERS], chart[COVERS + 1], chart[COVERS + 2], chart[COVERS + 3] = u0, u1, v0, v1
     # Over the rectangle w, before it is made a unit vector, is largest sideways in a corner.
     side = 0.0
     for i in range(4):

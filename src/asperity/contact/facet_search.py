@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel, kernel
-from asperity.contact.chart import FLATTEST, ROWS, O, Q
+from asperity.compiled import inner_kernel, kernel, small_kernel
+from asperity.contact.chart import COVERS, FLATTEST, ROWS, O, Q
 from asperity.contact.deepest import (
     LOOK_SIZE,
     LOOKED,
@@ -22,7 +22,7 @@ from asperity.contact.footprint import facing_pairs, piece
 from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
-from asperity.contact.search import BEST, TIE, TIES
+from asperity.contact.search import BEST, TIE, TIES, sideways
 from asperity.contact.sieve import pair_bound, sieve
 
 _ANYWHERE = 1e3
@@ -74,7 +74,7 @@ def _slots_of(
     return first, first + 1, made, True
 
 
-@inner_kernel
+@small_kernel
 def _seen(table, facings, i, n, space):
     """Return whether both facets of a pair are seen along n (B's frame)."""
     g, f = facings[i, 1], facings[i, 0]
@@ -85,6 +85,18 @@ def _seen(table, facings, i, n, space):
     # Exact charts of round geoms decide for themselves.
     return (along_b >= FLATTEST or table.geom[g] >= 0) and (
         along_a >= FLATTEST or table.geom[f] >= 0
+    )
+
+
+@small_kernel
+def _apart(textures, cx, cy):
+    """Return whether two facets, seen along n, lie beside each other."""
+    shift = sideways(textures, cx) + sideways(textures, cy)
+    return (
+        cx[COVERS] > cy[COVERS + 1] + shift
+        or cx[COVERS + 1] < cy[COVERS] - shift
+        or cx[COVERS + 2] > cy[COVERS + 3] + shift
+        or cx[COVERS + 3] < cy[COVERS + 2] - shift
     )
 
 
@@ -124,15 +136,23 @@ def pairs_of_charts(
         if not _seen(table, facings, i, n, space):
             continue
         f, g = facings[i, 0], facings[i, 1]
-        first_a, last_a, made_a, fits = _slots_of(
-            table, geometry, f, 0, down, body_a, turn_a, shift_a, made_a, work_space.charts_a, space
-        )
-        enough = enough and fits
-        first_b, last_b, made_b, fits = _slots_of(
-            table, geometry, g, 1, frame, body_b, turn_b, shift_b, made_b, work_space.charts_b,
-            space,
-        )  # fmt: skip
-        enough = enough and fits
+        # Most have been made: a call hands over hundreds of numbers.
+        first_a = space.slots[0, f]
+        last_a = first_a + 1
+        if table.geom[f] >= 0 or space.slots[2, f] != space.clock[0]:
+            first_a, last_a, made_a, fits = _slots_of(
+                table, geometry, f, 0, down, body_a, turn_a, shift_a, made_a, work_space.charts_a,
+                space,
+            )  # fmt: skip
+            enough = enough and fits
+        first_b = space.slots[1, g]
+        last_b = first_b + 1
+        if table.geom[g] >= 0 or space.slots[3, g] != space.clock[0]:
+            first_b, last_b, made_b, fits = _slots_of(
+                table, geometry, g, 1, frame, body_b, turn_b, shift_b, made_b,
+                work_space.charts_b, space,
+            )  # fmt: skip
+            enough = enough and fits
         shared = table.geom[f] >= 0 or table.geom[g] >= 0
         for a in range(first_a, last_a):
             for b in range(first_b, last_b):
@@ -144,6 +164,8 @@ def pairs_of_charts(
                 if known:
                     continue
                 cx, cy = work_space.charts_a[a], work_space.charts_b[b]
+                if not shared and _apart(textures, cx, cy):
+                    continue
                 if not walks_on_a(cx, cy):
                     cx, cy = cy, cx
                 if pairs == space.looks.shape[0]:
@@ -158,7 +180,7 @@ def pairs_of_charts(
 
 @inner_kernel
 def patch_depths(
-    textures, sums, pairs, made_a, stride, u, v, n, frame, body_b, radius, guess, tolerance,
+    textures, sums, pairs, made_a, stride, u, v, n, frame, body_a, body_b, radius, guess, tolerance,
     max_nodes, work_space, space, results_out,
 ):  # fmt: skip
     """Search the patches of one direction; fill a row of `results_out` for each.
@@ -172,7 +194,7 @@ def patch_depths(
     n : (3,) array
         the normal in world axes.
     guess : (4, 3) array
-        Last deepest places in B's frame, nan if unknown.
+        Last deepest places in A's frame, nan if unknown: they move with its peaks.
     """
     charts, lines = work_space.charts_a, space.lines
     first, second = split_lines(sums, u, v, radius, lines)
@@ -184,7 +206,7 @@ def patch_depths(
     for k in range(2):
         lines[k, 2] -= lines[k, 0] * off_u + lines[k, 1] * off_v
     # The deepest place of all is that of every part that it lies in.
-    gu, gv = _guess(guess[0], u, v, off_u, off_v)
+    gu, gv = _guess(guess[0], frame, body_a)
     for i in range(pairs):
         for k in range(LOOK_SIZE):
             work_space.looks[i, k] = space.looks[i, k]
@@ -216,7 +238,7 @@ def patch_depths(
                     )  # fmt: skip
                 added += 1
         kept = _bounded_anew(textures, stride, pairs, work_space, space)
-        gu, gv = _guess(guess[which], u, v, off_u, off_v)
+        gu, gv = _guess(guess[which], frame, body_a)
         begin(work_space, max_nodes / 4)
         sieve(textures, stride, kept, gu, gv, tolerance, work_space, space)
         fill_result(textures, stride, n, tolerance, work_space, out)
@@ -226,12 +248,16 @@ def patch_depths(
 
 
 @inner_kernel
-def _guess(guess, u, v, off_u, off_v):
-    """Return where in the contact frame a place of B's frame lies."""
-    for k in range(3):
-        off_u += u[k] * guess[k]
-        off_v += v[k] * guess[k]
-    return off_u, off_v
+def _guess(guess, frame, body):
+    """Return where in the contact frame a place of a body's frame lies."""
+    at_u = at_v = 0.0
+    for i in range(3):
+        world = body[i, 3]
+        for k in range(3):
+            world += body[i, k] * guess[k]
+        at_u += frame[0, i] * world
+        at_v += frame[1, i] * world
+    return at_u, at_v
 
 
 @inner_kernel

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import lean_kernel
+from asperity.compiled import lean_kernel, small_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
 
@@ -79,9 +79,7 @@ def footprint_space(facets: int) -> FootprintSpace:
 
 @lean_kernel
 def _turn_facet(table: FacetTable, f, turn, shift, space):
-    """Note a facet of A in B's frame, once for a pose."""
-    if space.stamp[f] == space.clock[0]:
-        return
+    """Note a facet of A in B's frame."""
     space.stamp[f] = space.clock[0]
     for i in range(3):
         total = 0.0
@@ -144,7 +142,8 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
                 top += 1
             continue
         for f in range(table.first[i], table.last[i]):
-            _turn_facet(table, f, turn, shift, space)
+            if space.stamp[f] != space.clock[0]:
+                _turn_facet(table, f, turn, shift, space)
             n = space.normals[f]
             for g in range(table.first[j], table.last[j]):
                 other = table.axes[g, 2]
@@ -185,7 +184,7 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
     return kept
 
 
-@lean_kernel
+@small_kernel
 def piece(table: FacetTable, f, g, reach, beside, near, space):
     """Project facet f of A onto facet g of B and clip it to their overlap.
 

@@ -21,10 +21,8 @@ class FacetMemory(NamedTuple):
     depth: NDArray[np.float64]
     """Of the textured surfaces [m]: -inf where nothing overlapped, inf where it was too deep to
     be a contact; (bodies, 6)."""
-    low: NDArray[np.float64]
-    """Largest overlap of the smooth bodies [m], (bodies, 6)."""
     guess: NDArray[np.float64]
-    """Deepest place of each patch in the body's frame, nan if unknown; (bodies, 6, 4, 3)."""
+    """Deepest place of each patch in the tool's frame, nan if unknown; (bodies, 6, 4, 3)."""
     pose: NDArray[np.float64]
     """The tool's last rotation and position, (3, 4);"""
     at: NDArray[np.int64]
@@ -39,7 +37,6 @@ def facet_memory(bodies: int) -> FacetMemory:
         known=np.zeros(bodies, np.int64),
         active=np.zeros((bodies, BINS), np.int64),
         depth=np.full((bodies, BINS), -np.inf),
-        low=np.full((bodies, BINS), -np.inf),
         guess=np.full((bodies, BINS, WINDOWS, 3), np.nan),
         pose=np.zeros((3, 4)),
         at=np.zeros(1, np.int64),
@@ -53,6 +50,5 @@ def forget(memory: FacetMemory) -> None:
     memory.at[:] = 0
     memory.active[:] = 0
     memory.depth[:] = -np.inf
-    memory.low[:] = -np.inf
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0

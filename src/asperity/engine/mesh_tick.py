@@ -140,9 +140,9 @@ def mesh_tick(
                 wrench_io[3 + k] += point[one] * bent[two] - point[two] * bent[one]
         for k in range(3):
             contacts.force[c, k] = force[k]
-            gone[k] = contacts.point[c, k] - body_b[k, 3]
+            gone[k] = contacts.point[c, k] - body_a[k, 3]
         if dt > 0.0:
-            into(body_b, gone, memory.guess[b, d, which])
+            into(body_a, gone, memory.guess[b, d, which])
     if dt > 0.0:
         memory.at[0] = 1
         for i in range(3):

@@ -79,7 +79,7 @@ def _limits(memory, b, reach, moved, pressed, limit_out):
     most = 0.0
     for d in range(BINS):
         if memory.active[b, d] == 1:
-            limit_out[d] = 2.0 * max(memory.low[b, d], 0.0) + reach + _BIRTH + 2.0 * moved
+            limit_out[d] = max(memory.depth[b, d], 0.0) + 2.0 * reach + _BIRTH + 2.0 * moved
         elif memory.known[b] == 1:
             limit_out[d] = reach + _BIRTH + 2.0 * moved
         else:
@@ -221,7 +221,7 @@ def touch(
             rows.count[1] += 1
         start = rows.count[0]
         patches = patch_depths(
-            textures, sums, pairs, made_a, stride, u, v, world, frame, near_b, radius,
+            textures, sums, pairs, made_a, stride, u, v, world, frame, near_a, near_b, radius,
             memory.guess[b, d], tolerance, max_nodes, work_space, space, rows.result[start:],
         )  # fmt: skip
         total, deepest = 0.0, -np.inf
@@ -297,7 +297,6 @@ def remember(memory, space, b):
     for d in range(BINS):
         way = space.directions[d]
         searched = way[_DEPTH] > -np.inf
-        memory.low[b, d] = sums[d, DEEPEST]
         buried = not searched and sums[d, DEEPEST] > 0.0
         memory.depth[b, d] = np.inf if buried else way[_DEPTH]
         memory.active[b, d] = 1 if way[_DEPTH] > 0.0 else 0
