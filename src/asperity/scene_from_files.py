@@ -213,7 +213,7 @@ def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> N
         notes.append(f"no height_range for {path.name}: {1e3 * HEIGHT_RANGE:g} mm (ours)")
     if "pixel_size" in texture or "size" in texture:
         return
-    rows, columns = read_pixels(path)[0].shape[:2]
+    rows, columns = _image_shape(path)
     if on_uv:
         size = uv_size(mesh)
         why = "as its texture coordinates reach on average"
@@ -257,3 +257,15 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
             for key, part in parts.items()
         },
     )
+
+
+def _image_shape(path: Path) -> tuple[int, int]:
+    """Return rows and columns of an image, or say that it cannot be read."""
+    try:
+        rows, columns = read_pixels(path)[0].shape[:2]
+    except AsperityError:
+        raise
+    except Exception as error:  # every format's reader has errors of its own
+        line = " ".join(str(error).split())[:200]
+        raise AsperityError(f"cannot read the image {path}: {line}") from None
+    return int(rows), int(columns)

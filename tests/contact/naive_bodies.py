@@ -181,7 +181,8 @@ class Pair:
             tolerance, nodes, self._space, out,
         )  # fmt: skip
         return Along(
-            out[deepest.DEPTH], out[deepest.GAP], int(out[deepest.STATUS]), int(out[deepest.COUNT_TIES]),
+            out[deepest.DEPTH], out[deepest.GAP], int(out[deepest.STATUS]),
+            int(out[deepest.COUNT_TIES]),
             out[deepest.POINT_X : deepest.M_X] + pose_a[:3], out[deepest.M_X : deepest.MOMENT],
             -out[deepest.M_X :],
         )  # fmt: skip

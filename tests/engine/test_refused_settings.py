@@ -121,7 +121,7 @@ POSITIVE = (
     "stiffness", "bristle_stiffness", "step", "lever", "window", "softness", "soft_area",
     "ho_gain", "noise_bandwidth", "tolerance",
 )  # fmt: skip
-ANY_NUMBER = (*POSITIVE, "friction", "noise_level")
+ANY_NUMBER = (*POSITIVE, "friction", "noise_level", "patch_radius", "edge_fade")
 WHOLE = ("grid", "max_nodes", "seed")
 
 
@@ -210,7 +210,7 @@ def test_choices_and_ranges_are_named(change, words):
         (lambda: Geom("sphere", (1e-3,), (0, 0, 0), (1, 1, 0, 0)), ["quaternion", "length 1"]),
         (lambda: Geom("sphere", (1e-3,), (0, 0, 0), (0, 0, 0, 0)), ["quaternion", "length 1"]),
         (lambda: Body("b", []), ["'b'", "one at least"]),
-        (lambda: Body("b", [Geom("box", (1e-3,) * 3)], mapping="uv"), ["mapping 'uv'", "planar"]),
+        (lambda: Body("b", [Geom("box", (1e-3,) * 3)], mapping="uv"), ["mapping uv", "planar"]),
         (
             lambda: Body("b", [Geom("box", (1e-3,) * 3)], mapping="cylindrical"),
             ["'b'", "a box has no cylindrical mapping", "triplanar"],

@@ -36,6 +36,7 @@ from asperity.engine.memory import (
 )
 from asperity.engine.mesh_tick import mesh_tick
 from asperity.engine.tick import tick
+from asperity.errors import AsperityError
 from asperity.forces.laws import OTADUY_LIN
 from asperity.forces.settings import LAWS, ForceSettings
 from asperity.geometry.bodies import Body
@@ -80,6 +81,8 @@ class Engine:
             [i != self._tool and (mesh[i] or mesh[self._tool]) for i in range(len(bodies))],
             np.int64,
         )
+        if self._by_facets.any():
+            _refuse_for_meshes(self.settings)
         self._facets = _facet_side(bodies, self._textures, self._geometry, self._by_facets)
         self._by_geoms = sum(self._by_facets) < len(bodies) - 1
         charts, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
@@ -144,6 +147,16 @@ class Engine:
                 self._space, self.contacts, self._wrench,
             )  # fmt: skip
         return self._wrench
+
+
+def _refuse_for_meshes(settings: ForceSettings) -> None:
+    """Refuse laws and gradients that contact with meshes does not have."""
+    for name, value, only in (
+        ("law", settings.law, "otaduy-lin"),
+        ("gradient", settings.gradient, "exact"),
+    ):
+        if value != only:
+            raise AsperityError(f"where a mesh is involved, {name} must be {only!r}, got {value!r}")
 
 
 class _FacetSide(NamedTuple):

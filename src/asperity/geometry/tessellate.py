@@ -81,7 +81,8 @@ def _profile(geom: Geom) -> Array:
         return np.array([[0, -half], [radius, -half], [radius, half], [0, half]], float)
     middle = len(arc) // 2
     low, high = arc[: middle + 1] * radius, arc[middle:] * radius
-    return np.concatenate([low - [0.0, half], high + [0.0, half]])
+    shift = np.array([0.0, half])
+    return np.concatenate([low - shift, high + shift])
 
 
 def _turned(profile: Array) -> tuple[Array, NDArray[np.int64]]:
