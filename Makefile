@@ -26,6 +26,7 @@ lint: $(VENV)/installed-dev          ## style, types, and the order of imports
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
 	$(BIN)/python benchmarks/bench_studies.py
 	$(BIN)/python benchmarks/bench_contact.py
+	$(BIN)/python benchmarks/bench_meshes.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

@@ -15,8 +15,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.flat import rotation_of
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
+from asperity.geometry.pieces import piece_error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,6 +29,20 @@ def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
     for i in range(model.ngeom):
         if model.geom_contype[i] != 0 or model.geom_conaffinity[i] != 0:
             yield i, model.body(int(model.geom_bodyid[i])).name
+
+
+def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
+    """Return how far a body's mesh reaches out of the convex pieces that MuJoCo has of it [m]."""
+    assert body.mesh is not None
+    pieces = []
+    for i, name in touchable(model):
+        if name != body.name:
+            continue
+        mesh = int(model.geom_dataid[i])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
+        pieces.append(points @ rotation_of(model.geom_quat[i]).T + model.geom_pos[i])
+    return piece_error(body.mesh, tuple(pieces))
 
 
 class Collider:
@@ -52,6 +68,7 @@ class Collider:
         self.number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
         """For each geom of the model its number among all geoms of `bodies`, -1 for none."""
         seen = dict.fromkeys(names, 0)
+        out: dict[str, float] = {}
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
@@ -66,6 +83,15 @@ class Collider:
                 # The broad phase looks at the body's.
                 owner = int(self._model.geom_bodyid[i])
                 self._model.body_margin[owner] = max(self._model.body_margin[owner], reach)
+            if bodies[which].mesh is not None:
+                # Convex pieces may miss the mesh by a little.
+                if name not in out:
+                    out[name] = _out_of_pieces(self._model, bodies[which])
+                self._model.geom_margin[i] += out[name]
+                owner = int(self._model.geom_bodyid[i])
+                self._model.body_margin[owner] = max(
+                    self._model.body_margin[owner], self._model.geom_margin[i]
+                )
         for body in bodies:
             if seen[body.name] != len(body.geoms):
                 raise AsperityError(
