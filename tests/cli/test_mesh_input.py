@@ -147,12 +147,6 @@ def test_one_triangle_is_refused_by_name(cube, tmp_path):
         make_scene(tool=cube, target=tmp_path / "one.obj")
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="scene_mesh.check_pieces compares the mesh with the corners of boxes in MuJoCo's turned "
-    "frames, made larger by |geom_aabb centre|: wedges, pyramids, tetrahedra are refused",
-    raises=AsperityError,
-)
 @pytest.mark.parametrize(
     "points",
     [
@@ -361,13 +355,6 @@ DAMAGED = [
 ]
 
 
-BARE = (
-    "scene_from_files._scale calls read_pixels bare: what PIL, tifffile and OpenEXR raise is no "
-    "AsperityError; of TIFF and EXR the command ends with a traceback and code 1"
-)
-
-
-@pytest.mark.xfail(strict=True, reason=BARE)
 @pytest.mark.parametrize(
     ("suffix", "content"), DAMAGED, ids=["empty png", "cut png", "junk jpg", "cut tif"]
 )
@@ -378,7 +365,6 @@ def test_damaged_pictures(suffix, content, cube, slab, tmp_path):
         make_scene(tool=cube, target=slab, tool_texture=picture)
 
 
-@pytest.mark.xfail(strict=True, reason=BARE)
 def test_a_damaged_tiff_in_a_command(cube, slab, capsys, tmp_path):
     (tmp_path / "broken.tif").write_bytes(b"II")
     options = ["--tool", cube, "--target", slab, "--tool-texture", tmp_path / "broken.tif"]

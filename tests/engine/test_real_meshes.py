@@ -32,16 +32,6 @@ MAPS = {
 }
 TICKS = 40
 PAIRS = list(zip(MESHES, itertools.cycle(MAPS), strict=False))
-FALSELY_REFUSED = pytest.mark.xfail(
-    strict=True,
-    raises=AsperityError,
-    reason="scene_mesh.check_pieces: corners of turned boxes round its pieces reach farther than "
-    "the mesh, which is refused",
-)
-PAIRS = [
-    pytest.param(*pair, marks=FALSELY_REFUSED) if pair[0] == "octagonal_pocket.ply" else pair
-    for pair in PAIRS
-]
 pytestmark = [
     pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"needs {name}")
     for name in ("coacd", "xatlas")

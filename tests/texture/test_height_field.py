@@ -272,7 +272,7 @@ REAL = {
     "heights/godot_wool_depth.png": (IMAGE | {"invert": True}, 0.5e-3),
     "heights/hterrain_sand_depth.png": (IMAGE, 0.5e-3),
     "measured/us_dime_gelsight.npz": ({}, 351e-6),
-    "measured/tmd-1.tmd": ({}, 0.36e-3),
+    "measured/tmd-1.tmd": ({}, 351e-6),
     "measured/sandpaper_P40_height16.png": (PAPER | {"height_range": 425e-6}, 425e-6),
     "measured/sandpaper_P120_height16.png": (PAPER | {"height_range": 115e-6}, 115e-6),
     "measured/mdf_stripes_1_height16.png": (PAPER | {"height_range": 0.3e-3}, 0.3e-3),

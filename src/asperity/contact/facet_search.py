@@ -102,7 +102,7 @@ def _apart(textures, cx, cy):
 
 @inner_kernel
 def pairs_of_charts(
-    textures, table, geometry, count, n, frame, body_a, body_b, work_space, space
+    textures, table, geometry, count, direction, n, frame, body_a, body_b, work_space, space
 ):  # fmt: skip
     """Make the charts of all facing facets as seen along n, and bound each pair of them.
 
@@ -113,6 +113,8 @@ def pairs_of_charts(
     ----------
     count : int
         How many rows of `space.footprint.facings` there are.
+    direction : int
+        Facets of B count that count for this direction; -1: all.
     n : (3,) array
         In B's frame.
     frame : (3, 3) array
@@ -136,6 +138,8 @@ def pairs_of_charts(
         if not _seen(table, facings, i, n, space):
             continue
         f, g = facings[i, 0], facings[i, 1]
+        if direction >= 0 and table.shares[g, direction] == 0.0:
+            continue
         # Most have been made: a call hands over hundreds of numbers.
         first_a = space.slots[0, f]
         last_a = first_a + 1
@@ -239,7 +243,7 @@ def patch_depths(
                 added += 1
         kept = _bounded_anew(textures, stride, pairs, work_space, space)
         gu, gv = _guess(guess[which], frame, body_a)
-        begin(work_space, max_nodes / 4)
+        begin(work_space, max_nodes / 2)
         sieve(textures, stride, kept, gu, gv, tolerance, work_space, space)
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
@@ -332,7 +336,17 @@ def facets_along(
             local[i] += body_b[k, i] * n[k]
     frame_round(n, frame)
     pairs, _, stride, enough = pairs_of_charts(
-        textures, table, geometry, kept, local, frame, body_a, body_b, work_space, space
+        textures,
+        table,
+        geometry,
+        kept,
+        np.int64(-1),
+        local,
+        frame,
+        body_a,
+        body_b,
+        work_space,
+        space,
     )
     for i in range(pairs):
         for k in range(LOOK_SIZE):

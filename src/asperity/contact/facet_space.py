@@ -14,7 +14,7 @@ from asperity.contact.sieve import BOX_SIZE, MAX_BOXES
 
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
-MAX_PATCHES = 64
+MAX_PATCHES = 288
 MAX_CHARTS = 1024
 MAX_CHART_PAIRS = 8192
 

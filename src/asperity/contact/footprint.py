@@ -32,6 +32,7 @@ EDGE_A, EDGE_B = 14, 17  # outward normals of the border, times its length: A's 
 DEEPEST = 20  # smooth overlap [m]
 SUMS_SIZE = 21
 
+_ON = 1e-6  # a place this far beyond a facet is still on it [m]
 _ASTRAY = math.cos(math.radians(20.0))
 
 # Codes of a piece's sides.
@@ -335,3 +336,36 @@ def sliver(sums):
     if opposed <= 0.0 or sums[AREA] <= 0.0:
         return np.inf
     return sums[AREA] / math.sqrt(opposed)
+
+
+@lean_kernel
+def way_out(table: FacetTable, count, direction, n, place, space):
+    """Return how far a place (3,) within B is from B's surface along n [m]; infinite if unknown.
+
+    All in B's frame; facets that face some of A and count for `direction` are the surface.
+    """
+    nearest = np.inf
+    for i in range(count):
+        g = space.facings[i, 1]
+        if table.shares[g, direction] == 0.0:
+            continue
+        o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+        along = n[0] * z[0] + n[1] * z[1] + n[2] * z[2]
+        if along < FLATTEST:
+            continue
+        t = ((o[0] - place[0]) * z[0] + (o[1] - place[1]) * z[1] + (o[2] - place[2]) * z[2]) / along
+        if t < -_ON or t >= nearest:
+            continue
+        a = b = 0.0
+        for k in range(3):
+            off = place[k] + t * n[k] - o[k]
+            a, b = a + off * x[k], b + off * y[k]
+        if abs(a) > table.half[g, 0] + _ON or abs(b) > table.half[g, 1] + _ON:
+            continue
+        out = -np.inf
+        for r in range(table.count_rows[g]):
+            row = table.rows[g, r]
+            out = max(out, row[0] + row[1] * a + row[2] * b)
+        if out <= _ON:
+            nearest = t
+    return nearest

@@ -60,7 +60,7 @@ MAX_BOXES = 32768
 BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
 _LEAF = 2.0
 """Boxes are searched that are this large [grains of the finer texture]."""
-_SETTLED = 2.5
+_SETTLED = 1.5
 """Boxes that are as good as certified are not divided below this [grains]."""
 _CHEAP = 0.1
 """What a bound from the pyramids alone costs [nodes of `search`]."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from asperity.contact.collide import Collider
 from asperity.contact.deepest import workspace
 from asperity.contact.facet_space import MAX_CHART_PAIRS, MAX_CHARTS, FacetSpace, facet_space
+from asperity.contact.facet_space import MAX_PATCHES as FACET_PATCHES
 from asperity.contact.facet_table import FacetTable, facet_table
 from asperity.contact.flat import Geometry, flattened
 from asperity.engine.facet_memory import (
@@ -45,7 +46,7 @@ from asperity.texture.packed import Textures
 if TYPE_CHECKING:
     import mujoco
 
-MAX_PATCHES = 64
+MAX_PATCHES = 32
 MAX_PAIRS = 512
 
 
@@ -94,7 +95,8 @@ class Engine:
             if geom >= 0 and self._by_facets[self._geometry.body[geom]]:
                 self._number_by_geoms[i] = -1
         self._memory: Memory = memory_for(MAX_PAIRS, MAX_PATCHES, most)
-        self.contacts: Contacts = contacts_for(MAX_PATCHES)
+        most_patches = MAX_PATCHES if self._facets is None else MAX_PATCHES + FACET_PATCHES
+        self.contacts: Contacts = contacts_for(most_patches)
         """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
         self._wrench = np.zeros(6)
         self._parameters = _parameters(self.settings)

@@ -14,10 +14,9 @@ and delta their mean, a patch has the weight
     w_p = W s v delta / (m sum of s v delta over directions),
 
 s the part that a direction has of those with about the same normal, so that a plane that counts
-for two directions counts once. Where a tool lies across an edge of B, what overlaps is a sliver as
-seen from one of the edge's two sides, thin and deep: v, the square of its thickness over twice its
-depth, at most 1, is why the other side counts. And W fades from 1 to 0 over the last of a
-footprint that slides off an edge.
+for two directions counts once. Where a tool lies across an edge of B, the
+same overlap is seen from two sides: v is 0 where another direction accounts for it (`_weigh`). And
+W fades from 1 to 0 over the last of a footprint that slides off an edge.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ import math
 import numpy as np
 
 from asperity.compiled import clear, inner_kernel
-from asperity.contact.deepest import DEPTH
+from asperity.contact.deepest import DEPTH, POINT_X
 from asperity.contact.facet_search import pairs_of_charts, patch_depths
 from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
 from asperity.contact.facet_table import BINS
@@ -43,6 +42,7 @@ from asperity.contact.footprint import (
     piece,
     sliver,
     steady_normal,
+    way_out,
 )
 from asperity.contact.patch import frame_round
 from asperity.engine.frames import out_of
@@ -53,10 +53,10 @@ _NEAR_ZERO = 1e-4
 """A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
 _BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
-_LET_GO = 1e-4
-"""A direction whose part falls to this is no contact."""
-_ALIKE = 0.7
-"""Directions whose normals agree to this cosine begin to share their part."""
+_EXPLAINED, _OWN = 1.2, 2.0
+"""A place is out, and surely not, after this many depths of the other direction."""
+_ALIKE, _SAME = 0.7, 0.95
+"""Directions whose normals agree to this cosine begin to share their part, and do share it."""
 
 # Columns of `FacetSpace.directions`.
 _N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID = 0, 3, 4, 5, 6, 7, 8, 9
@@ -203,7 +203,6 @@ def touch(
         if twin >= 0:
             # The same plane counts for two directions: what is known of the one holds for both.
             way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
-            way[_VALID] = space.directions[twin, _VALID]
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
@@ -215,7 +214,7 @@ def touch(
         for k in range(3):
             frame[2, k] = world[k]
         pairs, made_a, stride, enough = pairs_of_charts(
-            textures, table, geometry, count, n, frame, near_a, near_b, work_space, space
+            textures, table, geometry, count, d, n, frame, near_a, near_b, work_space, space
         )
         if not enough:
             rows.count[1] += 1
@@ -238,13 +237,49 @@ def touch(
             # It did not begin at the surface: a side that has come into view within the other body.
             continue
         thickness = sliver(sums)
-        way[_VALID] = min(thickness / max(2.0 * depth, 1e-12), 1.0) ** 2
-        if way[_VALID] < _LET_GO and shallowest < depth:
-            continue
         way[_ROWS], way[_DEPTH] = patches, depth
         way[_FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
         rows.count[0] += patches
+    _weigh(table, count, near_b, space)
     _share(space)
+
+
+@inner_kernel
+def _weigh(table, count, near_b, space):
+    """Fill how much each direction counts beside the others.
+
+    Across a convex edge the same overlap is seen from two sides. A direction does not count whose
+    deepest place would be out of B if the tool were moved out along another, with a larger
+    footprint, by that one's depth.
+    """
+    rows, sums = space.rows, space.footprint.sums
+    place = space.frames[7, 0, :3]
+    for d in range(BINS):
+        way = space.directions[d]
+        way[_VALID] = 1.0
+        if way[_DEPTH] <= 0.0 or way[_ROWS] == 0.0:
+            continue
+        deepest = int(way[_FIRST])
+        for p in range(deepest, int(way[_FIRST] + way[_ROWS])):
+            if rows.result[p, DEPTH] > rows.result[deepest, DEPTH]:
+                deepest = p
+        for i in range(3):
+            place[i] = 0.0
+            for k in range(3):
+                place[i] += near_b[k, i] * (rows.result[deepest, POINT_X + k] - near_b[k, 3])
+        for c in range(BINS):
+            other = space.directions[c]
+            if c == d or other[_DEPTH] <= 0.0 or other[_ROWS] == 0.0:
+                continue
+            if sums[c, MASS] < sums[d, MASS] or (sums[c, MASS] == sums[d, MASS] and c > d):
+                continue
+            along = way[0] * other[0] + way[1] * other[1] + way[2] * other[2]
+            if along > _SAME:
+                continue  # they share their part already
+            out = way_out(table, count, c, other, place, space.footprint)
+            counts = (out / other[_DEPTH] - _EXPLAINED) / (_OWN - _EXPLAINED)
+            shared = max((along - _ALIKE) / (_SAME - _ALIKE), 0.0)
+            way[_VALID] *= shared + (1.0 - shared) * min(max(counts, 0.0), 1.0)
 
 
 @inner_kernel
@@ -272,6 +307,7 @@ def _share(space):
         way = space.directions[d]
         if way[_DEPTH] <= 0.0:
             continue
+        way[_VALID] = space.directions[int(way[_TWIN]), _VALID]
         alike = 0.0
         for c in range(BINS):
             other = space.directions[c]
@@ -281,6 +317,8 @@ def _share(space):
         part = way[_VALID] * way[_DEPTH] * sums[d, MASS] / alike
         space.directions[int(way[_TWIN]), _PART] += part
         total += part
+    if total == 0.0:
+        total = 1.0
     for d in range(BINS):
         way = space.directions[d]
         first, patches = int(way[_FIRST]), int(way[_ROWS])
@@ -299,4 +337,5 @@ def remember(memory, space, b):
         searched = way[_DEPTH] > -np.inf
         buried = not searched and sums[d, DEEPEST] > 0.0
         memory.depth[b, d] = np.inf if buried else way[_DEPTH]
-        memory.active[b, d] = 1 if way[_DEPTH] > 0.0 else 0
+        # What does not count is let go: it has to begin at the surface again.
+        memory.active[b, d] = 1 if way[_DEPTH] > 0.0 and way[_VALID] > 0.0 else 0
