@@ -236,8 +236,8 @@ def test_compressed_glb_is_refused(write):
         ("a.gltf", "{}", "cannot be read|no triangles"),
         ("a.ply", "ply\nformat", "cannot be read as a .ply"),
         ("a.ply", ply("x y z", ["0 0 0", "1 1 1"], []), "no triangles"),
-        ("a.stl", bytes(83), "no triangles|cannot be read"),
-        ("a.stl", bytes(84), "no triangles|cannot be read"),
+        ("a.stl", bytes(83), "no triangles|cannot be read|cut short"),
+        ("a.stl", bytes(84), "no triangles|cannot be read|cut short"),
     ],
 )
 def test_what_holds_no_mesh_is_refused_in_one_line(write, tmp_path, name, content, said):

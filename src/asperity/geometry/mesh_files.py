@@ -128,6 +128,8 @@ def _load(path: Path) -> list[_Part]:
             _refuse(path, f"unknown kind of file {suffix!r}; valid: {', '.join(SUFFIXES)}")
         if path.stat().st_size == 0:
             _refuse(path, "the file is empty")
+        if suffix == ".stl":
+            _refuse_cut_short(path)
         parts = list(_parts(path, suffix))
     except AsperityError:
         raise
@@ -143,6 +145,19 @@ def _load(path: Path) -> list[_Part]:
 
 def _refuse(path: Path, reason: str) -> Any:
     raise AsperityError(f"{path}: {reason}") from None
+
+
+def _refuse_cut_short(path: Path) -> None:
+    """Refuse a binary STL file that ends before its last triangle: 84 bytes, and 50 for each."""
+    data = path.read_bytes()
+    if data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000]:
+        return  # text
+    said = int.from_bytes(data[80:84], "little")
+    if len(data) < 84 or len(data) < 84 + 50 * said:
+        needs = (
+            f"{said} triangles need {84 + 50 * said}" if len(data) >= 84 else "its head needs 84"
+        )
+        _refuse(path, f"it is cut short: {needs} bytes, there are {len(data)}")
 
 
 def _parts(path: Path, suffix: str) -> Iterator[_Part]:
