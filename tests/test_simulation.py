@@ -171,7 +171,7 @@ def test_the_first_force_loads_no_plots_and_no_meshes():
 
 def test_compiling_is_told_once_and_only_if_nothing_is_kept(tmp_path, monkeypatch, caplog):
     announce = simulation_module.announce_compiling
-    monkeypatch.setattr(simulation_module, "cache_state", lambda: (tmp_path, 0))
+    monkeypatch.setattr("asperity.compiled.kernel_folder", lambda _: tmp_path)
     for _ in range(2):
         announce.cache_clear()
         with caplog.at_level(logging.WARNING):

@@ -2,15 +2,18 @@
 
 Numba's disk cache keys a compiled function by the source of *its own* file: edit a function
 that it calls in another file and the cache silently returns the old machine code, with wrong
-numbers. So before Numba is imported, `NUMBA_CACHE_DIR` is pointed at a folder named by a hash of
-all of the package's sources and the versions of Numba and Python; any edit starts a fresh cache.
+numbers. So every module of kernels has a cache folder of its own, named by a hash of its source
+and of all that it imports from the package, directly or not. An edit compiles anew what stands
+on it, and nothing else.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable
 from importlib.metadata import version
@@ -19,20 +22,44 @@ from typing import Any, TypeVar
 
 _PACKAGE = Path(__file__).parent
 _PREFIX = "asperity-"
+_IMPORT = re.compile(
+    r"^\s*(?:from\s+asperity(?P<of>[\w.]*)\s+import\s+(?P<names>\([^)]*\)|[^\n#]*)"
+    r"|import\s+asperity(?P<module>[\w.]*))",
+    re.MULTILINE,
+)
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def source_hash(package: Path = _PACKAGE) -> str:
-    """Return 16 hex digits that change when any source file, Numba or Python changes."""
-    digest = hashlib.sha256(f"{version('numba')} {sys.version}".encode())
-    for path in sorted(package.rglob("*.py")):
-        digest.update(str(path.relative_to(package)).encode())
-        digest.update(path.read_bytes())
+@functools.cache
+def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return the digest of a source file, and the files of the package that it imports."""
+    text = path.read_text("utf-8")
+    files = []
+    for found in _IMPORT.finditer(text):
+        parts = (found["of"] or found["module"] or "").strip(".").split(".")
+        base = _PACKAGE.joinpath(*filter(None, parts))
+        names = re.findall(r"\w+", found["names"] or "")
+        for place in (base, *(base / name for name in names)):
+            files += [f for f in (place.with_suffix(".py"), place / "__init__.py") if f.is_file()]
+    return hashlib.sha256(text.encode()).digest(), tuple(dict.fromkeys(files))
+
+
+@functools.cache
+def source_hash(path: Path) -> str:
+    """Return 16 hex digits that change with a source file and with all that it imports."""
+    seen, waiting = {path}, [path]
+    while waiting:
+        fresh = set(_source(waiting.pop())[1]) - seen
+        seen |= fresh
+        waiting += fresh
+    digest = hashlib.sha256()
+    for file in sorted(seen):
+        digest.update(str(file.relative_to(_PACKAGE)).encode() + _source(file)[0])
     return digest.hexdigest()[:16]
 
 
 def cache_folder() -> Path:
-    """Return the folder that holds the machine code of this very version of the sources.
+    """Return the folder that holds the machine code for this Numba and Python.
 
     It lies in `NUMBA_CACHE_DIR` where the user has set that, else in the user's cache folder
     (`XDG_CACHE_HOME`, `LOCALAPPDATA`, or `~/.cache`).
@@ -48,7 +75,19 @@ def cache_folder() -> Path:
         home = os.path.expanduser("~")
         # A user without a home has no cache either: nothing can lie below the null device.
         root = Path(base or (os.devnull if home == "~" else home + "/.cache")) / "asperity"
-    return root / (_PREFIX + source_hash())
+    versions = hashlib.sha256(f"{version('numba')} {sys.version}".encode())
+    return root / (_PREFIX + versions.hexdigest()[:16])
+
+
+def kernel_folder(path: Path) -> Path:
+    """Return the folder that holds the machine code of a source file's kernels."""
+    return Path(os.environ["NUMBA_CACHE_DIR"]) / f"{path.stem}-{source_hash(path)}"
+
+
+def is_compiled(module: str, name: str) -> bool:
+    """Return whether machine code of a kernel is kept: `is_compiled("engine.tick", "tick")`."""
+    folder = kernel_folder(_PACKAGE.joinpath(*module.split(".")).with_suffix(".py"))
+    return any(folder.rglob(f"*.{name}-*.nbc"))
 
 
 def _can_be_written(folder: Path) -> bool:
@@ -84,9 +123,20 @@ numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _OPTIONS = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
+def _compiled(function: F, **options: Any) -> F:
+    """Return the function to be compiled at its first call, with the cache folder of its file."""
+    path = Path(function.__code__.co_filename)
+    if _CACHED and _PACKAGE in path.parents:
+        numba.config.CACHE_DIR = str(kernel_folder(path))
+    try:
+        return numba.njit(**options)(function)
+    finally:
+        numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+
+
 def kernel(function: F) -> F:
     """Compile `function` at its first call: cached on disk, without the interpreter's lock."""
-    return numba.njit(**_OPTIONS)(function)
+    return _compiled(function, **_OPTIONS)
 
 
 _INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | _OPTIONS
@@ -98,7 +148,7 @@ def inner_kernel(function: F) -> F:
     A way in from Python is left out: for arguments of many arrays it takes longer to compile
     than the function itself. (Called from Python it crashes.)
     """
-    return numba.njit(**_INNER)(function)
+    return _compiled(function, **_INNER)
 
 
 def lean_kernel(function: F) -> F:
@@ -107,7 +157,7 @@ def lean_kernel(function: F) -> F:
     Counting is atomic, and took half the time of the search. Such a function, and what it calls,
     makes no arrays: it writes to what it is given.
     """
-    return numba.njit(_nrt=False, **_INNER)(function)
+    return _compiled(function, _nrt=False, **_INNER)
 
 
 def small_kernel(function: F) -> F:
@@ -115,7 +165,7 @@ def small_kernel(function: F) -> F:
 
     For what takes less time than its call would: an array is handed over as seven numbers.
     """
-    return numba.njit(forceinline=True, _nrt=False, **_INNER)(function)
+    return _compiled(function, forceinline=True, _nrt=False, **_INNER)
 
 
 @lean_kernel

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
-from asperity.compiled import cache_state
+from asperity.compiled import is_compiled
 from asperity.engine.engine import Engine
 from asperity.errors import require_between
 from asperity.poses import between, require_pose, turn_between, twist
@@ -41,8 +41,7 @@ FLAGS = {
 @functools.cache
 def announce_compiling() -> None:
     """Say, once, that the first force takes a while, if no machine code of it is kept yet."""
-    folder, _ = cache_state()
-    if not any(folder.rglob("tick.tick-*.nbc")):
+    if not is_compiled("engine.tick", "tick"):
         logging.getLogger(__name__).warning(
             "compiling the contact engine, once after an installation: takes less than a minute"
         )

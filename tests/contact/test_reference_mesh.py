@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from naive_bodies import AT_REST, UP, highest, plate, pose, ripple, rough, solid, turn
+from naive_meshes import ball_mesh
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
@@ -48,27 +49,8 @@ def box_mesh(half, middle=(0.0, 0.0, 0.0)):
 
 def icosphere(radius, cuts):
     """Return vertices, faces and vertex normals of an icosahedron cut in four `cuts` times."""
-    g = (1 + math.sqrt(5)) / 2
-    points = [(0, s, t * g) for s in (-1, 1) for t in (-1, 1)]
-    points = np.array([np.roll(x, k) for k in range(3) for x in points], dtype=float)
-    near = np.linalg.norm(points[:, None] - points, axis=-1) < 2.1
-    faces = [
-        (i, j, k)
-        for i in range(12) for j in range(12) for k in range(12)
-        if i < min(j, k) and near[i, j] and near[j, k] and near[k, i]
-        and np.linalg.det(points[[i, j, k]]) > 0.1
-    ]  # fmt: skip
-    x = points[np.array(faces)]
-    for _ in range(cuts):
-        a, b, c = np.moveaxis(x, 1, 0)
-        ab, bc, ca = a + b, b + c, c + a
-        x = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c))])
-        x = np.concatenate([x, np.stack([ab, bc, ca], 1)])
-        x *= np.linalg.norm(points[0]) / np.linalg.norm(x, axis=-1, keepdims=True)
-    unit = x.reshape(-1, 3) / np.linalg.norm(points[0])
-    unit, which = np.unique(unit.round(12), axis=0, return_inverse=True)
-    unit /= np.linalg.norm(unit, axis=-1, keepdims=True)
-    return radius * unit, which.reshape(-1, 3), unit
+    mesh = ball_mesh(radius, cuts)
+    return mesh.vertices, mesh.faces, mesh.vertices / radius
 
 
 def roof(slope, half=2e-3, depth=1.5e-3):

@@ -73,10 +73,9 @@ def _scenes_notice() -> str:
     """Return a description of the scenes; say, once, that the first run takes longer."""
     import logging
 
-    from asperity.compiled import cache_state
+    from asperity.compiled import is_compiled
 
-    folder, _ = cache_state()
-    if any(folder.rglob("mesh_tick.mesh_tick-*.nbc")):
+    if is_compiled("engine.mesh_tick", "mesh_tick"):
         return "scenes"
     logging.getLogger(__name__).warning(
         "first run after an installation: compiling takes about a minute more"

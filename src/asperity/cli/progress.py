@@ -29,6 +29,6 @@ def progress_bars() -> Iterator[Progress]:
 
 def compile_notice() -> str:
     """Return a description for work that may have to compile first."""
-    from asperity.compiled import cache_state
+    from asperity.compiled import is_compiled
 
-    return "studies" if cache_state()[1] else "studies (compiling first)"
+    return "studies" if is_compiled("dynamics.drag", "force_at") else "studies (compiling first)"

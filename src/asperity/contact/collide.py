@@ -45,6 +45,16 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
     return piece_error(body.mesh, tuple(pieces))
 
 
+def _reach(model: mujoco.MjModel, body: Body) -> float:
+    """Return how far a body reaches out of its geoms [m]."""
+    # Convex pieces may miss the mesh by a little.
+    reach = 0.0 if body.mesh is None else _out_of_pieces(model, body)
+    if body.texture is not None:
+        # A spline stays within its coefficients, which reach beyond the samples.
+        reach += float(np.max(np.abs(body.texture.coefficients)))
+    return reach
+
+
 class Collider:
     """MuJoCo's query for one tool among fixed bodies.
 
@@ -68,30 +78,23 @@ class Collider:
         self.number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
         """For each geom of the model its number among all geoms of `bodies`, -1 for none."""
         seen = dict.fromkeys(names, 0)
-        out: dict[str, float] = {}
+        reach: dict[str, float] = {}
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
             which = names.index(name)
             self.number[i] = first[which] + seen[name]
             seen[name] += 1
-            texture = bodies[which].texture
-            if texture is not None:
-                # A spline stays within its coefficients, which reach beyond the samples.
-                reach = float(np.max(np.abs(texture.coefficients)))
-                self._model.geom_margin[i] = reach
-                # The broad phase looks at the body's.
-                owner = int(self._model.geom_bodyid[i])
-                self._model.body_margin[owner] = max(self._model.body_margin[owner], reach)
-            if bodies[which].mesh is not None:
-                # Convex pieces may miss the mesh by a little.
-                if name not in out:
-                    out[name] = _out_of_pieces(self._model, bodies[which])
-                self._model.geom_margin[i] += out[name]
-                owner = int(self._model.geom_bodyid[i])
-                self._model.body_margin[owner] = max(
-                    self._model.body_margin[owner], self._model.geom_margin[i]
-                )
+            if name not in reach:
+                reach[name] = _reach(self._model, bodies[which])
+            # A margin of the scene's own goes on where there is no texture.
+            own = self._model.geom_margin[i] if bodies[which].texture is None else 0.0
+            self._model.geom_margin[i] = own + reach[name]
+            # The broad phase looks at the body's.
+            owner = int(self._model.geom_bodyid[i])
+            self._model.body_margin[owner] = max(
+                self._model.body_margin[owner], self._model.geom_margin[i]
+            )
         for body in bodies:
             if seen[body.name] != len(body.geoms):
                 raise AsperityError(

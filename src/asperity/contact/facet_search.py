@@ -18,7 +18,7 @@ from asperity.contact.deepest import (
     walks_on_a,
 )
 from asperity.contact.facet_chart import facet_chart
-from asperity.contact.footprint import facing_pairs, piece
+from asperity.contact.footprint import between_bodies, facing_pairs, piece
 from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
@@ -211,9 +211,7 @@ def patch_depths(
         lines[k, 2] -= lines[k, 0] * off_u + lines[k, 1] * off_v
     # The deepest place of all is that of every part that it lies in.
     gu, gv = _guess(guess[0], frame, body_a)
-    for i in range(pairs):
-        for k in range(LOOK_SIZE):
-            work_space.looks[i, k] = space.looks[i, k]
+    _take_all(pairs, work_space, space)
     begin(work_space, max_nodes)
     sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space)
     fill_result(textures, stride, n, tolerance, work_space, results_out[0])
@@ -249,6 +247,14 @@ def patch_depths(
         for a in range(made_a):
             charts[a, ROWS] -= added
     return ways_1 * ways_2
+
+
+@inner_kernel
+def _take_all(pairs, work_space, space):
+    """Fill the pairs of charts to be searched with all that were bounded."""
+    for i in range(pairs):
+        for k in range(LOOK_SIZE):
+            work_space.looks[i, k] = space.looks[i, k]
 
 
 @inner_kernel
@@ -315,13 +321,7 @@ def facets_along(
     """
     foot, frame = space.footprint, work_space.frame
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
-    for i in range(3):
-        shift[i] = 0.0
-        for j in range(3):
-            shift[i] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
-            turn[i, j] = 0.0
-            for k in range(3):
-                turn[i, j] += body_b[k, i] * body_a[k, j]
+    between_bodies(body_a, body_b, turn, shift)
     count = facing_pairs(table, 0, 1, turn, shift, highest, foot)
     kept = 0
     for i in range(count):
@@ -336,21 +336,10 @@ def facets_along(
             local[i] += body_b[k, i] * n[k]
     frame_round(n, frame)
     pairs, _, stride, enough = pairs_of_charts(
-        textures,
-        table,
-        geometry,
-        kept,
-        np.int64(-1),
-        local,
-        frame,
-        body_a,
-        body_b,
-        work_space,
+        textures, table, geometry, kept, np.int64(-1), local, frame, body_a, body_b, work_space,
         space,
-    )
-    for i in range(pairs):
-        for k in range(LOOK_SIZE):
-            work_space.looks[i, k] = space.looks[i, k]
+    )  # fmt: skip
+    _take_all(pairs, work_space, space)
     begin(work_space, max_nodes)
     sieve(textures, stride, pairs, np.nan, np.nan, tolerance, work_space, space)
     fill_result(textures, stride, n, tolerance, work_space, result_out)

@@ -18,7 +18,7 @@ from asperity.compiled import kernel
 from asperity.contact.chart import PLANAR, TRIPLANAR
 from asperity.contact.flat import Geometry, rotation_of
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.facets import MOST_SIDES, Facets, joined, mesh_facets
+from asperity.geometry.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.placing import places_on_texture
 from asperity.geometry.tessellate import geom_triangles, is_round
 from asperity.texture.packed import Textures, texture_bounds
@@ -89,7 +89,7 @@ def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) 
     for number, body in enumerate(bodies):
         facets, owners, slack = _body_facets(body, geometry, number, first_geom)
         order, tree = _tree(facets.points, facets.sides)
-        sets.append(_ordered(facets, order))
+        sets.append(taken(facets, order))
         geoms.append(owners[order])
         tree[2][tree[2] >= 0] += first_node
         trees.append((tree[0], tree[1], tree[2], tree[3] + first_facet, tree[4] + first_facet))
@@ -117,10 +117,6 @@ def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) 
     )  # fmt: skip
 
 
-def _ordered(facets: Facets, order: NDArray) -> Facets:
-    return Facets(**{name: value[order] for name, value in vars(facets).items()})
-
-
 def _body_facets(
     body: Body, geometry: Geometry, number: int, first_geom: int
 ) -> tuple[Facets, NDArray[np.int64], float]:
@@ -137,7 +133,7 @@ def _body_facets(
         normals = normals @ turn.T
         facets = mesh_facets(vertices, faces, normals, None)
         if not is_round(geom):
-            facets = _ordered(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
+            facets = taken(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
         parts.append(facets)
         owners.append(np.full(len(facets), first_geom + i if is_round(geom) else -1))
         slack = max(slack, off)

@@ -79,6 +79,18 @@ def footprint_space(facets: int) -> FootprintSpace:
 
 
 @lean_kernel
+def between_bodies(body_a, body_b, turn_out, shift_out):
+    """Fill the way from A's frame to B's, (3, 3) and (3,), from their poses (3, 4)."""
+    for i in range(3):
+        shift_out[i] = 0.0
+        for j in range(3):
+            shift_out[i] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
+            turn_out[i, j] = 0.0
+            for k in range(3):
+                turn_out[i, j] += body_b[k, i] * body_a[k, j]
+
+
+@lean_kernel
 def _turn_facet(table: FacetTable, f, turn, shift, space):
     """Note a facet of A in B's frame."""
     space.stamp[f] = space.clock[0]

@@ -23,6 +23,25 @@ def rotation(pose, out):
 
 
 @inner_kernel
+def place_tool(pose, centre, body_out, origin_out):
+    """Fill the tool's rotation and position (3, 4), and its centre of mass (3,) in world axes."""
+    rotation(pose, body_out)
+    for i in range(3):
+        body_out[i, 3] = origin_out[i] = pose[i]
+        for k in range(3):
+            origin_out[i] += body_out[i, k] * centre[k]
+
+
+@inner_kernel
+def seen_from(origin, body, near_out):
+    """Fill a body's rotation and its position as seen from a place (3, 4)."""
+    for i in range(3):
+        for j in range(3):
+            near_out[i, j] = body[i, j]
+        near_out[i, 3] = body[i, 3] - origin[i]
+
+
+@inner_kernel
 def into(body, v, out):
     """Fill a direction (3,) of world axes in a body's frame."""
     for i in range(3):

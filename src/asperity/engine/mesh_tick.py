@@ -17,7 +17,7 @@ from asperity.contact.deepest import (
     POINT_X,
     STATUS,
 )
-from asperity.engine.frames import into, out_of, rotation, slid, tolerance_for
+from asperity.engine.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
 from asperity.engine.touch import moved_since, remember, touch
 from asperity.forces.laws import bristle_force
 
@@ -33,20 +33,11 @@ def mesh_tick(
 ):  # fmt: skip
     """Add contacts and wrench (6,) of the tool with the bodies that `by_facets` marks."""
     body_a = poses[tool]
-    rotation(pose, body_a)
     vectors = work_space.vectors
     origin = vectors[3]
-    for i in range(3):
-        body_a[i, 3] = pose[i]
-    for i in range(3):
-        origin[i] = pose[i]
-        for k in range(3):
-            origin[i] += body_a[i, k] * centre[k]
+    place_tool(pose, centre, body_a, origin)
     near_a, near_b = work_space.near[0], work_space.near[1]
-    for i in range(3):
-        for j in range(3):
-            near_a[i, j] = body_a[i, j]
-        near_a[i, 3] = body_a[i, 3] - origin[i]
+    seen_from(origin, body_a, near_a)
     root, size = table.root[tool], 0.0
     for k in range(3):
         size += max(abs(table.low[root, k]), abs(table.high[root, k])) ** 2
@@ -81,10 +72,7 @@ def mesh_tick(
             if dt > 0.0:
                 memory.known[b] = 0
             continue
-        for i in range(3):
-            for j in range(3):
-                near_b[i, j] = poses[b, i, j]
-            near_b[i, 3] = poses[b, i, 3] - origin[i]
+        seen_from(origin, poses[b], near_b)
         tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
         touch(
             textures, table, geometry, tool, b, near_a, near_b, pressed, moved,

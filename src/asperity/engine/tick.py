@@ -20,7 +20,7 @@ from asperity.contact.deepest import (
 from asperity.contact.flat import Geometry
 from asperity.contact.patch import depth_along
 from asperity.engine.alternatives import advance_noise, baseline_force, depth_on_grid
-from asperity.engine.frames import into, out_of, rotation, slid, tolerance_for
+from asperity.engine.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
 from asperity.engine.pairs import (
     collect_pairs,
     geoms_of,
@@ -46,15 +46,9 @@ def tick(
     """
     clear(wrench_out)
     body_a = poses[tool]
-    rotation(pose, body_a)
     vectors = space.vectors
     origin = vectors[3]
-    for i in range(3):
-        body_a[i, 3] = pose[i]
-    for i in range(3):
-        origin[i] = pose[i]
-        for k in range(3):
-            origin[i] += body_a[i, k] * centre[k]
+    place_tool(pose, centre, body_a, origin)
     count = collect_pairs(
         textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
     )
@@ -62,10 +56,7 @@ def tick(
     patches = group(geometry, memory, count)
     # Seen from the tool's centre of mass.
     near_a, near_b = space.near[0], space.near[1]
-    for i in range(3):
-        for j in range(3):
-            near_a[i, j] = body_a[i, j]
-        near_a[i, 3] = body_a[i, 3] - origin[i]
+    seen_from(origin, body_a, near_a)
     n, guess, force = vectors[4], vectors[5], vectors[6]
     shape = geometry
     if baseline is not None:
@@ -81,10 +72,7 @@ def tick(
     for p in range(patches):
         b = memory.new_bodies[p]
         body_b = poses[b]
-        for i in range(3):
-            for j in range(3):
-                near_b[i, j] = body_b[i, j]
-            near_b[i, 3] = body_b[i, 3] - origin[i]
+        seen_from(origin, body_b, near_b)
         recall(memory, p)
         out_of(body_b, memory.new_patches[p], n)
         out_of(body_b, memory.new_patches[p, 3:], guess)
@@ -144,10 +132,7 @@ def tick(
                 force[k] = push * out[M_X + k]
                 wrench_out[3 + k] += push * out[MOMENT + k]
         else:
-            for i in range(3):
-                for j in range(3):
-                    near_b[i, j] = body_b[i, j]
-                near_b[i, 3] = body_b[i, 3] - origin[i]
+            seen_from(origin, body_b, near_b)
             _, count_b = geoms_of(memory, count, p)
             slid(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
             baseline_force(

@@ -36,6 +36,7 @@ from asperity.contact.footprint import (
     MEAN,
     NORMAL,
     add_piece,
+    between_bodies,
     cut_deep,
     deepest_of,
     facing_pairs,
@@ -103,25 +104,22 @@ def _sum_footprint(table, count, reach, near, space):
             continue
         space.facings[kept, 0], space.facings[kept, 1] = f, g
         kept += 1
+        masses = space.masses[kept - 1]
+        clear(masses)
         if corners < 3:
-            for d in range(BINS):
-                space.masses[kept - 1, d] = 0.0
             continue
         most = deepest_of(space, here, corners)
         for d in range(BINS):
             share = table.shares[g, d]
-            space.masses[kept - 1, d] = 0.0
             if share == 0.0:
                 continue
-            added = 0.0
             sums[d, DEEPEST] = max(sums[d, DEEPEST], most)
             if most <= limit[d]:
-                added = add_piece(table, g, here, corners, reach, share, space, sums[d])
+                masses[d] = add_piece(table, g, here, corners, reach, share, space, sums[d])
             else:
                 there, left = cut_deep(space, here, corners, limit[d])
                 if left >= 3:
-                    added = add_piece(table, g, there, left, reach, share, space, sums[d])
-            space.masses[kept - 1, d] = added
+                    masses[d] = add_piece(table, g, there, left, reach, share, space, sums[d])
     return kept
 
 
@@ -159,13 +157,7 @@ def touch(
     """
     rows, foot = space.rows, space.footprint
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
-    for i in range(3):
-        shift[i] = 0.0
-        for j in range(3):
-            shift[i] += near_b[j, i] * (near_a[j, 3] - near_b[j, 3])
-            turn[i, j] = 0.0
-            for k in range(3):
-                turn[i, j] += near_b[k, i] * near_a[k, j]
+    between_bodies(near_a, near_b, turn, shift)
     reach = 1e-7 + table.slack[tool] + table.slack[b]
     for body in (tool, b):
         if geometry.texture[body] >= 0:
@@ -181,9 +173,9 @@ def touch(
         if foot.sums[d, MASS] > 0.0:
             shallowest = min(shallowest, foot.sums[d, DEEPEST])
     frame = work_space.frame
-    n, u = space.frames[4, 0, :3], space.frames[4, 1, :3]
-    v, world = space.frames[4, 2, :3], space.frames[5, 0, :3]
+    n, world = space.frames[4, 0, :3], space.frames[5, 0, :3]
     local = space.frames[6, :, :3]
+    u, v = local[0], local[1]
     for d in range(BINS):
         way, sums = space.directions[d], foot.sums[d]
         way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, rows.count[0]
@@ -206,8 +198,6 @@ def touch(
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
-        for k in range(3):
-            u[k], v[k] = local[0, k], local[1, k]
         out_of(near_b, u, frame[0])
         out_of(near_b, v, frame[1])
         out_of(near_b, n, world)

@@ -118,7 +118,7 @@ def mesh_facets(
     groups = _plane_groups(faces, points, normals, single)
     sizes = np.bincount(groups)
     alone = sizes[groups] == 1
-    out = [_taken(single, alone)]
+    out = [taken(single, alone)]
     order = np.argsort(groups, kind="stable")
     starts = np.searchsorted(groups[order], np.arange(len(sizes) + 1))
     for group in np.flatnonzero(sizes > 1):
@@ -164,7 +164,8 @@ def _padded(corners: Array) -> Array:
     return np.concatenate([corners, more], axis=1)
 
 
-def _taken(facets: Facets, which: NDArray) -> Facets:
+def taken(facets: Facets, which: NDArray) -> Facets:
+    """Return some of the facets, or all in another order."""
     return Facets(**{f.name: getattr(facets, f.name)[which] for f in fields(Facets)})
 
 
@@ -186,12 +187,8 @@ def _plane_groups(
     off = np.abs(np.einsum("ij,ij->i", single.origin[j] - single.origin[i], f[i]))
     close &= off < 1e-8 * span
     close &= np.all(np.abs(_in_space(single, i) - _in_space(single, j)) < 1e-7, axis=(1, 2))
-    start = [
-        np.abs(_at_origin(single, i) - _at_origin(single, j)).max(axis=1) < 1e-7 * span
-        if len(i)
-        else np.zeros(0, bool)
-    ]
-    close &= start[0]
+    there = np.abs(_at_origin(single, i) - _at_origin(single, j))
+    close &= np.all(there < 1e-7 * span, axis=1)
     i, j = i[close], j[close]
     graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(faces), len(faces)))
     return connected_components(graph, directed=False)[1].astype(np.int64)

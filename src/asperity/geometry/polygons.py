@@ -105,10 +105,9 @@ def _numbered(triangles: Array) -> tuple[Array, list[tuple[int, ...]]]:
     """Return the places of the corners, each once, and the triangles as their numbers."""
     flat = triangles.reshape(-1, 2)
     span = float(np.max(np.ptp(flat, axis=0)))
-    keys, first, number = np.unique(
+    _, first, number = np.unique(
         np.round(flat / (1e-9 * span)), axis=0, return_index=True, return_inverse=True
     )
-    del keys
     return flat[first], [tuple(map(int, row)) for row in np.asarray(number).reshape(-1, 3)]
 
 
