@@ -1,0 +1,1 @@
+"""Haptic devices, one a file, behind one small protocol."""
