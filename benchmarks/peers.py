@@ -95,7 +95,9 @@ def _block_bound(textures, radius, centre, level, column, row):
     if square > (_FACING * radius) ** 2:
         return -np.inf
     c, r = (column % table[0, 4]) >> level, (row % table[0, 3]) >> level
-    first, width = textures.levels[level, 0], textures.levels[level, 2]
+    # The pyramid may begin below cells.
+    finer = level + int(math.log2(table[0, 8]))
+    first, width = textures.levels[finer, 0], textures.levels[finer, 2]
     high = textures.bounds[first + r * width + c, 0]
     return high + math.sqrt(radius * radius - square) - centre[2]
 
@@ -111,7 +113,7 @@ def uncertified_depth(textures, radius, centre, guess, finest, stack, out):
     cell = 1.0 / scale
     stride = 4.0 * cell * (1 << finest)
     best, best_x, best_y = _climb(textures, radius, centre, guess[0], guess[1], 0.2 * radius)
-    top_level, level = textures.table[0, 6] - 1, 0
+    top_level, level = textures.table[0, 6] - 1 - int(math.log2(textures.table[0, 8])), 0
     while level < top_level and (1 << level) < 2.0 * reach * scale:
         level += 1
     column = math.floor((centre[0] - reach) * scale + 0.5) >> level

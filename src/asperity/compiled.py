@@ -46,15 +46,21 @@ def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
 
 @functools.cache
 def source_hash(path: Path) -> str:
-    """Return 16 hex digits that change with a source file and with all that it imports."""
+    """Return 16 hex digits that change with a source file and with all that it imports.
+
+    Of a file outside the package: with all of the package, and with the files beside it.
+    """
     seen, waiting = {path}, [path]
+    if _PACKAGE not in path.parents:
+        seen |= {*_PACKAGE.rglob("*.py"), *path.parent.glob("*.py")}
+        waiting = []
     while waiting:
         fresh = set(_source(waiting.pop())[1]) - seen
         seen |= fresh
         waiting += fresh
     digest = hashlib.sha256()
     for file in sorted(seen):
-        digest.update(str(file.relative_to(_PACKAGE)).encode() + _source(file)[0])
+        digest.update(file.name.encode() + _source(file)[0])
     return digest.hexdigest()[:16]
 
 
@@ -126,7 +132,7 @@ _OPTIONS = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath":
 def _compiled(function: F, **options: Any) -> F:
     """Return the function to be compiled at its first call, with the cache folder of its file."""
     path = Path(function.__code__.co_filename)
-    if _CACHED and _PACKAGE in path.parents:
+    if _CACHED and path.is_file():
         numba.config.CACHE_DIR = str(kernel_folder(path))
     try:
         return numba.njit(**options)(function)

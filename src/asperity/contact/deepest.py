@@ -92,7 +92,7 @@ def workspace(charts: int, pairs: int) -> Workspace:
         np.zeros(STATE_SIZE),
         np.zeros(OVERLAP_SIZE + 1),
         np.zeros((MOST_TIES, OVERLAP_SIZE + 2)),
-        np.zeros((1028, 5)),
+        np.zeros((1037, 5)),
         np.zeros(WORK_SHAPE),
         np.zeros((pairs, LOOK_SIZE)),
         np.zeros(OVERLAP_SIZE),

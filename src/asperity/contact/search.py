@@ -113,6 +113,21 @@ def window_of(cx, cy, shift):
     )  # fmt: skip
 
 
+@small_kernel
+def _under_ball(textures, cx, cy, ax, ay, window, enough):
+    """Return the part of the window over which a ball can be deeper in a plate than `enough`.
+
+    Farther from the ball's lowest point even the texture's highest does not reach it.
+    """
+    high = textures.scales[int(cx[TEXTURE]), 2]
+    root = (enough - cx[O + 2] - cy[O + 2] - high) / cy[C]
+    if not root > 0.0:
+        return window
+    reach = math.sqrt(max(1.0 - root * root, 0.0) / cy[E])
+    x0, x1, y0, y1 = window
+    return max(x0, ax - reach), min(x1, ax + reach), max(y0, ay - reach), min(y1, ay + reach)
+
+
 @lean_kernel
 def _blocks(textures, cx, window, boxes_out):
     """Fill start boxes that cover the window; blocks of the texture's pyramid where they fit.
@@ -134,14 +149,14 @@ def _blocks(textures, cx, window, boxes_out):
     start_y = cx[B0 + b] * textures.scales[k, b] + 0.5
     size = max(abs(step_x) * (x1 - x0), abs(step_y) * (y1 - y0))
     block = 1.0
-    while block < size:
+    while 2.0 * block < size:
         block *= 2.0
     low_x = min(start_x + step_x * x0, start_x + step_x * x1)
     low_y = min(start_y + step_y * y0, start_y + step_y * y1)
     first_x, first_y = math.floor(low_x / block) * block, math.floor(low_y / block) * block
     count = 0
-    for i in range(2):
-        for j in range(2):
+    for i in range(3):
+        for j in range(3):
             c0, r0 = first_x + i * block, first_y + j * block
             p0, p1 = (c0 - start_x) / step_x, (c0 + block - start_x) / step_x
             q0, q1 = (r0 - start_y) / step_y, (r0 + block - start_y) / step_y
@@ -390,7 +405,7 @@ def search_pair(
         The deepest place, as by `overlap_at`, and its pair.
     ties : (1024, 24) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
-    nodes : (1028, 5) array
+    nodes : (1037, 5) array
     work : (136, 24) array
     at : (22,) array
         Working memory.
@@ -400,15 +415,22 @@ def search_pair(
     x0, x1, y0, y1 = window
     span = max(x1 - x0, y1 - y0)
     ball = is_ball_over_plate(cx, cy)
+    part = window
     if ball:
         ax, ay = parameters_under(cx, cy[O], cy[O + 1])
-    boxes = nodes[-4:]
+        part = _under_ball(textures, cx, cy, ax, ay, window, state[BEST] - TIE)
+    boxes = nodes[_STACK + 4 :]
     top = 0
-    for i in range(_blocks(textures, cx, window, boxes)):
-        for j in range(4):
-            nodes[top, j] = boxes[i, j]
-        nodes[top, 4] = above
-        top += 1
+    for i in range(_blocks(textures, cx, part, boxes)):
+        box = (boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3])
+        high = judge(
+            textures, cx, cy, pair, ax, ay, window, box, above, shift, ball, state, best, ties,
+            work, at,
+        )  # fmt: skip
+        if high > -np.inf:
+            nodes[top, 0], nodes[top, 1], nodes[top, 2], nodes[top, 3] = box
+            nodes[top, 4] = high
+            top += 1
     finest = max(span * FINEST_TIE, SMALLEST)
     while top > 0:
         top -= 1

@@ -14,6 +14,7 @@ a clamped one has n + 1, and goes on level beyond its borders.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -24,6 +25,8 @@ from numpy.typing import NDArray
 from asperity.compiled import small_kernel
 from asperity.texture.height_field import HeightField
 
+_MOST_BLOCKS = 512**2
+"""Cells are not cut into more blocks than this."""
 _EDGE = 1e-6
 """Rectangles that end this close to a cell's border end there [cells]."""
 
@@ -39,7 +42,8 @@ class Textures(NamedTuple):
     """For every level of every texture: first block, rows, columns; shape (n, 3)."""
     table: NDArray[np.int64]
     """First coefficient, rows, columns of coefficients; rows, columns of cells; first level,
-    number of levels, whether it wraps; shape (textures, 8)."""
+    number of levels, whether it wraps; parts of a cell's side with bounds of their own; shape
+    (textures, 9)."""
     scales: NDArray[np.float64]
     """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
     rms height; lowest height; largest size of a third derivative; shape (textures, 8)."""
@@ -53,11 +57,12 @@ def pack(fields: Sequence[HeightField]) -> Textures:
     for field in fields:
         c = np.ascontiguousarray(field.coefficients)
         wraps = field.border == "wrap"
-        # A wrapped texture's last cell is its first once more.
-        pyramid = _pyramid(c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block)
         rows, columns = (n - 4 if wraps else n - 3 for n in c.shape)
+        parts = _parts(rows * columns)
+        # A wrapped texture's last cell is its first once more.
+        pyramid = _pyramid(c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block, parts)
         count = len(levels) - first_level
-        table.append([first_coefficient, *c.shape, rows, columns, first_level, count, wraps])
+        table.append([first_coefficient, *c.shape, rows, columns, first_level, count, wraps, parts])
         size = float(np.max(np.abs(c)))
         top = pyramid[-1]
         pu, pv = field.pixel_size
@@ -74,22 +79,32 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         np.concatenate([np.zeros(0), *coefficients]),
         np.concatenate([np.zeros((0, 3), np.float32), *bounds]),
         np.array(levels, dtype=np.int64).reshape(-1, 3),
-        np.array(table, dtype=np.int64).reshape(-1, 8),
+        np.array(table, dtype=np.int64).reshape(-1, 9),
         np.array(scales, dtype=np.float64).reshape(-1, 8),
     )
 
 
+def _parts(cells: int) -> int:
+    """Return into how many parts a side of each cell is cut, for bounds: more in coarse maps."""
+    parts = 1
+    while parts < 4 and cells * (2 * parts) ** 2 <= _MOST_BLOCKS:
+        parts *= 2
+    return parts
+
+
 def _pyramid(
-    c: NDArray[np.float64], pixel_size: tuple[float, float], levels: list[list[int]], first: int
+    c: NDArray[np.float64], pixel_size: tuple[float, float], levels: list[list[int]], first: int,
+    parts: int,
 ) -> NDArray[np.float32]:
     """Return bounds of all blocks of all levels, and add each level to `levels`."""
     pu, pv = pixel_size
-    slope = np.hypot(_most(c, 1, 0, True) / pu, _most(c, 0, 1, True) / pv)
+    most = functools.partial(_most, c, parts=parts)
+    slope = np.hypot(most(1, 0, True) / pu, most(0, 1, True) / pv)
     # Gershgorin: no eigenvalue of the Hessian exceeds the larger row sum.
-    bend = np.maximum(_most(c, 2, 0) / pu**2, _most(c, 0, 2) / pv**2)
-    bend += _most(c, 1, 1, True) / (pu * pv)
+    bend = np.maximum(most(2, 0) / pu**2, most(0, 2) / pv**2)
+    bend += most(1, 1, True) / (pu * pv)
     # Rounded up: a bound in single precision is a bound still.
-    level = np.stack([_up(_most(c, 0, 0)), _up(slope), _up(bend)], axis=-1)
+    level = np.stack([_up(most(0, 0)), _up(slope), _up(bend)], axis=-1)
     parts = []
     while True:
         parts.append(level.reshape(-1, 3))
@@ -103,13 +118,46 @@ def _pyramid(
                 level = np.maximum.reduceat(level, starts, axis=axis)
 
 
-def _most(c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False) -> NDArray:
-    """Return for every cell the largest coefficient (or its size) of a partial derivative."""
-    differences = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
-    values = np.abs(differences) if size else differences
-    tall, wide = values.shape[0] - 3 + along_v, values.shape[1] - 3 + along_u
-    values = functools.reduce(np.maximum, (values[i : i + tall] for i in range(4 - along_v)))
-    return functools.reduce(np.maximum, (values[:, i : i + wide] for i in range(4 - along_u)))
+def _most(c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False, parts: int = 1) -> NDArray:
+    """Return for every cell the largest value (or its size) of a partial derivative, or more.
+
+    Within a cell the derivative is a polynomial, and lies in the hull of its Bezier points: those
+    of the cell alone, while the spline's coefficients reach over its neighbours.
+    """
+    spline = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
+    points = (
+        across
+        for along in _bezier_points(spline, 3 - along_v, parts)
+        for across in _bezier_points(along.T, 3 - along_u, parts)
+    )
+    return functools.reduce(np.maximum, (np.abs(p) if size else p for p in points)).T
+
+
+def _bezier_points(c: NDArray[np.float64], degree: int, parts: int) -> list[NDArray[np.float64]]:
+    """Return the Bezier points of the pieces of uniform B-splines along the first axis.
+
+    Each piece is cut into `parts`, a power of two.
+    """
+    n = len(c) - degree
+    k = [c[i : i + n] for i in range(degree + 1)]
+    if degree == 3:
+        k = [
+            (k[0] + 4.0 * k[1] + k[2]) / 6.0, (2.0 * k[1] + k[2]) / 3.0,
+            (k[1] + 2.0 * k[2]) / 3.0, (k[1] + 4.0 * k[2] + k[3]) / 6.0,
+        ]  # fmt: skip
+    elif degree == 2:
+        k = [0.5 * (k[0] + k[1]), k[1], 0.5 * (k[1] + k[2])]
+    while parts > 1:
+        # de Casteljau: the left half begins, the right half ends the rows of means.
+        left, right = [k[0]], [k[-1]]
+        while len(k) > 1:
+            k = [0.5 * (one + two) for one, two in itertools.pairwise(k)]
+            left.append(k[0])
+            right.append(k[-1])
+        pairs = zip(left, reversed(right), strict=True)
+        k = [np.stack(pair, axis=1).reshape(-1, *c.shape[1:]) for pair in pairs]
+        parts //= 2
+    return k
 
 
 def _largest(c: NDArray[np.float64], along_u: int, along_v: int) -> float:
@@ -201,15 +249,17 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
     The largest second derivative is 0 or more where the rectangle passes a clamped border.
     """
     table, scales = textures.table, textures.scales
-    columns, rows, wraps = table[k, 4], table[k, 3], table[k, 7]
-    x0, x1 = u0 * scales[k, 0] + 0.5, u1 * scales[k, 0] + 0.5
-    y0, y1 = v0 * scales[k, 1] + 0.5, v1 * scales[k, 1] + 0.5
+    # From here on in parts of cells.
+    parts, wraps = table[k, 8], table[k, 7]
+    columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
+    su, sv = scales[k, 0] * parts, scales[k, 1] * parts
+    x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
     first = table[k, 5]
     top = table[k, 6] - 1
     # Written so that a place that is no number is bounded by the whole texture.
     size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
     level = 0
-    while level < top and not float(1 << level) >= size - _EDGE:
+    while level < top and not float(1 << level) >= 0.5 * size - _EDGE:
         level += 1
     if level == top or not size < 1e9:
         block = textures.levels[first + top, 0]
@@ -232,6 +282,8 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         after = min(((row >> level) + 1) << level, rows)
         tall -= after - row
         row = 0 if after == rows else after
-    if wraps == 0 and (x0 < 0.5 or y0 < 0.5 or x1 > columns - 0.5 or y1 > rows - 0.5):
+    if wraps == 0 and (
+        x0 < half or y0 < half or x1 > columns - half or y1 > rows - half
+    ):
         bend = max(bend, 0.0)
     return high, slope, bend
