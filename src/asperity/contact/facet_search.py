@@ -213,7 +213,7 @@ def patch_depths(
     gu, gv = _guess(guess[0], frame, body_a)
     _take_all(pairs, work_space, space)
     begin(work_space, max_nodes)
-    sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space)
+    sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, np.int64(0))
     fill_result(textures, stride, n, tolerance, work_space, results_out[0])
     if ways_1 * ways_2 == 1:
         return 1
@@ -229,7 +229,7 @@ def patch_depths(
             for k in range(RESULT_SIZE):
                 out[k] = results_out[0, k]
             continue
-        added = 0
+        added = np.int64(0)
         for k in range(2):
             if (k == 0 and first) or (k == 1 and second):
                 sign = sign_1 if k == 0 else sign_2
@@ -239,10 +239,9 @@ def patch_depths(
                         sign * lines[k, 2], radius,
                     )  # fmt: skip
                 added += 1
-        kept = _bounded_anew(textures, stride, pairs, work_space, space)
         gu, gv = _guess(guess[which], frame, body_a)
         begin(work_space, max_nodes / 2)
-        sieve(textures, stride, kept, gu, gv, tolerance, work_space, space)
+        sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, added)
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
             charts[a, ROWS] -= added
@@ -293,22 +292,6 @@ def _single_place(work_space, stride, lines):
     )
 
 
-@inner_kernel
-def _bounded_anew(textures, stride, pairs, work_space, space):
-    """Fill the pairs of charts to be searched within a part; return how many."""
-    looks, kept = work_space.looks, 0
-    for i in range(pairs):
-        pair = int(space.looks[i, PAIR])
-        cx, cy = work_space.charts_a[pair // stride], work_space.charts_b[pair % stride]
-        if not walks_on_a(cx, cy):
-            cx, cy = cy, cx
-        pair_bound(textures, cx, cy, work_space.work, looks[kept])
-        if looks[kept, 0] > -math.inf:
-            looks[kept, LOOKED], looks[kept, PAIR] = 0.0, pair
-            kept += 1
-    return kept
-
-
 @kernel
 def facets_along(
     textures, table, geometry, body_a, body_b, n, highest, tolerance, max_nodes, work_space, space,
@@ -341,6 +324,7 @@ def facets_along(
     )  # fmt: skip
     _take_all(pairs, work_space, space)
     begin(work_space, max_nodes)
-    sieve(textures, stride, pairs, np.nan, np.nan, tolerance, work_space, space)
+    nowhere = np.nan
+    sieve(textures, stride, pairs, nowhere, nowhere, tolerance, work_space, space, np.int64(0))
     fill_result(textures, stride, n, tolerance, work_space, result_out)
     return enough and foot.clock[1] == 0

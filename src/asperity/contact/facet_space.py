@@ -49,11 +49,15 @@ class FacetSpace(NamedTuple):
     looks: NDArray[np.float64]
     """The pairs of charts of one direction, before they are searched window by window."""
     boxes: NDArray[np.float64]
-    """Boxes of the sieve: x0, x1, y0, y1, row of the pair; (n, 5)."""
+    """Boxes of the sieve: x0, x1, y0, y1, row of the pair, bound; (n, 6)."""
     heap: NDArray[np.int64]
     """The numbers of those that wait, the most promising on top, and"""
     keys: NDArray[np.float64]
     """their bounds [m]."""
+    shelf: NDArray[np.int64]
+    """The numbers of those that a search has closed or left, and"""
+    left: NDArray[np.int64]
+    """how many there are, and how many boxes; (2,)."""
     lines: NDArray[np.float64]
     """Lines (in u and v) that windows are bounded by: (2, 3)."""
     frames: NDArray[np.float64]
@@ -80,6 +84,8 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
         heap=np.zeros(MAX_BOXES, np.int64),
         keys=np.zeros(MAX_BOXES),
+        shelf=np.zeros(MAX_BOXES, np.int64),
+        left=np.zeros(2, np.int64),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),
     )

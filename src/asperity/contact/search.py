@@ -77,7 +77,8 @@ SMALLEST = 1e-10  # boxes are not divided below this [m]
 
 # What a search knows; one row of numbers.
 BEST, UPPER, NODES, LIMIT, TIES = 0, 1, 2, 3, 4
-STATE_SIZE = 5
+JUDGED = 5  # the bound of the box that was judged last
+STATE_SIZE = 6
 
 
 @lean_kernel
@@ -328,6 +329,7 @@ def judge(
     state[NODES] += 1.0
     enough = state[BEST] - TIE
     middle_x, middle_y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
+    state[JUDGED] = -np.inf
     if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
         return -np.inf
     if ball:
@@ -342,6 +344,7 @@ def judge(
             textures, cx, cy, box, kind, high, second, loose,
             best, best[OVERLAP_SIZE] == pair, work, at,
         )  # fmt: skip
+    state[JUDGED] = high
     closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
     if seen and at[F] > state[BEST] - TIE and climb(
         # The middle of a box, or the highest place in it: the maximum may be near.
@@ -398,9 +401,9 @@ def search_pair(
         an upper bound of the depth [m], as `first_look` has them.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
-    state : (5,) array
+    state : (6,) array
         BEST and UPPER, the least and most that the depth can be [m]; NODES looked at and their
-        LIMIT; TIES, how many.
+        LIMIT; TIES, how many; JUDGED, the bound of the last box.
     best : (23,) array
         The deepest place, as by `overlap_at`, and its pair.
     ties : (1024, 24) array

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, lean_kernel, small_kernel
-from asperity.contact.bound import base_bound, beyond_rows
+from asperity.contact.bound import beyond_rows
 from asperity.contact.chart import (
     B0,
     B1,
@@ -26,6 +26,7 @@ from asperity.contact.chart import (
     Q_MOST,
     QINV,
     RECTANGLE,
+    ROWS,
     SUMMIT,
     TEXTURE,
     TOP,
@@ -41,6 +42,7 @@ from asperity.contact.flat_pair import plane_overlap
 from asperity.contact.overlap import POLYGON
 from asperity.contact.search import (
     BEST,
+    JUDGED,
     LIMIT,
     NODES,
     SMALLEST,
@@ -81,64 +83,91 @@ def _highest(textures, chart, x, y, half_x, half_y):
     return texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)[0]
 
 
-@lean_kernel
-def _risen(textures, cx, cy, bound, box, shift):
-    """Return a bound of the smooth overlap over a box, and what the textures add to it there."""
+@small_kernel
+def _flat(cx, cy):
+    """Return what bounds of the overlap of two plane charts take from the charts.
+
+    Y's parameters over X's, `b0 + b1 x + b2 y` and `c0 + c1 x + c2 y`; the smooth overlap by x,
+    by y, at (0, 0); how much higher a unit of X's texture, and of Y's, lifts it.
+    """
+    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+    du, dv = cx[O] - cy[O], cx[O + 1] - cy[O + 1]
+    b0, b1, b2 = i * du + j * dv, i * cx[Q] + j * cx[Q + 2], i * cx[Q + 1] + j * cx[Q + 3]
+    c0, c1, c2 = k * du + m * dv, k * cx[Q] + m * cx[Q + 2], k * cx[Q + 1] + m * cx[Q + 3]
+    z_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
+    z_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
+    z_0 = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
+    g1, g2 = i * cy[PZ] + k * cy[PZ + 1], j * cy[PZ] + m * cy[PZ + 1]
+    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
+    # The height over a place of a plane that is moved along its normal, where that is constant.
+    lift_x = cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1] if cx[UNIT] == 1.0 else steepness
+    lift_y = cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1] if cy[UNIT] == 1.0 else steepness
+    return b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, lift_x, lift_y
+
+
+@small_kernel
+def _beyond(chart, first, x, y, half_x, half_y):
+    """Return whether a box round (x, y) lies beyond one of a plane chart's rows from `first` on."""
+    for n in range(first, int(chart[ROWS])):
+        row = ROWS + 1 + 6 * n
+        k1, k2, k4 = chart[row + 1], chart[row + 2], chart[row + 4]
+        g = chart[row] + k1 * x + k2 * y
+        if k4 != 0.0:
+            g += k4 * (x * x + y * y)
+            k1, k2 = k1 + 2.0 * k4 * x, k2 + 2.0 * k4 * y
+        if g > abs(k1) * half_x + abs(k2) * half_y:
+            return True
+    return False
+
+
+@small_kernel
+def _flat_bound(textures, cx, cy, flat, box, moved):
+    """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
+
+    -inf where they do not meet. `moved`: how far their textures move points sideways at most, in
+    Y's parameters [m].
+    """
+    b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, _, _ = flat
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
-    g1, g2 = i * cy[PZ] + k * cy[PZ + 1], j * cy[PZ] + m * cy[PZ + 1]
-    u, v = cx[O] + cx[Q] * x + cx[Q + 1] * y, cx[O + 1] + cx[Q + 2] * x + cx[Q + 3] * y
-    bx, by = parameters_under(cy, u, v)
-    moved = shift / cy[Q_LEAST]
-    reach_x = abs(i * cx[Q] + j * cx[Q + 2]) * half_x
-    reach_x += abs(i * cx[Q + 1] + j * cx[Q + 3]) * half_y + moved
-    reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
-    reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y + moved
-    if beyond_rows(cy, bx, by, reach_x, reach_y):
+    bx, by = b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y
+    reach_x = abs(b1) * half_x + abs(b2) * half_y + moved
+    reach_y = abs(c1) * half_x + abs(c2) * half_y + moved
+    if bx - reach_x > cy[RECTANGLE + 1] or bx + reach_x < cy[RECTANGLE]:
         return -np.inf
+    if by - reach_y > cy[RECTANGLE + 3] or by + reach_y < cy[RECTANGLE + 2]:
+        return -np.inf
+    if _beyond(cx, 0, x, y, half_x, half_y) or _beyond(cy, 0, bx, by, reach_x, reach_y):
+        return -np.inf
+    bound = z_0 + z_x * x + z_y * y + abs(z_x) * half_x + abs(z_y) * half_y
+    return _risen(textures, cx, cy, bound, (x, y, half_x, half_y), (bx, by, reach_x, reach_y), flat)
+
+
+@small_kernel
+def _risen(textures, cx, cy, bound, on_x, on_y, flat):
+    """Return a bound of the smooth overlap over a box, and what the textures add to it there.
+
+    `on_x`, `on_y`: middle and half sides of the box on either chart.
+    """
+    x, y, half_x, half_y = on_x
+    bx, by, reach_x, reach_y = on_y
+    lift_x, lift_y = flat[9], flat[10]
     # No point is higher than that of the base which it was, and its texture's highest.
     top = cx[O + 2] + cx[PZ] * x + cx[PZ + 1] * y
     top += abs(cx[PZ]) * half_x + abs(cx[PZ + 1]) * half_y
     base = cy[O + 2] + cy[PZ] * bx + cy[PZ + 1] * by
     base += abs(cy[PZ]) * reach_x + abs(cy[PZ + 1]) * reach_y
     top = min(top, cx[SUMMIT]) + min(base, cy[SUMMIT])
-    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
     high = _highest(textures, cx, x, y, half_x, half_y)
-    if cx[UNIT] == 1.0:
-        bound += high * (cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1])
-        top += high * cx[V0 + 2]
-    else:
-        bound += max(high, 0.0) * steepness
-        top += max(high, 0.0)
+    unit = cx[UNIT] == 1.0
+    bound += lift_x * (high if unit else max(high, 0.0))
+    top += high * cx[V0 + 2] if unit else max(high, 0.0)
     high = _highest(textures, cy, bx, by, reach_x, reach_y)
-    if cy[UNIT] == 1.0:
-        # The height over a place of a plane that is moved along its normal.
-        bound += high * (cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1])
-        top += high * cy[V0 + 2]
-    else:
-        bound += max(high, 0.0) * steepness
-        top += max(high, 0.0)
+    unit = cy[UNIT] == 1.0
+    bound += lift_y * (high if unit else max(high, 0.0))
+    top += high * cy[V0 + 2] if unit else max(high, 0.0)
     return min(bound, top)
-
-
-@lean_kernel
-def box_bound(textures, cx, cy, box, shift_x, shift_y):
-    """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
-
-    -inf where they do not meet. `shift_x`, `shift_y`: how far their textures move points
-    sideways at most [m].
-    """
-    x0, x1, y0, y1 = box
-    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    if beyond_rows(cx, x, y, half_x, half_y):
-        return -np.inf
-    bound, _, _ = base_bound(cx, cy, x, y, x0, x1, y0, y1, shift_x + shift_y)
-    if bound == -np.inf:
-        return bound
-    return _risen(textures, cx, cy, bound, box, shift_x + shift_y)
 
 
 @lean_kernel
@@ -151,9 +180,9 @@ def pair_bound(textures, cx, cy, work, look_out):
         look_out[0] = quick_bound(textures, cx, cy)
         return
     look_out[0] = -np.inf
-    shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
+    shift = sideways(textures, cx) + sideways(textures, cy)
     polygon = work[POLYGON:]
-    size, at_zero, g_x, g_y = plane_overlap(cx, cy, shift_x + shift_y, polygon)
+    size, at_zero, g_x, g_y = plane_overlap(cx, cy, shift, polygon)
     if size == 0:
         return
     smooth = -np.inf
@@ -163,10 +192,19 @@ def pair_bound(textures, cx, cy, work, look_out):
         x, y = polygon[j, 0], polygon[j, 1]
         smooth = max(smooth, at_zero + g_x * x + g_y * y)
         x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
-    look_out[1], look_out[2] = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     look_out[LOOK_BOX], look_out[LOOK_BOX + 1] = x0, x1
     look_out[LOOK_BOX + 2], look_out[LOOK_BOX + 3] = y0, y1
-    look_out[0] = _risen(textures, cx, cy, smooth, (x0, x1, y0, y1), shift_x + shift_y)
+    x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    look_out[1], look_out[2] = x, y
+    flat, moved = _flat(cx, cy), shift / cy[Q_LEAST]
+    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
+    on_y = (
+        b0 + b1 * x + b2 * y,
+        c0 + c1 * x + c2 * y,
+        abs(b1) * half_x + abs(b2) * half_y + moved,
+        abs(c1) * half_x + abs(c2) * half_y + moved,
+    )
+    look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat)
 
 
 @lean_kernel
@@ -225,21 +263,81 @@ def _pop(heap, keys, size):
     keys[at], heap[at] = key, number
 
 
+@small_kernel
+def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
+    """Return whether a box lies beyond the rows that were added to A's chart last."""
+    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    if a_is_x:
+        return _beyond(cx, int(cx[ROWS]) - added, x, y, half_x, half_y)
+    return _beyond(
+        cy, int(cy[ROWS]) - added, b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y,
+        abs(b1) * half_x + abs(b2) * half_y, abs(c1) * half_x + abs(c2) * half_y,
+    )  # fmt: skip
+
+
 @inner_kernel
-def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
+def _look_at(textures, stride, count, guess_u, guess_v, space):
+    """Climb from where the contact was, in every pair of plane charts that has the place.
+
+    Other pairs are looked at when it is their turn.
+    """
+    looks = space.looks
+    for row in range(count):
+        pair = int(looks[row, PAIR])
+        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
+        if not walks_on_a(cx, cy):
+            cx, cy = cy, cx
+        rough = cx[TEXTURE] >= 0.0 or cy[TEXTURE] >= 0.0
+        looks[row, LOOKED] = 0.0
+        if cx[C] == 0.0 and cy[C] == 0.0 and rough:
+            # Climbing in every pair would take most of the time.
+            looks[row, LOOKED] = 1.0
+            if _is_there(cx, cy, guess_u, guess_v):
+                first_look(
+                    textures, cx, cy, pair, guess_u, guess_v, space.state, space.best, space.ties,
+                    space.work, space.at, looks[row],
+                )  # fmt: skip
+                space.state[NODES] += 2.0
+
+
+@inner_kernel
+def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, added):
     """Search the first `count` pairs of `space.looks`, as `search_looks` does.
 
-    `room` has the arrays of the heap: `boxes`, `heap`, `keys`.
+    `room` has the arrays of the heap: `boxes`, `heap`, `keys`. What is closed is kept on its
+    `shelf`: `added` is the number of rows that A's charts have got since the last search that
+    added none; if there are any, the search goes on from what that one has left.
     """
     state, looks = space.state, space.looks
-    boxes, heap, keys = room.boxes, room.heap, room.keys
-    size, used = np.int64(0), np.int64(0)
-    for row in range(count):
-        # A box that is no number stands for all of a pair.
-        boxes[used, 4], boxes[used, 0] = row, np.nan
-        _push(heap, keys, size, used, looks[row, 0])
-        size += 1
-        used += 1
+    boxes, heap, keys, shelf = room.boxes, room.heap, room.keys, room.shelf
+    _look_at(textures, stride, count, guess_u, guess_v, space)
+    size, used, left = np.int64(0), np.int64(0), np.int64(0)
+    if added == 0:
+        for row in range(count):
+            # A box that is no number stands for all of a pair.
+            boxes[used, 4], boxes[used, 5], boxes[used, 0] = row, looks[row, 0], np.nan
+            _push(heap, keys, size, used, looks[row, 0])
+            size += 1
+            used += 1
+    else:
+        used = room.left[1]
+        for i in range(room.left[0]):
+            number = shelf[i]
+            if boxes[number, 5] <= state[BEST] - TIE:
+                continue
+            row = int(boxes[number, 4])
+            pair = int(looks[row, PAIR])
+            a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
+            if a[C] == 0.0 and b[C] == 0.0:
+                x0, x1, y0, y1 = _sides(boxes[number], looks[row])
+                a_is_x = walks_on_a(a, b)
+                cx, cy = (a, b) if a_is_x else (b, a)
+                if _beside_part(cx, cy, _flat(cx, cy), a_is_x, added, x0, x1, y0, y1):
+                    continue
+            _push(heap, keys, size, number, boxes[number, 5])
+            size += 1
     while size > 0:
         above, number = keys[0], heap[0]
         if above <= state[BEST] - TIE:
@@ -254,11 +352,6 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
         cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
         if not walks_on_a(cx, cy):
             cx, cy = cy, cx
-        plane = cx[C] == 0.0 and cy[C] == 0.0
-        rough = cx[TEXTURE] >= 0.0 or cy[TEXTURE] >= 0.0
-        if plane and rough and looks[row, LOOKED] == 0.0:
-            # Climbing in every pair would take most of the time: where the contact was will do.
-            looks[row, LOOKED] = 0.0 if _is_there(cx, cy, guess_u, guess_v) else 1.0
         if looks[row, LOOKED] == 0.0:
             looks[row, LOOKED] = 1.0
             first_look(
@@ -267,34 +360,38 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
             )  # fmt: skip
             state[NODES] += 2.0
             above = min(above, looks[row, 0])
-            if above > state[BEST] - TIE:
-                _push(heap, keys, size, number, above)
-                size += 1
+            # Of two that are straight nothing is left, but for a part of them.
+            _push(heap, keys, size, number, above)
+            size += 1
             continue
-        if not plane:
+        if cx[C] > 0.0 or cy[C] > 0.0:
             search_pair(
                 textures, cx, cy, pair, looks[row, 1], looks[row, 2], above, tolerance, state,
                 space.best, space.ties, space.nodes, space.work, space.at,
             )  # fmt: skip
+            if added == 0:
+                left = _put_by(room, left, number)
             continue
-        shift_x, shift_y = sideways(textures, cx), sideways(textures, cy)
-        x0, x1, y0, y1 = boxes[number, 0], boxes[number, 1], boxes[number, 2], boxes[number, 3]
-        if x0 != x0:
-            x0, x1 = looks[row, LOOK_BOX], looks[row, LOOK_BOX + 1]
-            y0, y1 = looks[row, LOOK_BOX + 2], looks[row, LOOK_BOX + 3]
+        flat, shift = _flat(cx, cy), sideways(textures, cx) + sideways(textures, cy)
+        moved = shift / cy[Q_LEAST]
+        x0, x1, y0, y1 = _sides(boxes[number], looks[row])
         window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
         grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
         while True:
             large = max(x1 - x0, y1 - y0)
+            done = large < SMALLEST or used + 4 > MAX_BOXES
             if above <= state[BEST] + tolerance and large <= _SETTLED * grain:
+                done = True
                 state[NODES] += 1.0
                 settle(
                     textures, cx, cy, pair, window, (x0, x1, y0, y1), above, state, space.best,
                     space.ties, space.work, space.at,
                 )  # fmt: skip
-                break
-            if large < SMALLEST or used + 4 > MAX_BOXES:
+            elif done:
                 state[UPPER] = max(state[UPPER], above)
+            if done:
+                if added == 0:
+                    left = _put_by(room, left, number)
                 break
             first, best, highest = used, np.int64(-1), -np.inf
             cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
@@ -305,28 +402,54 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room):
                 p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
                 q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
                 state[NODES] += _CHEAP
-                high = box_bound(textures, cx, cy, (p0, p1, q0, q1), shift_x, shift_y)
-                high = min(high, above)
-                if high > state[BEST] - TIE and large <= _LEAF * grain:
-                    high = judge(
-                        textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
-                        (p0, p1, q0, q1), high, shift_x + shift_y, False, state, space.best,
-                        space.ties, space.work, space.at,
-                    )  # fmt: skip
-                if high <= state[BEST] - TIE:
+                high = min(_flat_bound(textures, cx, cy, flat, (p0, p1, q0, q1), moved), above)
+                if high == -np.inf:
                     continue
                 boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
                 boxes[used, 4], boxes[used, 5] = row, high
-                if high > highest:
-                    best, highest = used, high
                 used += 1
+                if high > state[BEST] - TIE and large <= _LEAF * grain:
+                    high = judge(
+                        textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
+                        (p0, p1, q0, q1), high, shift, False, state, space.best, space.ties,
+                        space.work, space.at,
+                    )  # fmt: skip
+                    boxes[used - 1, 5] = min(boxes[used - 1, 5], state[JUDGED])
+                    if high == -np.inf:
+                        if added == 0:
+                            left = _put_by(room, left, used - 1)
+                        boxes[used - 1, 4] = -1.0 - row
+                        continue
+                if high > highest:
+                    best, highest = used - 1, high
             # On to the best of them, until it is small: what is found there closes others.
-            plunge = best >= 0 and large > _LEAF * grain
+            plunge = highest > state[BEST] - TIE and large > _LEAF * grain
             for k in range(first, used):
-                if k != best or not plunge:
+                if boxes[k, 4] < 0.0:
+                    boxes[k, 4] = -1.0 - boxes[k, 4]  # closed
+                elif k != best or not plunge:
                     _push(heap, keys, size, k, boxes[k, 5])
                     size += 1
             if not plunge:
                 break
             x0, x1, y0, y1 = boxes[best, 0], boxes[best, 1], boxes[best, 2], boxes[best, 3]
-            above = highest
+            above, number = highest, best
+    if added == 0:
+        for i in range(size):
+            left = _put_by(room, left, heap[i])
+        room.left[0], room.left[1] = left, used
+
+
+@small_kernel
+def _sides(box, look):
+    """Return x0, x1, y0, y1 of a box, which may stand for all of its pair."""
+    if box[0] != box[0]:
+        return look[LOOK_BOX], look[LOOK_BOX + 1], look[LOOK_BOX + 2], look[LOOK_BOX + 3]
+    return box[0], box[1], box[2], box[3]
+
+
+@small_kernel
+def _put_by(room, left, number):
+    """Put a box on the shelf; return how many there are."""
+    room.shelf[left] = number
+    return left + 1

@@ -86,7 +86,7 @@ def hammer_blocks() -> Scene:
         "schema": 1,
         "tool": {"body": "hammer"},
         "bodies": bodies,
-        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 400},
+        "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 2000},
         "coupling": {"mode": "direct"},
         "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length},
     }

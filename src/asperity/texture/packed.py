@@ -60,7 +60,9 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         rows, columns = (n - 4 if wraps else n - 3 for n in c.shape)
         parts = _parts(rows * columns)
         # A wrapped texture's last cell is its first once more.
-        pyramid = _pyramid(c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block, parts)
+        pyramid = _pyramid(
+            c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block, parts
+        )
         count = len(levels) - first_level
         table.append([first_coefficient, *c.shape, rows, columns, first_level, count, wraps, parts])
         size = float(np.max(np.abs(c)))
@@ -93,7 +95,10 @@ def _parts(cells: int) -> int:
 
 
 def _pyramid(
-    c: NDArray[np.float64], pixel_size: tuple[float, float], levels: list[list[int]], first: int,
+    c: NDArray[np.float64],
+    pixel_size: tuple[float, float],
+    levels: list[list[int]],
+    first: int,
     parts: int,
 ) -> NDArray[np.float32]:
     """Return bounds of all blocks of all levels, and add each level to `levels`."""
@@ -105,26 +110,28 @@ def _pyramid(
     bend += most(1, 1, True) / (pu * pv)
     # Rounded up: a bound in single precision is a bound still.
     level = np.stack([_up(most(0, 0)), _up(slope), _up(bend)], axis=-1)
-    parts = []
+    blocks = []
     while True:
-        parts.append(level.reshape(-1, 3))
+        blocks.append(level.reshape(-1, 3))
         levels.append([first, level.shape[0], level.shape[1]])
-        first += len(parts[-1])
+        first += len(blocks[-1])
         if max(level.shape[:2]) == 1:
-            return np.concatenate(parts)
+            return np.concatenate(blocks)
         for axis in (0, 1):
             if level.shape[axis] > 1:
                 starts = np.arange(0, level.shape[axis], 2)
                 level = np.maximum.reduceat(level, starts, axis=axis)
 
 
-def _most(c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False, parts: int = 1) -> NDArray:
+def _most(
+    c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False, parts: int = 1
+) -> NDArray:
     """Return for every cell the largest value (or its size) of a partial derivative, or more.
 
     Within a cell the derivative is a polynomial, and lies in the hull of its Bezier points: those
     of the cell alone, while the spline's coefficients reach over its neighbours.
     """
-    spline = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
+    spline: NDArray[np.float64] = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
     points = (
         across
         for along in _bezier_points(spline, 3 - along_v, parts)
@@ -254,6 +261,13 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
     columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
     su, sv = scales[k, 0] * parts, scales[k, 1] * parts
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
+    outside = False
+    if wraps == 0:
+        # Beyond its samples the surface is as high as at the last of them.
+        last_x, last_y = columns - half, rows - half
+        outside = x0 < half or y0 < half or x1 > last_x or y1 > last_y
+        x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
+        y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
     first = table[k, 5]
     top = table[k, 6] - 1
     # Written so that a place that is no number is bounded by the whole texture.
@@ -282,8 +296,6 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         after = min(((row >> level) + 1) << level, rows)
         tall -= after - row
         row = 0 if after == rows else after
-    if wraps == 0 and (
-        x0 < half or y0 < half or x1 > columns - half or y1 > rows - half
-    ):
+    if outside:
         bend = max(bend, 0.0)
     return high, slope, bend

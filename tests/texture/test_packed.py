@@ -1,0 +1,76 @@
+"""Bounds of a texture over a rectangle: nothing in it exceeds them, and they are not far above."""
+
+import numpy as np
+import pytest
+
+from asperity.compiled import kernel
+from asperity.texture.height_field import HeightField
+from asperity.texture.packed import pack, texture_at, texture_bounds
+
+PIXEL = 1e-4
+
+
+@kernel
+def bounds_of(textures, rectangles, out):
+    for i in range(len(rectangles)):
+        u0, u1, v0, v1 = rectangles[i]
+        out[i] = texture_bounds(textures, 0, u0, u1, v0, v1)
+
+
+@kernel
+def largest_of(textures, rectangles, samples, out):
+    """Fill highest point, largest slope, largest second derivative among samples."""
+    for i in range(len(rectangles)):
+        u0, u1, v0, v1 = rectangles[i]
+        for k in range(3):
+            out[i, k] = -np.inf
+        for a in range(samples):
+            for b in range(samples):
+                u, v = u0 + (u1 - u0) * a / (samples - 1), v0 + (v1 - v0) * b / (samples - 1)
+                h, h_u, h_v, h_uu, h_uv, h_vv = texture_at(textures, 0, u, v)
+                middle, off = 0.5 * (h_uu + h_vv), np.hypot(0.5 * (h_uu - h_vv), h_uv)
+                out[i, 0] = max(out[i, 0], h)
+                out[i, 1] = max(out[i, 1], np.hypot(h_u, h_v))
+                out[i, 2] = max(out[i, 2], middle + off)
+
+
+def rough(rows, columns, border):
+    heights = np.random.default_rng(5).normal(size=(rows, columns)) * 1e-5
+    return HeightField(heights, PIXEL, border)
+
+
+def rectangles(field, count, largest):
+    """Return rectangles of all sizes, inside the map and across its border."""
+    rng = np.random.default_rng(7)
+    size = largest * PIXEL * 10.0 ** rng.uniform(-2.0, 0.0, (count, 2))
+    rows, columns = field.coefficients.shape
+    start = rng.uniform(-0.3, 1.1, (count, 2)) * PIXEL * np.array([columns, rows])
+    return np.stack(
+        [start[:, 0], start[:, 0] + size[:, 0], start[:, 1], start[:, 1] + size[:, 1]], 1
+    )
+
+
+@pytest.mark.parametrize("border", ["wrap", "clamp"])
+@pytest.mark.parametrize("shape", [(12, 17), (200, 150), (520, 600)])
+def test_nothing_exceeds_its_bounds(shape, border):
+    field = rough(*shape, border)
+    textures, some = pack([field]), rectangles(field, 1500, 20.0)
+    bounds, found = np.empty((1500, 3)), np.empty((1500, 3))
+    bounds_of(textures, some, bounds)
+    largest_of(textures, some, 25, found)
+    slack = 1e-6 * np.abs(bounds) + 1e-15
+    assert (found <= bounds + slack).all()
+
+
+def test_a_coarse_map_is_bounded_within_its_cells():
+    """Over a quarter of a cell the bound of a wave with 8 samples is near its highest point."""
+    heights = np.sin(2.0 * np.pi * (np.arange(64) + 0.5) / 8.0) * np.ones((64, 1)) * 1e-4
+    field = HeightField(heights, PIXEL, "wrap")
+    textures, some = pack([field]), rectangles(field, 1500, 0.25)
+    assert textures.table[0, 8] == 4
+    bounds, found = np.empty((1500, 3)), np.empty((1500, 3))
+    bounds_of(textures, some, bounds)
+    largest_of(textures, some, 25, found)
+    excess = bounds[:, 0] - found[:, 0]
+    assert excess.max() < 0.6e-4  # the steepest slope over three quarters of a cell
+    assert np.median(excess) < 0.2e-4
