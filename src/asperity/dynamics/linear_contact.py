@@ -21,7 +21,7 @@ class LinearContact(NamedTuple):
     """On the tool about its centre of mass: force [N], torque [N m], world axes (6,)."""
     stiffness: NDArray[np.float64]
     """(6, 6), positive semidefinite [N/m, N/rad, N, N m/rad]."""
-    count: int
+    count: int  # type: ignore[assignment]  # hides tuple.count
     """How many contacts there were."""
     flags: int
-    """Bits of `asperity.simulation.FLAGS`."""
+    """Bits of `asperity.contact_stage.FLAGS`."""
