@@ -208,9 +208,8 @@ class Simulation:
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
         n = len(poses)
         self.reset()
-        for starts in (hand, controller):
-            if starts is not None:
-                starts.reset()
+        if hand is not None:
+            hand.reset()
         out = Rollout(
             time=np.asarray(np.arange(n) * self.dt, dtype=np.float64),
             handle_pose=poses,
@@ -228,6 +227,8 @@ class Simulation:
             start = time.perf_counter()
             wrench = self.step(poses[i])
             if controller is not None:
+                if i == 0:
+                    controller.reset(self.stage.energy)
                 wrench = controller.correct(wrench, self.port_twist)
             out.tick_seconds[i] = time.perf_counter() - start
             if hand is not None:

@@ -96,11 +96,12 @@ class PassivityController:
         """What the hand has put in by translations and by rotations [J]."""
         self.reset()
 
-    def reset(self) -> None:
-        """Begin a new account."""
+    def reset(self, stored: float = 0.0) -> None:
+        """Begin a new account, with the energy [J] that the scene holds already."""
         for values in (self.parts, self._held, self._added, self._last):
             values[:] = 0.0
-        self.energy = 0.0
+        self.parts[0] = stored
+        self.energy = stored
         """E: what the hand has put in and not got back [J]."""
         self.gained = 0.0
         """The most that the hand had got out beyond what it had put in [J]; 0 is passive."""
