@@ -68,9 +68,10 @@ def main():
                     (p, h), (q, g) = peak(spacing, np.array(a)), peak(spacing, np.array(b))
                     off = np.abs(np.log(np.array(b) / np.array(a)))
                     print(
-                        f"  {study:8s} {level:8.4g} {unit:4s} {metric:17s} peak line {p * 1e3:5.2f} mm "
-                        f"scene {q * 1e3:5.2f} mm; height {h:5.2f} {g:5.2f}; differ by "
-                        f"{100 * np.median(off):4.1f} % median, {100 * off.max():5.1f} % most"
+                        f"  {study:8s} {level:8.4g} {unit:4s} {metric:17s} peak line "
+                        f"{p * 1e3:5.2f} mm scene {q * 1e3:5.2f} mm; height {h:5.2f} {g:5.2f}; "
+                        f"differ by {100 * np.median(off):4.1f} % median, "
+                        f"{100 * off.max():5.1f} % most"
                     )
                 agree, pairs = same_order(line, scene)
                 print(f"  {study:8s} order of levels agrees in {agree} of {pairs} pairs")

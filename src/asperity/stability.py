@@ -40,6 +40,9 @@ BUZZING, ALIVENESS = 150.0, 20.0
 """Above the one, below the other [Hz]."""
 AMPLITUDE = 0.1
 """Of the oscillation, in parts of the depth; asperity's."""
+ASIDE = 0.05
+"""Hands that want to be still set out so far from the places, in parts of the span: exactly in a
+notch nothing would move them; asperity's."""
 DEEPEST = 1e-3
 """A soft wall is pushed with less than the force, so that it is not pushed in deeper [m]."""
 TICKS = 320
@@ -139,6 +142,7 @@ def measure_stability(
     )
     flat, rough = Wall(smooth, settings), Wall(quiet, settings)
     poses = rough.places()
+    beside = [pose + ASIDE * rough.span * np.eye(7)[0] for pose in poses]
     shape = (len(settings.rates), len(settings.dampings))
     plain, textured, median = np.empty(shape), np.empty(shape), np.empty(shape)
     level = flat.places()[0]
@@ -151,7 +155,7 @@ def measure_stability(
     bound = 2.0 * np.outer(settings.rates, settings.dampings)
     raised = np.array([rough.raised(pose) for pose in poses])
     symptoms = {
-        mode: measure_symptoms(scene.changed(coupling={"mode": mode}), settings, poses)
+        mode: measure_symptoms(scene.changed(coupling={"mode": mode}), settings, beside)
         for mode in modes
     }
     return Stability(settings, bound, plain, textured, median, raised, symptoms)
@@ -172,7 +176,7 @@ class Wall:
         waves = [
             body.texture.shortest_wavelength for body in scene.bodies if body.texture is not None
         ]
-        self._span = settings.span or min(max(waves, default=2e-3), 2e-2)
+        self.span = settings.span or min(max(waves, default=2e-3), 2e-2)
         """Flat textures have no wave: any length will do."""
 
     def places(self) -> list[NDArray[np.float64]]:
@@ -180,7 +184,7 @@ class Wall:
         poses = []
         for k in range(self.settings.places):
             pose = self._start.copy()
-            pose[0] += self._span * k / self.settings.places
+            pose[0] += self.span * k / self.settings.places
             touching = touching_pose(self._engine, pose)
             poses.append(pressed_pose(self._engine, touching, self.settings.force))
         return poses
