@@ -106,6 +106,23 @@ def test_a_fast_spin_keeps_its_momentum(mode):
 
 
 @pytest.mark.parametrize("mode", COUPLED)
+def test_a_handle_that_spins_fast_is_followed(mode):
+    """50 rad/s about an axis that is none of the tool's own, for three turns and then at rest."""
+    tool = held(mode)
+    tool.reset(START)
+    handle, spin = START.copy(), np.array([30.0, -30.0, 25.0])
+    for _ in range(400):
+        handle = turned(handle, 1e-3 * spin)
+        wrench = tool.advance(handle, np.append(np.zeros(3), spin), NOTHING)
+        assert np.isfinite(wrench).all()
+    assert np.linalg.norm(turn_between(tool.pose, handle)) < 0.3
+    np.testing.assert_allclose(tool.twist[3:], spin, rtol=0.2, atol=3.0)
+    wrench = follow(tool, handle, 200)[-1]
+    np.testing.assert_allclose(wrench, 0.0, atol=1e-4)
+    assert tool.resets == 0
+
+
+@pytest.mark.parametrize("mode", COUPLED)
 def test_action_is_reaction(mode):
     """What the hand feels is what the tool's momentum lost."""
     if mode == "static":
