@@ -329,7 +329,7 @@ def tick_parts(bars: list[dict[str, Any]]) -> dict[str, Any]:
                    for mode in ("off", "tick")}  # fmt: skip
     plain = simulations["off"]
     path = np.asarray(at_ticks(plain.trajectory(), DT), dtype=np.float64)[:QUERIES]
-    e = plain._engine
+    e = plain.stage.engine
     collider = e._collider
     prepared = answers(collider, path)
     starts = prepared[0]

@@ -231,7 +231,7 @@ def one_scene(
     """Do one scene."""
     scene = load_scene(name).changed(force={"anti_alias": "off"})
     simulation = Simulation(scene)
-    engine = simulation._engine
+    engine = simulation.stage.engine
     print(f"\n{name}: us a tick, Engine.wrench with MuJoCo's query")
     row("", HEAD, 9)
     out: dict[str, Any] = {"paths": {}}

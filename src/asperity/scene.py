@@ -21,6 +21,9 @@ MJCF has no words for:
     stiffness = 400.0
     anti_alias = "tick"
 
+    [coupling]
+    mode = "direct"              # or implicit, semi-implicit, static
+
     [trajectory]
     kind = "slide"
     speed = 0.083
@@ -39,6 +42,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.anti_alias import MODES
+from asperity.dynamics.coupling import MODES as COUPLINGS
+from asperity.dynamics.coupling import CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.forces.settings import ForceSettings
 from asperity.geometry.bodies import Body, Geom
@@ -83,6 +88,8 @@ class Scene:
     force : ForceSettings
     anti_alias : {"off", "tick", "band"}
         What is done about texture that passes faster than the tick.
+    coupling : CouplingSettings
+        How the tool hangs on the handle.
     motion : ScriptedMotion or Trajectory
         What the handle does if nothing else is said.
     notes : tuple of str
@@ -99,6 +106,7 @@ class Scene:
     start: NDArray[np.float64]
     force: ForceSettings
     anti_alias: str
+    coupling: CouplingSettings
     motion: ScriptedMotion | Trajectory
     notes: tuple[str, ...]
 
@@ -189,6 +197,7 @@ def scene_of(
         start=start,
         force=force,
         anti_alias=anti_alias,
+        coupling=_coupling(document.get("coupling", {})),
         motion=_motion(document.get("trajectory", {}), folder),
         notes=tuple(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
     )
@@ -221,6 +230,13 @@ def _force(table: Table) -> tuple[ForceSettings, str]:
     at("force.anti_alias", lambda: require_choice("mode", mode, MODES))
     options = arguments(rest, "force", ForceSettings)
     return at("force", lambda: ForceSettings(**options)), mode
+
+
+def _coupling(table: Table) -> CouplingSettings:
+    options = arguments(table, "coupling", CouplingSettings)
+    mode = options.get("mode", "direct")
+    at("coupling.mode", lambda: require_choice("mode", mode, COUPLINGS))
+    return at("coupling", lambda: CouplingSettings(**options))
 
 
 def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:

@@ -61,10 +61,6 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
         require_keys(table, f"bodies.{name}", BODY)
         for part in BODY:
             require_table(table.get(part, {}), f"bodies.{name}.{part}")
-    coupling = document.get("coupling", {})
-    require_keys(coupling, "coupling", ("mode",))
-    if coupling.get("mode", "direct") != "direct":
-        raise AsperityError(f"coupling.mode must be 'direct', got {coupling['mode']!r}")
 
 
 def _require_body(name: Any, key: str, names: list[str]) -> None:

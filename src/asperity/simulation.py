@@ -2,14 +2,12 @@
 
     handle pose --> tool pose --> contacts (certified depths) --> wrench
 
-In the `direct` mode the tool is where the handle is, and the hand feels the contact.
+In the `direct` mode the tool is where the handle is, and the hand feels the contact. In the others
+the tool hangs on the handle by a virtual coupling, and the hand feels that (`dynamics.held_tool`).
 """
 
 from __future__ import annotations
 
-import functools
-import logging
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,33 +16,38 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
-from asperity.compiled import is_compiled
-from asperity.engine.engine import Engine
-from asperity.errors import require_between
-from asperity.poses import between, require_pose, turn_between, twist
+from asperity.contact_stage import (
+    BUDGET_SPENT,
+    FLAGS,
+    NOT_CERTIFIED,
+    OVERFLOW,
+    SUB_POSES,
+    TOO_FAST,
+    ContactStage,
+    announce_compiling,
+)
+from asperity.dynamics.coupling import DeviceLimits, held_body
+from asperity.dynamics.held_tool import HeldTool
+from asperity.dynamics.passivity import PassivityController
+from asperity.dynamics.simulated_hand import HandSettings, SimulatedHand
+from asperity.errors import require_finite
+from asperity.poses import require_pose, twist
 from asperity.press import pressed_pose, touching_pose
 from asperity.scene import Scene
 from asperity.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 
-SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
-FLAGS = {
-    SUB_POSES: "wrench from several poses within the tick",
-    BUDGET_SPENT: "more sub-poses wanted than allowed",
-    TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
-    NOT_CERTIFIED: "a depth was not certified within the node budget",
-    OVERFLOW: "a search or the list of contacts overflowed",
-}
-"""Bits of a tick's flags, and what they say."""
-
-
-@functools.cache
-def announce_compiling() -> None:
-    """Say, once, that the first force takes a while, if no machine code of it is kept yet."""
-    if not is_compiled("engine.tick", "tick"):
-        logging.getLogger(__name__).warning(
-            "compiling the contact engine, once after an installation: takes less than a minute"
-        )
+__all__ = [
+    "BUDGET_SPENT",
+    "FLAGS",
+    "NOT_CERTIFIED",
+    "OVERFLOW",
+    "SUB_POSES",
+    "TOO_FAST",
+    "Rollout",
+    "Simulation",
+    "State",
+    "announce_compiling",
+]
 
 
 class State(NamedTuple):
@@ -87,6 +90,8 @@ class Simulation:
     scene : Scene
     dt : float
         Tick [s], 1e-5 to 0.1.
+    limits : Limits, optional
+        Of the device that renders the coupling; they cap its gains.
 
     Examples
     --------
@@ -94,28 +99,26 @@ class Simulation:
     >>> wrench = simulation.step(pose)  # force [N], torque [N m]
     """
 
-    def __init__(self, scene: Scene, *, dt: float = 1e-3) -> None:
-        announce_compiling()
+    def __init__(
+        self, scene: Scene, *, dt: float = 1e-3, limits: DeviceLimits | None = None
+    ) -> None:
         self.scene = scene
-        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
-        self._engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
-        self._window = Window(scene.anti_alias) if scene.anti_alias != "off" else None
-        self._wavelength = scene.shortest_wavelength
-        # Bristles remember: their wrench is asked for in the order of time.
-        self._halve = getattr(scene.force, "friction", 0.0) == 0.0
-        self._extent = max(float(scene.model.stat.extent), 1e-3)
+        self.stage = ContactStage(scene, dt=dt)
+        self.dt = self.stage.dt
+        body = held_body(scene.model, scene.tool, mass_scale=scene.coupling.mass_scale)
+        self.tool = HeldTool(body, scene.coupling, dt=self.dt, limits=limits)
         self.reset()
 
     def reset(self) -> None:
         """Forget all motion: contacts, friction, what was averaged, and the time."""
-        self._engine.reset()
-        if self._window is not None:
-            self._window.reset()
+        self.stage.reset()
         self._last: NDArray[np.float64] | None = None
-        self._last_wrench = np.zeros(6)
+        self._port = np.zeros(6)
         self._state = State(-self.dt, self.scene.start.copy(), np.zeros(6))
         self.flags = 0
         """What there is to say of the last tick: bits of `FLAGS`."""
+        self.contact_wrench = np.zeros(6)
+        """Of the contact on the tool at its pose, about its centre of mass (6,) [N, N m]."""
 
     @property
     def state(self) -> State:
@@ -125,20 +128,25 @@ class Simulation:
     @property
     def contacts(self) -> Any:
         """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
-        return self._engine.contacts
+        return self.stage.contacts
 
     @property
     def contact_count(self) -> int:
         """How many contacts there are at the last pose."""
-        return int(self._engine.contacts.count[0])
+        return self.stage.contact_count
 
-    def step(self, handle_pose: ArrayLike) -> NDArray[np.float64]:
+    def step(
+        self, handle_pose: ArrayLike, handle_twist: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
         """Move the handle to a pose; return the wrench (6,) that the hand feels.
 
         Parameters
         ----------
         handle_pose : (7,)
             Position [m], unit quaternion wxyz.
+        handle_twist : (6,), optional
+            Its velocity, linear [m/s] and angular [rad/s], world axes; by default from the last
+            pose.
 
         Returns
         -------
@@ -146,75 +154,40 @@ class Simulation:
             Force [N] and torque about the tool's centre of mass [N m], world axes.
         """
         pose = require_pose(handle_pose)
-        last = pose if self._last is None else self._last
-        wrench = self._contact_wrench(last, pose)
-        self._state = State(self._state.time + self.dt, pose, twist(last, pose, self.dt))
+        moved = self._velocity(pose, handle_twist)
+        if self.tool.is_direct:
+            contact = self.stage.evaluate(pose)
+            wrench = self.tool.advance(pose, moved, contact).copy()
+        else:
+            if self._last is None:
+                self.tool.reset(pose)
+                self._contact = self.stage.evaluate(pose)
+            wrench = self.tool.advance(pose, moved, self._contact).copy()
+            contact = self.stage.evaluate(self.tool.pose)
+        self._contact, self.contact_wrench = contact, contact.wrench
+        self.flags = contact.flags
+        self._state = State(self._state.time + self.dt, contact.pose, self.tool.twist)
+        self._port = self.tool.port_twist(pose if self._last is None else self._last, pose)
         self._last = pose
-        self._flag_contacts()
         return wrench
 
-    def _contact_wrench(
-        self, last: NDArray[np.float64], pose: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the wrench of this tick: at its pose, or averaged over the way there."""
-        self.flags = 0
-        waves = self._waves(last, pose)
-        if self._window is None:
-            if waves > 0.5:
-                self.flags |= TOO_FAST
-            return np.array(self._engine.wrench(pose, self.dt))
-        if self._last is None:
-            self._last_wrench = np.array(self._engine.wrench(pose, self.dt))
-        count = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
-        piece = self.dt / min(count, BUDGET)
+    def _velocity(self, pose: NDArray[np.float64], given: ArrayLike | None) -> NDArray[np.float64]:
+        """Return the handle's velocity (6,): as given, or from its last pose."""
+        if given is not None:
+            return np.array(require_finite("handle twist", given, 6))
+        return twist(pose if self._last is None else self._last, pose, self.dt)
 
-        def evaluate(s: float) -> NDArray[np.float64]:
-            return np.array(self._engine.wrench(between(last, pose, s), piece))
-
-        nodes = sub_poses(
-            evaluate,
-            self._last_wrench,
-            count,
-            lever=self._extent,
-            leap=LEAP[self.scene.anti_alias],
-            halve=self._halve and waves > 0,
-        )
-        if nodes.s.size > 2:
-            self.flags |= SUB_POSES
-            if self._halve:
-                # The contacts to show are those of the last pose, not of the last halving.
-                self._engine.wrench(pose, 0.0)
-        if nodes.spent:
-            self.flags |= BUDGET_SPENT
-        self._last_wrench = nodes.wrench[-1]
-        return self._window.weigh(nodes)
-
-    def _waves(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
-        """Return how many of the shortest waves the tool passes in this tick, at most."""
-        if self._last is None or math.isinf(self._wavelength):
-            return 0.0
-        contacts, lever = self._engine.contacts, 0.0
-        count = int(contacts.count[0])
-        turn = float(np.linalg.norm(turn_between(last, pose)))
-        if turn > 0.0 and count:
-            lever = float(np.linalg.norm(contacts.point[:count] - last[:3], axis=1).max())
-        motion = math.dist(last[:3].tolist(), pose[:3].tolist()) + turn * lever
-        return motion / self._wavelength
-
-    def _flag_contacts(self) -> None:
-        contacts = self._engine.contacts
-        count = int(contacts.count[0])
-        if count:
-            worst = int(contacts.status[:count].max())
-            if worst >= 1:
-                self.flags |= NOT_CERTIFIED
-            if worst >= 2:
-                self.flags |= OVERFLOW
+    @property
+    def port_twist(self) -> NDArray[np.float64]:
+        """The handle's mean velocity over the last tick where the hand's wrench acts (6,)."""
+        return self._port
 
     def rollout(
         self,
         trajectory: Trajectory | ScriptedMotion | None = None,
         *,
+        hand: SimulatedHand | None = None,
+        controller: PassivityController | None = None,
         on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
     ) -> Rollout:
         """Follow a trajectory from its beginning; return what happened, tick by tick.
@@ -223,6 +196,11 @@ class Simulation:
         ----------
         trajectory : Trajectory or ScriptedMotion, optional
             Default: the scene's own. Between its poses the handle moves evenly.
+        hand : SimulatedHand, optional
+            Holds the handle, and yields to what it feels; see `hand`. The trajectory then says
+            only how long. By default the handle is where the trajectory says.
+        controller : PassivityController, optional
+            Keeps the account of the hand's energy, and corrects what the hand feels.
         on_tick : callable
             Called after each tick with its number, and with what there is so far.
         """
@@ -230,6 +208,8 @@ class Simulation:
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
         n = len(poses)
         self.reset()
+        if hand is not None:
+            hand.reset()
         out = Rollout(
             time=np.asarray(np.arange(n) * self.dt, dtype=np.float64),
             handle_pose=poses,
@@ -242,17 +222,56 @@ class Simulation:
             statuses=np.zeros(3, np.int64),
         )
         for i in range(n):
+            if hand is not None:
+                poses[i] = hand.pose
             start = time.perf_counter()
             wrench = self.step(poses[i])
+            if controller is not None:
+                if i == 0:
+                    controller.reset(self.stage.energy)
+                wrench = controller.correct(wrench, self.port_twist)
             out.tick_seconds[i] = time.perf_counter() - start
+            if hand is not None:
+                hand.advance(wrench)
             out.tool_pose[i] = self._state.pose
-            out.contact_wrench[i] = out.device_wrench[i] = wrench
+            out.contact_wrench[i] = self.contact_wrench
+            out.device_wrench[i] = wrench
             count = out.contact_count[i] = self.contact_count
             out.flags[i] = self.flags
             if count:
                 out.statuses[:] += np.bincount(self.contacts.status[:count], minlength=3)[:3]
             on_tick(i, out)
         return out
+
+    def hand(
+        self,
+        motion: Trajectory | ScriptedMotion | None = None,
+        settings: HandSettings | None = None,
+        *,
+        damping: float = 0.0,
+    ) -> SimulatedHand:
+        """Return a simulated hand that aims along a trajectory, by default the scene's.
+
+        Without settings it presses with the motion's `press_force`; a motion that comes down
+        from above finds that force, one that begins on the surface begins with it.
+        `damping` is the device's own [N s/m].
+        """
+        motion = self.scene.motion if motion is None else motion
+        if settings is None:
+            settings = HandSettings()
+            if isinstance(motion, ScriptedMotion) and motion.press_depth is None:
+                settings = HandSettings(
+                    press_force=motion.press_force, preload=motion.kind != "press-and-slide"
+                )
+        path = self.trajectory(motion)
+        poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
+
+        def target(seconds: float) -> NDArray[np.float64]:
+            return np.asarray(poses[min(round(seconds / self.dt), len(poses) - 1)])
+
+        return SimulatedHand(
+            target, settings, dt=self.dt, centre=self.tool.body.centre, damping=damping
+        )
 
     def trajectory(self, motion: Trajectory | ScriptedMotion | None = None) -> Trajectory:
         """Return the poses of a motion in this scene, pressed as it says."""
@@ -262,12 +281,12 @@ class Simulation:
         start = self.scene.start.copy()
         if motion.start is not None:
             start[:3] = motion.start
-        touching = touching_pose(self._engine, start)
+        touching = touching_pose(self.stage.engine, start)
         if motion.press_depth is not None:
             pressed = touching.copy()
             pressed[2] -= motion.press_depth
         else:
-            pressed = pressed_pose(self._engine, touching, motion.press_force)
+            pressed = pressed_pose(self.stage.engine, touching, motion.press_force)
         self.reset()
         lift = float(touching[2] - pressed[2])
         return scripted(motion, pressed, dt=self.dt, lift=max(lift, 0.0))

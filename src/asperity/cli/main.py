@@ -23,6 +23,7 @@ from asperity.cli.demo import Demo
 from asperity.cli.doctor import Doctor
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
+from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
 from asperity.errors import AsperityError
 
@@ -41,6 +42,7 @@ class Arguments:
         | Annotated[Study, tyro.conf.subcommand("study")]
         | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
+        | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"

@@ -73,26 +73,28 @@ class Engine:
     ) -> None:
         self.settings = settings or ForceSettings()
         self._collider = Collider(model, bodies, tool)
+        self.centre = self._collider.centre
+        """The tool's centre of mass in its own frame [m]."""
         self._textures, self._geometry = flattened(bodies)
         self._tool = [body.name for body in bodies].index(tool)
         most = max(len(body.geoms) for body in bodies)
         mesh = [body.mesh is not None for body in bodies]
-        # Bodies that the tool meets facet by facet: all of them, if it is a mesh itself.
-        self._by_facets = np.array(
+        self.by_facets = np.array(
             [i != self._tool and (mesh[i] or mesh[self._tool]) for i in range(len(bodies))],
             np.int64,
         )
-        if self._by_facets.any():
+        """Which bodies the tool meets facet by facet: all, if it is a mesh itself (bodies,)."""
+        if self.by_facets.any():
             _refuse_for_meshes(self.settings)
-        self._facets = _facet_side(bodies, self._textures, self._geometry, self._by_facets)
-        self._by_geoms = sum(self._by_facets) < len(bodies) - 1
+        self._facets = _facet_side(bodies, self._textures, self._geometry, self.by_facets)
+        self._by_geoms = sum(self.by_facets) < len(bodies) - 1
         charts, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
         if self._facets is not None:
             charts, pairs = max(charts, MAX_CHARTS), max(pairs, MAX_CHART_PAIRS)
         self._space = workspace(charts, pairs)
         self._number_by_geoms = self._collider.number.copy()
         for i, geom in enumerate(self._collider.number):
-            if geom >= 0 and self._by_facets[self._geometry.body[geom]]:
+            if geom >= 0 and self.by_facets[self._geometry.body[geom]]:
                 self._number_by_geoms[i] = -1
         self._memory: Memory = memory_for(MAX_PAIRS, MAX_PATCHES, most)
         most_patches = MAX_PATCHES if self._facets is None else MAX_PATCHES + FACET_PATCHES
@@ -134,7 +136,7 @@ class Engine:
         if self._by_geoms:
             tick(
                 self._textures, self._geometry, self._tool, self._collider.poses,
-                self._collider.centre, self._number_by_geoms, count, geoms, places, distances,
+                self.centre, self._number_by_geoms, count, geoms, places, distances,
                 margins, pose, dt, self._parameters, self._grid, self._baseline, self._memory,
                 self._space, self.contacts, self._wrench,
             )  # fmt: skip
@@ -143,8 +145,8 @@ class Engine:
             self.contacts.count[0] = 0
         if self._facets is not None:
             mesh_tick(
-                self._textures, self._facets.table, self._geometry, self._by_facets, self._tool,
-                self._collider.poses, self._collider.centre, self._collider.number, count, geoms,
+                self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,
+                self._collider.poses, self.centre, self._collider.number, count, geoms,
                 distances, pose, dt, self._parameters, self._facets.memory, self._facets.space,
                 self._space, self.contacts, self._wrench,
             )  # fmt: skip

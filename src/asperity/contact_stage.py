@@ -1,0 +1,178 @@
+"""The contact of a tool at a pose: what `Simulation` and the servo loop ask for in every tick.
+
+pose of the tool --> sub-poses where texture is faster than the tick --> contacts
+                 --> wrench, and how it changes with the pose
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
+from asperity.compiled import is_compiled
+from asperity.dynamics.linear_contact import LinearContact
+from asperity.dynamics.rigid import centre_of_mass
+from asperity.engine.engine import Engine
+from asperity.engine.stiffness import contact_stiffness
+from asperity.errors import require_between
+from asperity.poses import between, turn_between
+from asperity.scene import Scene
+
+SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
+FLAGS = {
+    SUB_POSES: "wrench from several poses within the tick",
+    BUDGET_SPENT: "more sub-poses wanted than allowed",
+    TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
+    NOT_CERTIFIED: "a depth was not certified within the node budget",
+    OVERFLOW: "a search or the list of contacts overflowed",
+}
+"""Bits of a tick's flags, and what they say."""
+
+
+@functools.cache
+def announce_compiling() -> None:
+    """Say, once, that the first force takes a while, if no machine code of it is kept yet."""
+    if not is_compiled("engine.tick", "tick"):
+        logging.getLogger(__name__).warning(
+            "compiling the contact engine, once after an installation: takes less than a minute"
+        )
+
+
+class ContactStage:
+    """Contacts of a scene's tool, one pose after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+    dt : float
+        Tick [s], 1e-5 to 0.1: how far apart in time the poses are.
+    """
+
+    def __init__(self, scene: Scene, *, dt: float = 1e-3) -> None:
+        announce_compiling()
+        self.scene = scene
+        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self.engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
+        """Asked directly it knows nothing of ticks: see `Engine.wrench`."""
+        self._window = Window(scene.anti_alias) if scene.anti_alias != "off" else None
+        self._wavelength = scene.shortest_wavelength
+        # Bristles remember: their wrench is asked for in the order of time.
+        self._halve = getattr(scene.force, "friction", 0.0) == 0.0
+        self._extent = max(float(scene.model.stat.extent), 1e-3)
+        self._room = np.empty(6)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the poses so far: contacts, friction, what was averaged."""
+        self.engine.reset()
+        if self._window is not None:
+            self._window.reset()
+        self._last: NDArray[np.float64] | None = None
+        self._last_wrench = np.zeros(6)
+        self._flags = 0
+
+    @property
+    def contacts(self) -> Any:
+        """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
+        return self.engine.contacts
+
+    @property
+    def contact_count(self) -> int:
+        """How many contacts there are at the last pose."""
+        return int(self.engine.contacts.count[0])
+
+    @property
+    def energy(self) -> float:
+        """U of Eq. 1: what the contacts of the last pose hold [J]."""
+        contacts, n = self.engine.contacts, self.contact_count
+        depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
+        return float(0.5 * self.scene.force.stiffness * depths)
+
+    def evaluate(self, pose: NDArray[np.float64]) -> LinearContact:
+        """Return the contact at the tool's next pose (7,), one tick after the last one.
+
+        With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
+        contacts at the pose itself.
+        """
+        last = pose if self._last is None else self._last
+        wrench = self._wrench(last, pose)
+        self._last = pose.copy()
+        self._flag_contacts()
+        return LinearContact(
+            self._last, wrench, self._stiffness(pose), self.contact_count, self._flags
+        )
+
+    def _stiffness(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how the wrench of the last contacts falls with the tool's motion, (6, 6)."""
+        contacts, out = self.engine.contacts, np.empty((6, 6))
+        force = self.scene.force
+        bristle = force.stiffness if force.bristle_stiffness is None else force.bristle_stiffness
+        contact_stiffness(
+            self.contact_count, contacts.body, contacts.point, contacts.slope_normal,
+            contacts.depth, contacts.weight, contacts.force,
+            centre_of_mass(pose, self.engine.centre), float(force.stiffness),
+            float(force.friction), float(bristle), self.engine.by_facets, self._room, out,
+        )  # fmt: skip
+        return out
+
+    def _wrench(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the wrench of this tick: at its pose, or averaged over the way there."""
+        self._flags = 0
+        waves = self._waves(last, pose)
+        if self._window is None:
+            if waves > 0.5:
+                self._flags |= TOO_FAST
+            return np.array(self.engine.wrench(pose, self.dt))
+        if self._last is None:
+            self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
+        count = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        piece = self.dt / min(count, BUDGET)
+
+        def evaluate(s: float) -> NDArray[np.float64]:
+            return np.array(self.engine.wrench(between(last, pose, s), piece))
+
+        nodes = sub_poses(
+            evaluate,
+            self._last_wrench,
+            count,
+            lever=self._extent,
+            leap=LEAP[self.scene.anti_alias],
+            halve=self._halve and waves > 0,
+        )
+        if nodes.s.size > 2:
+            self._flags |= SUB_POSES
+            if self._halve:
+                # The contacts to show are those of the last pose, not of the last halving.
+                self.engine.wrench(pose, 0.0)
+        if nodes.spent:
+            self._flags |= BUDGET_SPENT
+        self._last_wrench = nodes.wrench[-1]
+        return self._window.weigh(nodes)
+
+    def _waves(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+        """Return how many of the shortest waves the tool passes in this tick, at most."""
+        if self._last is None or math.isinf(self._wavelength):
+            return 0.0
+        contacts, lever = self.engine.contacts, 0.0
+        count = int(contacts.count[0])
+        turn = float(np.linalg.norm(turn_between(last, pose)))
+        if turn > 0.0 and count:
+            lever = float(np.linalg.norm(contacts.point[:count] - last[:3], axis=1).max())
+        motion = math.dist(last[:3].tolist(), pose[:3].tolist()) + turn * lever
+        return motion / self._wavelength
+
+    def _flag_contacts(self) -> None:
+        contacts = self.engine.contacts
+        count = int(contacts.count[0])
+        if count:
+            worst = int(contacts.status[:count].max())
+            if worst >= 1:
+                self._flags |= NOT_CERTIFIED
+            if worst >= 2:
+                self._flags |= OVERFLOW
