@@ -25,12 +25,18 @@ from asperity.poses import between, turn_between
 from asperity.scene import Scene
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
+FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
 FLAGS = {
     SUB_POSES: "wrench from several poses within the tick",
     BUDGET_SPENT: "more sub-poses wanted than allowed",
     TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
     NOT_CERTIFIED: "a depth was not certified within the node budget",
     OVERFLOW: "a search or the list of contacts overflowed",
+    FALLBACK: "an older contact, taken on to the present pose",
+    PASSIVITY: "wrench changed by the passivity controller",
+    LIMITED: "wrench held to the limits of force, torque or slew",
+    SILENT: "wrench not known or device silent, zero was sent",
+    LATE: "finished after its deadline",
 }
 """Bits of a tick's flags, and what they say."""
 
