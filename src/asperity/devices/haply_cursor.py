@@ -27,6 +27,11 @@ def stroking_hand(time: float) -> Point:
     return x + 0.02 * math.sin(phase), y, z - down
 
 
+def still_hand(_: float) -> Point:
+    """Return where a hand that keeps still wants to be."""
+    return HOME
+
+
 class Cursor:
     """Position and velocity of the end effector.
 

@@ -6,10 +6,12 @@ in either spelling; the forces of several clients add up; a command lasts only f
 a client that stops sending leaves the device idle and without force. How short that moment is in
 the real service is not documented; here it is `command_seconds`.
 
-What can go wrong can be made to: `silent`, `frozen`, `unplugged`, `delay`, `replies` (raw texts sent
-instead of frames), `refuse_clients`, and `disconnect()`.
+What can go wrong can be made to: `silent`, `frozen`, `unplugged`, `delay`, `replies` (raw texts
+sent instead of frames), `refuse_clients`, and `disconnect()`.
 
-    python -m asperity.devices.haply_fake      # prints its address, ends with its standard input
+    python -m asperity.devices.haply_fake [still]
+
+prints its address, serves, and ends when its standard input does.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from asperity.devices.haply_cursor import Cursor, Point, stroking_hand
+from asperity.devices.haply_cursor import Cursor, Point, still_hand, stroking_hand
 
 _NO_FORCE: Point = (0.0, 0.0, 0.0)
 _WAIT = 0.02
@@ -106,7 +108,9 @@ class FakeService:
         """Return the force that the device exerts now [N]: the sum of what still lasts."""
         now = self._clock()
         with self._lock:
-            lasting = [c.force for c in self._clients if now - c.commanded_at < self._command_seconds]
+            lasting = [
+                c.force for c in self._clients if now - c.commanded_at < self._command_seconds
+            ]
         return (
             sum(f[0] for f in lasting), sum(f[1] for f in lasting), sum(f[2] for f in lasting)
         )  # fmt: skip
@@ -277,10 +281,10 @@ class _Client:
         self._protocol.receive_data(data)
         for event in self._protocol.events_received():
             if not self.greeted:
-                self._protocol.send_response(self._protocol.accept(event))  # type: ignore[arg-type]
+                self._protocol.send_response(self._protocol.accept(event))
                 self.greeted = self._protocol.handshake_exc is None
-            elif event.opcode == 1:  # type: ignore[union-attr]
-                self.inbox.append(bytes(event.data))  # type: ignore[union-attr]
+            elif event.opcode == 1:
+                self.inbox.append(bytes(event.data))
         self.flush()
 
     def send(self, text: str | bytes) -> None:
@@ -308,7 +312,8 @@ def _xyz(values: Any) -> dict[str, float]:
 
 def main() -> None:
     """Serve until standard input ends; print the address first."""
-    with FakeService() as service:
+    still = "still" in sys.argv[1:]
+    with FakeService(still_hand if still else stroking_hand) as service:
         print(service.uri, flush=True)
         sys.stdin.read()
 

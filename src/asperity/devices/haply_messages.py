@@ -46,7 +46,8 @@ def force_message(
 
     `first` is what only the first message after connecting carries, from `first_part`.
     """
-    return (
+    # In JSON's own braces the old way of formatting is the legible one.
+    return (  # noqa: UP031
         '{%s"inverse3":[{"device_id":%s,"commands":{"set_cursor_force":{"%s":'
         '{"x":%.6g,"y":%.6g,"z":%.6g}}}}]}'
         % (first, json.dumps(device_id), spelling, force[0], force[1], force[2])
@@ -111,9 +112,7 @@ def _vector(told: dict[str, Any], largest: float) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _grip(
-    frame: dict[str, Any], grip: str
-) -> tuple[tuple[float, float, float, float] | None, int]:
+def _grip(frame: dict[str, Any], grip: str) -> tuple[tuple[float, float, float, float] | None, int]:
     """Return orientation and buttons of the first grip of the wanted kind."""
     if grip == "none":
         return None, 0

@@ -96,9 +96,15 @@ class HaplyServiceDevice:
         self._clock = clock
         self._link: Link | None = None
         self._rate = TurnRate()
-        self._forget()
         self._error = ""
-        self._sent = ZERO
+        self._sent: tuple[float, ...] = ZERO
+        self._device_id: str | None = None
+        self._greeting = self._first
+        self._state: State | None = None
+        self._measured_at = self._moved_at = -math.inf
+        self._asked_at = 0.0
+        self._unanswered = self._openings = 0
+        self._frozen = False
 
     def open(self) -> None:
         """Connect, and wait for the first frame that tells of the device."""
@@ -123,10 +129,10 @@ class HaplyServiceDevice:
                 self._take(state, self._clock())
                 return
             link.wait(0.02)
-        error = reason or link.error
+        reason = reason or link.error or "nothing was said"
         link.close()
         raise AsperityError(
-            f"no Inverse3 at {self._uri}: {error or 'nothing was said'}; start Haply Hub or the "
+            f"no Inverse3 at {self._uri}: {reason}; start Haply Hub or the "
             "Inverse service, and see 'asperity devices'"
         )
 
@@ -177,15 +183,9 @@ class HaplyServiceDevice:
 
     def _forget(self) -> None:
         """Forget all that belongs to one connection."""
-        self._device_id: str | None = None
-        self._greeting = self._first
-        self._state: State | None = None
-        self._measured_at = -float("inf")
-        self._moved_at = -float("inf")
-        self._unanswered = 0
-        self._asked_at = 0.0
-        self._openings = 0
-        self._frozen = False
+        self._device_id, self._greeting = None, self._first
+        self._sent, self._unanswered = ZERO, 0
+        self._moved_at, self._frozen = -math.inf, False
         self._rate.forget()
 
     def _collect(self, link: Link) -> bool:
@@ -194,10 +194,8 @@ class HaplyServiceDevice:
         texts = link.poll()
         now = self._clock()
         if link.openings != self._openings:
-            measured = self._measured_at
+            self._openings = link.openings
             self._forget()
-            self._measured_at, self._openings = measured, link.openings
-            self._sent = ZERO
         if was_open and not link.is_open:
             self._error = f"lost the service: {link.error}"
         self._watch_silence(link, now, bool(texts))

@@ -16,28 +16,19 @@ from __future__ import annotations
 from asperity.devices.protocol import Limits
 from asperity.errors import require_choice
 
-PRESETS: dict[str, Limits] = {
-    "touch": Limits(max_force=3.3, max_torque=0.0, max_stiffness=400.0, max_damping=4.0, radius=0.075),
-    "omni": Limits(max_force=3.3, max_torque=0.0, max_stiffness=700.0, max_damping=5.0, radius=0.1),
-    "premium-1.5-6dof": Limits(
-        max_force=8.5, max_torque=0.188, max_stiffness=800.0, max_damping=5.0,
-        max_rotational_stiffness=0.3, radius=0.12, torque_dof=3,
-    ),
-    "premium-3.0-6dof": Limits(
-        max_force=22.0, max_torque=0.188, max_stiffness=1000.0, max_damping=5.0,
-        max_rotational_stiffness=0.3, radius=0.25, torque_dof=3,
-    ),
-    "omega.6": Limits(max_force=12.0, max_torque=0.0, max_stiffness=5000.0, max_damping=30.0, radius=0.075),
-    "sigma.7": Limits(
-        max_force=12.0, max_torque=0.2, max_stiffness=4000.0, max_damping=30.0,
-        max_rotational_stiffness=1.0, radius=0.075, torque_dof=3,
-    ),
-    "lambda.7": Limits(
-        max_force=12.0, max_torque=0.2, max_stiffness=8000.0, max_damping=30.0,
-        max_rotational_stiffness=1.0, radius=0.1125, torque_dof=3,
-    ),
-    "inverse3": Limits(max_force=2.0, max_torque=0.0, max_stiffness=300.0, max_damping=2.0, radius=0.1),
+_ROWS = {
+    # largest force [N], torque [N m], stiffness [N/m], damping [N s/m],
+    # rotational stiffness [N m/rad]; radius of the workspace [m]
+    "touch":            (3.3, 0.0, 400.0, 4.0, 0.0, 0.075),
+    "omni":             (3.3, 0.0, 700.0, 5.0, 0.0, 0.1),
+    "premium-1.5-6dof": (8.5, 0.188, 800.0, 5.0, 0.3, 0.12),
+    "premium-3.0-6dof": (22.0, 0.188, 1000.0, 5.0, 0.3, 0.25),
+    "omega.6":          (12.0, 0.0, 5000.0, 30.0, 0.0, 0.075),
+    "sigma.7":          (12.0, 0.2, 4000.0, 30.0, 1.0, 0.075),
+    "lambda.7":         (12.0, 0.2, 8000.0, 30.0, 1.0, 0.1125),
+    "inverse3":         (2.0, 0.0, 300.0, 2.0, 0.0, 0.1),
 }  # fmt: skip
+PRESETS = {name: Limits(*row, torque_dof=3 if row[1] else 0) for name, row in _ROWS.items()}
 """Limits by name."""
 
 
