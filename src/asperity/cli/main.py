@@ -20,6 +20,7 @@ import tyro
 
 from asperity import __version__
 from asperity.cli.demo import Demo
+from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -41,6 +42,7 @@ class Arguments:
         | Annotated[Study, tyro.conf.subcommand("study")]
         | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
+        | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"
