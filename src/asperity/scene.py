@@ -42,6 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.anti_alias import MODES
+from asperity.dynamics.coupling import MODES as COUPLINGS
 from asperity.dynamics.coupling import CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.forces.settings import ForceSettings
@@ -233,6 +234,8 @@ def _force(table: Table) -> tuple[ForceSettings, str]:
 
 def _coupling(table: Table) -> CouplingSettings:
     options = arguments(table, "coupling", CouplingSettings)
+    mode = options.get("mode", "direct")
+    at("coupling.mode", lambda: require_choice("mode", mode, COUPLINGS))
     return at("coupling", lambda: CouplingSettings(**options))
 
 

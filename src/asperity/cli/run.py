@@ -67,6 +67,8 @@ class Run:
     """How deep to press instead [mm]."""
     anti_alias: str | None = None
     """off, tick, or band: what is done about texture faster than the tick."""
+    coupling: str | None = None
+    """direct, implicit, semi-implicit, static: how the tool hangs on the handle."""
     seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
     """Of textures that have one. Default: as the scene says."""
     out: Path = Path("out/run")
@@ -103,16 +105,21 @@ class Run:
 
     def _scene(self) -> Scene:
         from asperity.anti_alias import MODES
+        from asperity.dynamics.coupling import MODES as COUPLINGS
         from asperity.scenes import load_scene
 
         if self.anti_alias is not None:
             require_choice("--anti-alias", self.anti_alias, MODES)
+        if self.coupling is not None:
+            require_choice("--coupling", self.coupling, COUPLINGS)
         self._refuse_mixed()
         scene = self._of_files() if self.scene is None else load_scene(self.scene, seed=self.seed)
+        changes = {}
         if self.anti_alias is not None:
-            notes = scene.notes
-            scene = replace(scene.changed(force={"anti_alias": self.anti_alias}), notes=notes)
-        return scene
+            changes["force"] = {"anti_alias": self.anti_alias}
+        if self.coupling is not None:
+            changes["coupling"] = {"mode": self.coupling}
+        return replace(scene.changed(**changes), notes=scene.notes) if changes else scene
 
     def _refuse_mixed(self) -> None:
         """Refuse options that do not say one scene."""

@@ -7,6 +7,9 @@ One tick takes the contact of the last one, to first order, moves the tool, and 
 feels; then the contact is looked at where the tool has got to. So a hand is answered before the
 contact is searched, and if the search is late, the old contact still tells how the wrench goes on.
 
+A handle that leaps, farther from the tool than `REACH`, takes it along, and the hand feels nothing
+of the leap.
+
 In the `direct` mode tool and handle are one: the contact is looked at first, at the handle's pose,
 and the hand feels it as it is.
 """
@@ -32,6 +35,8 @@ from asperity.dynamics.tied import extrapolated, room
 from asperity.errors import require_between
 
 _STEPS = {"implicit": implicit_step, "semi-implicit": semi_implicit_step, "static": static_step}
+REACH = 0.1
+"""A handle farther from its tool than this [m] takes it along at once; asperity's."""
 
 
 class HeldTool:
@@ -71,7 +76,7 @@ class HeldTool:
         self.is_direct = settings.mode == "direct"
         """Whether tool and handle are one; then look at the contact before `advance`."""
         self.resets = 0
-        """How often the tool was put back on the handle because its motion was not finite."""
+        """How often the tool was put on the handle: it had leapt away, or was not finite."""
         self._step = _STEPS.get(settings.mode)
         self._room = room()
         self._momentum, self._velocity = np.zeros(6), np.zeros(6)
@@ -144,13 +149,9 @@ class HeldTool:
             handle_pose, handle_twist, contact.pose, contact.wrench, contact.stiffness,
             self._room, self._wrench,
         )  # fmt: skip
-        if not (well and self._is_finite()):
+        x, y, z = self._room.pull[0], self._room.pull[1], self._room.pull[2]
+        if not (well and x * x + y * y + z * z <= REACH * REACH):
             self.resets += 1
             self.reset(handle_pose)
             self._wrench[:] = 0.0
         return self._wrench
-
-    def _is_finite(self) -> bool:
-        # A sum of squares is finite only if all are.
-        total = self.pose @ self.pose + self._momentum @ self._momentum
-        return bool(np.isfinite(total + self._wrench @ self._wrench))

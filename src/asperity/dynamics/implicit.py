@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from asperity.compiled import inner_kernel, kernel
 from asperity.dynamics.rigid import about_axes, fill_rotation, move, solve
-from asperity.dynamics.tied import pull_to, push_at, would_pull
+from asperity.dynamics.tied import all_finite, pull_to, push_at, would_pull
 
 
 @kernel
@@ -49,7 +49,7 @@ def implicit_step(
     for i in range(6):
         room.values[i] = dt * velocity[i]
     move(pose, room.values, body.centre, room.vector)
-    return well
+    return well and all_finite(pose, momentum, wrench_out)
 
 
 @inner_kernel

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from asperity.compiled import inner_kernel, kernel
 from asperity.dynamics.rigid import about_axes, fill_rotation, move
-from asperity.dynamics.tied import pull_to, push_at
+from asperity.dynamics.tied import all_finite, pull_to, push_at
 
 
 @kernel
@@ -42,7 +42,7 @@ def semi_implicit_step(
     for i in range(6):
         room.values[i] = dt * velocity[i]
     move(pose, room.values, body.centre, room.vector)
-    return True
+    return all_finite(pose, momentum, wrench_out)
 
 
 @inner_kernel

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from asperity.compiled import kernel
 from asperity.dynamics.rigid import move, solve
-from asperity.dynamics.tied import pull_to, push_at, would_pull
+from asperity.dynamics.tied import all_finite, pull_to, push_at, would_pull
 
 
 @kernel
@@ -40,4 +40,4 @@ def static_step(
         momentum[i], velocity[i] = 0.0, step[i] / dt
         wrench_out[i] = spring * (step[i] - room.pull[i])
     move(pose, step, body.centre, room.vector)
-    return well
+    return well and all_finite(pose, momentum, wrench_out)

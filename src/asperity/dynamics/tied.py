@@ -109,6 +109,17 @@ def pull_to(pose, centre, handle_pose, handle_twist, room):
         drive[i] += drive[3 + one] * room.vector[two] - drive[3 + two] * room.vector[one]
 
 
+@inner_kernel
+def all_finite(pose, momentum, wrench):
+    """Return whether a tick has come out in numbers."""
+    total = 0.0
+    for i in range(7):
+        total += abs(pose[i])
+    for i in range(6):
+        total += abs(momentum[i]) + abs(wrench[i])
+    return total < 1e300
+
+
 @kernel
 def extrapolated(pose, centre, contact_pose, contact_wrench, contact_stiffness, room, out):
     """Fill the wrench (6,) of a contact where the tool is now."""
