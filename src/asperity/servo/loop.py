@@ -111,6 +111,10 @@ class ServoLoop:
         start : (7,) array, optional
             Where the hand's present pose is to be in the scene. Default: as the device says.
         """
+        # What there is now stays; the loop itself makes no cycles to be collected.
+        gc.collect()
+        gc.freeze()
+        gc.disable()
         clock, device = self._clock, self.device
         until = clock.now() + FIRST_READING
         while not device.read(clock.now()):
@@ -135,10 +139,6 @@ class ServoLoop:
 
         However it ends, the device is sent zero and is closed.
         """
-        # What there is now stays; the loop itself makes no cycles to be collected.
-        gc.collect()
-        gc.freeze()
-        gc.disable()
         try:
             while ticks is None or self.stats.ticks + self.stats.skipped < ticks:
                 self.pace.wait()
@@ -214,8 +214,9 @@ class ServoLoop:
         return self._have == self._tick
 
     def _ask(self, pose: NDArray[np.float64], now: float) -> None:
+        jumped = self._tick > self._asked + 1
         self._asked = self._tick
-        self.contacts.submit(pose, now)
+        self.contacts.submit(pose, now, jumped=jumped)
 
     def _taken(self) -> None:
         self._have = self._asked

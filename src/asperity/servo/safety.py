@@ -84,6 +84,8 @@ class SafetyCounts:
     silences: int = 0
     """Times that the device fell silent."""
     silent_ticks: int = 0
+    contact_lost_ticks: int = 0
+    """Ticks in which the contact was too old to be carried on."""
     errors: int = 0
     """Exceptions and errors of the device."""
     last_error: str = ""
@@ -187,16 +189,17 @@ class SafeDevice:
         """
         counts = self.counts
         fx, fy, fz, tx, ty, tz = wrench.tolist()
-        silent = not known or self.is_silent(now)
-        if silent:
-            counts.silent_ticks += 1
-            counts.silences += not self._was_silent
-            self._gain = 0.0
+        silent = self.is_silent(now)
+        counts.silences += silent and not self._was_silent
         self._was_silent = silent
+        counts.silent_ticks += silent
+        counts.contact_lost_ticks += not known
+        if silent or not known:
+            self._gain = 0.0
         finite = math.isfinite(fx + fy + fz + tx + ty + tz)
         if not finite:
             counts.not_finite += 1
-        if silent or not finite:
+        if silent or not known or not finite:
             self.flags |= SILENT
             self._send(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             return

@@ -14,7 +14,7 @@ LOWEST = 1e-7
 """Upper end of the first bin [s]."""
 _BINS = 27 * PER_OCTAVE
 """Up to 13 s."""
-QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
+QUANTILES = {"p50": 0.5, "p95": 0.95, "p99": 0.99, "p999": 0.999}
 LATENESS = tuple(2.0**k * 1e-6 for k in range(17))
 """Upper ends of the bins in which lateness is told [s]: 1 us to 66 ms, and beyond."""
 STAGES = ("read", "contact_wait", "tool", "passivity", "write", "publish", "tick")
