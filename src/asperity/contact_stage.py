@@ -95,6 +95,13 @@ class ContactStage:
         """How many contacts there are at the last pose."""
         return int(self.engine.contacts.count[0])
 
+    @property
+    def energy(self) -> float:
+        """U of Eq. 1: what the contacts of the last pose hold [J]."""
+        contacts, n = self.engine.contacts, self.contact_count
+        depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
+        return float(0.5 * self.scene.force.stiffness * depths)
+
     def evaluate(self, pose: NDArray[np.float64], *, jumped: bool = False) -> LinearContact:
         """Return the contact at the tool's next pose (7,), one tick after the last one.
 

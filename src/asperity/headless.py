@@ -13,6 +13,7 @@ import numpy as np
 
 from asperity import __version__
 from asperity.anti_alias import SPAN
+from asperity.dynamics.passivity import PassivityController
 from asperity.picture.contact import Moment, Picture, close_picture, whole_picture
 from asperity.recording import RecordingWriter
 from asperity.scene import Scene
@@ -47,6 +48,7 @@ def run_scene(
     *,
     motion: ScriptedMotion | Trajectory | None = None,
     dt: float = 1e-3,
+    hand: bool = False,
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
     """Move the tool along a trajectory; write the recording while it moves.
@@ -60,6 +62,9 @@ def run_scene(
         Default: the scene's own.
     dt : float
         Tick [s].
+    hand : bool
+        Whether a simulated hand holds the handle and yields to what it feels, aiming along the
+        trajectory and pressing as it says; kept passive by a controller.
     on_tick : callable
         Called after each tick with its number and what there is so far.
     """
@@ -70,9 +75,12 @@ def run_scene(
     largest, written = -1.0, 0
     attributes = {
         "scene": scene.name, "trajectory": trajectory.name, "dt": simulation.dt,
-        "anti_alias": scene.anti_alias, "version": __version__, "document": json.dumps(
+        "anti_alias": scene.anti_alias, "coupling": scene.coupling.mode,
+        "hand": "simulated" if hand else "none", "version": __version__, "document": json.dumps(
             scene.document), "notes": "\n".join(scene.notes),
     }  # fmt: skip
+    held = simulation.hand(motion) if hand else None
+    controller = PassivityController(simulation.dt) if hand else None
     with RecordingWriter(recording, attributes) as writer:
 
         def keep(i: int, rollout: Rollout) -> None:
@@ -86,9 +94,39 @@ def run_scene(
                 written = i + 1
             on_tick(i, rollout)
 
-        rollout = simulation.rollout(trajectory, on_tick=keep)
+        rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
         writer.add_rows(_rows(rollout, written, len(rollout.time)))
-    return Run(rollout, best, summary_of(scene, _told(motion), rollout))
+    summary = summary_of(scene, _told(motion), rollout) | {
+        "coupling": _coupling(simulation),
+        "hand": None if controller is None else _energy(controller, rollout),
+    }
+    return Run(rollout, best, summary)
+
+
+def _coupling(simulation: Simulation) -> dict[str, Any]:
+    """Return how the tool hung on the handle."""
+    mode, gains = simulation.scene.coupling.mode, simulation.tool.gains
+    if mode == "direct":
+        return {"mode": mode}
+    return {
+        "mode": mode,
+        "stiffness_n_m": gains.stiffness,
+        "damping_n_s_m": 0.0 if mode == "static" else gains.damping,
+        "rotational_stiffness_n_m_rad": gains.rotational_stiffness,
+        "tool_mass_kg": 0.0 if mode == "static" else simulation.tool.body.mass,
+        "tool_put_back": simulation.tool.resets,
+    }
+
+
+def _energy(controller: PassivityController, rollout: Rollout) -> dict[str, Any]:
+    """Return what a simulated hand felt and how the account of its energy stood."""
+    return {
+        "mean_force_n": rollout.device_wrench[:, :3].mean(axis=0).tolist(),
+        "energy_j": controller.energy,
+        "gained_j": controller.gained,
+        "interventions": controller.interventions,
+        "dissipated_j": controller.dissipated,
+    }
 
 
 def _across(simulation: Simulation) -> float:

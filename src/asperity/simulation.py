@@ -28,6 +28,8 @@ from asperity.contact_stage import (
 )
 from asperity.dynamics.coupling import DeviceLimits, held_body
 from asperity.dynamics.held_tool import HeldTool
+from asperity.dynamics.passivity import PassivityController
+from asperity.dynamics.simulated_hand import HandSettings, SimulatedHand
 from asperity.errors import require_finite
 from asperity.poses import require_pose, twist
 from asperity.press import pressed_pose, touching_pose
@@ -111,6 +113,7 @@ class Simulation:
         """Forget all motion: contacts, friction, what was averaged, and the time."""
         self.stage.reset()
         self._last: NDArray[np.float64] | None = None
+        self._port = np.zeros(6)
         self._state = State(-self.dt, self.scene.start.copy(), np.zeros(6))
         self.flags = 0
         """What there is to say of the last tick: bits of `FLAGS`."""
@@ -164,6 +167,7 @@ class Simulation:
         self._contact, self.contact_wrench = contact, contact.wrench
         self.flags = contact.flags
         self._state = State(self._state.time + self.dt, contact.pose, self.tool.twist)
+        self._port = self.tool.port_twist(pose if self._last is None else self._last, pose)
         self._last = pose
         return wrench
 
@@ -173,10 +177,17 @@ class Simulation:
             return np.array(require_finite("handle twist", given, 6))
         return twist(pose if self._last is None else self._last, pose, self.dt)
 
+    @property
+    def port_twist(self) -> NDArray[np.float64]:
+        """The handle's mean velocity over the last tick where the hand's wrench acts (6,)."""
+        return self._port
+
     def rollout(
         self,
         trajectory: Trajectory | ScriptedMotion | None = None,
         *,
+        hand: SimulatedHand | None = None,
+        controller: PassivityController | None = None,
         on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
     ) -> Rollout:
         """Follow a trajectory from its beginning; return what happened, tick by tick.
@@ -185,6 +196,11 @@ class Simulation:
         ----------
         trajectory : Trajectory or ScriptedMotion, optional
             Default: the scene's own. Between its poses the handle moves evenly.
+        hand : SimulatedHand, optional
+            Holds the handle, and yields to what it feels; see `hand`. The trajectory then says
+            only how long. By default the handle is where the trajectory says.
+        controller : PassivityController, optional
+            Keeps the account of the hand's energy, and corrects what the hand feels.
         on_tick : callable
             Called after each tick with its number, and with what there is so far.
         """
@@ -192,6 +208,8 @@ class Simulation:
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
         n = len(poses)
         self.reset()
+        if hand is not None:
+            hand.reset()
         out = Rollout(
             time=np.asarray(np.arange(n) * self.dt, dtype=np.float64),
             handle_pose=poses,
@@ -204,9 +222,17 @@ class Simulation:
             statuses=np.zeros(3, np.int64),
         )
         for i in range(n):
+            if hand is not None:
+                poses[i] = hand.pose
             start = time.perf_counter()
             wrench = self.step(poses[i])
+            if controller is not None:
+                if i == 0:
+                    controller.reset(self.stage.energy)
+                wrench = controller.correct(wrench, self.port_twist)
             out.tick_seconds[i] = time.perf_counter() - start
+            if hand is not None:
+                hand.advance(wrench)
             out.tool_pose[i] = self._state.pose
             out.contact_wrench[i] = self.contact_wrench
             out.device_wrench[i] = wrench
@@ -216,6 +242,36 @@ class Simulation:
                 out.statuses[:] += np.bincount(self.contacts.status[:count], minlength=3)[:3]
             on_tick(i, out)
         return out
+
+    def hand(
+        self,
+        motion: Trajectory | ScriptedMotion | None = None,
+        settings: HandSettings | None = None,
+        *,
+        damping: float = 0.0,
+    ) -> SimulatedHand:
+        """Return a simulated hand that aims along a trajectory, by default the scene's.
+
+        Without settings it presses with the motion's `press_force`; a motion that comes down
+        from above finds that force, one that begins on the surface begins with it.
+        `damping` is the device's own [N s/m].
+        """
+        motion = self.scene.motion if motion is None else motion
+        if settings is None:
+            settings = HandSettings()
+            if isinstance(motion, ScriptedMotion) and motion.press_depth is None:
+                settings = HandSettings(
+                    press_force=motion.press_force, preload=motion.kind != "press-and-slide"
+                )
+        path = self.trajectory(motion)
+        poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
+
+        def target(seconds: float) -> NDArray[np.float64]:
+            return np.asarray(poses[min(round(seconds / self.dt), len(poses) - 1)])
+
+        return SimulatedHand(
+            target, settings, dt=self.dt, centre=self.tool.body.centre, damping=damping
+        )
 
     def trajectory(self, motion: Trajectory | ScriptedMotion | None = None) -> Trajectory:
         """Return the poses of a motion in this scene, pressed as it says."""

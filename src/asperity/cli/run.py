@@ -69,6 +69,8 @@ class Run:
     """off, tick, or band: what is done about texture faster than the tick."""
     coupling: str | None = None
     """direct, implicit, semi-implicit, static: how the tool hangs on the handle."""
+    hand: bool = False
+    """A simulated hand holds the tool: it aims along the trajectory, presses, and yields."""
     seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
     """Of textures that have one. Default: as the scene says."""
     out: Path = Path("out/run")
@@ -97,7 +99,9 @@ class Run:
                     told = f"{scene.name}  {force:6.3f} N"
                     bars.update(task, completed=i + 1, total=len(rollout.time), description=told)
 
-            done = run_scene(scene, folder / "recording.h5", motion=motion, on_tick=show)
+            done = run_scene(
+                scene, folder / "recording.h5", motion=motion, hand=self.hand, on_tick=show
+            )
             bars.update(task, description="figures")
             write_summary(done, folder / "summary.json")
             write_figures(done, take_pictures(done, scene), folder)
@@ -209,11 +213,18 @@ class Run:
             if aliasing["ticks_too_fast_and_off"]
             else ""
         )
+        hand = summary["hand"]
+        held = (
+            f"; hand: {hand['energy_j'] * 1e3:.3g} mJ in, {hand['gained_j'] * 1e3:.3g} mJ gained, "
+            f"{hand['interventions']} corrections"
+            if hand
+            else ""
+        )
         print(
             f"{self.out}: {summary['ticks']} ticks, median {us['median']:.0f} us, "
             f"p99 {us['p99']:.0f} us; at most {summary['largest_force_n']:.3g} N and "
             f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m; {status['certified']} of {contacts} "
-            f"depths certified{active}"
+            f"depths certified{active}{held}"
         )
         for note in summary["notes"]:
             print(f"  {note}")

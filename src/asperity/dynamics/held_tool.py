@@ -31,7 +31,7 @@ from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.rigid import RigidBody, centre_of_mass
 from asperity.dynamics.semi_implicit import semi_implicit_step
 from asperity.dynamics.static_coupling import static_step
-from asperity.dynamics.tied import extrapolated, room
+from asperity.dynamics.tied import extrapolated, fill_port_twist, room
 from asperity.errors import require_between
 
 _STEPS = {"implicit": implicit_step, "semi-implicit": semi_implicit_step, "static": static_step}
@@ -80,7 +80,7 @@ class HeldTool:
         self._step = _STEPS.get(settings.mode)
         self._room = room()
         self._momentum, self._velocity = np.zeros(6), np.zeros(6)
-        self._wrench = np.zeros(6)
+        self._wrench, self._twist = np.zeros(6), np.zeros(6)
         self.pose: NDArray[np.float64] = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         """Of the tool's frame (7,); changed in place."""
         self._compile()
@@ -93,6 +93,7 @@ class HeldTool:
             self.pose, self.body.centre, still.pose, still.wrench, still.stiffness, self._room,
             self._wrench,
         )  # fmt: skip
+        self.port_twist(self.pose, self.pose)
         self.reset(self.pose.copy())
 
     def reset(self, pose: NDArray[np.float64]) -> None:
@@ -109,6 +110,20 @@ class HeldTool:
             reach = centre_of_mass(self.pose, self.body.centre) - self.pose[:3]
             out[:3] -= np.cross(out[3:], reach)
         return out
+
+    def port_twist(
+        self, last_handle: NDArray[np.float64], handle: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the handle's mean velocity (6,) over a tick where the hand's wrench acts.
+
+        That is what the wrench does work on: way over time of the point that the wrench is
+        about, as if the handle reached as far, and turn over time.
+        """
+        fill_port_twist(
+            last_handle, handle, self.pose, self.body.centre, self.dt, self._room.vector,
+            self._twist,
+        )  # fmt: skip
+        return self._twist
 
     def advance(
         self,

@@ -126,3 +126,20 @@ def extrapolated(pose, centre, contact_pose, contact_wrench, contact_stiffness, 
     push_at(pose, centre, contact_pose, contact_wrench, contact_stiffness, room)
     for i in range(6):
         out[i] = room.push[i]
+
+
+@kernel
+def fill_port_twist(last_handle, handle, pose, centre, dt, vector, out):
+    """Fill the mean velocity (6,) of the handle at the centre of mass of a tool at `pose`."""
+    way(last_handle, handle, centre, vector, out)
+    # From the handle's idea of that centre to where the tool has it.
+    lever(handle, centre, vector)
+    x, y, z = handle[0] + vector[0], handle[1] + vector[1], handle[2] + vector[2]
+    lever(pose, centre, vector)
+    x, y, z = pose[0] + vector[0] - x, pose[1] + vector[1] - y, pose[2] + vector[2] - z
+    a, b, c = out[3], out[4], out[5]
+    out[0] += b * z - c * y
+    out[1] += c * x - a * z
+    out[2] += a * y - b * x
+    for i in range(6):
+        out[i] /= dt

@@ -1,0 +1,230 @@
+r"""A hand that nobody has: mass, spring and damper in six directions round a moving target.
+
+Otaduy & Lin's Eq. 7 along each axis, where l is how far the handle is ahead of its target:
+
+    m l'' = -k l - b l' + F,    J theta'' = -k_r theta - b_r theta' + tau,
+
+with F and tau the wrench that the hand feels. It is linear while a wrench is held, so a tick of it
+is solved exactly; only the wrench is sampled, as it is for a person. Its mass is where the tool has
+its centre of mass.
+
+*Pressing.* A person who is asked for a force watches it and presses more or less, slowly. So the
+target is moved along the normal by an offset p,
+
+    p' = (F_wanted - F_n) / (k t_press),
+
+while there is contact, F_n the force on the hand along the normal. It begins at `F_wanted / k`,
+which is where it rests.
+
+Mass, stiffness and damping are `Hand`'s; those of rotation, and t_press, are asperity's: no source
+gives them together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.hand import Hand
+from asperity.dynamics.rigid import centre_of_mass
+from asperity.errors import (
+    AsperityError,
+    require_between,
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+from asperity.poses import turn_between, turned
+
+MOST_OFFSET = 0.02
+"""How far a hand presses beyond its target, at most [m]."""
+
+
+@dataclass(frozen=True)
+class HandSettings:
+    """How a simulated hand holds and presses. All defaults are asperity's.
+
+    Parameters
+    ----------
+    hand : Hand
+        Of Eq. 7, along every axis.
+    along_normal : Hand, optional
+        Another one along the normal: light and soft, it presses with a constant force, as the
+        paper's studies assume. By default the same.
+    moment : float
+        Moment of inertia about every axis [kg m^2].
+    rotational_stiffness, rotational_damping : float
+        [N m/rad], [N m s/rad].
+    press_force : float, optional
+        Regulated normal force [N]; by default none is regulated.
+    press_time : float
+        Time constant of the regulation [s].
+    preload : bool
+        Whether it begins as if it had been pressing for long.
+    normal : (3,)
+        Direction that the force on the hand is counted along; need not be of unit length.
+    """
+
+    hand: Hand = field(default_factory=Hand)
+    along_normal: Hand | None = None
+    moment: float = 1e-4
+    rotational_stiffness: float = 2.0
+    rotational_damping: float = 0.02
+    press_force: float | None = None
+    press_time: float = 0.25
+    preload: bool = True
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name in ("moment", "rotational_stiffness", "press_time"):
+            require_positive(name, getattr(self, name))
+        require_not_negative("rotational_damping", self.rotational_damping)
+        if self.press_force is not None:
+            require_not_negative("press_force", self.press_force, "[N]")
+        if not math.hypot(*require_finite("normal", self.normal, 3)) > 0.0:
+            raise AsperityError(f"normal must not be zero, got {self.normal!r}")
+
+
+class SimulatedHand:
+    """A simulated hand in motion.
+
+    Parameters
+    ----------
+    target : callable
+        Pose (7,) of the handle that the hand aims at, at a time [s] from 0.
+    settings : HandSettings
+    dt : float
+        Tick [s], 1e-5 to 0.1, over which a wrench is held.
+    centre : (3,) array
+        Of the mass, in the handle's frame [m]; wrenches are about it.
+    damping : float
+        The device's own, added to the hand's [N s/m].
+
+    Examples
+    --------
+    >>> hand = SimulatedHand(lambda t: start)
+    >>> hand.advance(simulation.step(hand.pose))
+    """
+
+    def __init__(
+        self,
+        target: Callable[[float], NDArray[np.float64]],
+        settings: HandSettings | None = None,
+        *,
+        dt: float = 1e-3,
+        centre: NDArray[np.float64] | None = None,
+        damping: float = 0.0,
+    ) -> None:
+        self.settings = settings or HandSettings()
+        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self.centre = np.zeros(3) if centre is None else np.array(centre, dtype=np.float64)
+        self._target = target
+        hand = self.settings.hand
+        across = self.settings.along_normal or hand
+        normal = np.array(self.settings.normal, dtype=np.float64)
+        self._normal = normal / np.linalg.norm(normal)
+        self._along = _tick(hand.mass, hand.damping + damping, hand.stiffness, self.dt)
+        self._pressing = _tick(across.mass, across.damping + damping, across.stiffness, self.dt)
+        self._turning = _tick(
+            self.settings.moment, self.settings.rotational_damping,
+            self.settings.rotational_stiffness, self.dt,
+        )  # fmt: skip
+        self._soft = across.stiffness
+        self._damping = hand.damping + damping
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin at the target, at rest relative to it, and at time 0."""
+        self.time = 0.0
+        """[s]"""
+        self.offset = 0.0
+        """How far the hand presses beyond its target, against the normal [m]."""
+        if self.settings.press_force is not None and self.settings.preload:
+            self.offset = self.settings.press_force / self._soft
+        self._aim = np.array(self._target(0.0), dtype=np.float64)
+        following = np.array(self._target(self.dt), dtype=np.float64)
+        self.pose = self._aim.copy()
+        """Of the handle (7,)."""
+        self._velocity = np.zeros(6)
+        self._velocity[:3] = (self._centre_of(following) - self._centre_of(self._aim)) / self.dt
+        self._velocity[3:] = turn_between(self._aim, following) / self.dt
+        self.acceleration = np.zeros(3)
+        """Of the centre of mass, at the beginning of the last tick, just after it [m/s^2]."""
+
+    @property
+    def twist(self) -> NDArray[np.float64]:
+        """Velocity (6,): linear, of the frame's origin [m/s]; angular [rad/s]; world axes."""
+        out = self._velocity.copy()
+        out[:3] -= np.cross(out[3:], self._centre_of(self.pose) - self.pose[:3])
+        return out
+
+    def advance(self, wrench: NDArray[np.float64]) -> None:
+        """Feel a wrench (6,), about the centre of mass, for a tick [N, N m]."""
+        n = self._normal
+        force = np.asarray(wrench[:3], dtype=np.float64)
+        self._press(float(force @ n))
+        self.time += self.dt
+        last, aim = self._aim, np.array(self._target(self.time), dtype=np.float64)
+        at, there = self._centre_of(self.pose), self._centre_of(aim)
+        before = self._centre_of(last)
+        drive = np.empty(6)
+        drive[:3] = (there - before) / self.dt
+        drive[3:] = turn_between(last, aim) / self.dt
+        # Seen from the target, which is pressed in.
+        lag, slip = at - before, self._velocity[:3] - drive[:3]
+        deep = float(lag @ n) + self.offset
+        rise = float(slip @ n)
+        self._accelerate(force, lag, slip)
+        side, flank, push = lag - (lag @ n) * n, slip - rise * n, force - (force @ n) * n
+        side, flank = _moved(self._along, side, flank, push)
+        deep, rise = _moved(self._pressing, deep, rise, float(force @ n))
+        turn = turn_between(last, self.pose)
+        turn, spin = _moved(self._turning, turn, self._velocity[3:] - drive[3:], wrench[3:])
+        self.pose = turned(aim, turn)
+        self._velocity[:3] = drive[:3] + flank + rise * n
+        self._velocity[3:] = drive[3:] + spin
+        moved = there + side + (deep - self.offset) * n
+        self.pose[:3] += moved - self._centre_of(self.pose)
+        self._aim = aim
+
+    def _accelerate(
+        self, force: NDArray[np.float64], lag: NDArray[np.float64], slip: NDArray[np.float64]
+    ) -> None:
+        hand = self.settings.hand
+        self.acceleration = (force - hand.stiffness * lag - self._damping * slip) / hand.mass
+
+    def _press(self, felt: float) -> None:
+        """Regulate the pressing force."""
+        wanted = self.settings.press_force
+        if wanted is None or felt <= 0.0:
+            return
+        self.offset += (wanted - felt) / self._soft * (self.dt / self.settings.press_time)
+        most = MOST_OFFSET + wanted / self._soft
+        self.offset = min(max(self.offset, 0.0), most)
+
+    def _centre_of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        return centre_of_mass(pose, self.centre)
+
+
+Tick = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def _tick(mass: float, damping: float, stiffness: float, dt: float) -> Tick:
+    """Return how place and velocity follow from place, velocity and force a tick before."""
+    from scipy.linalg import expm  # slow to import
+
+    rates = np.zeros((3, 3))
+    rates[0, 1] = 1.0
+    rates[1] = -stiffness / mass, -damping / mass, 1.0 / mass
+    place, velocity, _ = expm(rates * dt).tolist()
+    return tuple(place), tuple(velocity)
+
+
+def _moved(tick: Tick, place, velocity, force):  # type: ignore[no-untyped-def]
+    """Return place and velocity a tick later: numbers or vectors."""
+    (a, b, c), (d, e, f) = tick
+    return a * place + b * velocity + c * force, d * place + e * velocity + f * force
