@@ -5,10 +5,11 @@ The service answers each message with one frame of state and says nothing unaske
 only hands over and takes. So there is never more than one force under way, however slow the service
 is, and the pose of a tick is the answer to the force of the tick before.
 
-Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and is
-still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which on two cores now
-and then takes the servo's place for a slice of the scheduler's: the servo's read and write then took
-3 ms (p99.9) against 0.07 ms here, and 1.0 % of ticks were late against 0.1 %.
+Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
+is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
+takes the servo's place for a slice of the scheduler's. Over five runs on two busy cores, the
+servo's read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and
+late ticks became more by up to 17 percentage points against up to 1.8.
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
@@ -53,7 +54,7 @@ _SILENCE = 0.25
 _LOOK = 0.002
 """How often it is looked meanwhile whether zero is wanted [s]."""
 _FROZEN_TRAVEL = 2e-3
-_OPENING, _REOPENING = 3.0, 0.5
+_OPENING, _REOPENING = 1.0, 0.5
 
 
 class HaplyServiceDevice:
