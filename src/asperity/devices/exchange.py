@@ -29,6 +29,10 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.05, 2.0
 """After a failure [s]: at first, doubled each time up to the longest."""
 
 
+class UnusableError(Exception):
+    """An answer that cannot be used, from a device that answers: asked again without a pause."""
+
+
 class Answer(NamedTuple):
     """What a device answered, in asperity's axes."""
 
@@ -93,6 +97,11 @@ class Exchange:
         new, self._taken = number != self._taken, number
         return new
 
+    def wanted(self) -> tuple[float, ...]:
+        """Return the wrench that is to be sent now: zero if none was handed over for `HOLD`."""
+        handed_at, wrench = self._wrench
+        return ZERO if self._ending.is_set() or self._clock() - handed_at > HOLD else wrench
+
     def stop(self) -> None:
         """Send zero once more and end. Waits for the question under way, at most 2 s."""
         self._wrench = (-float("inf"), ZERO)
@@ -103,10 +112,7 @@ class Exchange:
 
     def step(self) -> None:
         """Ask once, and put down the answer."""
-        handed_at, wrench = self._wrench
-        if self._clock() - handed_at > HOLD:
-            wrench = ZERO
-        told = self._ask(wrench)
+        told = self._ask(self.wanted())
         number = 1 if self._answer is None else self._answer[1] + 1
         self._answer = (self._clock(), number, told)
 
@@ -121,6 +127,8 @@ class Exchange:
                 self._wake.clear()
                 self.step()
                 failed, pause = False, FIRST_PAUSE
+            except UnusableError as error:
+                failed, self._error = False, str(error)
             except Exception as error:  # the thread has to outlive whatever a vendor's call raises
                 failed = True
                 self._error = " ".join(str(error).split()) or type(error).__name__

@@ -1,11 +1,10 @@
-"""A WebSocket client that never waits.
+"""A WebSocket client whose every step can be waited for, or not.
 
-The servo's tick has a millisecond for everything. A client that blocks, and a thread that reads
-for it, both cost it dearly: Python runs one thread at a time and hands over at its own pace, so a
-second thread makes ticks late even when it has little to do (`benchmarks/bench_devices.py`
-measures both). The idea here: one non-blocking socket, and the protocol of the `websockets`
-package without its input and output. `poll` moves whatever there is to move and returns at once:
-connecting, the handshake, and connecting anew after a loss are steps of that same call.
+A thread that exchanges forces with a service has to notice at once what else is asked of it: to
+send zero, to end. So this is one non-blocking socket with the protocol of the `websockets` package
+and without the package's own input and output: `poll` moves whatever there is to move and returns,
+`wait` sleeps until there is something. Connecting, the handshake, and connecting anew after a loss
+are steps of that same `poll`.
 
     closed --(time to try)--> connecting --> handshake --> open --(loss)--> closed
 """
@@ -16,13 +15,14 @@ import contextlib
 import errno
 import select
 import socket
+import time
 from collections.abc import Callable
 from typing import Any
 
 from asperity.errors import AsperityError
 
-FIRST_PAUSE, LONGEST_PAUSE = 0.05, 2.0
-"""Between attempts to connect [s]: the first, doubled each time up to the longest."""
+RETRY = 0.05
+"""Between attempts to connect [s]."""
 PATIENCE = 2.0
 """How long one attempt may take [s]."""
 _MOST_WAITING = 64 * 1024
@@ -93,7 +93,7 @@ class Link:
             if not self.is_open and self._clock() > self._give_up_at:
                 self._lose("it does not answer as a WebSocket")
             return texts
-        except Exception as error:  # a loop at 1 kHz must not end because of a socket
+        except Exception as error:  # whatever a socket or a peer does
             self._lose(_told(error))
             return _NOTHING
 
@@ -110,9 +110,9 @@ class Link:
         return True
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something can be moved or the time is over. For opening and closing only."""
+        """Sleep until something can be moved or the time is over."""
         if self._socket is None:
-            select.select([], [], [], min(seconds, max(0.0, self._retry_at - self._clock())))
+            time.sleep(min(seconds, max(0.0, self._retry_at - self._clock())))
         else:
             writing = [self._socket] if not self._connected or self._outgoing else []
             select.select([self._socket], writing, [], seconds)
@@ -223,8 +223,7 @@ class Link:
         self._parts.clear()
         self.error = reason
         # Each of the host's addresses is tried before there is a pause.
-        rounds, rest = divmod(self._attempt, len(self._addresses))
-        pause = 0.0 if rest else min(LONGEST_PAUSE, FIRST_PAUSE * 2.0 ** min(rounds, 10))
+        pause = 0.0 if self._attempt % len(self._addresses) else RETRY
         self._retry_at = self._clock() + pause
 
 

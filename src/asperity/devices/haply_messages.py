@@ -46,12 +46,11 @@ def force_message(
 
     `first` is what only the first message after connecting carries, from `first_part`.
     """
-    # In JSON's own braces the old way of formatting is the legible one.
-    return (  # noqa: UP031
-        '{%s"inverse3":[{"device_id":%s,"commands":{"set_cursor_force":{"%s":'
-        '{"x":%.6g,"y":%.6g,"z":%.6g}}}}]}'
-        % (first, json.dumps(device_id), spelling, force[0], force[1], force[2])
-    ).encode()
+    x, y, z = force[:3]
+    told = f'{{"x":{x:.6g},"y":{y:.6g},"z":{z:.6g}}}'
+    command = f'{{"set_cursor_force":{{"{spelling}":{told}}}}}'
+    entry = f'{{"device_id":{json.dumps(device_id)},"commands":{command}}}'
+    return f'{{{first}"inverse3":[{entry}]}}'.encode()
 
 
 def first_part(profile: str, spelling: str) -> str:

@@ -12,9 +12,10 @@ it is held, the tool stays, the hand moves freely and feels nothing.
 **Forces and power.** A force of the scene becomes `force_scale * R^T f` at the device. With `scale`
 s and `force_scale` c the hand then feels a stiffness of `c s k`, and the power that it exchanges
 with the device is `c / s` times that which the handle exchanges with the scene. Scaling therefore
-does not change the sign of an energy: what is passive stays so. But for motions that move and turn at once,
-that holds only if torques are scaled so that their power has the same ratio. Angles are not scaled,
-so torques are by `c / s`; this is the default of `torque_scale`, and any other is the user's risk.
+does not change the sign of an energy: what is passive stays so. For motions that move and turn at
+once, that holds only if torques are scaled so that their power has the same ratio. Angles are not
+scaled, so torques are by `c / s`; this is the default of `torque_scale`, and any other is the
+user's risk.
 
 What the device cannot push is left out (`Limits.force_dof`, `torque_dof`: the first so many axes of
 the device), which is a loss of feeling, and can be one of passivity: a tool that is turned by a
