@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from numpy.typing import NDArray
 from asperity.contact_stage import FALLBACK, LATE, PASSIVITY
 from asperity.devices.mapping import Mapping
 from asperity.dynamics.held_tool import HeldTool
+from asperity.dynamics.passivity import PassivityController
 from asperity.dynamics.rigid import centre_of_mass
 from asperity.errors import AsperityError, require_between
 from asperity.servo.contact_worker import Contacts
@@ -46,15 +46,6 @@ FIRST_READING = 3.0
 """How long a device may take to its first reading [s]; ours."""
 
 
-class Corrector(Protocol):
-    """What the loop asks of a passivity controller."""
-
-    def correct(
-        self, wrench: NDArray[np.float64], twist: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the wrench (6,) that may be felt by a hand that moves with a twist (6,)."""
-
-
 class ServoLoop:
     """One loop: a device, a tool, and what computes its contacts.
 
@@ -65,7 +56,8 @@ class ServoLoop:
     mapping : Mapping
     tool : HeldTool
     contacts : Contacts
-    passivity : Corrector, optional
+    passivity : PassivityController
+        Told not to be `active`, it only keeps the account.
     dt : float
         Tick [s].
     clock : Clock
@@ -80,7 +72,7 @@ class ServoLoop:
         mapping: Mapping,
         tool: HeldTool,
         contacts: Contacts,
-        passivity: Corrector | None,
+        passivity: PassivityController,
         *,
         dt: float,
         clock: Clock,
@@ -96,7 +88,8 @@ class ServoLoop:
         self._guard = require_between("guard", guard, 0.05, 0.9)
         self._publisher = publisher or Publisher()
         self._row = Row()
-        self._felt = np.zeros(6)
+        self._felt, self._sent, self._handle = np.zeros(6), np.zeros(6), np.zeros(7)
+        self._corrected = False
         self._to_scene = _back(mapping)
         self._time = -dt
         self._tick = 0
@@ -128,6 +121,7 @@ class ServoLoop:
             self.mapping.begin_at(device.reading, start)
         pose, _ = self.mapping.to_scene(device.reading)
         self.tool.reset(pose)
+        self._handle[:] = pose
         self.contacts.submit(self.tool.pose, clock.now())
         if not self.contacts.wait(FIRST_READING):
             raise AsperityError(f"no contact was computed within {FIRST_READING:g} s")
@@ -171,19 +165,17 @@ class ServoLoop:
         waited = now()
         wrench = tool.advance(pose, twist, contact.linear)
         reach = centre_of_mass(tool.pose, tool.body.centre) - pose[:3]
-        felt = self._felt
-        felt[:] = wrench
-        felt[3:] += _cross(reach, wrench)
         moved = now()
-        flags = contact.linear.flags | (FALLBACK if fallback else 0)
-        if self.passivity is not None:
-            flags |= self._made_passive(twist)
+        felt = self._made_passive(wrench, pose)
+        felt[3:] += _cross(reach, felt)
         passive = now()
         device.write(self.mapping.to_device(felt), begun, known=known)
+        self._account(reach)
         written = now()
+        flags = contact.linear.flags | device.flags | (FALLBACK if fallback else 0)
         if not tool.is_direct and not self.contacts.busy:
             self._ask(tool.pose, begun)
-        self._publish(pose, twist, reach, flags | device.flags)
+        self._publish(pose, twist, flags | (PASSIVITY if self._corrected else 0))
         missed = now() > self.pace.deadline
         if missed:
             self._row.flags[0] = int(self._row.flags[0]) | LATE
@@ -222,21 +214,32 @@ class ServoLoop:
         self._have = self._asked
         self.stats.contact.add(self.contacts.latest.seconds)
 
-    def _made_passive(self, twist: NDArray[np.float64]) -> int:
-        """Let the passivity controller have its say; return a flag if it had one."""
-        assert self.passivity is not None
-        corrected = self.passivity.correct(self._felt, twist)
-        if np.array_equal(corrected, self._felt):
-            return 0
-        self._felt[:] = corrected
-        self.stats.passivity += 1
-        return PASSIVITY
+    def _made_passive(
+        self, wrench: NDArray[np.float64], pose: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return what the passivity controller makes of a wrench about the centre of mass."""
+        passed = 1 + self.pace.skipped
+        port = self.tool.port_twist(self._handle, pose)
+        if passed > 1:
+            port /= passed
+        self._handle[:] = pose
+        before = self.passivity.interventions
+        self._felt[:] = self.passivity.correct(wrench, port, passed * self.dt)
+        self._corrected = self.passivity.interventions > before
+        self.stats.passivity += self._corrected
+        return self._felt
+
+    def _account(self, reach: NDArray[np.float64]) -> None:
+        """Work out what was sent, as the scene sees it, about the centre of mass."""
+        sent = self._sent
+        np.matmul(self._to_scene, self.device.sent, out=sent)
+        sent[3:] -= _cross(reach, sent)
+        self.passivity.sent(sent)
 
     def _publish(
         self,
         pose: NDArray[np.float64],
         twist: NDArray[np.float64],
-        reach: NDArray[np.float64],
         flags: int,
     ) -> None:
         row, stats, contact = self._row, self.stats, self.contacts.latest
@@ -245,10 +248,7 @@ class ServoLoop:
         row.handle_pose[:] = pose
         row.tool_pose[:] = self.tool.pose
         row.contact_wrench[:] = contact.linear.wrench
-        # What was sent, seen from the scene, about the tool's centre of mass.
-        sent = self._to_scene @ self.device.sent
-        row.device_wrench[:] = sent
-        row.device_wrench[3:] -= _cross(reach, sent)
+        row.device_wrench[:] = self._sent
         row.contact_count[0] = contact.linear.count
         row.flags[0] = flags
         if self._publisher.snapshot is not None:

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from asperity.contact_stage import ContactStage
 from asperity.devices.mapping import Mapping
-from asperity.devices.protocol import Device, Limits
+from asperity.devices.protocol import Device
+from asperity.dynamics.passivity import PassivityController
 from asperity.errors import AsperityError
 from asperity.press import touching_pose
 from asperity.scene import Scene
@@ -69,7 +70,7 @@ class ServoSpec:
     guard : float
         See `loop.GUARD`.
     passivity : bool
-        Whether the passivity controller may change the wrench.
+        Whether the passivity controller may change the wrench; it keeps its account anyway.
     mapping : dict
         Options of `Mapping`.
     safety : SafetySettings
@@ -131,7 +132,7 @@ def _served(
         Mapping(device.limits, **spec.mapping),
         parameters.tool(spec.scene, device.limits),
         worker,
-        _corrector(spec, device.limits, parameters.dt),
+        PassivityController(parameters.dt, active=spec.passivity),
         dt=parameters.dt,
         clock=clock,
         guard=spec.guard,
@@ -150,6 +151,14 @@ def _served(
     return {
         "timing": loop.stats.told(),
         "safety": device.told(),
+        "passivity": {
+            "active": spec.passivity,
+            "energy_j": loop.passivity.energy,
+            "gained_j": loop.passivity.gained,
+            "interventions": loop.passivity.interventions,
+            "dissipated_j": loop.passivity.dissipated,
+        },
+        "device": device.name,
         "tool_resets": loop.tool.resets,
         "status": worker.statuses.tolist(),
         "real_time": told,
@@ -198,7 +207,7 @@ class _Between:
         stage.change(force=parameters.force(scene.force), dt=parameters.dt)
         loop.tool = tool
         if parameters.dt != loop.dt:
-            loop.passivity = _corrector(self._spec, loop.device.limits, parameters.dt)
+            loop.passivity.dt = parameters.dt
             loop.set_tick(parameters.dt)
 
 
@@ -214,12 +223,6 @@ def _warmed_up(stage: ContactStage, drawn: NDArray[np.float64]) -> NDArray[np.fl
     stage.reset()
     start[2] += _CLEARANCE
     return start
-
-
-def _corrector(spec: ServoSpec, limits: Limits, dt: float) -> Any:
-    if not spec.passivity:
-        return None
-    return None
 
 
 def _tell(report: Connection, what: tuple[str, Any]) -> None:

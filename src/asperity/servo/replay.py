@@ -78,15 +78,17 @@ def replay(
 def differences(recording: Recording, rollout: Rollout, dt: float) -> dict[str, Any]:
     """Return how far a replay's wrenches are from the recorded ones."""
     row = np.rint((recording.time - recording.time[0]) / dt).astype(np.int64)
-    there = row < len(rollout.time)
+    # A tick of the servo loop records the contact that it used: but for the direct mode, the last.
+    lag = int(recording.attributes.get("contact_lag", 0))
+    there = (row < len(rollout.time)) & (row >= lag)
     untouched = there & (recording.flags & TOUCHED == 0)
     told: dict[str, Any] = {
         "ticks": int(there.sum()),
         "ticks_untouched": int(untouched.sum()),
     }
-    for what in ("contact_wrench", "device_wrench"):
+    for what, shift in (("contact_wrench", lag), ("device_wrench", 0)):
         apart = np.zeros((len(row), 6))
-        apart[there] = getattr(rollout, what)[row[there]] - getattr(recording, what)[there]
+        apart[there] = getattr(rollout, what)[row[there] - shift] - getattr(recording, what)[there]
         force = np.linalg.norm(apart[:, :3], axis=1)
         torque = np.linalg.norm(apart[:, 3:], axis=1)
         at = int(np.argmax(np.where(there, force, -1.0)))

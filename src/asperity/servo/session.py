@@ -79,8 +79,10 @@ def run_session(
 def _attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
     scene = spec.scene
     return {
-        "scene": scene.name, "source": source, "trajectory": "device", "dt": 1.0 / spec.rate,
-        "anti_alias": scene.anti_alias, "version": __version__,
+        "scene": scene.name, "source": source, "trajectory": "device",
+        "dt": 1.0 / spec.rate,
+        "anti_alias": scene.anti_alias, "coupling": scene.coupling.mode, "hand": "device",
+        "contact_lag": int(scene.coupling.mode != "direct"), "version": __version__,
         "document": json.dumps(scene.document), "notes": "\n".join(scene.notes),
     }  # fmt: skip
 
