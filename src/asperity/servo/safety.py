@@ -103,7 +103,9 @@ class SafeDevice:
     settings : SafetySettings
     """
 
-    def __init__(self, device: Device, *, dt: float, settings: SafetySettings | None = None) -> None:
+    def __init__(
+        self, device: Device, *, dt: float, settings: SafetySettings | None = None
+    ) -> None:
         self._device = device
         self.settings = settings or SafetySettings()
         self.limits = device.limits

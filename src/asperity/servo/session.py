@@ -87,9 +87,7 @@ def _attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _write(
-    spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool
-) -> dict[str, Any]:
+def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:
     """Write what there is to say of a session that is over."""
     recording = read_recording(folder / "recording.h5")
     if len(recording.time) == 0:
@@ -103,8 +101,13 @@ def _write(
     timing = result["timing"]
     tick = timing["stages_us"]["tick"]
     summary["tick_seconds"] = 1.0 / spec.rate
-    summary["tick_us"] = {"median": tick["p50"], **{k: tick[k] for k in ("p95", "p99", "p999", "max")}}
-    summary |= {name: result[name] for name in ("timing", "safety", "recorder", "real_time", "ended")}
+    summary["tick_us"] = {
+        "median": tick["p50"],
+        **{k: tick[k] for k in ("p95", "p99", "p999", "max")},
+    }
+    summary |= {
+        name: result[name] for name in ("timing", "safety", "recorder", "real_time", "ended")
+    }
     summary["passivity"] = result["passivity"]
     run = Run(rollout, _moment(spec.scene, rollout), summary)
     write_summary(run, folder / "summary.json")
