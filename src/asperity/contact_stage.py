@@ -36,7 +36,7 @@ FLAGS = {
     OVERFLOW: "a search or the list of contacts overflowed",
     FALLBACK: "an older contact, taken on to the present pose",
     PASSIVITY: "wrench changed by the passivity controller",
-    LIMITED: "wrench held to the limits of force, torque or slew",
+    LIMITED: "wrench held back by soft start or a limit of force torque or slew",
     SILENT: "wrench not known or device silent, zero was sent",
     LATE: "finished after its deadline",
 }

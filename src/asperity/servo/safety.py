@@ -206,6 +206,8 @@ class SafeDevice:
             self._send(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             return
         self._gain = gain = min(self._gain + self._gain_step, 1.0)
+        if gain < 1.0:
+            self.flags |= LIMITED
         force, torque = gain * math.hypot(fx, fy, fz), gain * math.hypot(tx, ty, tz)
         f = t = gain
         if force > self.max_force:
