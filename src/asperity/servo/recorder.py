@@ -51,31 +51,32 @@ def record(
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     parent = os.getppid()
     ring = Ring(ring_path)
-    written, error = 0, ""
+    written, error, broken = 0, "", False
     try:
-        with RecordingWriter(path, attributes) as writer:
-            while True:
-                # Asked before the rows are taken: none can come in between.
-                last = ring.is_closed or os.getppid() != parent
-                rows = ring.take()
-                if shutil.disk_usage(path.parent).free < KEPT_FREE + rows.nbytes:
-                    error = f"the disk of {path.parent} is full"
-                    break
-                if len(rows):
-                    writer.add_rows(columns(rows))
-                    written += len(rows)
-                if last:
-                    break
-                time.sleep(PERIOD)
+        writer = RecordingWriter(path, attributes)
+        while True:
+            # Asked before the rows are taken: none can come in between.
+            last = ring.is_closed or os.getppid() != parent
+            rows = ring.take()
+            if shutil.disk_usage(path.parent).free < KEPT_FREE + rows.nbytes:
+                error = f"the disk of {path.parent} is full"
+                break
+            if len(rows):
+                writer.add_rows(columns(rows))
+                written += len(rows)
+            if last:
+                break
+            time.sleep(PERIOD)
+        writer.close()
     except OSError as failure:
-        error = f"cannot write to {path}: {failure.strerror or failure}"
+        error, broken = f"cannot write to {path}: {failure.strerror or failure}", True
     except Exception as failure:  # h5py raises other kinds, too, when a write fails
-        error = f"cannot write to {path}: {' '.join(str(failure).split())}"
+        error, broken = f"cannot write to {path}: {' '.join(str(failure).split())}", True
     if error:
         logging.getLogger(__name__).error("%s; recording stopped after %d ticks", error, written)
     _tell(report, {"ticks": written, "error": error})
-    if error:
-        # HDF5 tries to write once more on the way out, and aborts.
+    if broken:
+        # HDF5 would try to write on the way out, and hang or abort.
         os._exit(1)
 
 
