@@ -53,15 +53,14 @@ RECORDER = textwrap.dedent("""
             print(what, flush=True)
     if sys.argv[3] != "0":
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
-    recorder.KEPT_FREE = int(sys.argv[4])
     print("begun", flush=True)
     recorder.record(Path(sys.argv[1]), Path(sys.argv[2]), {}, Report())
 """)
 
 
-def started(ring, path, *, file_size=0, kept_free=0):
+def started(ring, path, *, file_size=0):
     process = subprocess.Popen(
-        [sys.executable, "-c", RECORDER, str(ring), str(path), str(file_size), str(kept_free)],
+        [sys.executable, "-c", RECORDER, str(ring), str(path), str(file_size)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout.readline() == "begun\n"
@@ -89,22 +88,27 @@ def test_killed_amid_writing_it_leaves_a_file_up_to_the_last_second(tmp_path):
     assert killed - pushed[len(recording.time) - 1] < 1.8
 
 
-@pytest.mark.parametrize("how", ["no space left", "write refused"])
-def test_a_full_disk_is_told_and_the_file_opens(tmp_path, how):
-    """By the space that is left free, and by a limit to a file's size, where writing itself fails."""
-    ring = filled(tmp_path / "ring", 15_000)
-    options = {"kept_free": 2**60} if how == "no space left" else {"file_size": 2_000_000}
-    process = started(tmp_path / "ring", tmp_path / "r.h5", **options)
-    said, complained = process.communicate(timeout=30)
-    assert process.returncode == (0 if how == "no space left" else 1)
-    wanted = "the disk of" if how == "no space left" else "cannot write to"
-    assert wanted in said
-    assert wanted in complained
-    # Nobody takes rows any more: the ring fills, loses, and the loop is none the wiser.
-    for n in range(25_000):
-        ring.push(np.full(WIDTH, float(n)))
+@pytest.mark.parametrize(("limit", "waiting"), [(4_200_000, 15_000), (8_000_000, 5000)])
+def test_a_full_disk_is_told_and_the_file_opens(tmp_path, limit, waiting):
+    """As a limit to the size of files, which the system refuses in the same places."""
+    ring = filled(tmp_path / "ring", waiting)
+    process = started(tmp_path / "ring", tmp_path / "r.h5", file_size=limit)
+    pushed, until = ring.written, time.monotonic() + 20.0
+    while time.monotonic() < until and process.poll() is None:
+        for _ in range(50):
+            pushed += ring.push(np.full(WIDTH, float(pushed)))
+        time.sleep(5e-3)
+    said, complained = process.communicate(timeout=10)
+    assert process.returncode == 0
+    assert "no room for" in said
+    assert "File too large; recording stopped" in complained
+    # Nobody takes rows any more: the ring fills and loses, and the loop is none the wiser.
+    for _ in range(25_000):
+        ring.push(np.zeros(WIDTH))
     assert ring.lost > 0
     recording = read_recording(tmp_path / "r.h5")
+    assert len(recording.time) == int(said.split("'ticks': ")[1].split(",")[0])
+    assert len(recording.time) == 0 if waiting > 5000 else len(recording.time) >= 5000
     np.testing.assert_array_equal(recording.time, np.arange(len(recording.time)))
 
 
@@ -118,7 +122,7 @@ def test_it_ends_when_its_parent_is_gone(tmp_path):
         print(child.pid, flush=True)
         time.sleep(60)
     """)
-    arguments = [RECORDER, str(tmp_path / "ring"), str(tmp_path / "r.h5"), "0", "0"]
+    arguments = [RECORDER, str(tmp_path / "ring"), str(tmp_path / "r.h5"), "0"]
     parent = subprocess.Popen(
         [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, text=True
     )

@@ -4,8 +4,9 @@ It takes what is in the ring ten times a second, so that the loop never waits fo
 when the ring is empty and closed, or when its parent is gone. Killed at any moment it leaves a file
 that opens, up to what was flushed last, at most about a second before.
 
-A disk that runs full would leave a file in pieces: HDF5 cannot take back half a flush. So it stops
-while `KEPT_FREE` bytes are left, closes the file in order, and says so; the loop goes on.
+A disk that runs full amid a flush would leave a file that does not open: HDF5 cannot take back half
+of one. So room for the next rows and for closing is asked of the system first. If there is none,
+the file is closed in order and the recorder says so and ends; the loop goes on.
 """
 
 from __future__ import annotations
@@ -22,12 +23,14 @@ from typing import Any
 
 from asperity.recording import RecordingWriter
 from asperity.servo.ring import Ring
-from asperity.servo.rows import columns
+from asperity.servo.rows import WIDTH, columns
 
 PERIOD = 0.1
 """How often it looks into the ring [s]."""
-KEPT_FREE = 16 * 2**20
-"""So many bytes stay free on the disk."""
+ROOM = 4 * 2**20
+"""Bytes beyond the rows that have to be there: for HDF5's own tables, and for closing."""
+_ROW_BYTES = 1.25 * 8 * WIDTH
+"""Of the file, for each tick; less in truth."""
 
 
 def record(
@@ -58,8 +61,8 @@ def record(
             # Asked before the rows are taken: none can come in between.
             last = ring.is_closed or os.getppid() != parent
             rows = ring.take()
-            if shutil.disk_usage(path.parent).free < KEPT_FREE + rows.nbytes:
-                error = f"the disk of {path.parent} is full"
+            error = _no_room(path, ROOM + int(_ROW_BYTES * (written + len(rows))))
+            if error:
                 break
             if len(rows):
                 writer.add_rows(columns(rows))
@@ -68,16 +71,39 @@ def record(
                 break
             time.sleep(PERIOD)
         writer.close()
-    except OSError as failure:
-        error, broken = f"cannot write to {path}: {failure.strerror or failure}", True
-    except Exception as failure:  # h5py raises other kinds, too, when a write fails
-        error, broken = f"cannot write to {path}: {' '.join(str(failure).split())}", True
+    except Exception as failure:  # h5py raises several kinds when a write fails
+        error, broken = f"cannot write to {path}: {_reason(failure)}", True
     if error:
         logging.getLogger(__name__).error("%s; recording stopped after %d ticks", error, written)
     _tell(report, {"ticks": written, "error": error})
     if broken:
         # HDF5 would try to write on the way out, and hang or abort.
         os._exit(1)
+
+
+def _no_room(path: Path, size: int) -> str:
+    """Have the system keep room for a file of `size` bytes; return why it does not, or nothing.
+
+    When it flushes, HDF5 gives back what it does not use; so this is asked before every writing.
+    """
+    if not hasattr(os, "posix_fallocate"):
+        free = shutil.disk_usage(path.parent).free
+        return "" if free > ROOM else f"no room for {path}: the disk is full"
+    try:
+        descriptor = os.open(path, os.O_RDWR)
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        finally:
+            os.close(descriptor)
+    except OSError as failure:
+        return f"no room for {path}: {_reason(failure)}"
+    return ""
+
+
+def _reason(failure: Exception) -> str:
+    """Return what the system says; HDF5 wraps that in pages of its own."""
+    number = getattr(failure, "errno", None)
+    return os.strerror(number) if number else " ".join(str(failure).split("(")[0].split())
 
 
 def _tell(report: Connection | None, what: dict[str, Any]) -> None:

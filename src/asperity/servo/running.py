@@ -96,6 +96,14 @@ class Servo:
         AsperityError
             What kept the loop from beginning.
         """
+        try:
+            return self._started()
+        except AsperityError:
+            with suppress(AsperityError):
+                self.finish()
+            raise
+
+    def _started(self) -> dict[str, Any]:
         if self._recorder is not None:
             self._recorder.start()
             self._recorder_end.close()
