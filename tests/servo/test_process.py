@@ -59,7 +59,7 @@ def until(what, seconds=20.0):
 
 def test_faults_of_the_device_and_a_viewer_that_is_killed(tmp_path):
     log, path = tmp_path / "log", tmp_path / "recording.h5"
-    with Servo(spec(log, FAULTS, seconds=4.5), path, {"scene": "probe-plate"}) as servo:
+    with Servo(spec(log, FAULTS), path, {"scene": "probe-plate"}) as servo:
         ready = servo.start()
         assert ready["device"] == "fake"
         viewer = subprocess.Popen(
@@ -72,7 +72,7 @@ def test_faults_of_the_device_and_a_viewer_that_is_killed(tmp_path):
         assert servo.snapshot_path.exists()
         before = servo.snapshot()
         until(lambda: servo.snapshot().ticks > before.ticks)
-        until(lambda: servo.wait(0.05))
+        until(lambda: servo.snapshot().time > 4.3)
         result = servo.finish()
     written = Written.read(log)
     written.assert_safe()
@@ -93,13 +93,14 @@ def test_faults_of_the_device_and_a_viewer_that_is_killed(tmp_path):
     assert safety["workspace_clamps"] > 5
     assert safety["errors"] > 10
     assert result["timing"]["ticks_skipped"] > 200
-    assert result["timing"]["ticks_due"] == pytest.approx(4500, abs=1)
     recording = read_recording(path)
     assert len(recording.time) == result["recorder"]["ticks"] == result["timing"]["ticks"]
     assert np.isfinite(recording.device_wrench).all()
     assert np.isfinite(recording.handle_pose).all()
     assert np.count_nonzero(recording.flags & SILENT) > 100
     assert np.diff(recording.time).max() > 0.2
+    assert recording.time[-1] == pytest.approx((result["timing"]["ticks_due"] - 1) * 1e-3)
+    assert result["ended"] == "told to stop"
 
 
 def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):

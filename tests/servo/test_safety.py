@@ -56,9 +56,7 @@ def test_no_wrench_gets_past_it(wrenches):
     assert safe.counts.not_finite == sum(not math.isfinite(sum(w)) for w in wrenches)
 
 
-@given(
-    st.lists(st.tuples(*[NUMBERS] * 13), min_size=1, max_size=30), st.floats(allow_nan=True)
-)
+@given(st.lists(st.tuples(*[NUMBERS] * 13), min_size=1, max_size=30), st.floats(allow_nan=True))
 @settings(max_examples=150, deadline=None)
 def test_no_reading_gets_past_it(poses, age):
     """Whatever a device says of itself, what the loop gets is a pose, and near."""

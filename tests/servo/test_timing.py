@@ -1,4 +1,4 @@
-"""When ticks begin, what counts as a miss, and what the deadline's guard does: by an injected clock."""
+"""When ticks begin, what a miss is, what the deadline's guard does: all by an injected clock."""
 
 import tracemalloc
 
@@ -233,7 +233,9 @@ def test_the_tick_can_be_changed_on_the_way():
 def test_memory_stays_flat(mode):
     """What thousands of ticks leave behind, in bytes: nothing that grows with their number."""
     bench = Bench(mode=mode)
-    bench.contacts.asked = type("Nothing", (), {"append": lambda *_: None, "__len__": lambda _: 0})()
+    bench.contacts.asked = type(
+        "Nothing", (), {"append": lambda *_: None, "__len__": lambda _: 0}
+    )()
     bench.device.write = lambda wrench: None
     bench.clock.sleep = bench.clock.work
     bench.loop.begin(None)

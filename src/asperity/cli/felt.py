@@ -21,7 +21,7 @@ class DeviceOptions:
     """How a device is used. Only with --device."""
 
     device_option: tuple[str, ...] = ()
-    """Options of the device: KEY=VALUE ..., as `asperity devices` and the documentation name them."""
+    """Options of the device, KEY=VALUE ...; see the documentation of devices."""
     rate_hz: Annotated[float, Between(100.0, 20e3)] = 1000.0
     """Ticks a second."""
     scale: Annotated[float, Between(1e-3, 1e3)] = 1.0

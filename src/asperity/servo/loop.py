@@ -274,4 +274,4 @@ def _back(mapping: Mapping) -> NDArray[np.float64]:
     What the device cannot push has no way back: zero.
     """
     there = np.column_stack([mapping.to_device(unit).copy() for unit in np.eye(6)])
-    return np.linalg.pinv(there)
+    return np.asarray(np.linalg.pinv(there), dtype=np.float64)

@@ -1,9 +1,9 @@
 """The servo process: it alone opens the device, and it sends zero before it ends.
 
 Whoever starts it, the parent, watches it; it watches its parent in turn. It ends, having sent zero
-and closed the device, when it is told to (`Mailbox.stop`), when its time is over, when its parent is
-gone, on SIGINT, SIGTERM or SIGHUP, and after any exception. All of these are looked for after each
-tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops, nobody
+and closed the device, when it is told to (`Mailbox.stop`), when its time is over, when its parent
+is gone, on SIGINT, SIGTERM or SIGHUP, and after any exception. All of these are looked for after
+each tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops, nobody
 is left to send anything: what a device does when it is written to no more, its documentation says.
 """
 
@@ -212,7 +212,7 @@ class _Between:
 
 
 def _warmed_up(stage: ContactStage, drawn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compile and load all that a contact needs; return where the tool begins, above the surface."""
+    """Compile and load all that a contact needs; return where the tool begins, in free air."""
     start = touching_pose(stage.engine, drawn)
     stage.reset()
     pose = start.copy()

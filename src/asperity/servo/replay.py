@@ -15,7 +15,7 @@ import numpy as np
 from asperity.contact_stage import FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
 from asperity.errors import AsperityError
 from asperity.headless import Run, run_scene
-from asperity.recording import Recording, read_recording
+from asperity.recording import Recording
 from asperity.scene import Scene
 from asperity.scenes import load_scene
 from asperity.simulation import Rollout

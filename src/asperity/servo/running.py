@@ -170,6 +170,8 @@ class Servo:
                 self.process.kill()
                 self.process.join()
         recorded = self._finish_recorder()
+        kind: str
+        what: Any
         kind, what = self._result or ("failed", f"the servo process ended ({self._exit()})")
         if kind == "failed":
             raise AsperityError(str(what))

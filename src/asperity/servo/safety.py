@@ -12,8 +12,8 @@ no faster to rise than the slew limit; and it is zero, at once, when
 After silence, and at the beginning, the wrench comes up softly: by a factor that grows from 0 to 1
 in `soft_start`. Nothing here raises: what goes wrong is counted, and told in the summary.
 
-The order is: finite, softly, within the limits, slewed. Both the last and the next wrench are within
-the limits, the slewed one lies between them, and so it is within them too.
+The order is: finite, softly, within the limits, slewed. Both the last and the next wrench are
+within the limits, the slewed one lies between them, and so it is within them too.
 """
 
 from __future__ import annotations

@@ -43,11 +43,10 @@ class Histogram:
         """Return what `share` of the durations do not exceed [s], to half a bin; 0 of none."""
         if self.count == 0:
             return 0.0
-        wanted, total, at = share * self.count, 0, 0
-        for at, count in enumerate(self._counts):
-            total += count
-            if total >= wanted:
-                break
+        wanted, total, at = share * self.count, self._counts[0], 0
+        while total < wanted:
+            at += 1
+            total += self._counts[at]
         middle: float = LOWEST * 2.0 ** ((at - 0.5) / PER_OCTAVE)
         return min(middle, self.largest)
 
