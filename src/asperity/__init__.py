@@ -14,18 +14,25 @@ _HOME = {
     "AsperityError": "asperity.errors",
     "Body": "asperity.geometry.bodies",
     "BodyPair": "asperity.contact.pair",
+    "ContactStage": "asperity.contact_stage",
+    "CouplingSettings": "asperity.dynamics.coupling",
     "DotPlate": "asperity.geometry.dots",
     "Engine": "asperity.engine.engine",
     "ForceSettings": "asperity.forces.settings",
     "Geom": "asperity.geometry.bodies",
     "Grating": "asperity.geometry.analytic",
     "Hand": "asperity.dynamics.hand",
+    "HandSettings": "asperity.dynamics.simulated_hand",
     "HeightField": "asperity.texture.height_field",
     "HeightMap": "asperity.geometry.sampled",
+    "HeldTool": "asperity.dynamics.held_tool",
     "Motion": "asperity.dynamics.hand",
+    "PassivityController": "asperity.dynamics.passivity",
     "SampledProfile": "asperity.geometry.sampled",
     "Scene": "asperity.scene",
     "ScriptedMotion": "asperity.trajectory",
+    "SimulatedDevice": "asperity.devices.simulated",
+    "SimulatedHand": "asperity.dynamics.simulated_hand",
     "Simulation": "asperity.simulation",
     "Sinusoid": "asperity.geometry.analytic",
     "Trajectory": "asperity.trajectory",
@@ -33,6 +40,7 @@ _HOME = {
     "drop_point": "asperity.geometry.offset",
     "load_scene": "asperity.scenes",
     "make_scene": "asperity.scene_from_files",
+    "measure_stability": "asperity.stability",
     "offset_surface": "asperity.geometry.sampled",
     "read_heights": "asperity.texture.reading",
     "read_poses": "asperity.trajectory_file",
@@ -45,9 +53,16 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from asperity.contact.pair import BodyPair as BodyPair
+    from asperity.contact_stage import ContactStage as ContactStage
+    from asperity.devices.simulated import SimulatedDevice as SimulatedDevice
+    from asperity.dynamics.coupling import CouplingSettings as CouplingSettings
     from asperity.dynamics.hand import Hand as Hand
     from asperity.dynamics.hand import Motion as Motion
     from asperity.dynamics.hand import drag as drag
+    from asperity.dynamics.held_tool import HeldTool as HeldTool
+    from asperity.dynamics.passivity import PassivityController as PassivityController
+    from asperity.dynamics.simulated_hand import HandSettings as HandSettings
+    from asperity.dynamics.simulated_hand import SimulatedHand as SimulatedHand
     from asperity.engine.engine import Engine as Engine
     from asperity.errors import AsperityError as AsperityError
     from asperity.forces.settings import ForceSettings as ForceSettings
@@ -66,6 +81,7 @@ if TYPE_CHECKING:
     from asperity.scene_from_files import make_scene as make_scene
     from asperity.scenes import load_scene as load_scene
     from asperity.simulation import Simulation as Simulation
+    from asperity.stability import measure_stability as measure_stability
     from asperity.texture.height_field import HeightField as HeightField
     from asperity.texture.procedural import self_affine as self_affine
     from asperity.texture.reading import read_heights as read_heights

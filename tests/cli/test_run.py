@@ -45,6 +45,26 @@ def test_a_run_leaves_numbers_a_recording_and_figures(tmp_path, capsys):
     assert "averaged (band)" in said
 
 
+def test_a_hand_holds_the_tool_on_its_coupling(tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ["--hand", "--coupling", "implicit", "--force-n", "0.4"]
+    assert main(["run", "probe-plate", *QUICK, *options, "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text("utf-8"))
+    recording = read_recording(out / "recording.h5")
+    assert summary["coupling"]["mode"] == recording.attributes["coupling"] == "implicit"
+    assert summary["coupling"]["tool_put_back"] == 0
+    assert summary["hand"]["gained_j"] == 0.0
+    # The hand yields, the tool lags, and what is felt is the coupling's, not the contact's.
+    assert np.ptp(recording.handle_pose[:, 2]) > 1e-5
+    assert np.abs(recording.tool_pose - recording.handle_pose).max() > 1e-5
+    assert np.abs(recording.device_wrench - recording.contact_wrench).max() > 1e-3
+    felt = recording.device_wrench[100:, 2].mean()
+    assert felt == pytest.approx(recording.contact_wrench[100:, 2].mean(), rel=0.1)
+    assert "hand: " in capsys.readouterr().out
+    assert main(["run", "probe-plate", "--coupling", "loose", "--out", str(out)]) == 2
+    assert "direct, implicit, semi-implicit, static" in capsys.readouterr().err
+
+
 def test_a_scene_of_one_s_own_and_a_file_of_poses(tmp_path):
     load_scene("probe-plate-grating").save(tmp_path / "mine")
     rows = np.zeros((3, 8))

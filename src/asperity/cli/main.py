@@ -25,6 +25,7 @@ from asperity.cli.doctor import Doctor
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
+from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
 from asperity.errors import AsperityError
 
@@ -45,6 +46,7 @@ class Arguments:
         | Annotated[Record, tyro.conf.subcommand("record")]
         | Annotated[Replay, tyro.conf.subcommand("replay")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
+        | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )

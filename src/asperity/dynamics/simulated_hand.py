@@ -127,9 +127,9 @@ class SimulatedHand:
         across = self.settings.along_normal or hand
         normal = np.array(self.settings.normal, dtype=np.float64)
         self._normal = normal / np.linalg.norm(normal)
-        self._along = _tick(hand.mass, hand.damping + damping, hand.stiffness, self.dt)
-        self._pressing = _tick(across.mass, across.damping + damping, across.stiffness, self.dt)
-        self._turning = _tick(
+        self._along = held_tick(hand.mass, hand.damping + damping, hand.stiffness, self.dt)
+        self._pressing = held_tick(across.mass, across.damping + damping, across.stiffness, self.dt)
+        self._turning = held_tick(
             self.settings.moment, self.settings.rotational_damping,
             self.settings.rotational_stiffness, self.dt,
         )  # fmt: skip
@@ -180,10 +180,10 @@ class SimulatedHand:
         rise = float(slip @ n)
         self._accelerate(force, lag, slip)
         side, flank, push = lag - (lag @ n) * n, slip - rise * n, force - (force @ n) * n
-        side, flank = _moved(self._along, side, flank, push)
-        deep, rise = _moved(self._pressing, deep, rise, float(force @ n))
+        side, flank = moved_on(self._along, side, flank, push)
+        deep, rise = moved_on(self._pressing, deep, rise, float(force @ n))
         turn = turn_between(last, self.pose)
-        turn, spin = _moved(self._turning, turn, self._velocity[3:] - drive[3:], wrench[3:])
+        turn, spin = moved_on(self._turning, turn, self._velocity[3:] - drive[3:], wrench[3:])
         self.pose = turned(aim, turn)
         self._velocity[:3] = drive[:3] + flank + rise * n
         self._velocity[3:] = drive[3:] + spin
@@ -210,10 +210,10 @@ class SimulatedHand:
         return centre_of_mass(pose, self.centre)
 
 
-Tick = tuple[tuple[float, float, float], tuple[float, float, float]]
+HeldTick = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
-def _tick(mass: float, damping: float, stiffness: float, dt: float) -> Tick:
+def held_tick(mass: float, damping: float, stiffness: float, dt: float) -> HeldTick:
     """Return how place and velocity follow from place, velocity and force a tick before."""
     from scipy.linalg import expm  # slow to import
 
@@ -224,7 +224,7 @@ def _tick(mass: float, damping: float, stiffness: float, dt: float) -> Tick:
     return tuple(place), tuple(velocity)
 
 
-def _moved(tick: Tick, place, velocity, force):  # type: ignore[no-untyped-def]
+def moved_on(tick: HeldTick, place, velocity, force):  # type: ignore[no-untyped-def]
     """Return place and velocity a tick later: numbers or vectors."""
     (a, b, c), (d, e, f) = tick
     return a * place + b * velocity + c * force, d * place + e * velocity + f * force

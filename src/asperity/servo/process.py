@@ -3,8 +3,9 @@
 Whoever starts it, the parent, watches it; it watches its parent in turn. It ends, having sent zero
 and closed the device, when it is told to (`Mailbox.stop`), when its time is over, when its parent
 is gone, on SIGINT, SIGTERM or SIGHUP, and after any exception. All of these are looked for after
-each tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops, nobody
-is left to send anything: what a device does when it is written to no more, its documentation says.
+each tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops,
+nobody is left to send anything: what a device does when it is written to no more, its documentation
+says.
 """
 
 from __future__ import annotations

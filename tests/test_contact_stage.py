@@ -1,0 +1,97 @@
+"""The contact at a pose, and how its wrench changes with the pose."""
+
+import numpy as np
+import pytest
+
+from asperity.contact_stage import ContactStage
+from asperity.dynamics.rigid import centre_of_mass
+from asperity.engine.engine import Engine
+from asperity.poses import turned
+from asperity.scenes import load_scene, probe_plate
+from asperity.simulation import Simulation
+
+QUIET = {"anti_alias": "off"}
+AXES = np.eye(6)
+
+
+def moved(pose, step, centre):
+    """Return a pose moved by a translation of its centre of mass and a turn about it."""
+    out = turned(pose, step[3:])
+    out[:3] += centre_of_mass(pose, centre) + step[:3] - centre_of_mass(out, centre)
+    return out
+
+
+def pressed(scene, depth, tilt):
+    """Return a stage, and a pose in which the probe is that deep in a plate without texture."""
+    stage = ContactStage(scene)
+    pose = turned(np.array([0.0, 0.0, 1.5e-3 - depth, 1, 0, 0, 0]), tilt)
+    stage.evaluate(pose)  # bristles begin here
+    return stage, pose
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (0.2, -0.3, 0.1)])
+def test_the_stiffness_is_the_derivative_of_the_wrench(tilt):
+    """Shallow: of the Hessian, the term in proportion to the depth is left out."""
+    scene = probe_plate({"kind": "sinusoid", "wavelength": 2e-3, "amplitude": 1e-4})
+    smooth = scene.changed(force=QUIET, bodies={"plate": {"texture": None}})
+    stage, pose = pressed(smooth, 2e-6, tilt)
+    contact = stage.evaluate(pose)
+    assert contact.count == 1
+    for axis in range(6):
+        step = 5e-8 * AXES[axis] / (1.0 if axis < 3 else 0.07)
+        ends = [
+            stage.evaluate(moved(pose, sign * step, stage.engine.centre)).wrench
+            for sign in (1.0, -1.0)
+        ]
+        slope = (ends[0] - ends[1]) / 2.0
+        np.testing.assert_allclose(slope, -contact.stiffness @ step, atol=2e-4 * 400.0 * 5e-8)
+
+
+def test_a_bristle_that_sticks_is_stiff_across_and_one_that_slips_is_not():
+    scene = probe_plate().changed(
+        force={**QUIET, "friction": 0.5, "bristle_stiffness": 900.0},
+        bodies={"plate": {"texture": None}},
+    )
+    stage, pose = pressed(scene, 5e-4, (0.0, 0.0, 0.0))
+    sticks = stage.evaluate(moved(pose, 1e-6 * AXES[0], stage.engine.centre))
+    np.testing.assert_allclose(np.diag(sticks.stiffness)[:3], [900.0, 900.0, 400.0], rtol=1e-6)
+    further = 2e-6 * AXES[0] + 1e-6 * AXES[1]
+    after = stage.evaluate(moved(sticks.pose, further, stage.engine.centre))
+    np.testing.assert_allclose(
+        after.wrench, sticks.wrench - sticks.stiffness @ further, rtol=1e-3, atol=1e-7
+    )
+    slips = stage.evaluate(moved(pose, 1e-2 * AXES[0], stage.engine.centre))
+    np.testing.assert_allclose(np.diag(slips.stiffness)[:3], [0.0, 0.0, 400.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["probe-plate-dots", "hammer-blocks"])
+def test_the_stiffness_is_positive_semidefinite(name):
+    scene = load_scene(name).changed(force={"friction": 0.0})
+    simulation, stage = Simulation(scene), ContactStage(scene)
+    for pose in simulation.trajectory().poses[:60:6]:
+        contact = stage.evaluate(pose)
+        values = np.linalg.eigvalsh(contact.stiffness)
+        assert values[0] > -1e-9 * values[-1]
+        np.testing.assert_allclose(contact.stiffness, contact.stiffness.T, atol=1e-12 * values[-1])
+        trace = np.trace(contact.stiffness[:3, :3])
+        assert trace >= 400.0 * (1 - 1e-9)  # k sum w |m|^2, |m| >= 1
+        assert stage.energy > 0.0
+
+
+@pytest.mark.parametrize("name", ["probe-plate", "hammer-blocks"])
+def test_direct_without_averaging_is_the_engine_itself(name):
+    scene = load_scene(name).changed(force=QUIET)
+    simulation = Simulation(scene)
+    poses = simulation.trajectory().poses[:40]
+    engine = Engine(scene.model, scene.bodies, scene.tool, scene.force)
+    for pose in poses:
+        np.testing.assert_array_equal(simulation.step(pose), engine.wrench(pose, 1e-3))
+
+
+def test_without_contact_there_is_neither_wrench_nor_stiffness():
+    stage = ContactStage(probe_plate())
+    contact = stage.evaluate(np.array([0, 0, 0.05, 1, 0, 0, 0.0]))
+    assert contact.count == 0
+    np.testing.assert_array_equal(contact.wrench, 0.0)
+    np.testing.assert_array_equal(contact.stiffness, 0.0)
+    assert stage.energy == 0.0
