@@ -1,4 +1,4 @@
-"""The real client against the stand-in for the service, and every fault that could be thought of."""
+"""The real client against the stand-in for the service, with faults of all kinds."""
 
 import socket
 import time
@@ -13,7 +13,6 @@ from asperity.devices.haply_fake_device import HaplyFakeDevice
 from asperity.devices.haply_service import HaplyServiceDevice, attached
 from asperity.devices.protocol import Reading
 from asperity.errors import AsperityError
-
 from devices.clocks import until
 
 PUSH = np.array([0.3, 0.0, 0.6, 0.0, 0.0, 0.0])
@@ -199,7 +198,7 @@ def test_a_frozen_frame_is_no_news():
         device.open()
         ticks_until(device, lambda _, reading: abs(reading.twist[0]) > 0.1)
         service.frozen = True
-        errors, reading = ticks_until(device, lambda _, reading: reading.age > 0.1)
+        errors, _ = ticks_until(device, lambda _, reading: reading.age > 0.1)
         assert "repeats one frame" in errors[-1]
         service.frozen = False
         ticks_until(device, good)
@@ -240,7 +239,7 @@ def test_opening_says_what_to_do():
     with pytest.raises(AsperityError, match="nobody listens there; start Haply Hub"):
         HaplyServiceDevice(uri=f"ws://127.0.0.1:{port}").open()
     for uri in ("http://localhost", "ws://", "nonsense", "wss://localhost"):
-        with pytest.raises(AsperityError, match="is no address|not wss"):
+        with pytest.raises(AsperityError, match=r"is no address|not wss"):
             HaplyServiceDevice(uri=uri).open()
     with pytest.raises(AsperityError, match="did you mean 'vector'"):
         HaplyServiceDevice(spelling="vectors")
@@ -250,7 +249,7 @@ def test_opening_says_what_to_do():
 
 def test_opening_waits_for_the_named_device(service):
     device = HaplyServiceDevice(uri=service.uri, device_id="AAAA")
-    with pytest.raises(AsperityError, match="no Inverse3 'AAAA'.*It lists: FA4E"):
+    with pytest.raises(AsperityError, match=r"no Inverse3 'AAAA'.*It lists: FA4E"):
         device.open()
     assert attached(service.uri) == ["FA4E"]
     service.unplugged = True
