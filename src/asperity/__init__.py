@@ -22,13 +22,18 @@ _HOME = {
     "Hand": "asperity.dynamics.hand",
     "HeightField": "asperity.texture.height_field",
     "HeightMap": "asperity.geometry.sampled",
+    "Limits": "asperity.devices.protocol",
+    "Mapping": "asperity.devices.mapping",
     "Motion": "asperity.dynamics.hand",
+    "Reading": "asperity.devices.protocol",
+    "ReplayedDevice": "asperity.devices.replayed",
     "SampledProfile": "asperity.geometry.sampled",
     "Scene": "asperity.scene",
     "ScriptedMotion": "asperity.trajectory",
     "Simulation": "asperity.simulation",
     "Sinusoid": "asperity.geometry.analytic",
     "Trajectory": "asperity.trajectory",
+    "device": "asperity.devices.catalogue",
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
     "load_scene": "asperity.scenes",
@@ -45,6 +50,11 @@ __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
     from asperity.contact.pair import BodyPair as BodyPair
+    from asperity.devices.catalogue import device as device
+    from asperity.devices.mapping import Mapping as Mapping
+    from asperity.devices.protocol import Limits as Limits
+    from asperity.devices.protocol import Reading as Reading
+    from asperity.devices.replayed import ReplayedDevice as ReplayedDevice
     from asperity.dynamics.hand import Hand as Hand
     from asperity.dynamics.hand import Motion as Motion
     from asperity.dynamics.hand import drag as drag

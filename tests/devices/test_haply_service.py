@@ -1,7 +1,10 @@
 """The real client against the stand-in for the service, with faults of all kinds."""
 
 import socket
+import subprocess
+import sys
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -231,6 +234,62 @@ def test_an_unplugged_device_is_told_and_comes_back(service, device):
     assert "still plugged in" in errors[-1] or "lists no Inverse3" in errors[-1]
     service.unplugged = False
     ticks_until(device, good)
+
+
+def test_an_unplugged_device_that_comes_back_in_a_new_connection(service, device):
+    ticks_until(device, good)
+    service.unplugged = True
+    service.disconnect()
+    ticks_until(device, lambda _, reading: reading.age > 0.8)
+    service.unplugged = False
+    ticks_until(device, good)
+    assert len(service.sessions) >= 2
+
+
+def test_another_device_is_not_pushed_instead(service, device):
+    ticks_until(device, good)
+    service.device_id = "BBBB"
+    errors, _ = ticks_until(device, lambda _, reading: reading.age > 0.1)
+    assert "no Inverse3 'FA4E'" in errors[-1]
+    assert until(lambda: service.force() == (0.0, 0.0, 0.0))
+
+
+def test_a_killed_process_leaves_no_force(service):
+    script = f"""
+import numpy as np, time
+from asperity.devices.haply_service import HaplyServiceDevice
+device = HaplyServiceDevice(uri={service.uri!r})
+device.open()
+while True:
+    device.write(np.array([0.3, 0.0, 0.6, 0.0, 0.0, 0.0]))
+    time.sleep(0.001)
+"""
+    servo = subprocess.Popen([sys.executable, "-c", script])
+    try:
+        assert until(lambda: service.force() == (0.3, 0.0, 0.6), 20.0)
+    finally:
+        servo.kill()
+        servo.wait()
+    assert until(lambda: service.force() == (0.0, 0.0, 0.0))
+
+
+def test_many_ticks_leave_no_memory_behind(service, device):
+    reading = Reading.empty()
+
+    def tick(count):
+        for _ in range(count):
+            device.read(reading)
+            device.write(PUSH)
+            time.sleep(1e-4)
+
+    tick(300)
+    tracemalloc.start()
+    tick(200)
+    before = tracemalloc.get_traced_memory()[0]
+    tick(1500)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 20_000  # bytes; a frame has 1500
 
 
 def test_opening_says_what_to_do():
