@@ -58,7 +58,7 @@ _ENTRIES = (
     ),
     Entry(
         "haply-serial", "Haply Inverse3, by serial port", "haply_hardware", "HaplyHardwareDevice",
-        "HaplyHardwareAPI", "haply", "an Inverse3 on USB; on Linux your user in the group dialout", HOME,
+        "HaplyHardwareAPI", "haply", "an Inverse3 on USB (Linux: group dialout)", HOME,
     ),
     Entry(
         "force-dimension", "omega, sigma, lambda", "force_dimension", "ForceDimensionDevice",

@@ -8,8 +8,8 @@ is, and the pose of a tick is the answer to the force of the tick before.
 Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
 is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
 takes the servo's place for a slice of the scheduler's. Over six runs on two busy cores, the servo's
-read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and in five of
-them more ticks were late.
+read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and in five
+of them more ticks were late.
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
