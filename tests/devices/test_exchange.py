@@ -6,7 +6,6 @@ import pytest
 from asperity.devices.exchange import HOLD, Answer, Exchange, UnusableError
 from asperity.devices.protocol import Reading
 from asperity.devices.wrenches import ZERO
-
 from devices.clocks import Clock, until
 
 PUSH = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)

@@ -46,45 +46,45 @@ class Stub(types.SimpleNamespace):
         self.stopped += 1
         return 0
 
-    def errorGetLastStr(self):  # noqa: N802
+    def errorGetLastStr(self):
         return "no device found"
 
-    def hasWrist(self):  # noqa: N802
+    def hasWrist(self):
         return self.wrist
 
-    def hasActiveWrist(self):  # noqa: N802
+    def hasActiveWrist(self):
         return self.active
 
-    def enableForce(self, on):  # noqa: N802
+    def enableForce(self, on):
         return 0
 
-    def setForce(self, force):  # noqa: N802
+    def setForce(self, force):
         self.sent.append((*force, 0, 0, 0))
         return -1 if self.fails else 0
 
-    def setForceAndTorque(self, force, torque):  # noqa: N802
+    def setForceAndTorque(self, force, torque):
         self.sent.append((*force, *torque))
         return -1 if self.fails else 0
 
-    def getPosition(self, out):  # noqa: N802
+    def getPosition(self, out):
         out[:] = self.place
         return 0
 
-    def getPositionAndOrientationFrame(self, out, frame):  # noqa: N802
+    def getPositionAndOrientationFrame(self, out, frame):
         out[:] = self.place
         for row, told in zip(frame, self.frame, strict=True):
             row[:] = told
         return 0
 
-    def getLinearVelocity(self, out):  # noqa: N802
+    def getLinearVelocity(self, out):
         out[:] = self.velocity
         return 0
 
-    def getAngularVelocityRad(self, out):  # noqa: N802
+    def getAngularVelocityRad(self, out):
         out[:] = self.turning
         return 0
 
-    def getButtonMask(self):  # noqa: N802
+    def getButtonMask(self):
         return 0b101
 
 
@@ -166,7 +166,7 @@ def test_failures_are_told_and_the_device_is_opened_anew(stub, device):
     for frame, place in ((np.full((3, 3), np.nan), None), (None, [np.nan, 0, 0])):
         stub.frame = np.eye(3).tolist() if frame is None else frame.tolist()
         stub.place = [0, 0, 0] if place is None else place
-        assert until(lambda: device.read(reading) and False or bool(reading.error))
+        assert until(lambda: (device.read(reading) and False) or bool(reading.error))
         assert np.isfinite(reading.pose).all()
         stub.frame, stub.place = np.eye(3).tolist(), [0.0, 0.0, 0.0]
         assert until(lambda: device.read(reading))

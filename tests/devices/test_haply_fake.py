@@ -8,7 +8,6 @@ from websockets.sync.client import connect
 from asperity.devices.haply_cursor import HOME, Cursor, still_hand
 from asperity.devices.haply_fake import FakeService
 from asperity.devices.haply_messages import force_message
-
 from devices.clocks import Clock
 
 

@@ -1,4 +1,4 @@
-"""The serial backend against a stand-in for its package, and the package against a pseudo-terminal."""
+"""The serial backend against a stand-in for its package, and that against a pseudo-terminal."""
 
 import os
 import struct
@@ -47,7 +47,7 @@ class Stub(types.ModuleType):
             def __init__(self, stream):
                 self.stream = stream
 
-            def GetVersegripStatus(self):  # noqa: N802
+            def GetVersegripStatus(self):
                 return {"quaternion": stub.quaternion, "buttons": 3}
 
         self.SerialStream, self.Inverse3, self.Handle = SerialStream, Inverse3, Handle
@@ -128,10 +128,10 @@ def test_opening_says_what_is_wrong(stub):
     stub.position = [0.0, 0.0, 0.0]
     with pytest.raises(AsperityError, match="does not answer"):
         HaplyHardwareDevice().open()
-    with pytest.raises(AsperityError, match="does not answer.*No such file"):
+    with pytest.raises(AsperityError, match=r"does not answer.*No such file"):
         HaplyHardwareDevice(port="/dev/nothing-there").open()
     stub.ports = []
-    with pytest.raises(AsperityError, match="no Inverse3 found.*dialout"):
+    with pytest.raises(AsperityError, match=r"no Inverse3 found.*dialout"):
         HaplyHardwareDevice().open()
 
 

@@ -1,7 +1,10 @@
-"""The real client against the stand-in for the service, and every fault that could be thought of."""
+"""The real client against the stand-in for the service, with faults of all kinds."""
 
 import socket
+import subprocess
+import sys
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -13,7 +16,6 @@ from asperity.devices.haply_fake_device import HaplyFakeDevice
 from asperity.devices.haply_service import HaplyServiceDevice, attached
 from asperity.devices.protocol import Reading
 from asperity.errors import AsperityError
-
 from devices.clocks import until
 
 PUSH = np.array([0.3, 0.0, 0.6, 0.0, 0.0, 0.0])
@@ -199,7 +201,7 @@ def test_a_frozen_frame_is_no_news():
         device.open()
         ticks_until(device, lambda _, reading: abs(reading.twist[0]) > 0.1)
         service.frozen = True
-        errors, reading = ticks_until(device, lambda _, reading: reading.age > 0.1)
+        errors, _ = ticks_until(device, lambda _, reading: reading.age > 0.1)
         assert "repeats one frame" in errors[-1]
         service.frozen = False
         ticks_until(device, good)
@@ -234,13 +236,69 @@ def test_an_unplugged_device_is_told_and_comes_back(service, device):
     ticks_until(device, good)
 
 
+def test_an_unplugged_device_that_comes_back_in_a_new_connection(service, device):
+    ticks_until(device, good)
+    service.unplugged = True
+    service.disconnect()
+    ticks_until(device, lambda _, reading: reading.age > 0.8)
+    service.unplugged = False
+    ticks_until(device, good)
+    assert len(service.sessions) >= 2
+
+
+def test_another_device_is_not_pushed_instead(service, device):
+    ticks_until(device, good)
+    service.device_id = "BBBB"
+    errors, _ = ticks_until(device, lambda _, reading: reading.age > 0.1)
+    assert "no Inverse3 'FA4E'" in errors[-1]
+    assert until(lambda: service.force() == (0.0, 0.0, 0.0))
+
+
+def test_a_killed_process_leaves_no_force(service):
+    script = f"""
+import numpy as np, time
+from asperity.devices.haply_service import HaplyServiceDevice
+device = HaplyServiceDevice(uri={service.uri!r})
+device.open()
+while True:
+    device.write(np.array([0.3, 0.0, 0.6, 0.0, 0.0, 0.0]))
+    time.sleep(0.001)
+"""
+    servo = subprocess.Popen([sys.executable, "-c", script])
+    try:
+        assert until(lambda: service.force() == (0.3, 0.0, 0.6), 20.0)
+    finally:
+        servo.kill()
+        servo.wait()
+    assert until(lambda: service.force() == (0.0, 0.0, 0.0))
+
+
+def test_many_ticks_leave_no_memory_behind(service, device):
+    reading = Reading.empty()
+
+    def tick(count):
+        for _ in range(count):
+            device.read(reading)
+            device.write(PUSH)
+            time.sleep(1e-4)
+
+    tick(300)
+    tracemalloc.start()
+    tick(200)
+    before = tracemalloc.get_traced_memory()[0]
+    tick(1500)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 20_000  # bytes; a frame has 1500
+
+
 def test_opening_says_what_to_do():
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         port = nobody.getsockname()[1]
     with pytest.raises(AsperityError, match="nobody listens there; start Haply Hub"):
         HaplyServiceDevice(uri=f"ws://127.0.0.1:{port}").open()
     for uri in ("http://localhost", "ws://", "nonsense", "wss://localhost"):
-        with pytest.raises(AsperityError, match="is no address|not wss"):
+        with pytest.raises(AsperityError, match=r"is no address|not wss"):
             HaplyServiceDevice(uri=uri).open()
     with pytest.raises(AsperityError, match="did you mean 'vector'"):
         HaplyServiceDevice(spelling="vectors")
@@ -250,7 +308,7 @@ def test_opening_says_what_to_do():
 
 def test_opening_waits_for_the_named_device(service):
     device = HaplyServiceDevice(uri=service.uri, device_id="AAAA")
-    with pytest.raises(AsperityError, match="no Inverse3 'AAAA'.*It lists: FA4E"):
+    with pytest.raises(AsperityError, match=r"no Inverse3 'AAAA'.*It lists: FA4E"):
         device.open()
     assert attached(service.uri) == ["FA4E"]
     service.unplugged = True

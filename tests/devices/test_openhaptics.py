@@ -197,7 +197,7 @@ static void *run(void *unused) {
     while (running) { if (!tick(0)) break; usleep(1000); }
     return 0;
 }
-unsigned long hdScheduleAsynchronous(Callback f, void *data, unsigned short p) { tick = f; return 1; }
+unsigned long hdScheduleAsynchronous(Callback f, void *d, unsigned short p) { tick = f; return 1; }
 void hdStartScheduler(void) { running = 1; pthread_create(&thread, 0, run, 0); }
 void hdStopScheduler(void) { running = 0; pthread_join(thread, 0); }
 """

@@ -53,12 +53,12 @@ _ENTRIES = (
         "websockets", "haply", "Haply Hub or the Inverse service", HOME,
     ),
     Entry(
-        "haply-fake", "the same with service and device simulated", "haply_fake_device",
+        "haply-fake", "the same, simulated", "haply_fake_device",
         "HaplyFakeDevice", "websockets", "haply", "", HOME, checked_with={"motion": "still"},
     ),
     Entry(
         "haply-serial", "Haply Inverse3, by serial port", "haply_hardware", "HaplyHardwareDevice",
-        "HaplyHardwareAPI", "haply", "access to the serial port", HOME,
+        "HaplyHardwareAPI", "haply", "an Inverse3 on USB (Linux: group dialout)", HOME,
     ),
     Entry(
         "force-dimension", "omega, sigma, lambda", "force_dimension", "ForceDimensionDevice",
@@ -189,7 +189,9 @@ def _asked(ask: Callable[[], str]) -> tuple[str, bool]:
         # The packages talk on these; the table is no place for it.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return ask(), True
-    except Exception as error:  # ImportError without the vendor's library, and whatever else
+    except ImportError:
+        return "no vendor library", False
+    except Exception as error:  # whatever a vendor's package does, the rest of the list stands
         return f"unknown ({type(error).__name__})", False
 
 

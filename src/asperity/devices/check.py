@@ -7,8 +7,10 @@
                 in its direction and must not run away
 
 The force is cut at once, and the check fails, if the end effector leaves 30 mm or moves faster than
-0.3 m/s, if readings go stale, or if anything at all is raised; zero is sent before anything else is
-done. Time, sleep and the user are injected.
+0.3 m/s, if the device tells of an error, or if anything at all is raised; zero is sent before
+anything else is done. If readings only go stale the force is cut as well, and begins anew once they
+come again, as often as `_MOST_STALLS`: a busy computer does that. Time, sleep and the user are
+injected.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ _LISTEN = 1.0
 _RISE, _STAY, _FALL = 1.0, 0.3, 0.3
 _TICK = 1e-3
 _LONGEST_AGE = 0.05
+_MOST_STALLS = 10
+_RECOVERY = 1.0
 _LEAST_PUSH = 0.015
 _SEEN = 2e-4
 _DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
@@ -103,6 +107,7 @@ class _Check:
         self._clock, self._sleep = clock, sleep
         self._reading = Reading.empty()
         self._zero = np.zeros(6)
+        self._stalls = 0
         self.notes: list[str] = []
 
     def listen(self) -> None:
@@ -175,29 +180,25 @@ class _Check:
             )
             return 0.0
         self._note(f"pushed right, away, up with {top:g} N it gave way by {shown} mm that way")
+        if self._stalls:
+            self._note(
+                f"{self._stalls} times no pose came for {_LONGEST_AGE * 1e3:.0f} ms: the computer "
+                "is busy, or the connection is poor"
+            )
         return top
 
     def _ramp(self, direction: NDArray[np.float64], told: str, top: float) -> float:
         """Push along a unit vector; return how far it gave way along it [m]."""
-        wrench = np.zeros(6)
-        start = self._place()
-        given = 0.0
-        began = self._clock()
-        try:
-            while (since := self._clock() - began) < _RISE + _STAY + _FALL:
-                self._read()
-                move = self._reading.pose[:3] - start
-                speed = float(np.linalg.norm(self._reading.twist[:3]))
-                force = float(np.linalg.norm(wrench[:3]))
-                self._stop_runaway(move, speed, force, told)
-                if _RISE < since < _RISE + _STAY:
-                    given = float(move @ direction)
-                part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
-                wrench[:3] = top * part * direction
-                self._device.write(wrench)
+        while (given := self._push(direction, told, top)) is None:
+            self._stalls += 1
+            began = self._clock()
+            while not (self._device.read(self._reading) and self._reading.age < _LONGEST_AGE):
+                self._device.write(self._zero)
                 self._sleep(_TICK)
-        finally:
-            self._device.write(self._zero)
+                silent = self._clock() - began
+                if self._stalls > _MOST_STALLS or silent > _RECOVERY or self._reading.error:
+                    why = self._reading.error or f"{self._reading.age * 1e3:.0f} ms without a pose"
+                    raise AsperityError(f"{self._device.name} fell silent under force: {why}")
         if given < -_SEEN:
             raise AsperityError(
                 f"pushed {told} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: its "
@@ -205,29 +206,49 @@ class _Check:
             )
         return given
 
-    def _stop_runaway(
-        self, move: NDArray[np.float64], speed: float, force: float, told: str
-    ) -> None:
-        """Raise if the end effector runs away or says nothing; the caller sends zero."""
+    def _push(self, direction: NDArray[np.float64], told: str, top: float) -> float | None:
+        """Let a force grow and go; return how far it gave way [m], or None if it had to be cut."""
+        wrench = np.zeros(6)
+        start = self._place()
+        given = 0.0
+        began = self._clock()
+        try:
+            while (since := self._clock() - began) < _RISE + _STAY + _FALL:
+                self._device.read(self._reading)
+                if self._reading.age > _LONGEST_AGE and not self._reading.error:
+                    return None
+                force = float(np.linalg.norm(wrench[:3]))
+                self._stop_runaway(self._reading.pose[:3] - start, force, told)
+                if _RISE < since < _RISE + _STAY:
+                    given = float((self._reading.pose[:3] - start) @ direction)
+                part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
+                wrench[:3] = top * part * direction
+                self._device.write(wrench)
+                self._sleep(_TICK)
+        finally:
+            self._device.write(self._zero)
+        return given
+
+    def _stop_runaway(self, move: NDArray[np.float64], force: float, told: str) -> None:
+        """Raise if the end effector runs away or tells of an error; the caller sends zero."""
+        if self._reading.error:
+            raise AsperityError(
+                f"{self._device.name} fell silent under force: {self._reading.error}"
+            )
         distance = float(np.linalg.norm(move))
+        speed = float(np.linalg.norm(self._reading.twist[:3]))
         if not (distance <= RUN_AWAY_DISTANCE and speed <= RUN_AWAY_SPEED):  # also for nan
             raise AsperityError(
                 f"pushed {told} with {force:.2f} N it ran away ({distance * 1e3:.0f} mm, "
                 f"{speed * 1e3:.0f} mm/s); the force was cut. Hold it, and begin again"
             )
-        if self._reading.age > _LONGEST_AGE or self._reading.error:
-            why = self._reading.error or f"its last pose is {self._reading.age * 1e3:.0f} ms old"
-            raise AsperityError(f"{self._device.name} fell silent under force: {why}")
-
-    def _read(self) -> bool:
-        return self._device.read(self._reading)
 
     def _readings(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
         """Read for some time without force; return places (n, 3), how many were new, and errors."""
         places, errors, new = [], [], 0
         began = self._clock()
         while self._clock() - began < seconds:
-            fresh = self._read()
+            fresh = self._device.read(self._reading)
             if self._reading.error:
                 errors.append(self._reading.error)
             if fresh:

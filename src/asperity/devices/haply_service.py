@@ -7,9 +7,9 @@ is, and the pose of a tick is the answer to the force of the tick before.
 
 Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
 is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
-takes the servo's place for a slice of the scheduler's. Over five runs on two busy cores, the
-servo's read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and
-late ticks became more by up to 17 percentage points against up to 1.8.
+takes the servo's place for a slice of the scheduler's. Over six runs on two busy cores, the servo's
+read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and in five
+of them more ticks were late.
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
@@ -104,7 +104,7 @@ class HaplyServiceDevice:
         self._rate = TurnRate()
         self._error = ""
         self._device_id = ""
-        self._greeting = self._first
+        self._greeted = 0
         self._position = (0.0, 0.0, 0.0)
         self._moved_at = -math.inf
 
@@ -164,11 +164,13 @@ class HaplyServiceDevice:
         while time.monotonic() < deadline:
             for text in link.poll():
                 try:
-                    state = read_state(text, self._wanted_id, self._grip)
+                    # Once found it stays the same one: no force goes to another.
+                    wanted = self._device_id or self._wanted_id
+                    state = read_state(text, wanted, self._grip)
                 except ValueError as error:
                     reason = _with_ids(str(error), device_ids(text))
                     continue
-                self._device_id, self._greeting = state.device_id, self._first
+                self._device_id = state.device_id
                 self._moved_at = -math.inf
                 self._rate.forget()
                 return
@@ -203,17 +205,18 @@ class HaplyServiceDevice:
         raise OSError(f"lost the Haply service: {link.error}")
 
     def _send(self, link: Link, force: tuple[float, ...]) -> None:
-        message = force_message(self._device_id, force, self._spelling, self._greeting)
+        greeting = self._first if link.openings != self._greeted else ""
+        message = force_message(self._device_id, force, self._spelling, greeting)
         if not link.send(message):
             raise OSError(f"lost the Haply service: {link.error or 'it takes no messages'}")
-        self._greeting = ""
+        self._greeted = link.openings
 
     def _zero_is_wanted(self) -> bool:
         return self._exchange is not None and self._exchange.wanted()[:3] == ZERO[:3]
 
     def _told(self, text: str) -> Answer:
         try:
-            state = read_state(text, self._wanted_id, self._grip)
+            state = read_state(text, self._device_id, self._grip)
         except ValueError as error:
             raise UnusableError(str(error)) from None
         now = self._clock()
