@@ -28,6 +28,7 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_contact.py
 	$(BIN)/python benchmarks/bench_meshes.py
 	$(BIN)/python benchmarks/bench_devices.py
+	$(BIN)/python benchmarks/bench_servo.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
