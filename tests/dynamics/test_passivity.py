@@ -118,6 +118,15 @@ def test_what_limits_made_of_a_wrench_is_accounted():
     assert controller.energy == pytest.approx(-2.5 * 0.1 * DT)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_numbers_out_of_this_world_do_not_spoil_the_account(bad):
+    controller, wrench, twist = PassivityController(DT), np.ones(6), np.full(6, 0.1)
+    for w, v in ((wrench, twist), (bad * wrench, twist), (wrench, bad * twist), (wrench, twist)):
+        controller.correct(w, v)
+    assert np.isfinite(controller.energy)
+    assert np.isfinite(controller.correct(wrench, twist)).all()
+
+
 def test_wrong_settings_are_refused():
     with pytest.raises(AsperityError, match="max_damping"):
         PassivityController(DT, max_damping=-1.0)

@@ -25,19 +25,24 @@ most `max_damping`.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.dynamics.damping import (
+    DISSIPATED,
+    ENERGY,
+    GAINED,
+    INTERVENTIONS,
+    NUMBERS,
+    PARTS,
+    Account,
+    Terms,
+    passive_step,
+)
 from asperity.errors import require_between, require_not_negative, require_positive
 
-_SLOWEST = (1e-6, 1e-5)
-"""Motion below this is none: [m/s], [rad/s]."""
 RESERVE = 5e-6
 """A hundredth of what a wall of 400 N/m stores under 0.6 N [J]; asperity's."""
-_PORTS = (slice(0, 3), slice(3, 6))
-"""Translations and rotations."""
 
 
 class PassivityController:
@@ -80,35 +85,52 @@ class PassivityController:
     ) -> None:
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.active = active
-        self._damping = require_not_negative("damping", damping, "[N s/m]")
-        self._reserve = require_not_negative("reserve", reserve, "[J]")
-        self._most = (
-            require_not_negative("max_damping", max_damping, "[N s/m]"),
-            require_not_negative("max_rotational_damping", max_rotational_damping, "[N m s/rad]"),
+        self._terms = Terms(
+            most=require_not_negative("max_damping", max_damping, "[N s/m]"),
+            most_turning=require_not_negative(
+                "max_rotational_damping", max_rotational_damping, "[N m s/rad]"
+            ),
+            damping=require_not_negative("damping", damping, "[N s/m]"),
+            mass=require_positive("mass", mass, "[kg]"),
+            moment=require_positive("moment", moment, "[kg m^2]"),
+            reserve=require_not_negative("reserve", reserve, "[J]"),
         )
-        self._inertia = (
-            require_positive("mass", mass, "[kg]"),
-            require_positive("moment", moment, "[kg m^2]"),
-        )
-        self._held, self._added, self._out = np.zeros(6), np.zeros(6), np.zeros(6)
-        self._last, self._next = np.zeros(6), np.zeros(6)
-        self.parts = np.zeros(2)
-        """What the hand has put in by translations and by rotations [J]."""
+        six = [np.zeros(6) for _ in range(4)]
+        self._account = Account(np.zeros(NUMBERS), *six)
+        self._out = np.zeros(6)
+        self.correct(self._out.copy(), np.zeros(6))  # machine code is made before any hurry
         self.reset()
 
     def reset(self, stored: float = 0.0) -> None:
         """Begin a new account, with the energy [J] that the scene holds already."""
-        for values in (self.parts, self._held, self._added, self._last):
+        for values in self._account:
             values[:] = 0.0
-        self.parts[0] = stored
-        self.energy = stored
+        self._account.numbers[PARTS] = self._account.numbers[ENERGY] = stored
+
+    @property
+    def energy(self) -> float:
         """E: what the hand has put in and not got back [J]."""
-        self.gained = 0.0
+        return float(self._account.numbers[ENERGY])
+
+    @property
+    def parts(self) -> NDArray[np.float64]:
+        """What the hand has put in by translations and by rotations [J], (2,)."""
+        return self._account.numbers[PARTS : PARTS + 2]
+
+    @property
+    def gained(self) -> float:
         """The most that the hand had got out beyond what it had put in [J]; 0 is passive."""
-        self.interventions = 0
+        return float(self._account.numbers[GAINED])
+
+    @property
+    def interventions(self) -> int:
         """Ticks in which the wrench was changed."""
-        self.dissipated = 0.0
+        return int(self._account.numbers[INTERVENTIONS])
+
+    @property
+    def dissipated(self) -> float:
         """What the changes took out of the hand's motion [J]."""
+        return float(self._account.numbers[DISSIPATED])
 
     def correct(
         self, wrench: NDArray[np.float64], twist: NDArray[np.float64], dt: float | None = None
@@ -130,63 +152,14 @@ class PassivityController:
         (6,) array
             The same array every time.
         """
-        passed = self.dt if dt is None else dt
-        for port, here in enumerate(_PORTS):
-            self.parts[port] -= float(self._held[here] @ twist[here]) * passed
-        self.parts[0] += self._damping * float(twist[:3] @ twist[:3]) * passed
-        self.energy = float(self.parts[0] + self.parts[1])
-        self.gained = max(self.gained, -self.energy)
-        self.dissipated -= float(self._added @ twist) * passed
-        self._out[:] = wrench
-        if self.active:
-            self._damp(twist)
-        self._last[:] = twist
-        self._added[:] = self._out - wrench
-        self._held[:] = self._out
+        passive_step(
+            wrench, twist, self.dt if dt is None else dt, self.dt, self.active, self._terms,
+            self._account, self._out,
+        )  # fmt: skip
         return self._out
-
-    def _damp(self, twist: NDArray[np.float64]) -> None:
-        """Take from the wrench what the account does not cover, and let it pay a debt."""
-        powers, squares, moving = [0.0, 0.0], [1.0, 1.0], [0.0, 0.0]
-        for port, here in enumerate(_PORTS):
-            ahead, v = self._ahead(port, twist), twist[here]
-            square, slow = float(ahead @ ahead), _SLOWEST[port] ** 2
-            if square > slow and math.isfinite(square):
-                squares[port], powers[port] = square, float(self._out[here] @ ahead)
-            if slow < float(v @ v) < math.inf:
-                moving[port] = self._most[port] * float(v @ v)
-        pushing = max(powers[0], 0.0) + max(powers[1], 0.0)
-        excess = sum(powers) - max(self.energy - self._reserve, 0.0) / self.dt
-        share = min(excess / pushing, 1.0) if pushing > 0.0 and excess > 0.0 else 0.0
-        paying, pace = sum(moving), 0.0
-        if self.energy < 0.0 and paying > 0.0:
-            pace = min(-self.energy / (self.dt * paying), 1.0)
-        if share == 0.0 and pace == 0.0:
-            return
-        self.interventions += 1
-        for port, here in enumerate(_PORTS):
-            alpha = share * max(powers[port], 0.0) / squares[port]
-            self._out[here] -= alpha * self._next[here]
-            if moving[port] > 0.0:
-                self._out[here] -= pace * self._most[port] * twist[here]
-
-    def _ahead(self, port: int, twist: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how the handle may move over the next tick: the way that costs most.
-
-        As it did; as it did and faster by as much as it has become faster; or as the wrench
-        pushes the least that can hold it.
-        """
-        here = _PORTS[port]
-        v, wrench = twist[here], self._out[here]
-        best, most = v, float(wrench @ v)
-        for other in (2.0 * v - self._last[here], v + wrench * (self.dt / self._inertia[port])):
-            power = float(wrench @ other)
-            if power > most:
-                best, most = other, power
-        self._next[here] = best
-        return self._next[here]
 
     def sent(self, wrench: NDArray[np.float64]) -> None:
         """Tell what was really written (6,), if limits have changed what `correct` returned."""
-        self._added += wrench - self._held
-        self._held[:] = wrench
+        held, added = self._account.held, self._account.added
+        added += wrench - held
+        held[:] = wrench
