@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from asperity.cli import main
+from asperity.headless import run_scene
 from asperity.recording import read_recording
+from asperity.scenes import load_scene
+from asperity.servo.replay import replay, scene_of_recording
 
 
 def summary_in(folder):
@@ -53,34 +56,39 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
 @pytest.fixture(scope="module")
 def headless(tmp_path_factory):
     """A run in simulated time."""
-    out = tmp_path_factory.mktemp("headless") / "out"
-    options = ["--seconds", "0.3", "--coupling", "implicit", "--out", str(out)]
-    assert main(["run", "probe-plate", *options]) == 0
-    return out
+    scene = load_scene("probe-plate").changed(
+        coupling={"mode": "implicit"}, trajectory={"seconds": 0.3}
+    )
+    path = tmp_path_factory.mktemp("headless") / "recording.h5"
+    run_scene(scene, path)
+    return path
 
 
 def test_a_run_in_simulated_time_is_replayed_as_it_was(headless, tmp_path):
-    assert main(["replay", str(headless / "recording.h5"), "--out", str(tmp_path / "out")]) == 0
-    told = summary_in(tmp_path / "out")["replay"]
+    recording = read_recording(headless)
+    scene = scene_of_recording(recording)
+    assert scene.coupling.mode == "implicit"
+    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
     assert told["ticks"] == told["ticks_untouched"] == 301
     assert told["device_wrench"]["largest_force_n"] < 1e-9
     assert told["contact_wrench"]["largest_torque_n_m"] < 1e-9
 
 
 def test_another_scene_differs(headless, tmp_path):
-    arguments = ["replay", str(headless), "--scene", "probe-plate-grating"]
-    assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
-    assert summary_in(tmp_path / "out")["replay"]["contact_wrench"]["largest_force_n"] > 0.01
+    recording = read_recording(headless)
+    scene = scene_of_recording(recording, "probe-plate-grating")
+    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
+    assert told["contact_wrench"]["largest_force_n"] > 0.01
 
 
 def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
     out = tmp_path / "out"
-    device = f"replay:{headless / 'recording.h5'}"
+    device = f"replay:{headless}"
     assert main(["record", "probe-plate", "--device", device, "--out", str(out)]) == 0
     assert {path.name for path in out.iterdir()} == {"summary.json", "recording.h5"}
     recording = read_recording(out / "recording.h5")
     assert recording.attributes["trajectory"] == "device"
-    first = read_recording(headless / "recording.h5")
+    first = read_recording(headless)
     np.testing.assert_allclose(recording.handle_pose[-1], first.handle_pose[-1], atol=1e-3)
     assert main(["record", "probe-plate", "--device", device, "--out", str(out)]) == 2
     assert "is not empty; give --overwrite" in capsys.readouterr().err
@@ -94,7 +102,10 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
             ["run", "probe-plate", "--device", "touch", "--speed-mm-s", "9"],
             "--speed-mm-s: a hand moves the device touch; leave them out",
         ),
-        (["run", "probe-plate", "--device", "tuch"], "unknown device 'tuch' (did you mean 'touch'?)"),
+        (
+            ["run", "probe-plate", "--device", "tuch"],
+            "unknown device 'tuch' (did you mean 'touch'?)",
+        ),
         (
             ["run", "probe-plate", "--device", "simulated", "--rate-hz", "20"],
             "--rate-hz must lie between 100 and 20000, got 20.0",

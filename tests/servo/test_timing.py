@@ -128,7 +128,7 @@ def test_between_slow_contacts_the_wall_goes_on_as_it_was(mode):
 def test_a_contact_that_never_comes_is_let_go_of():
     kept = Kept()
     bench = Bench(mode="implicit", takes=lambda n: 1e9 if n == 100 else 1e-4, publisher=kept)
-    bench.run(400)
+    bench.run(500)
     forces = bench.device.forces
     assert forces[90] > 0.3
     given_up = np.flatnonzero(forces[:-1] == 0.0)
@@ -139,12 +139,12 @@ def test_a_contact_that_never_comes_is_let_go_of():
 
 
 def test_it_recovers_when_the_contact_comes_back():
-    bench = Bench(mode="implicit", takes=lambda n: 0.25 if n == 100 else 1e-4)
-    bench.run(600)
+    bench = Bench(mode="implicit", takes=lambda n: 0.4 if n == 100 else 1e-4)
+    bench.run(800)
     forces = bench.device.forces
-    assert (forces[210:340] == 0.0).all()
-    assert forces[500] == pytest.approx(forces[90], rel=1e-3)
-    assert bench.stats.fallbacks == pytest.approx(250, abs=2)
+    assert (forces[360:490] == 0.0).all()
+    assert forces[700] == pytest.approx(forces[90], rel=1e-3)
+    assert bench.stats.fallbacks == pytest.approx(400, abs=2)
 
 
 def test_a_late_tick_is_flagged_and_its_time_is_that_of_the_clock():

@@ -38,7 +38,7 @@ from asperity.servo.stats import Stats
 
 GUARD = 0.25
 """Part of the tick that is kept for what comes after the contact, in the direct mode; ours."""
-STALE = 0.1
+STALE = 0.25
 """A contact that was asked for so long ago [s] is not carried on any further; ours."""
 STALLED = 0.05
 """After a pause of the whole loop longer than this [s] the wrench comes up softly; ours."""
@@ -125,6 +125,8 @@ class ServoLoop:
         self.contacts.submit(self.tool.pose, clock.now())
         if not self.contacts.wait(FIRST_READING):
             raise AsperityError(f"no contact was computed within {FIRST_READING:g} s")
+        # The first contact may have taken long: what happened meanwhile is no tick's work.
+        device.read(clock.now())
         device.begin(clock.now())
         self.pace.restart()
 

@@ -11,10 +11,7 @@ says.
 from __future__ import annotations
 
 import logging
-import multiprocessing
-import os
 import signal
-import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -38,6 +35,7 @@ from asperity.servo.loop import GUARD, ServoLoop
 from asperity.servo.mailbox import Mailbox
 from asperity.servo.pace import SystemClock
 from asperity.servo.parameters import Parameters
+from asperity.servo.parent import Parent, clear_up
 from asperity.servo.publish import Publisher
 from asperity.servo.ring import Ring
 from asperity.servo.safety import SafeDevice, SafetySettings
@@ -47,8 +45,6 @@ RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
 """Names of the files in the shared folder."""
 _CLEARANCE = 2e-3
 """How far above the surface the tool is when a session begins [m]."""
-_PARENT_EVERY = 5
-"""Ticks between two looks at the parent, where looking is not almost free."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +95,10 @@ def serve(spec: ServoSpec, folder: Path, report: Connection) -> None:
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda *_, name=name: stopped.append(name))
+    parent = Parent()
     ring = Ring(folder / RING) if (folder / RING).exists() else None
     try:
-        summary = _served(spec, folder, ring, report, stopped)
+        summary = _served(spec, folder, ring, report, lambda: _why(stopped, parent))
     except AsperityError as error:
         _tell(report, ("failed", str(error)))
     except BaseException as error:
@@ -113,10 +110,12 @@ def serve(spec: ServoSpec, folder: Path, report: Connection) -> None:
     finally:
         if ring is not None:
             ring.close()
+        elif parent.is_gone():
+            clear_up(folder)
 
 
 def _served(
-    spec: ServoSpec, folder: Path, ring: Ring | None, report: Connection, stopped: list[str]
+    spec: ServoSpec, folder: Path, ring: Ring | None, report: Connection, why: Callable[[], str]
 ) -> dict[str, Any]:
     """Make the loop, run it, and return what there is to say of it."""
     clock = SystemClock()
@@ -139,7 +138,7 @@ def _served(
         guard=spec.guard,
         publisher=Publisher(ring, SnapshotWriter(folder / SNAPSHOT)),
     )
-    between = _Between(spec, loop, Mailbox(folder / MAILBOX), stopped)
+    between = _Between(spec, loop, Mailbox(folder / MAILBOX), why)
     ticks = None if spec.seconds is None else round(spec.seconds * spec.rate)
     try:
         device.open()
@@ -168,36 +167,28 @@ def _served(
     }
 
 
+def _why(stopped: list[str], parent: Parent) -> str:
+    """Return what ends the loop from outside, or nothing."""
+    if stopped:
+        return stopped[0]
+    return "the parent process is gone" if parent.is_gone() else ""
+
+
 class _Between:
     """What the loop looks at after each tick; returns whether to stop."""
 
     def __init__(
-        self, spec: ServoSpec, loop: ServoLoop, mailbox: Mailbox, stopped: list[str]
+        self, spec: ServoSpec, loop: ServoLoop, mailbox: Mailbox, ask: Callable[[], str]
     ) -> None:
-        self._spec, self._loop, self._mailbox, self._stopped = spec, loop, mailbox, stopped
-        self._parent = os.getppid()
-        self._count = 0
+        self._spec, self._loop, self._mailbox, self._ask = spec, loop, mailbox, ask
         self.why = ""
 
     def __call__(self) -> bool:
-        if self._stopped:
-            self.why = self._stopped[0]
-        elif self._mailbox.must_stop:
-            self.why = "told to stop"
-        elif self._is_orphan():
-            self.why = "the parent process is gone"
-        else:
-            news = self._mailbox.news()
-            if news is not None:
-                self._change(Parameters.from_plain(news))
+        self.why = "told to stop" if self._mailbox.must_stop else self._ask()
+        news = self._mailbox.news()
+        if news is not None and not self.why:
+            self._change(Parameters.from_plain(news))
         return bool(self.why)
-
-    def _is_orphan(self) -> bool:
-        if sys.platform != "win32":
-            return os.getppid() != self._parent
-        self._count += 1
-        parent = multiprocessing.parent_process()
-        return self._count % _PARENT_EVERY == 0 and parent is not None and not parent.is_alive()
 
     def _change(self, parameters: Parameters) -> None:
         """Swap all parameters, between two ticks."""

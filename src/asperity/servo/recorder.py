@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.recording import RecordingWriter
+from asperity.servo.parent import Parent, clear_up
 from asperity.servo.ring import Ring
 from asperity.servo.rows import WIDTH, columns
 
@@ -52,14 +53,14 @@ def record(
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    parent = os.getppid()
+    parent = Parent()
     ring = Ring(ring_path)
     written, error, broken = 0, "", False
     try:
         writer = RecordingWriter(path, attributes)
         while True:
             # Asked before the rows are taken: none can come in between.
-            last = ring.is_closed or os.getppid() != parent
+            last = ring.is_closed or parent.is_gone()
             rows = ring.take()
             error = _no_room(path, ROOM + int(_ROW_BYTES * (written + len(rows))))
             if error:
@@ -76,6 +77,8 @@ def record(
     if error:
         logging.getLogger(__name__).error("%s; recording stopped after %d ticks", error, written)
     _tell(report, {"ticks": written, "error": error})
+    if parent.is_gone():
+        clear_up(ring_path.parent)
     if broken:
         # HDF5 would try to write on the way out, and hang or abort.
         os._exit(1)

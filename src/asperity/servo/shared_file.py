@@ -19,13 +19,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+PREFIX = "asperity-servo-"
+"""Of the names of shared folders."""
 _IN_MEMORY = Path("/dev/shm")
 
 
 def shared_folder() -> Path:
     """Make a folder for shared files, in memory where the system has such a place."""
     best = _IN_MEMORY if os.access(_IN_MEMORY, os.W_OK) else None
-    return Path(tempfile.mkdtemp(prefix="asperity-servo-", dir=best))
+    return Path(tempfile.mkdtemp(prefix=PREFIX, dir=best))
 
 
 class SharedFile:
