@@ -68,13 +68,8 @@ def limited(wrench, limits):
     return out
 
 
-def run(simulation, session, limits, seconds, active):
+def run(simulation, touching, session, limits, seconds, active):
     """Return the controller after a session; its account is that of what the device was told."""
-    simulation.reset()
-    start = simulation.scene.start
-    if isinstance(simulation.scene.motion.start, tuple):
-        start = np.append(simulation.scene.motion.start, start[3:])
-    touching = touching_pose(simulation.stage.engine, start.copy())
     simulation.reset()
     hand = SimulatedHand(
         target_of(session, touching, seconds), HandSettings(), centre=simulation.tool.body.centre,
@@ -101,10 +96,12 @@ def main():
           f"{'off: gained uJ':>14s} {'end uJ':>9s} | {'on: gained uJ':>13s} {'end uJ':>9s} "
           f"{'acted':>5s} {'took uJ':>8s}")  # fmt: skip
     for name in options.scenes:
+        plain = load_scene(name)
+        touching = touching_pose(Simulation(plain).stage.engine, plain.start.copy())
         for mode in options.modes:
             for device in options.devices:
                 limits = DEVICES[device]
-                scene = load_scene(name).changed(
+                scene = plain.changed(
                     coupling={"mode": mode}, force={"stiffness": limits.max_stiffness}
                 )
                 if mode != "direct":
@@ -112,7 +109,7 @@ def main():
                 simulation = Simulation(scene, limits=limits)
                 for session in SESSIONS:
                     off, on = (
-                        run(simulation, session, limits, options.seconds, active)
+                        run(simulation, touching, session, limits, options.seconds, active)
                         for active in (False, True)
                     )
                     runs += 2

@@ -68,7 +68,7 @@ def test_a_bristle_that_sticks_is_stiff_across_and_one_that_slips_is_not():
 def test_the_stiffness_is_positive_semidefinite(name):
     scene = load_scene(name).changed(force={"friction": 0.0})
     simulation, stage = Simulation(scene), ContactStage(scene)
-    for pose in simulation.trajectory().poses[:60:6]:
+    for pose in simulation.trajectory().poses[:60:12]:
         contact = stage.evaluate(pose)
         values = np.linalg.eigvalsh(contact.stiffness)
         assert values[0] > -1e-9 * values[-1]
@@ -82,7 +82,7 @@ def test_the_stiffness_is_positive_semidefinite(name):
 def test_direct_without_averaging_is_the_engine_itself(name):
     scene = load_scene(name).changed(force=QUIET)
     simulation = Simulation(scene)
-    poses = simulation.trajectory().poses[:40]
+    poses = simulation.trajectory().poses[:15]
     engine = Engine(scene.model, scene.bodies, scene.tool, scene.force)
     for pose in poses:
         np.testing.assert_array_equal(simulation.step(pose), engine.wrench(pose, 1e-3))
