@@ -124,6 +124,20 @@ def test_a_grip_that_tells_nonsense_leaves_the_orientation(stub, device):
     assert reading.pose[5] == 1.0
 
 
+def test_a_port_that_goes_and_comes_is_opened_anew(stub, device, port):
+    reading, first = Reading.empty(), device._device
+    assert until(lambda: device.read(reading))
+    stub.raises = OSError("unplugged")
+    os.remove(port)
+    assert until(lambda: device.read(reading) or "No such file" in reading.error)
+    stub.raises = None
+    with open(port, "w"):
+        pass
+    assert until(lambda: device.read(reading) and reading.age < 0.05)
+    assert device._device is not first
+    assert len(device._streams) == 3  # the old one is kept: the package may still use it
+
+
 def test_opening_says_what_is_wrong(stub):
     stub.position = [0.0, 0.0, 0.0]
     with pytest.raises(AsperityError, match="does not answer"):

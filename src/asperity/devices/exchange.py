@@ -148,4 +148,6 @@ def fill(out: Reading, told: Answer) -> None:
     if told.orientation is not None:
         pose[3], pose[4], pose[5], pose[6] = told.orientation
         twist[3], twist[4], twist[5] = told.turning
+    else:
+        twist[3], twist[4], twist[5] = 0.0, 0.0, 0.0
     out.buttons = told.buttons

@@ -64,7 +64,7 @@ class ForceDimensionDevice:
         self._position, self._velocity = [0.0] * 3, [0.0] * 3
         self._turning = [0.0] * 3
         self._frame = [[0.0] * 3 for _ in range(3)]
-        self._wrist = False
+        self._wrist = self._torques = False
 
     def open(self) -> None:
         """Open the device, enable its forces, and begin to exchange."""

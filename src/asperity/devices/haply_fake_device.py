@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Literal
 
 import numpy as np
@@ -62,6 +63,10 @@ class HaplyFakeDevice:
         """Start the service and connect to it."""
         if self._device is not None:
             return
+        if find_spec("websockets") is None:
+            raise AsperityError(
+                "the fake Haply service needs websockets: pip install 'asperity[haply]'"
+            )
         command = [sys.executable, "-m", "asperity.devices.haply_fake", self._motion]
         self._process = subprocess.Popen(
             command,
@@ -74,7 +79,7 @@ class HaplyFakeDevice:
         uri = self._process.stdout.readline().strip()
         if not uri:
             self.close()
-            raise AsperityError("the fake Haply service did not start; is websockets installed?")
+            raise AsperityError("the fake Haply service did not start")
         device = self._make(uri)
         try:
             device.open()

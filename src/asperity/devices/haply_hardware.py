@@ -74,8 +74,10 @@ class HaplyHardwareDevice:
         self._grip: Any = None
         self._exchange: Exchange | None = None
         self._grip_exchange: Exchange | None = None
+        self._grip_reading = Reading.empty()
         self._rate = TurnRate()
         self._error = ""
+        self._gone = False
 
     def open(self) -> None:
         """Find the ports, wake the device, and begin to exchange."""
@@ -98,7 +100,7 @@ class HaplyHardwareDevice:
         try:
             self._device = self._opened(port, api.Inverse3)
             self._device.set_read_timeout(_TIMEOUT)
-            first = self._ask(ZERO)
+            self._ask(ZERO)
             grip_port = (
                 next(iter(api.detect_handles()), "") if self._grip_port is None else self._grip_port
             )
@@ -107,11 +109,10 @@ class HaplyHardwareDevice:
         except (OSError, RuntimeError, ValueError) as error:
             self._drop()
             raise AsperityError(f"the Inverse3 on {port} does not answer: {error}") from None
-        self._exchange = Exchange(self._ask, clock=self._clock)
+        self._exchange = Exchange(self._ask, reopen=lambda: self._reopen(port), clock=self._clock)
         self._exchange.start()
         if self._grip is not None:
-            home = first.position
-            self._grip_exchange = Exchange(lambda _: self._ask_grip(home), clock=self._clock)
+            self._grip_exchange = Exchange(lambda _: self._ask_grip(), clock=self._clock)
             self._grip_exchange.start()
 
     def read(self, out: Reading) -> bool:
@@ -120,17 +121,13 @@ class HaplyHardwareDevice:
         if exchange is None:
             out.age, out.error = float("inf"), "the device is not open"
             return False
-        grip_error = ""
-        if grip is not None:
-            # The grip first: what it says of position is none, and is overwritten.
-            grip.take(out)
-            grip_error = out.error
-        buttons = out.buttons
         new = exchange.take(out)
         if grip is not None:
-            out.buttons = buttons
-        out.error = self._error or out.error or grip_error
-        self._error = ""
+            held = self._grip_reading
+            grip.take(held)
+            out.pose[3:], out.twist[3:], out.buttons = held.pose[3:], held.twist[3:], held.buttons
+            out.error = out.error or held.error
+        out.error, self._error = self._error or out.error, ""
         return new
 
     def write(self, wrench: NDArray[np.float64]) -> None:
@@ -155,6 +152,18 @@ class HaplyHardwareDevice:
         self._streams.append(stream)
         return kind(stream)
 
+    def _reopen(self, port: str) -> None:
+        """Open the port anew if it has been away; a device that is only silent is asked again."""
+        try:
+            _require_port(port)
+        except OSError:
+            self._gone = True
+            raise
+        if self._gone:
+            self._device = self._opened(port, self._api.Inverse3)
+            self._device.set_read_timeout(_TIMEOUT)
+            self._gone = False
+
     def _drop(self) -> None:
         # The device before the stream that it uses.
         self._device = self._grip = None
@@ -170,13 +179,12 @@ class HaplyHardwareDevice:
             raise OSError(f"the Inverse3 tells of {x:.3g}, {y:.3g}, {z:.3g} m, which cannot be")
         return Answer((x, y, z), tuple(velocity))
 
-    def _ask_grip(self, position: tuple[float, float, float]) -> Answer:
+    def _ask_grip(self) -> Answer:
         status = self._grip.GetVersegripStatus()
         orientation = unit_quaternion(*status["quaternion"])
         self._rate.add(self._clock(), orientation)
-        return Answer(
-            position, (0.0, 0.0, 0.0), orientation, self._rate.rate, int(status["buttons"])
-        )
+        nowhere = (0.0, 0.0, 0.0)
+        return Answer(nowhere, nowhere, orientation, self._rate.rate, int(status["buttons"]))
 
 
 def _require_port(port: str) -> None:

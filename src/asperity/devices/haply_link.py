@@ -71,6 +71,7 @@ class Link:
         self._protocol: Any = None
         self._connected = False
         self._outgoing = bytearray()
+        self._view = memoryview(bytearray(65536))
         self._parts: list[bytes] = []
         self._attempt = 0
         self._retry_at = -float("inf")
@@ -165,7 +166,7 @@ class Link:
         texts = _NOTHING
         for _ in range(_MOST_READS):
             try:
-                data = self._socket.recv(65536)
+                data = bytes(self._view[: self._socket.recv_into(self._view)])
             except BlockingIOError:
                 break
             if data:

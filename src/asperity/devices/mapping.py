@@ -162,12 +162,19 @@ class Mapping:
         fx, fy, fz, tx, ty, tz = wrench.tolist()
         w, x, y, z = self._turn
         back = (w, -x, -y, -z)
-        out[:3] = _rotate(back, (fx, fy, fz))
-        out[3:] = _rotate(back, (tx, ty, tz))
-        out[:3] *= self._force_scale
-        out[3:] *= self._torque_scale
-        out[self._force_dof : 3] = 0.0
-        out[3 + self._torque_dof :] = 0.0
+        c = self._force_scale
+        fx, fy, fz = _rotate(back, (fx, fy, fz))
+        out[0], out[1], out[2] = c * fx, c * fy, c * fz
+        if self._force_dof < 3:
+            out[self._force_dof : 3] = 0.0
+        if self._torque_dof == 0:
+            out[3:] = 0.0
+            return out
+        c = self._torque_scale
+        tx, ty, tz = _rotate(back, (tx, ty, tz))
+        out[3], out[4], out[5] = c * tx, c * ty, c * tz
+        if self._torque_dof < 3:
+            out[3 + self._torque_dof :] = 0.0
         return out
 
     def _within(
