@@ -119,6 +119,7 @@ def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):
         until(lambda: servo.snapshot().ticks > ticks + 200)
         stiff = float(np.median(Written.read(log).force[-50:]))
         os.kill(servo.process.pid, signal.SIGTERM)
+        until(lambda: servo.wait(0.05))
         result = servo.finish()
     assert soft > 0.1
     assert stiff > 1.5 * soft

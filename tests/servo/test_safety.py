@@ -151,6 +151,18 @@ def test_silence_is_zero_in_time_and_comes_back_softly(silent):
         assert safe.counts.bad_readings == 50
 
 
+def test_after_a_short_silence_it_comes_up_sooner():
+    clock, device, safe = begun(SafetySettings(soft_start=0.5))
+    ticks(clock, safe, [0.0, 0.0, 2.0, 0.0, 0.0, 0.0], 600)
+    device.fresh = lambda t: False
+    ticks(clock, safe, [0.0, 0.0, 2.0, 0.0, 0.0, 0.0], 8)
+    assert device.forces[-1] == 0.0
+    device.fresh = lambda t: True
+    ticks(clock, safe, [0.0, 0.0, 2.0, 0.0, 0.0, 0.0], 90)
+    assert (np.diff(device.forces[608:680]) > 0.0).all()
+    assert device.forces[-1] == 2.0
+
+
 def test_poses_far_out_are_drawn_in():
     clock, device, safe = begun()
     device.pose = lambda t: np.array([1e9, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])

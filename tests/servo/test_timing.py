@@ -240,16 +240,16 @@ def test_memory_stays_flat(mode):
     bench.clock.sleep = bench.clock.work
     bench.loop.begin(None)
     bench.device.pose = wave
-    bench.loop.run(ticks=1000)
+    bench.loop.run(ticks=500)
     tracemalloc.start()
     try:
-        bench.loop.run(ticks=2000)
+        bench.loop.run(ticks=1000)
         first, _ = tracemalloc.get_traced_memory()
-        bench.loop.run(ticks=6000)
+        bench.loop.run(ticks=3500)
         second, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert bench.stats.ticks == 6000
+    assert bench.stats.ticks == 3500
     assert second - first < 4000
     assert peak - second < 40_000
 

@@ -184,7 +184,7 @@ class _Between:
         self.why = ""
 
     def __call__(self) -> bool:
-        self.why = "told to stop" if self._mailbox.must_stop else self._ask()
+        self.why = self._ask() or ("told to stop" if self._mailbox.must_stop else "")
         news = self._mailbox.news()
         if news is not None and not self.why:
             self._change(Parameters.from_plain(news))

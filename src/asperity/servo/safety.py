@@ -10,7 +10,8 @@ no faster to rise than the slew limit; and it is zero, at once, when
 - the caller says that it does not know the contact any more.
 
 After silence, and at the beginning, the wrench comes up softly: by a factor that grows from 0 to 1
-in `soft_start`. Nothing here raises: what goes wrong is counted, and told in the summary.
+in `soft_start`, or, after a short silence, in ten times what that lasted. Nothing here raises: what
+goes wrong is counted, and told in the summary.
 
 The order is: finite, softly, within the limits, slewed. Both the last and the next wrench are
 within the limits, the slewed one lies between them, and so it is within them too.
@@ -34,6 +35,8 @@ _FASTEST, _FASTEST_TURN = 10.0, 100.0
 """No hand moves faster [m/s], [rad/s]."""
 _NORM_TOLERANCE = 1e-2
 """How far a device's quaternion may be off norm 1 before the reading is nonsense."""
+_SOFTER = 10.0
+"""So many times as long as a silence lasts what comes after it; ours."""
 _ROUNDING = 1.0 - 1e-12
 
 
@@ -130,7 +133,8 @@ class SafeDevice:
         slew, soft = self.settings.slew, self.settings.soft_start
         self._force_step = self.max_force * dt / slew if slew > 0.0 else math.inf
         self._torque_step = self.max_torque * dt / slew if slew > 0.0 else math.inf
-        self._gain_step = dt / soft if soft > 0.0 else 1.0
+        self._dt, self._soft = dt, soft
+        self._gain_step = _step(dt, soft)
 
     def open(self) -> None:
         """Connect; raises what the device raises."""
@@ -138,7 +142,8 @@ class SafeDevice:
 
     def begin(self, now: float) -> None:
         """Start: the wrench comes up softly, and silence is counted from `now` [s]."""
-        self._gain, self._measured = 0.0, now
+        self.soften()
+        self._measured = now
         self.sent[:] = 0.0
 
     def read(self, now: float) -> bool:
@@ -175,7 +180,7 @@ class SafeDevice:
 
     def soften(self) -> None:
         """Let the next wrenches come up from zero: much may have happened meanwhile."""
-        self._gain = 0.0
+        self._gain, self._gain_step = 0.0, _step(self._dt, self._soft)
 
     def write(self, wrench: NDArray[np.float64], now: float, *, known: bool = True) -> None:
         """Send what may be sent of a wrench (6,), device axes.
@@ -196,8 +201,11 @@ class SafeDevice:
         self._was_silent = silent
         counts.silent_ticks += silent
         counts.contact_lost_ticks += not known
-        if silent or not known:
-            self._gain = 0.0
+        if not known:
+            self.soften()
+        elif silent:
+            lasted = now - self._measured
+            self._gain, self._gain_step = 0.0, _step(self._dt, min(self._soft, _SOFTER * lasted))
         finite = math.isfinite(fx + fy + fz + tx + ty + tz)
         if not finite:
             counts.not_finite += 1
@@ -278,6 +286,11 @@ class SafeDevice:
         out.twist[:] = (v * vx, v * vy, v * vz, w * wx, w * wy, w * wz)
         out.buttons, out.age = raw.buttons, raw.age
         return True
+
+
+def _step(dt: float, seconds: float) -> float:
+    """Return how much of 1 a tick is, if all of it takes so long."""
+    return min(dt / seconds, 1.0) if seconds > 0.0 else 1.0
 
 
 def _lower(own: float, wanted: float | None) -> float:
