@@ -253,7 +253,7 @@ class ServoLoop:
         row.device_wrench[:] = self._sent
         row.contact_count[0] = contact.linear.count
         row.flags[0] = flags
-        if self._publisher.snapshot is not None:
+        if self._publisher.snapshot is not None and self._tick % self._publisher.every == 0:
             counts = (
                 self.device.reading.buttons, stats.ticks, stats.misses, stats.fallbacks,
                 stats.passivity, self.device.counts.silences,

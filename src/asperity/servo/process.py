@@ -36,7 +36,7 @@ from asperity.servo.mailbox import Mailbox
 from asperity.servo.pace import SystemClock
 from asperity.servo.parameters import Parameters
 from asperity.servo.parent import Parent, clear_up
-from asperity.servo.publish import Publisher
+from asperity.servo.publish import SHOWN_RATE, Publisher
 from asperity.servo.ring import Ring
 from asperity.servo.safety import SafeDevice, SafetySettings
 from asperity.servo.snapshot import SnapshotWriter
@@ -136,7 +136,11 @@ def _served(
         dt=parameters.dt,
         clock=clock,
         guard=spec.guard,
-        publisher=Publisher(ring, SnapshotWriter(folder / SNAPSHOT)),
+        publisher=Publisher(
+            ring,
+            SnapshotWriter(folder / SNAPSHOT),
+            every=max(1, round(spec.rate / SHOWN_RATE)),
+        ),
     )
     between = _Between(spec, loop, Mailbox(folder / MAILBOX), why)
     ticks = None if spec.seconds is None else round(spec.seconds * spec.rate)

@@ -6,13 +6,31 @@ from asperity.servo.ring import Ring
 from asperity.servo.rows import Row
 from asperity.servo.snapshot import SnapshotWriter
 
+SHOWN_RATE = 250.0
+"""Moments that are shown, a second."""
+
 
 class Publisher:
-    """Ring and snapshot, either of which may be left out."""
+    """Ring and snapshot, either of which may be left out.
 
-    def __init__(self, ring: Ring | None = None, snapshot: SnapshotWriter | None = None) -> None:
+    Parameters
+    ----------
+    ring : Ring, optional
+    snapshot : SnapshotWriter, optional
+    every : int
+        The snapshot is of every so many ticks; `SHOWN_RATE` a second are enough for eyes.
+    """
+
+    def __init__(
+        self,
+        ring: Ring | None = None,
+        snapshot: SnapshotWriter | None = None,
+        *,
+        every: int = 1,
+    ) -> None:
         self.ring = ring
         self.snapshot = snapshot
+        self.every = every
 
     def push(self, row: Row) -> None:
         """Send a tick to the recorder."""

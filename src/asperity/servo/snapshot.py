@@ -1,6 +1,6 @@
 """The present moment for whoever wants to look: viewers, progress lines, other programs.
 
-A shared file of one record. The loop overwrites it in every tick and waits for nobody; a reader
+A shared file of one record. The loop overwrites it 250 times a second and waits for nobody; a reader
 gets the latest, however often it looks, and can be killed at any time. Whether it has read one
 moment and not two halves, it sees from a number that the writer makes odd before and even after (a
 sequence lock): equal and even before and after reading is whole.
