@@ -1,9 +1,9 @@
 """The present moment for whoever wants to look: viewers, progress lines, other programs.
 
-A shared file of one record. The loop overwrites it 250 times a second and waits for nobody; a reader
-gets the latest, however often it looks, and can be killed at any time. Whether it has read one
-moment and not two halves, it sees from a number that the writer makes odd before and even after (a
-sequence lock): equal and even before and after reading is whole.
+A shared file of one record. The loop overwrites it 250 times a second and waits for nobody; a
+reader gets the latest, however often it looks, and can be killed at any time. Whether it has read
+one moment and not two halves, it sees from a number that the writer makes odd before and even after
+(a sequence lock): equal and even before and after reading is whole.
 
 The record is an array of doubles after the number; `FIELDS` says what they are, so that other
 languages can read it too.
