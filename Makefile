@@ -27,6 +27,8 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_studies.py
 	$(BIN)/python benchmarks/bench_contact.py
 	$(BIN)/python benchmarks/bench_meshes.py
+	$(BIN)/python benchmarks/bench_devices.py
+	$(BIN)/python benchmarks/bench_servo.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
@@ -55,7 +57,7 @@ $(BIN)/python:
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
-	$(call INSTALL,[compare])
+	$(call INSTALL,[compare,haply])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python

@@ -26,16 +26,24 @@ _HOME = {
     "HeightField": "asperity.texture.height_field",
     "HeightMap": "asperity.geometry.sampled",
     "HeldTool": "asperity.dynamics.held_tool",
+    "Limits": "asperity.devices.protocol",
+    "Mapping": "asperity.devices.mapping",
     "Motion": "asperity.dynamics.hand",
     "PassivityController": "asperity.dynamics.passivity",
+    "Reading": "asperity.devices.protocol",
+    "ReplayedDevice": "asperity.devices.replayed",
     "SampledProfile": "asperity.geometry.sampled",
     "Scene": "asperity.scene",
     "ScriptedMotion": "asperity.trajectory",
+    "Servo": "asperity.servo.running",
+    "ServoSpec": "asperity.servo.process",
     "SimulatedDevice": "asperity.devices.simulated",
     "SimulatedHand": "asperity.dynamics.simulated_hand",
     "Simulation": "asperity.simulation",
     "Sinusoid": "asperity.geometry.analytic",
+    "SnapshotReader": "asperity.servo.snapshot",
     "Trajectory": "asperity.trajectory",
+    "device": "asperity.devices.catalogue",
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
     "load_scene": "asperity.scenes",
@@ -54,6 +62,11 @@ __all__ = ["__version__", *_HOME]
 if TYPE_CHECKING:
     from asperity.contact.pair import BodyPair as BodyPair
     from asperity.contact_stage import ContactStage as ContactStage
+    from asperity.devices.catalogue import device as device
+    from asperity.devices.mapping import Mapping as Mapping
+    from asperity.devices.protocol import Limits as Limits
+    from asperity.devices.protocol import Reading as Reading
+    from asperity.devices.replayed import ReplayedDevice as ReplayedDevice
     from asperity.devices.simulated import SimulatedDevice as SimulatedDevice
     from asperity.dynamics.coupling import CouplingSettings as CouplingSettings
     from asperity.dynamics.hand import Hand as Hand
@@ -80,6 +93,9 @@ if TYPE_CHECKING:
     from asperity.scene import scene_of as scene_of
     from asperity.scene_from_files import make_scene as make_scene
     from asperity.scenes import load_scene as load_scene
+    from asperity.servo.process import ServoSpec as ServoSpec
+    from asperity.servo.running import Servo as Servo
+    from asperity.servo.snapshot import SnapshotReader as SnapshotReader
     from asperity.simulation import Simulation as Simulation
     from asperity.stability import measure_stability as measure_stability
     from asperity.texture.height_field import HeightField as HeightField

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import logging
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,16 +22,23 @@ from asperity.dynamics.rigid import centre_of_mass
 from asperity.engine.engine import Engine
 from asperity.engine.stiffness import contact_stiffness
 from asperity.errors import require_between
+from asperity.forces.settings import ForceSettings
 from asperity.poses import between, turn_between
 from asperity.scene import Scene
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
+FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
 FLAGS = {
     SUB_POSES: "wrench from several poses within the tick",
     BUDGET_SPENT: "more sub-poses wanted than allowed",
     TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
     NOT_CERTIFIED: "a depth was not certified within the node budget",
     OVERFLOW: "a search or the list of contacts overflowed",
+    FALLBACK: "an older contact, taken on to the present pose",
+    PASSIVITY: "wrench changed by the passivity controller",
+    LIMITED: "wrench held back by soft start or a limit of force torque or slew",
+    SILENT: "wrench not known or device silent, zero was sent",
+    LATE: "finished after its deadline",
 }
 """Bits of a tick's flags, and what they say."""
 
@@ -94,19 +102,35 @@ class ContactStage:
         depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
         return float(0.5 * self.scene.force.stiffness * depths)
 
-    def evaluate(self, pose: NDArray[np.float64]) -> LinearContact:
+    def evaluate(self, pose: NDArray[np.float64], *, jumped: bool = False) -> LinearContact:
         """Return the contact at the tool's next pose (7,), one tick after the last one.
 
         With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
-        contacts at the pose itself.
+        contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
+        is no way of one tick to average over, and the wrench is that at the pose.
         """
         last = pose if self._last is None else self._last
-        wrench = self._wrench(last, pose)
+        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose)
         self._last = pose.copy()
         self._flag_contacts()
         return LinearContact(
             self._last, wrench, self._stiffness(pose), self.contact_count, self._flags
         )
+
+    def change(self, *, force: ForceSettings, dt: float) -> None:
+        """Go on with another stiffness and friction, and another tick [s]."""
+        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self.scene = replace(self.scene, force=force)
+        self.engine.change(force)
+        self._halve = force.friction == 0.0
+
+    def _wrench_there(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the wrench at a pose; averaging begins anew from there."""
+        self._flags = 0
+        if self._window is not None:
+            self._window.reset()
+        self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
+        return self._last_wrench.copy()
 
     def _stiffness(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how the wrench of the last contacts falls with the tool's motion, (6, 6)."""

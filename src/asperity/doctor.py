@@ -18,12 +18,6 @@ _PACKAGES = (
 )  # fmt: skip
 _TICK = 1e-3
 _TICKS = 300
-_DEVICE_MODULES = {
-    "HaplyHardwareAPI": "Haply Inverse3 (serial)",
-    "websockets": "Haply Inverse service",
-    "forcedimension_core": "Force Dimension",
-    "pyOpenHaptics": "3D Systems Touch",
-}
 
 
 def report() -> list[tuple[str, str]]:
@@ -130,8 +124,9 @@ def _may_be_real_time() -> bool:
 
 
 def _devices() -> str:
-    from importlib.util import find_spec
+    from asperity.devices.catalogue import ENTRIES, is_installed
 
-    found = [label for module, label in _DEVICE_MODULES.items() if find_spec(module)]
-    drivers = f"driver packages present: {', '.join(found)}" if found else "no driver packages"
-    return f"{drivers}; this version of asperity drives no device yet"
+    there = [entry.name for entry in ENTRIES.values() if is_installed(entry)]
+    rest = [entry.name for entry in ENTRIES.values() if not is_installed(entry)]
+    lacking = f"; not installed: {', '.join(rest)}" if rest else ""
+    return f"{', '.join(there)}{lacking}; see 'asperity devices'"

@@ -47,6 +47,7 @@ def run_scene(
     recording: Path,
     *,
     motion: ScriptedMotion | Trajectory | None = None,
+    dt: float = 1e-3,
     hand: bool = False,
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
@@ -59,6 +60,8 @@ def run_scene(
         The file to write; must not exist.
     motion : ScriptedMotion or Trajectory, optional
         Default: the scene's own.
+    dt : float
+        Tick [s].
     hand : bool
         Whether a simulated hand holds the handle and yields to what it feels, aiming along the
         trajectory and pressing as it says; kept passive by a controller.
@@ -66,7 +69,7 @@ def run_scene(
         Called after each tick with its number and what there is so far.
     """
     motion = scene.motion if motion is None else motion
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, dt=dt)
     trajectory = simulation.trajectory(motion)
     best = Moment.of(0.0, trajectory.poses[0], simulation.contacts)
     largest, written = -1.0, 0
@@ -93,7 +96,7 @@ def run_scene(
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
         writer.add_rows(_rows(rollout, written, len(rollout.time)))
-    summary = _summary(scene, motion, rollout) | {
+    summary = summary_of(scene, _told(motion), rollout) | {
         "coupling": _coupling(simulation),
         "hand": None if controller is None else _energy(controller, rollout),
     }
@@ -141,22 +144,32 @@ def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
     return {name: getattr(rollout, name)[first:last] for name in (*names, "contact_count", "flags")}
 
 
-def _summary(scene: Scene, motion: ScriptedMotion | Trajectory, rollout: Rollout) -> dict[str, Any]:
-    """Return the numbers of a run, in SI units but for the times of ticks."""
+def _told(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
+    """Return a motion as texts and numbers."""
+    if isinstance(motion, Trajectory):
+        return {"kind": "poses", "file": motion.name, "seconds": motion.seconds}
+    unused = _UNUSED[motion.kind] | ({"press_force"} if motion.press_depth is not None else set())
+    values = dataclasses.asdict(motion)
+    return {k: v for k, v in values.items() if v is not None and k not in unused}
+
+
+def summary_of(scene: Scene, told: dict[str, Any], rollout: Rollout) -> dict[str, Any]:
+    """Return the numbers of a run, in SI units but for the times of ticks.
+
+    Parameters
+    ----------
+    scene : Scene
+    told : dict
+        What moved the handle, with its `kind`.
+    rollout : Rollout
+        Of one tick at least.
+    """
     us = rollout.tick_seconds * 1e6
     quantiles = {"median": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9, "max": 100.0}
     ticks = len(rollout.time)
     dt = float(rollout.time[1] - rollout.time[0]) if ticks > 1 else 1e-3
     force = np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)
     torque = np.linalg.norm(rollout.contact_wrench[:, 3:], axis=1)
-    if isinstance(motion, Trajectory):
-        told: dict[str, Any] = {"kind": "poses", "file": motion.name, "seconds": motion.seconds}
-    else:
-        unused = _UNUSED[motion.kind] | (
-            {"press_force"} if motion.press_depth is not None else set()
-        )
-        values = dataclasses.asdict(motion)
-        told = {k: v for k, v in values.items() if v is not None and k not in unused}
 
     def flagged(bit: int) -> int:
         return int(np.count_nonzero(rollout.flags & bit))
@@ -231,6 +244,8 @@ def described(summary: dict[str, Any]) -> str:
     kind = motion["kind"]
     if kind == "poses":
         return f"poses of {motion['file']}"
+    if kind == "device":
+        return f"felt with the device {motion['device']}"
     if kind == "rotate":
         return f"rotate at {motion['turning']:.3g} rad/s"
     return f"{kind} at {motion['speed'] * 1e3:.3g} mm/s"

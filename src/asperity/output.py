@@ -38,6 +38,18 @@ def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
         _move_in(fresh, folder)
 
 
+def growing_folder(folder: Path, *, overwrite: bool = False) -> Path:
+    """Return a folder for results that are worth having before they are whole: recordings.
+
+    It is made if need be. Otherwise as `result_folder`.
+    """
+    folder = Path(os.path.realpath(folder))
+    with _told(folder):
+        _refuse_taken(folder, overwrite)
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
 @contextmanager
 def _told(path: Path) -> Iterator[None]:
     """Turn what the system says of a failed writing into one line that names `path`."""

@@ -20,7 +20,9 @@ import tyro
 
 from asperity import __version__
 from asperity.cli.demo import Demo
+from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
@@ -41,8 +43,11 @@ class Arguments:
         Annotated[Demo, tyro.conf.subcommand("demo")]
         | Annotated[Study, tyro.conf.subcommand("study")]
         | Annotated[Run, tyro.conf.subcommand("run")]
+        | Annotated[Record, tyro.conf.subcommand("record")]
+        | Annotated[Replay, tyro.conf.subcommand("replay")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
+        | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"

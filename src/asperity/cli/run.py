@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, arg
+from tyro.conf import OmitArgPrefixes, Positional, arg
 
+from asperity.cli.felt import DeviceOptions
 from asperity.cli.ranges import Between, check_ranges
-from asperity.errors import require_choice
+from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.scene import Scene
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Run:
-    """Move a textured tool over a textured scene, in simulated time.
+    """Move a textured tool over a textured scene: in simulated time, or with a device in real time.
 
     Writes summary.json, recording.h5, a picture of the contact, and plots of force, torque and
     the spectrum of the tangential force. What is not given, the scene says.
@@ -69,6 +70,10 @@ class Run:
     """off, tick, or band: what is done about texture faster than the tick."""
     coupling: str | None = None
     """direct, implicit, semi-implicit, static: how the tool hangs on the handle."""
+    device: str | None = None
+    """Feel it through a device, in real time: simulated, replay:FILE, haply, touch, ...: see
+    `asperity devices`."""
+    options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
     hand: bool = False
     """A simulated hand holds the tool: it aims along the trajectory, presses, and yields."""
     seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
@@ -80,7 +85,13 @@ class Run:
 
     def run(self) -> None:
         """Run, write, and say what was felt."""
+        check_ranges(self.options)
         check_ranges(self)
+        if self.device is not None:
+            self._feel(self.device)
+            return
+        if self.options != DeviceOptions():
+            raise AsperityError("options of a device need --device")
         from asperity.cli.progress import progress_bars
         from asperity.headless import run_scene, take_pictures, write_figures, write_summary
         from asperity.output import result_folder
@@ -107,6 +118,28 @@ class Run:
             write_figures(done, take_pictures(done, scene), folder)
         self._say(done.summary)
 
+    def _feel(self, device: str) -> None:
+        """Let the scene be felt through a device."""
+        from asperity.cli.felt import feel, servo_spec, with_coupling
+
+        moved = [
+            f"--{name.replace('_', '-')}"
+            for name in (
+                "trajectory", "speed_mm_s", "length_mm", "direction_deg", "radius_mm",
+                "turning_deg_s", "force_n", "depth_mm", "hand",
+            )
+            if getattr(self, name)
+        ]  # fmt: skip
+        if moved and (device != "simulated" or self.hand):
+            raise AsperityError(
+                f"{', '.join(moved)}: a hand moves the device {device}; leave them out"
+            )
+        scene = with_coupling(self._scene(), self.coupling)
+        motion = self._motion(scene) if device == "simulated" else None
+        spec = servo_spec(scene, device, self.options, self.seconds, motion)
+        source = self.scene or ""
+        feel(spec, self.out, source=source, figures=True, overwrite=self.overwrite)
+
     def _scene(self) -> Scene:
         from asperity.anti_alias import MODES
         from asperity.dynamics.coupling import MODES as COUPLINGS
@@ -127,8 +160,6 @@ class Run:
 
     def _refuse_mixed(self) -> None:
         """Refuse options that do not say one scene."""
-        from asperity.errors import AsperityError
-
         given = [
             f"--{body}{part.replace('_', '-')}"
             for body in ("tool", "target")
@@ -171,7 +202,6 @@ class Run:
         """Return the scene's motion with what the options change."""
         import math
 
-        from asperity.errors import AsperityError
         from asperity.trajectory import KINDS, ScriptedMotion
         from asperity.trajectory_file import read_poses
 

@@ -5,7 +5,7 @@ waits: it hands over the newest pose there is, and says whether it is new. Writi
 wrench that could not be delivered is reported by the next reading.
 
 Poses, twists and wrenches are those of the device's own end effector in its own workspace, axes
-right-handed with x to the right, y away from the user and z up; `workspace.Mapping` turns them
+right-handed with x to the right, y away from the user and z up; `mapping.Mapping` turns them
 into those of the scene. A backend turns its vendor's axes into these.
 """
 

@@ -10,6 +10,7 @@ depths and sum to one.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -105,6 +106,14 @@ class Engine:
         # None compiles a tick without them, in half the time.
         self._grid, self._baseline = _grid_method(self.settings), _baseline(self.settings)
         self.reset()
+
+    def change(self, settings: ForceSettings) -> None:
+        """Take another stiffness and friction from the next pose on; the law stays what it is."""
+        kept = replace(
+            self.settings, stiffness=settings.stiffness, friction=settings.friction,
+            bristle_stiffness=settings.bristle_stiffness,
+        )  # fmt: skip
+        self.settings, self._parameters = kept, _parameters(kept)
 
     def reset(self) -> None:
         """Forget all normals, bristles and noise of the past."""

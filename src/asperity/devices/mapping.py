@@ -1,0 +1,251 @@
+"""Between the device's workspace and the scene.
+
+A point of the device maps to the scene by
+
+    x_scene = anchor + scale * R * (x_device - home)
+
+with R the rotation from the device's axes to the scene's; orientations are turned by R and come on
+top of the tool's own. `begin_at` chooses anchor and tool so that the hand's present pose is the
+tool's present pose; a clutch does the same whenever it is let go of, so nothing ever jumps. While
+it is held, the tool stays, the hand moves freely and feels nothing.
+
+**Forces and power.** A force of the scene becomes `force_scale * R^T f` at the device. With `scale`
+s and `force_scale` c the hand then feels a stiffness of `c s k`, and the power that it exchanges
+with the device is `c / s` times that which the handle exchanges with the scene. Scaling therefore
+does not change the sign of an energy: what is passive stays so. For motions that move and turn at
+once, that holds only if torques are scaled so that their power has the same ratio. Angles are not
+scaled, so torques are by `c / s`; this is the default of `torque_scale`, and any other is the
+user's risk.
+
+What the device cannot push is left out (`Limits.force_dof`, `torque_dof`: the first so many axes of
+the device), which is a loss of feeling, and can be one of passivity: a tool that is turned by a
+torque that the hand does not feel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.devices.protocol import Limits, Reading
+from asperity.errors import AsperityError, require_finite, require_positive
+from asperity.poses import NORM_TOLERANCE
+
+Quaternion = tuple[float, float, float, float]
+_ONE: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+class Mapping:
+    """From readings to handle poses, and from wrenches of the scene to those of the device.
+
+    Parameters
+    ----------
+    limits : Limits
+        Of the device: the radius of its workspace, and what it can push.
+    scale : float
+        Metres of the scene for one of the device.
+    rotation : array_like (4,)
+        Quaternion wxyz that turns the device's axes to the scene's.
+    home : array_like (3,)
+        Middle of the workspace, in the device's axes [m].
+    force_scale : float
+        Newtons at the device for one of the scene.
+    torque_scale : float, optional
+        The same for torques. Default: `force_scale / scale`, which keeps the ratio of powers.
+    clutch_button : int, optional
+        Number of the button that is the clutch, from 0. None: no clutch.
+
+    Attributes
+    ----------
+    clutched : bool
+        The clutch is held.
+    outside : bool
+        The end effector was outside the workspace in the last reading.
+    refused : bool
+        The last reading was not finite numbers; the handle stayed where it was.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        *,
+        scale: float = 1.0,
+        rotation: ArrayLike = _ONE,
+        home: ArrayLike = (0.0, 0.0, 0.0),
+        force_scale: float = 1.0,
+        torque_scale: float | None = None,
+        clutch_button: int | None = None,
+    ) -> None:
+        self._scale = require_positive("scale", scale)
+        self._force_scale = require_positive("force_scale", force_scale)
+        self._torque_scale = (
+            force_scale / scale
+            if torque_scale is None
+            else require_positive("torque_scale", torque_scale)
+        )
+        w, x, y, z = require_finite("rotation", rotation, 4)
+        norm = math.sqrt(w * w + x * x + y * y + z * z)
+        if abs(norm - 1.0) > NORM_TOLERANCE:
+            raise AsperityError(f"rotation must be a unit quaternion, its norm is {norm:.9g}")
+        self._turn: Quaternion = (w / norm, x / norm, y / norm, z / norm)
+        self._home = require_finite("home", home, 3)
+        if clutch_button is not None and not 0 <= clutch_button < 32:
+            raise AsperityError(f"clutch_button must be 0 to 31, got {clutch_button!r}")
+        self._clutch = 0 if clutch_button is None else 1 << clutch_button
+        self._radius = limits.radius
+        self._force_dof, self._torque_dof = limits.force_dof, limits.torque_dof
+        self._senses_rotation = limits.senses_rotation
+        self._anchor = (0.0, 0.0, 0.0)
+        self._tool: Quaternion = _ONE
+        self._pose, self._twist, self._wrench = np.zeros(7), np.zeros(6), np.zeros(6)
+        self._pose[3] = 1.0
+        self.clutched = self.outside = self.refused = False
+
+    @property
+    def power_ratio(self) -> float:
+        """Return the device's power for one watt of the scene's, of force and motion."""
+        return self._force_scale / self._scale
+
+    def begin_at(self, reading: Reading, pose: ArrayLike) -> None:
+        """Choose the anchor so that the device's present pose is `pose` (7,) of the handle."""
+        x, y, z, *tool = require_finite("handle pose", pose, 7)
+        w, i, j, k = tool
+        if not _finite(reading):
+            raise AsperityError(f"the device's pose is not finite numbers: {reading.pose}")
+        self._recentre(reading, (x, y, z), (w, i, j, k))
+        self.clutched = False
+
+    def to_scene(self, reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the handle's pose (7,) and twist (6,) in the scene.
+
+        Both arrays are the mapping's own and are overwritten by the next call.
+        """
+        self.refused = not _finite(reading)
+        if self.refused:
+            self._twist[:] = 0.0
+            return self._pose, self._twist
+        held = bool(self._clutch and reading.buttons & self._clutch)
+        if held:
+            self.clutched = True
+            self._twist[:] = 0.0
+            return self._pose, self._twist
+        if self.clutched:
+            x, y, z, w, i, j, k = self._pose.tolist()
+            self._recentre(reading, (x, y, z), (w, i, j, k))
+            self.clutched = False
+        position, velocity = self._within(reading)
+        rx, ry, rz = _rotate(self._turn, position)
+        ax, ay, az = self._anchor
+        s, pose, twist = self._scale, self._pose, self._twist
+        pose[0], pose[1], pose[2] = ax + s * rx, ay + s * ry, az + s * rz
+        vx, vy, vz = _rotate(self._turn, velocity)
+        twist[0], twist[1], twist[2] = s * vx, s * vy, s * vz
+        if self._senses_rotation:
+            pose[3], pose[4], pose[5], pose[6] = _times(self._turned(reading), self._tool)
+            wx, wy, wz = reading.twist[3:].tolist()
+            twist[3], twist[4], twist[5] = _rotate(self._turn, (wx, wy, wz))
+        else:
+            pose[3], pose[4], pose[5], pose[6] = self._tool
+        return pose, twist
+
+    def to_device(self, wrench: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the wrench (6,) for the device: of one about the handle's origin, scene axes.
+
+        Zero while the clutch is held. The array is the mapping's own.
+        """
+        out = self._wrench
+        if self.clutched:
+            out[:] = 0.0
+            return out
+        fx, fy, fz, tx, ty, tz = wrench.tolist()
+        w, x, y, z = self._turn
+        back = (w, -x, -y, -z)
+        c = self._force_scale
+        fx, fy, fz = _rotate(back, (fx, fy, fz))
+        out[0], out[1], out[2] = c * fx, c * fy, c * fz
+        if self._force_dof < 3:
+            out[self._force_dof : 3] = 0.0
+        if self._torque_dof == 0:
+            out[3:] = 0.0
+            return out
+        c = self._torque_scale
+        tx, ty, tz = _rotate(back, (tx, ty, tz))
+        out[3], out[4], out[5] = c * tx, c * ty, c * tz
+        if self._torque_dof < 3:
+            out[3 + self._torque_dof :] = 0.0
+        return out
+
+    def _within(
+        self, reading: Reading
+    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Return position from home and velocity, both held back to the workspace, device axes."""
+        hx, hy, hz = self._home
+        x, y, z = reading.pose[:3].tolist()
+        vx, vy, vz = reading.twist[:3].tolist()
+        x, y, z = x - hx, y - hy, z - hz
+        distance = math.sqrt(x * x + y * y + z * z)
+        self.outside = distance > self._radius
+        if self.outside:
+            ux, uy, uz = x / distance, y / distance, z / distance
+            x, y, z = self._radius * ux, self._radius * uy, self._radius * uz
+            # On the border it slides: what leads outwards is taken off, and the rest shrinks.
+            outwards = vx * ux + vy * uy + vz * uz
+            shrink = self._radius / distance
+            vx = shrink * (vx - outwards * ux)
+            vy = shrink * (vy - outwards * uy)
+            vz = shrink * (vz - outwards * uz)
+        return (x, y, z), (vx, vy, vz)
+
+    def _turned(self, reading: Reading) -> Quaternion:
+        """Return the device's turn in the scene's axes: R q R^-1."""
+        w, x, y, z = reading.pose[3:].tolist()
+        turn = self._turn
+        return _times(_times(turn, (w, x, y, z)), (turn[0], -turn[1], -turn[2], -turn[3]))
+
+    def _recentre(
+        self, reading: Reading, position: tuple[float, float, float], orientation: Quaternion
+    ) -> None:
+        rx, ry, rz = _rotate(self._turn, self._within(reading)[0])
+        s = self._scale
+        self._anchor = (position[0] - s * rx, position[1] - s * ry, position[2] - s * rz)
+        self._tool = orientation
+        if self._senses_rotation:
+            w, x, y, z = self._turned(reading)
+            self._tool = _normalised(_times((w, -x, -y, -z), orientation))
+        self._pose[:3], self._pose[3:] = position, orientation
+        self._twist[:] = 0.0
+
+
+def _finite(reading: Reading) -> bool:
+    return math.isfinite(sum(reading.pose.tolist()) + sum(reading.twist.tolist()))
+
+
+def _times(a: Quaternion, b: Quaternion) -> Quaternion:
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def _normalised(q: Quaternion) -> Quaternion:
+    w, x, y, z = q
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    return w / norm, x / norm, y / norm, z / norm
+
+
+def _rotate(q: Quaternion, v: tuple[float, float, float]) -> tuple[float, float, float]:
+    w, x, y, z = q
+    a, b, c = v
+    # v + 2 w (q x v) + 2 q x (q x v)
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return (
+        a + w * tx + y * tz - z * ty,
+        b + w * ty + z * tx - x * tz,
+        c + w * tz + x * ty - y * tx,
+    )

@@ -1,0 +1,22 @@
+"""Devices as sessions make them: by functions that can be named to another process."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asperity.devices.catalogue import device
+from asperity.devices.protocol import Device
+from asperity.devices.simulated import SimulatedDevice
+from asperity.scene import Scene
+from asperity.simulation import Simulation
+from asperity.trajectory import ScriptedMotion, Trajectory
+
+
+def named_device(name: str, options: dict[str, Any]) -> Device:
+    """Return a device of the catalogue, not opened."""
+    return device(name, **options)
+
+
+def simulated_device(scene: Scene, motion: ScriptedMotion | Trajectory, dt: float) -> Device:
+    """Return a device in a simulated hand that aims along a motion in a scene."""
+    return SimulatedDevice(Simulation(scene, dt=dt).hand(motion))

@@ -1,0 +1,100 @@
+"""Absolute deadlines: when a tick begins, and what becomes of those that were missed.
+
+Tick n begins at `begin + n dt` and has to be finished before tick n + 1 begins. Deadlines are
+counted from the beginning, not from the last tick, so that lateness does not add up. A loop that
+was held up does not run after the ticks that it missed, which would be a burst of them: it goes on
+with the tick that the present moment belongs to, and the ones between count as missed.
+
+An operating system wakes a sleeper late, so the loop sleeps until `SPIN` before the tick and then
+watches the clock. Measured on two cores at 2.5 GHz, Linux 6.18, others at work beside it, how late
+ticks of an empty loop begin, in microseconds:
+
+| slack of timers | slept until | median | p90 | p99 |
+|---|---|---|---|---|
+| 50 us, as Linux has it | the tick | 72 | 86 | 4049 |
+| | 100 us before | 0 | 31 | 4228 |
+| 1 ns (`realtime.sharpen_timers`) | the tick | 36 | 52 | 5930 |
+| | 50 us before | 0 | 10 | 133 |
+| | 100 us before | 0 | 0 | 38 |
+
+The tails are those of other processes, which hold a core for up to 4 ms; no spinning helps there.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+from asperity.errors import require_between
+
+SPIN = 100e-6
+"""How long before a tick sleeping ends and spinning begins [s]."""
+
+
+class Clock(Protocol):
+    """Where the loop takes its time from."""
+
+    def now(self) -> float:
+        """Return the time [s], from any beginning; it never goes back."""
+
+    def sleep(self, seconds: float) -> None:
+        """Let others have the processor for so long."""
+
+
+class SystemClock:
+    """The machine's own."""
+
+    now = staticmethod(time.perf_counter)
+    sleep = staticmethod(time.sleep)
+
+
+class Pace:
+    """When ticks begin.
+
+    Parameters
+    ----------
+    dt : float
+        Tick [s], 1e-5 to 0.1.
+    clock : Clock
+    spin : float
+        How long before a tick to stop sleeping [s].
+    """
+
+    def __init__(self, dt: float, clock: Clock, *, spin: float = SPIN) -> None:
+        self._dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self._clock = clock
+        self._spin = min(spin, dt)
+        self.restart()
+
+    def restart(self, dt: float | None = None) -> None:
+        """Let the present moment be the beginning of tick 0; with ticks of `dt` [s], if given."""
+        if dt is not None:
+            self._dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self._begin = self._clock.now()
+        self._tick = 0
+        self.skipped = 0
+        """How many ticks the last waiting left out."""
+        self.late = 0.0
+        """How long after its beginning the present tick was begun [s]."""
+
+    @property
+    def deadline(self) -> float:
+        """When the present tick has to be finished [s], on the clock."""
+        return self._begin + (self._tick + 1) * self._dt
+
+    def wait(self) -> None:
+        """Sleep and spin until the next tick begins; see `skipped` and `late` for how it went."""
+        clock, dt = self._clock, self._dt
+        now = clock.now()
+        following = self._tick + 1
+        current = int((now - self._begin) / dt)
+        self.skipped = max(current - following, 0)
+        self._tick = following + self.skipped
+        start = self._begin + self._tick * dt
+        if start - now > self._spin:
+            clock.sleep(start - now - self._spin)
+        while True:
+            now = clock.now()
+            if now >= start:
+                break
+        self.late = now - start

@@ -1,0 +1,228 @@
+"""The servo process: it alone opens the device, and it sends zero before it ends.
+
+Whoever starts it, the parent, watches it; it watches its parent in turn. It ends, having sent zero
+and closed the device, when it is told to (`Mailbox.stop`), when its time is over, when its parent
+is gone, on SIGINT, SIGTERM or SIGHUP, and after any exception. All of these are looked for after
+each tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops,
+nobody is left to send anything: what a device does when it is written to no more, its documentation
+says.
+"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact_stage import ContactStage
+from asperity.devices.mapping import Mapping
+from asperity.devices.protocol import Device
+from asperity.dynamics.passivity import PassivityController
+from asperity.errors import AsperityError
+from asperity.press import touching_pose
+from asperity.scene import Scene
+from asperity.servo import realtime
+from asperity.servo.contact_worker import ContactWorker
+from asperity.servo.loop import GUARD, ServoLoop
+from asperity.servo.mailbox import Mailbox
+from asperity.servo.pace import SystemClock
+from asperity.servo.parameters import Parameters
+from asperity.servo.parent import Parent, clear_up
+from asperity.servo.publish import SHOWN_RATE, Publisher
+from asperity.servo.ring import Ring
+from asperity.servo.safety import SafeDevice, SafetySettings
+from asperity.servo.snapshot import SnapshotWriter
+
+RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
+"""Names of the files in the shared folder."""
+_CLEARANCE = 2e-3
+"""How far above the surface the tool is when a session begins [m]."""
+
+
+@dataclass(frozen=True)
+class ServoSpec:
+    """Everything a servo process needs to know; it is pickled to get there.
+
+    Parameters
+    ----------
+    scene : Scene
+    make_device : callable
+        Returns the device, not opened. Has to be importable: a function of a module, or a
+        `functools.partial` of one.
+    in_scene : bool
+        The device's poses are those of the scene already, as a replay's are. Otherwise the hand's
+        first pose becomes the tool's, just above the surface.
+    rate : float
+        Ticks a second.
+    seconds : float, optional
+        How long. Default: until it is stopped.
+    guard : float
+        See `loop.GUARD`.
+    passivity : bool
+        Whether the passivity controller may change the wrench; it keeps its account anyway.
+    mapping : dict
+        Options of `Mapping`.
+    safety : SafetySettings
+    real_time : RealTime
+    """
+
+    scene: Scene
+    make_device: Callable[[], Device]
+    in_scene: bool = False
+    rate: float = 1000.0
+    seconds: float | None = None
+    guard: float = GUARD
+    passivity: bool = True
+    mapping: dict[str, Any] = field(default_factory=dict)
+    safety: SafetySettings = field(default_factory=SafetySettings)
+    real_time: realtime.RealTime = field(default_factory=realtime.RealTime)
+
+
+def serve(spec: ServoSpec, folder: Path, report: Connection) -> None:
+    """Run the loop; this is what the process does.
+
+    Tells `report` ("ready", {...}) when ticking begins, then ("done", summary) or ("failed", text).
+    """
+    stopped: list[str] = []
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_, name=name: stopped.append(name))
+    parent = Parent()
+    ring = Ring(folder / RING) if (folder / RING).exists() else None
+    try:
+        summary = _served(spec, folder, ring, report, lambda: _why(stopped, parent))
+    except AsperityError as error:
+        _tell(report, ("failed", str(error)))
+    except BaseException as error:
+        told = " ".join(traceback.format_exception_only(error)).strip()
+        logging.getLogger(__name__).debug("in the servo process", exc_info=True)
+        _tell(report, ("failed", f"the servo loop failed: {told}"))
+    else:
+        _tell(report, ("done", summary))
+    finally:
+        if ring is not None:
+            ring.close()
+        elif parent.is_gone():
+            clear_up(folder)
+
+
+def _served(
+    spec: ServoSpec, folder: Path, ring: Ring | None, report: Connection, why: Callable[[], str]
+) -> dict[str, Any]:
+    """Make the loop, run it, and return what there is to say of it."""
+    clock = SystemClock()
+    parameters = Parameters.of(spec.scene, spec.rate)
+    told = realtime.ask(replace(spec.real_time, core=None))
+    stage = ContactStage(spec.scene, dt=parameters.dt)
+    start = _warmed_up(stage, spec.scene.start)
+    device = SafeDevice(spec.make_device(), dt=parameters.dt, settings=spec.safety)
+    worker = ContactWorker(stage, clock)
+    # The core is the loop's alone: the worker, begun before, may be on any other.
+    told |= realtime.ask(replace(realtime.RealTime(), core=spec.real_time.core))
+    loop = ServoLoop(
+        device,
+        Mapping(device.limits, **spec.mapping),
+        parameters.tool(spec.scene, device.limits),
+        worker,
+        PassivityController(parameters.dt, active=spec.passivity),
+        dt=parameters.dt,
+        clock=clock,
+        guard=spec.guard,
+        publisher=Publisher(
+            ring,
+            SnapshotWriter(folder / SNAPSHOT),
+            every=max(1, round(spec.rate / SHOWN_RATE)),
+        ),
+    )
+    between = _Between(spec, loop, Mailbox(folder / MAILBOX), why)
+    ticks = None if spec.seconds is None else round(spec.seconds * spec.rate)
+    try:
+        device.open()
+        loop.begin(None if spec.in_scene else start)
+        _tell(report, ("ready", {"limits": device.limits, "device": device.name}))
+        loop.run(ticks=ticks, between=between)
+    finally:
+        device.close()
+        worker.stop()
+    return {
+        "timing": loop.stats.told(),
+        "safety": device.told(),
+        "passivity": {
+            "active": spec.passivity,
+            "energy_j": loop.passivity.energy,
+            "gained_j": loop.passivity.gained,
+            "interventions": loop.passivity.interventions,
+            "dissipated_j": loop.passivity.dissipated,
+        },
+        "device": device.name,
+        "tool_resets": loop.tool.resets,
+        "status": worker.statuses.tolist(),
+        "real_time": told,
+        "ended": between.why or "its time was over",
+        "lost_by_recorder": ring.lost if ring is not None else 0,
+    }
+
+
+def _why(stopped: list[str], parent: Parent) -> str:
+    """Return what ends the loop from outside, or nothing."""
+    if stopped:
+        return stopped[0]
+    return "the parent process is gone" if parent.is_gone() else ""
+
+
+class _Between:
+    """What the loop looks at after each tick; returns whether to stop."""
+
+    def __init__(
+        self, spec: ServoSpec, loop: ServoLoop, mailbox: Mailbox, ask: Callable[[], str]
+    ) -> None:
+        self._spec, self._loop, self._mailbox, self._ask = spec, loop, mailbox, ask
+        self.why = ""
+
+    def __call__(self) -> bool:
+        self.why = self._ask() or ("told to stop" if self._mailbox.must_stop else "")
+        news = self._mailbox.news()
+        if news is not None and not self.why:
+            self._change(Parameters.from_plain(news))
+        return bool(self.why)
+
+    def _change(self, parameters: Parameters) -> None:
+        """Swap all parameters, between two ticks."""
+        loop, scene = self._loop, self._spec.scene
+        tool = parameters.tool(scene, loop.device.limits)
+        tool.reset(loop.tool.pose)
+        stage = loop.contacts.stage  # type: ignore[attr-defined]
+        stage.change(force=parameters.force(scene.force), dt=parameters.dt)
+        loop.tool = tool
+        if parameters.dt != loop.dt:
+            loop.passivity.dt = parameters.dt
+            loop.set_tick(parameters.dt)
+
+
+def _warmed_up(stage: ContactStage, drawn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Compile and load all that a contact needs; return where the tool begins, in free air."""
+    start = touching_pose(stage.engine, drawn)
+    stage.reset()
+    pose = start.copy()
+    for step in range(8):
+        pose[2] = start[2] - 1e-5 * step
+        pose[0] = start[0] + 1e-4 * step
+        stage.evaluate(pose)
+    stage.reset()
+    start[2] += _CLEARANCE
+    return start
+
+
+def _tell(report: Connection, what: tuple[str, Any]) -> None:
+    try:
+        report.send(what)
+    except OSError:  # the parent is gone
+        logging.getLogger(__name__).debug("nobody to report to")

@@ -1,0 +1,128 @@
+"""What the loop took: counts and histograms, all allocated before it begins.
+
+A histogram has bins of equal width in the logarithm of time, `PER_OCTAVE` to the doubling, so a
+percentile read from it is right to 2.2 % (half a bin); the largest value is kept as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+PER_OCTAVE = 16
+LOWEST = 1e-7
+"""Upper end of the first bin [s]."""
+_BINS = 27 * PER_OCTAVE
+"""Up to 13 s."""
+QUANTILES = {"p50": 0.5, "p95": 0.95, "p99": 0.99, "p999": 0.999}
+LATENESS = tuple(2.0**k * 1e-6 for k in range(17))
+"""Upper ends of the bins in which lateness is told [s]: 1 us to 66 ms, and beyond."""
+STAGES = ("read", "contact_wait", "tool", "passivity", "write", "publish", "tick")
+"""What a tick consists of, and the whole of it."""
+
+
+class Histogram:
+    """Durations in logarithmic bins."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * (_BINS + 1)
+        self.count = 0
+        self.largest = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one duration [s]."""
+        if seconds > self.largest:
+            self.largest = seconds
+        at = 0
+        if seconds > LOWEST:
+            at = min(int(PER_OCTAVE * math.log2(seconds / LOWEST)) + 1, _BINS)
+        self._counts[at] += 1
+        self.count += 1
+
+    def quantile(self, share: float) -> float:
+        """Return what `share` of the durations do not exceed [s], to half a bin; 0 of none."""
+        if self.count == 0:
+            return 0.0
+        wanted, total, at = share * self.count, self._counts[0], 0
+        while total < wanted:
+            at += 1
+            total += self._counts[at]
+        middle: float = LOWEST * 2.0 ** ((at - 0.5) / PER_OCTAVE)
+        return min(middle, self.largest)
+
+    def below(self, seconds: float) -> int:
+        """Return how many are at most so long [s], to a bin."""
+        if seconds >= self.largest:
+            return self.count
+        last = max(int(PER_OCTAVE * math.log2(seconds / LOWEST)), 0)
+        return sum(self._counts[: last + 1])
+
+    def told_us(self) -> dict[str, float]:
+        """Return quantiles and the largest, in microseconds."""
+        told = {name: round(self.quantile(share) * 1e6, 2) for name, share in QUANTILES.items()}
+        return {**told, "max": round(self.largest * 1e6, 2)}
+
+
+class Stats:
+    """Counts of a loop.
+
+    `ticks` done; `misses`: ticks that were finished after their deadline, and those that were
+    never begun because an earlier one took so long (`skipped`); `fallbacks`: ticks whose contact
+    was an older one, taken on to the present pose.
+    """
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.misses = 0
+        self.skipped = 0
+        self.fallbacks = 0
+        self.longest_fallback = 0
+        """Most fallbacks in a row."""
+        self._fallbacks_in_a_row = 0
+        self.passivity = 0
+        """Ticks in which the passivity controller changed the wrench."""
+        self.stages = {name: Histogram() for name in STAGES}
+        self.lateness = Histogram()
+        """How late ticks began."""
+        self.contact = Histogram()
+        """How long contacts took to compute, wherever that was."""
+
+    def finished(self, *, skipped: int, late: float, missed: bool, fallback: bool) -> None:
+        """Count one tick."""
+        self.ticks += 1
+        self.skipped += skipped
+        self.misses += skipped + missed
+        self.lateness.add(late)
+        if fallback:
+            self.fallbacks += 1
+            self._fallbacks_in_a_row += 1
+            if self._fallbacks_in_a_row > self.longest_fallback:
+                self.longest_fallback = self._fallbacks_in_a_row
+        else:
+            self._fallbacks_in_a_row = 0
+
+    def told(self) -> dict[str, Any]:
+        """Return what `summary.json` says of them."""
+        due = self.ticks + self.skipped
+        share = 100.0 / max(due, 1)
+        before, bins = 0, {}
+        for edge in LATENESS:
+            total = self.lateness.below(edge)
+            bins[f"{edge * 1e6:.0f}"] = total - before
+            before = total
+        bins["beyond"] = self.lateness.count - before
+        return {
+            "ticks": self.ticks,
+            "ticks_due": due,
+            "misses": self.misses,
+            "misses_percent": share * self.misses,
+            "ticks_skipped": self.skipped,
+            "fallbacks": self.fallbacks,
+            "fallbacks_percent": share * self.fallbacks,
+            "longest_fallback_ticks": self.longest_fallback,
+            "passivity_ticks": self.passivity,
+            "start_late_us": self.lateness.told_us(),
+            "start_late_histogram_us": bins,
+            "contact_us": self.contact.told_us(),
+            "stages_us": {name: stage.told_us() for name, stage in self.stages.items()},
+        }

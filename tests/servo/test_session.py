@@ -1,0 +1,126 @@
+"""`asperity run --device`, `record` and `replay`: whole sessions, with nobody there."""
+
+import json
+
+import numpy as np
+import pytest
+
+from asperity.cli import main
+from asperity.headless import run_scene
+from asperity.recording import read_recording
+from asperity.scenes import load_scene
+from asperity.servo.replay import replay, scene_of_recording
+
+
+def summary_in(folder):
+    return json.loads((folder / "summary.json").read_text("utf-8"))
+
+
+def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
+    out = tmp_path / "felt"
+    options = ["--device", "simulated", "--seconds", "5", "--force-n", "0.5", "--max-force-n", "2"]
+    assert main(["run", "probe-plate", *options, "--out", str(out)]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert {"summary.json", "recording.h5", "picture.png", "force.png", "spectrum.svg"} <= names
+    summary, recording = summary_in(out), read_recording(out / "recording.h5")
+    timing = summary["timing"]
+    assert 5000 <= timing["ticks_due"] < 5500  # the last tick may be late
+    assert summary["ticks"] == timing["ticks"] == len(recording.time)
+    assert summary["recorder"] == {"ticks": len(recording.time), "error": "", "ticks_lost": 0}
+    assert summary["ended"] == "its time was over"
+    assert summary["trajectory"]["device"] == "simulated"
+    assert summary["contacts"]["ticks_in_contact"] > 0.8 * summary["ticks"]
+    assert summary["tick_us"]["median"] > 0.0
+    assert set(timing["stages_us"]) >= {"read", "tool", "write", "publish", "tick"}
+    force = np.linalg.norm(recording.device_wrench[:, :3], axis=1)
+    assert np.isfinite(recording.device_wrench).all()
+    assert 0.2 < force.max() <= 2.0 * (1 + 1e-9)
+    assert summary["safety"]["max_force_n"] == 2.0
+    assert summary["passivity"]["gained_j"] < 1e-3
+    assert "5.0 s on simulated" in capsys.readouterr().out
+
+    again = tmp_path / "again"
+    assert main(["replay", str(out), "--out", str(again)]) == 0
+    told = summary_in(again)["replay"]
+    assert told["ticks"] >= len(recording.time) - 2
+    assert told["device_wrench"]["rms_force_n"] < 1.0
+    assert "the hand's force differs by at most" in capsys.readouterr().out
+    played = read_recording(again / "recording.h5")
+    # Where nothing was in the way, the loop felt what the simulation feels.
+    row = np.rint((recording.time - recording.time[0]) / 1e-3).astype(int)
+    there = (row < len(played.time)) & (recording.time > 0.5)
+    apart = played.device_wrench[row[there], :3] - recording.device_wrench[there, :3]
+    assert np.median(np.linalg.norm(apart, axis=1)) < 0.1
+
+
+@pytest.fixture(scope="module")
+def headless(tmp_path_factory):
+    """A run in simulated time."""
+    scene = load_scene("probe-plate").changed(
+        coupling={"mode": "implicit"}, trajectory={"seconds": 0.3}
+    )
+    path = tmp_path_factory.mktemp("headless") / "recording.h5"
+    run_scene(scene, path)
+    return path
+
+
+def test_a_run_in_simulated_time_is_replayed_as_it_was(headless, tmp_path):
+    recording = read_recording(headless)
+    scene = scene_of_recording(recording)
+    assert scene.coupling.mode == "implicit"
+    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
+    assert told["ticks"] == told["ticks_untouched"] == 301
+    assert told["device_wrench"]["largest_force_n"] < 1e-9
+    assert told["contact_wrench"]["largest_torque_n_m"] < 1e-9
+
+
+def test_another_scene_differs(headless, tmp_path):
+    recording = read_recording(headless)
+    scene = scene_of_recording(recording, "probe-plate-grating")
+    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
+    assert told["contact_wrench"]["largest_force_n"] > 0.01
+
+
+def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
+    out = tmp_path / "out"
+    device = f"replay:{headless}"
+    assert main(["record", "probe-plate", "--device", device, "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == {"summary.json", "recording.h5"}
+    recording = read_recording(out / "recording.h5")
+    assert recording.attributes["trajectory"] == "device"
+    first = read_recording(headless)
+    np.testing.assert_allclose(recording.handle_pose[-1], first.handle_pose[-1], atol=1e-3)
+    assert main(["record", "probe-plate", "--device", device, "--out", str(out)]) == 2
+    assert "is not empty; give --overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["run", "probe-plate", "--rate-hz", "2000"], "options of a device need --device"),
+        (
+            ["run", "probe-plate", "--device", "touch", "--speed-mm-s", "9"],
+            "--speed-mm-s: a hand moves the device touch; leave them out",
+        ),
+        (
+            ["run", "probe-plate", "--device", "tuch"],
+            "unknown device 'tuch' (did you mean 'touch'?)",
+        ),
+        (
+            ["run", "probe-plate", "--device", "simulated", "--rate-hz", "20"],
+            "--rate-hz must lie between 100 and 20000, got 20.0",
+        ),
+        (
+            ["record", "probe-plate", "--device-option", "motion"],
+            "--device-option must be KEY=VALUE, got 'motion'",
+        ),
+        (["replay", "nothing.h5"], "no such recording: nothing.h5"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(arguments, told, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

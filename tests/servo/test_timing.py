@@ -1,0 +1,259 @@
+"""When ticks begin, what a miss is, what the deadline's guard does: all by an injected clock."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
+
+from asperity.contact_stage import FALLBACK, LATE
+from asperity.errors import AsperityError
+from asperity.servo.loop import GUARD, STALE
+from asperity.servo.pace import Pace
+from asperity.servo.publish import Publisher
+
+
+class Kept(Publisher):
+    """What would have gone to the recorder."""
+
+    def __init__(self):
+        super().__init__()
+        self.rows = []
+
+    def push(self, row):
+        self.rows.append(row.values.copy())
+
+    @property
+    def flags(self):
+        return np.array([int(row[-1]) for row in self.rows])
+
+    @property
+    def time(self):
+        return np.array([row[0] for row in self.rows])
+
+
+def test_ticks_begin_at_absolute_times_and_lateness_does_not_add_up():
+    clock = HandClock()
+    pace = Pace(DT, clock)
+    begin, starts = clock.time, []
+    for n in range(200):
+        pace.wait()
+        starts.append(clock.time - begin)
+        clock.work(0.9 * DT if n % 3 else 0.1 * DT)
+    np.testing.assert_allclose(starts, DT * np.arange(1, 201), atol=1e-6)
+    assert pace.skipped == 0
+
+
+def test_it_sleeps_until_near_the_tick_and_then_watches_the_clock():
+    clock = HandClock()
+    pace = Pace(DT, clock, spin=1e-4)
+    for _ in range(20):
+        pace.wait()
+    assert np.allclose(clock.slept, DT - 1e-4, atol=2e-6)
+    assert pace.late < 1e-6
+
+
+def test_a_loop_that_was_held_up_leaves_ticks_out_and_falls_into_step_again():
+    clock = HandClock()
+    pace = Pace(DT, clock)
+    begin = clock.time
+    pace.wait()
+    clock.work(5.5 * DT)
+    pace.wait()
+    # Ticks 2 to 5 are over; tick 6 has begun half a tick ago.
+    assert pace.skipped == 4
+    assert pace.late == pytest.approx(0.5 * DT, abs=1e-6)
+    pace.wait()
+    assert pace.skipped == 0
+    assert clock.time - begin == pytest.approx(7 * DT, abs=1e-6)
+
+
+def test_misses_are_late_ticks_and_ticks_left_out():
+    bench = Bench()
+    bench.device.hold_up = lambda t: 3.4 * DT if 0.0505 < t < 0.0515 else 0.0
+    bench.run(100)
+    stats = bench.stats
+    assert stats.skipped == 2
+    assert stats.misses == 3
+    assert stats.ticks + stats.skipped == 100
+    told = stats.told()
+    assert told["misses_percent"] == pytest.approx(3.0)
+    assert sum(told["start_late_histogram_us"].values()) == stats.ticks
+    assert told["start_late_us"]["max"] == pytest.approx(400.0, abs=110.0)
+
+
+def test_contacts_in_time_are_felt_at_the_pose_just_read():
+    bench = Bench()
+    bench.device.pose = wave
+    bench.run(500)
+    assert bench.stats.fallbacks == bench.stats.misses == 0
+    times = np.array([t for t, _ in bench.device.written[:-1]]) - bench.device.begin
+    depth = np.array([-wave(t - 1.0e-4)[2] for t in times])
+    np.testing.assert_allclose(bench.device.forces[:-1], WALL * np.maximum(depth, 0.0), atol=2e-5)
+
+
+def test_a_slow_contact_costs_the_tick_its_guard_and_no_more():
+    kept = Kept()
+    bench = Bench(takes=lambda n: 3.3 * DT if n == 51 else 1e-4, publisher=kept)
+    bench.device.pose = wave
+    bench.run(100)
+    stats = bench.stats
+    assert stats.misses == 0
+    # The tick that asked, and those at whose beginning it was still not there.
+    assert stats.fallbacks == stats.longest_fallback == 4
+    assert stats.stages["contact_wait"].largest == pytest.approx((1 - GUARD) * DT, rel=0.02)
+    flagged = np.flatnonzero(kept.flags & FALLBACK)
+    assert flagged.tolist() == [50, 51, 52, 53]
+    # The next contact knows that ticks were left out, and those after it that none were.
+    jumps = [jumped for _, jumped in bench.contacts.asked]
+    assert [n for n, jumped in enumerate(jumps) if jumped] == [52]
+
+
+@pytest.mark.parametrize("mode", ["direct", "implicit", "static"])
+def test_between_slow_contacts_the_wall_goes_on_as_it_was(mode):
+    """Contacts of four ticks each: the wall is linear, so carrying on is exact but for touching."""
+    slow, quick = Bench(mode=mode, takes=lambda n: 4.2 * DT), Bench(mode=mode)
+    for bench in (slow, quick):
+        bench.device.pose = wave
+        bench.run(1000)
+    assert slow.stats.misses == 0
+    assert slow.stats.fallbacks > 700
+    assert quick.stats.fallbacks == 0
+    apart = np.abs(slow.device.forces - quick.device.forces)
+    assert quick.device.forces.max() > 0.2
+    assert np.median(apart) < 0.01
+    assert apart.max() < 0.15
+
+
+def test_a_contact_that_never_comes_is_let_go_of():
+    kept = Kept()
+    bench = Bench(mode="implicit", takes=lambda n: 1e9 if n == 100 else 1e-4, publisher=kept)
+    bench.run(500)
+    forces = bench.device.forces
+    assert forces[90] > 0.3
+    given_up = np.flatnonzero(forces[:-1] == 0.0)
+    assert given_up[0] == pytest.approx(100 + STALE / DT, abs=3)
+    assert (forces[given_up[0] :] == 0.0).all()
+    assert bench.safe.counts.contact_lost_ticks == len(given_up)
+    assert bench.stats.misses == 0
+
+
+def test_it_recovers_when_the_contact_comes_back():
+    bench = Bench(mode="implicit", takes=lambda n: 0.4 if n == 100 else 1e-4)
+    bench.run(800)
+    forces = bench.device.forces
+    assert (forces[360:490] == 0.0).all()
+    assert forces[700] == pytest.approx(forces[90], rel=1e-3)
+    assert bench.stats.fallbacks == pytest.approx(400, abs=2)
+
+
+def test_a_late_tick_is_flagged_and_its_time_is_that_of_the_clock():
+    kept = Kept()
+    bench = Bench(publisher=kept)
+    bench.device.hold_up = lambda t: 2.5 * DT if 0.0205 < t < 0.0215 else 0.0
+    bench.run(50)
+    late = np.flatnonzero(kept.flags & LATE)
+    assert len(late) == 1
+    assert np.diff(kept.time).max() == pytest.approx(2 * DT)
+    assert kept.time[-1] == pytest.approx(49 * DT)
+
+
+def test_after_a_stall_of_300_ms_the_force_comes_up_softly():
+    from asperity.servo.safety import SafetySettings
+
+    bench = Bench(settings=SafetySettings(soft_start=0.1))
+    bench.device.hold_up = lambda t: 0.3 if 0.2005 < t < 0.2015 else 0.0
+    bench.run(900)
+    times = np.array([t for t, _ in bench.device.written[:-1]])
+    forces = bench.device.forces[:-1]
+    after = int(np.argmax(np.diff(times))) + 1
+    assert forces[after - 2] == pytest.approx(0.5, rel=1e-3)
+    assert abs(forces[after + 1]) < 0.02
+    assert forces[after + 120] == pytest.approx(0.5, rel=1e-3)
+    assert bench.stats.skipped == pytest.approx(299, abs=2)
+
+
+@pytest.mark.parametrize("how", ["stop", "exception"])
+def test_however_it_ends_zero_is_sent_within_two_ticks(how):
+    bench = Bench()
+    seen = []
+
+    def between():
+        if bench.stats.ticks == 100:
+            seen.append(bench.clock.time)
+            if how == "exception":
+                raise KeyboardInterrupt
+            return True
+        return False
+
+    if how == "exception":
+        with pytest.raises(KeyboardInterrupt):
+            bench.run(1000, between=between)
+    else:
+        bench.run(1000, between=between)
+    time, wrench = bench.device.written[-1]
+    assert not wrench.any()
+    assert bench.device.written[-2][1][2] > 0.3
+    assert time - seen[0] < 2 * DT
+    assert bench.device.closed == 1
+
+
+def test_an_error_of_the_contact_ends_the_loop_with_zero():
+    bench = Bench()
+    bench.loop.begin(None)
+
+    def wait(seconds):
+        raise RuntimeError("search failed")
+
+    bench.contacts.wait = wait
+    with pytest.raises(RuntimeError, match="search failed"):
+        bench.loop.run(ticks=100)
+    assert not bench.device.written[-1][1].any()
+    assert bench.device.closed == 1
+
+
+def test_a_device_that_never_speaks_is_refused():
+    bench = Bench()
+    bench.device.fresh = lambda t: False
+    with pytest.raises(AsperityError, match="scripted gave no reading within 3 s"):
+        bench.loop.begin(None)
+
+
+def test_the_tick_can_be_changed_on_the_way():
+    bench = Bench()
+    bench.loop.begin(None)
+    bench.loop.run(ticks=100)
+    bench.loop.set_tick(DT / 4)
+    before = bench.clock.time
+    bench.loop.run(ticks=200)
+    assert bench.clock.time - before == pytest.approx(100 * DT / 4, rel=0.05)
+
+
+@pytest.mark.parametrize("mode", ["direct", "implicit"])
+def test_memory_stays_flat(mode):
+    """What thousands of ticks leave behind, in bytes: nothing that grows with their number."""
+    bench = Bench(mode=mode)
+    bench.contacts.asked = type(
+        "Nothing", (), {"append": lambda *_: None, "__len__": lambda _: 0}
+    )()
+    bench.device.write = lambda wrench: None
+    bench.clock.sleep = bench.clock.work
+    bench.loop.begin(None)
+    bench.device.pose = wave
+    bench.loop.run(ticks=500)
+    tracemalloc.start()
+    try:
+        bench.loop.run(ticks=1000)
+        first, _ = tracemalloc.get_traced_memory()
+        bench.loop.run(ticks=3500)
+        second, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert bench.stats.ticks == 3500
+    assert second - first < 4000
+    assert peak - second < 40_000
+
+
+def test_limits_reach_the_gains():
+    bench = Bench(mode="implicit")
+    assert bench.tool.gains.stiffness <= LIMITS.max_stiffness
