@@ -128,6 +128,8 @@ def main() -> None:
         print(f"{'round trip, ' + name:26}{figures(times)}")
     for name in loops:
         print(f"{'read and write, ' + name:26}{figures(work[name])}")
+    for name in loops:
+        print(f"{'end after due, ' + name:26}{figures([x + TICK for x in late[name]])}")
     shares = {}
     for name in loops:
         ticks = len(late[name])

@@ -7,9 +7,10 @@ is, and the pose of a tick is the answer to the force of the tick before.
 
 Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
 is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
-takes the servo's place for a slice of the scheduler's. Over six runs on two busy cores, the servo's
-read and write then took 0.4 to 5.3 ms (p99.9) against 0.07 to 0.14 ms with the thread, and in five
-of them more ticks were late.
+takes the servo's place for a slice of the scheduler's. Over eight runs on two cores, most of them
+busy, the servo's read and write took 0.4 to 6.4 ms (p99.9) that way, and 0.1 to 0.8 ms with the
+thread; in seven of them more ticks were late without it (with both cores taken by others a third
+of them, against a seventh).
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
