@@ -216,6 +216,7 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
         polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
         polygon[0, c, 3] = _OF_A
+    apart = False
     for k in range(3):
         low, high = polygon[0, 0, k], polygon[0, 0, k]
         for c in range(1, count):
@@ -223,6 +224,10 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
         half = table.half[g, k] + beside if k < 2 else near
         if low > half or high < -(half if k < 2 else reach):
             return np.int64(0), np.int64(-1)
+        if k < 2 and (low > table.half[g, k] or high < -table.half[g, k]):
+            apart = True
+    if apart:
+        return np.int64(0), np.int64(0)
     here = np.int64(0)
     count = _clip(polygon, here, count, -reach, 0.0, 0.0, -1.0, _CUT)
     here = np.int64(1)
