@@ -29,6 +29,7 @@ _HOME = {
     "Simulation": "asperity.simulation",
     "Sinusoid": "asperity.geometry.analytic",
     "Trajectory": "asperity.trajectory",
+    "bake": "asperity.baking.bake",
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
     "load_scene": "asperity.scenes",
@@ -44,6 +45,7 @@ _HOME = {
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
+    from asperity.baking.bake import bake as bake
     from asperity.contact.pair import BodyPair as BodyPair
     from asperity.dynamics.hand import Hand as Hand
     from asperity.dynamics.hand import Motion as Motion

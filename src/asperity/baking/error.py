@@ -1,0 +1,98 @@
+"""How far a baked surface is from the full one: both ways, as Metro does.
+
+Distances from places of the baked surface say what is felt that is not there; distances from places
+of the full one, what is there and not felt (Cignoni, Rocchini, Scopigno, Computer Graphics Forum
+17, 167 (1998)). Of rms, 99th percentile and maximum the larger of the two is told.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.baking.heights import places
+from asperity.baking.nearest import Nearest
+from asperity.baking.texels import OUTSIDE, Texels
+from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh_topology import crosses
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+_SAMPLES = 60_000
+_GRID = 4_000_000
+"""Texels of which the baked surface is made for the way back, at most."""
+
+
+class BakeError(NamedTuple):
+    """Distances between two surfaces [m]: of the worse of the two ways."""
+
+    rms: float
+    p99: float
+    max: float
+
+
+def bake_error(
+    low: Mesh, field: HeightField, texels: Texels, full: Array, *, seed: int = 0
+) -> BakeError:
+    """Return how far the low-resolution mesh with its texture is from the full surface.
+
+    Parameters
+    ----------
+    low : Mesh
+        With texture coordinates.
+    field : HeightField
+        Its texture, as large as the texels say.
+    texels : Texels
+    full : (m, 3, 3) array
+        Corners of the full surface's triangles [m].
+    seed : int
+        Of the 60,000 places on either surface, spread evenly over its area.
+    """
+    rng = np.random.default_rng(seed)
+    face, weights = scattered(low.vertices[low.faces], _SAMPLES, rng)
+    there = Nearest(full).to(displaced(low, field, face, weights))[1]
+    face, weights = scattered(full, _SAMPLES, rng)
+    points = np.einsum("ij,ijk->ik", weights, full[face])
+    back = Nearest(_as_triangles(low, field, texels)).to(points)[1]
+    stats = [(np.sqrt(np.mean(d**2)), np.percentile(d, 99.0), d.max()) for d in (there, back)]
+    return BakeError(*(float(max(pair)) for pair in zip(*stats, strict=True)))
+
+
+def scattered(
+    triangles: Array, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], Array]:
+    """Return triangles (k,) and weights of their corners (k, 3): places spread evenly by area."""
+    area = np.linalg.norm(crosses(triangles), axis=1)
+    face = np.sort(rng.choice(len(triangles), count, p=area / area.sum()))
+    r, s = np.sqrt(rng.random(count)), rng.random(count)
+    return face.astype(np.int64), np.stack([1.0 - r, r * (1.0 - s), r * s], axis=1)
+
+
+def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: Array) -> Array:
+    """Return points of the textured surface [m], (n, 3), at places of the mesh."""
+    assert mesh.uv is not None
+    points, along = places(mesh, face, weights)
+    u, v = (np.einsum("ij,ijk->ik", weights, mesh.uv[face]) * np.asarray(field.size)).T
+    return np.asarray(points + field.heights(u, v)[:, None] * along)
+
+
+def _as_triangles(low: Mesh, field: HeightField, texels: Texels) -> Array:
+    """Return the baked surface as triangles from texel to texel, two for four neighbours."""
+    points, along = places(low, texels.face, texels.weights)
+    number = np.full(texels.kind.shape, -1, dtype=np.int64)
+    number[tuple(texels.where.T)] = np.arange(len(texels.face))
+    points = points + field.samples[tuple(texels.where.T)][:, None] * along
+    step = max(1, int(np.ceil(np.sqrt(len(points) / _GRID))))
+    number = number[::step, ::step]
+    kind = texels.kind[::step, ::step] != OUTSIDE
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    whole = kind[:-1, :-1] & kind[:-1, 1:] & kind[1:, 1:] & kind[1:, :-1]
+    corners = np.concatenate(
+        [np.stack([a, b, c], axis=-1)[whole], np.stack([a, c, d], axis=-1)[whole]]
+    )
+    triangles = points[corners]
+    # Between the gutters of two charts that touch there is no surface.
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    return np.asarray(triangles[sides < 6.0 * step * field.pixel_size[0]])
