@@ -1,10 +1,12 @@
-"""A mesh with fewer triangles, closed if it was closed, by quadric edge collapse.
+"""A mesh with fewer triangles, as sound as it was.
 
-fast-simplification (Garland & Heckbert, SIGGRAPH 97, in the variant of sp4cerat) goes on until a
-threshold that grows with each pass is met. Growing slowly it keeps the shape and stops early;
-growing fast it reaches any number, but may join what does not belong together or fold the surface
-over. So several speeds are tried, and of those results that are as sound as the mesh was the one
-that comes nearest to the number wanted is taken: the slowest of them.
+`asperity.baking.collapse` keeps what is closed closed and folds nothing, so it may not reach the
+number that is wanted. Its limits are then eased. Of the results the soundest is taken, of those
+that are as sound the one nearest to the number, of those the one that is least folded.
+
+Why not fast-simplification: it takes edges below a rising threshold in the order in which they
+stand in the file, not the cheapest first. From 444,000 displaced triangles of a hammer it came to
+984, 0.40 mm (rms) away, or 2,000 and 2 mm, never to 518; the cheapest first give 518 and 0.17 mm.
 """
 
 from __future__ import annotations
@@ -14,20 +16,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.errors import AsperityError
+from asperity.baking.collapse import collapsed
 from asperity.geometry.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.mesh_checks import SAME_PLACE, count_of, facet_heights, same_places
+from asperity.geometry.mesh_checks import SAME_PLACE, count_of, same_places
 from asperity.geometry.mesh_crossings import crossing_triangles
-from asperity.geometry.mesh_topology import edges_of
+from asperity.geometry.mesh_normals import smooth_normals
+from asperity.geometry.mesh_topology import crosses, edges_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_SPEEDS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0)
-"""fast-simplification's `agg`, slowest first."""
+_LIMITS = ((0.2, 0.03), (0.2, 0.0), (0.1, 0.0))
+"""Least cosine between normals, and quality of triangles: strict first."""
+LEAST_FACING = 0.2
+"""Cosine, as for facets that a contact may lie on."""
+_FEW_FOLDED = 5e-3
+"""Share of corners that need no second try."""
 _NEAR_ENOUGH = 1.03
 """Times the number wanted; a closed mesh has an even number."""
-_FLATTEST = 1e-5
-"""Height of a triangle below which it is one side only, in sizes of the mesh."""
 
 
 class Soundness(NamedTuple):
@@ -39,6 +44,9 @@ class Soundness(NamedTuple):
     """Edges that more than two triangles meet."""
     crossing: int
     """Triangles that cross another; 0 where there are too many to look."""
+    folded: int = 0
+    """Corners whose smooth normal is 78 degrees or more off the triangle's: it would be displaced
+    sideways, and no contact is looked for on it."""
 
 
 def simplified(mesh: Mesh, faces: int) -> Mesh:
@@ -56,11 +64,6 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
     Mesh
         With smooth normals and without texture coordinates. Its notes say how many triangles it
         has if these are not as many as wanted, and whether it opened.
-
-    Raises
-    ------
-    AsperityError
-        fast-simplification not installed (`pip install asperity[bake]`); nothing left. One line.
     """
     points, at = joined_places(mesh)
     if faces >= len(at):
@@ -70,27 +73,26 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
     scaled = (points - middle) / size
     before = soundness(scaled, at)
     best: tuple[Any, ...] | None = None
-    for speed in _SPEEDS:
-        found = _collapsed(scaled, at, faces, speed)
-        if found is None:
-            continue
+    for facing, quality in _LIMITS:
+        found = collapsed(scaled, at, faces, facing=facing, quality=quality)
         now = soundness(*found)
         # As sound as the mesh was is sound; the rest is compared by what is worse.
-        worse = tuple(max(a - b, 0) for a, b in zip(now, before, strict=True))
+        worse = tuple(max(a - b, 0) for a, b in zip(now[:3], before[:3], strict=True))
         reached = max(len(found[1]), int(_NEAR_ENOUGH * faces))
-        rank = (worse, reached)
+        rank = (worse, reached, now.folded)
         if best is None or rank < best[0]:
             best = (rank, found, now)
-        if worse == (0, 0, 0) and len(found[1]) <= _NEAR_ENOUGH * faces:
+        if worse == (0, 0, 0) and len(found[1]) <= _NEAR_ENOUGH * faces and _flat_enough(now, found):
             break
-    if best is None:
-        raise AsperityError(
-            f"mesh {mesh.name!r}: nothing is left of it with {faces} triangles; ask for more"
-        )
+    assert best is not None
     _, (low, corners), now = best
     made = mesh_from_arrays(low * size + middle, corners, name=mesh.name)
     notes = _notes(before, now, len(at), len(made.faces), faces)
     return Mesh(made.vertices, made.faces, made.normals, None, mesh.name, (*notes, *made.notes))
+
+
+def _flat_enough(now: Soundness, found: tuple[Array, Indices]) -> bool:
+    return now.folded <= _FEW_FOLDED * 3 * len(found[1])
 
 
 def joined_places(mesh: Mesh) -> tuple[Array, Indices]:
@@ -106,30 +108,18 @@ def soundness(points: Array, faces: Indices) -> Soundness:
     edges = edges_of(faces)
     crossing = crossing_triangles(np.asarray(points, dtype=np.float64)[faces], faces)
     return Soundness(
-        int((edges.size == 1).sum()), int((edges.size > 2).sum()), int(crossing or 0)
-    )
-
-
-def _collapsed(
-    points: Array, faces: Indices, count: int, speed: float
-) -> tuple[Array, Indices] | None:
-    try:
-        import fast_simplification
-    except ImportError:
-        raise AsperityError(
-            "simplifying a mesh needs fast-simplification, which is not installed; "
-            "valid: pip install asperity[bake], or as many faces as the mesh has"
-        ) from None
-    low, corners = fast_simplification.simplify(
-        np.ascontiguousarray(points, dtype=np.float64), faces.astype(np.int32),
-        target_count=count, agg=speed,
+        int((edges.size == 1).sum()), int((edges.size > 2).sum()), int(crossing or 0),
+        _folded(points, faces),
     )  # fmt: skip
-    low, corners = np.asarray(low, dtype=np.float64), np.asarray(corners, dtype=np.int64)
-    if not len(corners) or not np.isfinite(low).all():
-        return None
-    if (facet_heights(low[corners]) <= _FLATTEST).all():
-        return None
-    return low, corners
+
+
+def _folded(points: Array, faces: Indices) -> int:
+    """Return how many corners have smooth normals that are nearly in the plane of the triangle."""
+    triangles = np.asarray(points, dtype=np.float64)[faces]
+    facet = crosses(triangles)
+    facet /= np.maximum(np.linalg.norm(facet, axis=1, keepdims=True), 1e-300)
+    normals = smooth_normals(points, faces, faces, None, [])
+    return int((np.einsum("ijk,ik->ij", normals, facet) < LEAST_FACING).sum())
 
 
 def _notes(
@@ -149,4 +139,9 @@ def _notes(
         notes.append(f"simplification joined {count_of(now.crowded, 'edge')} of several sheets")
     if now.crossing > before.crossing:
         notes.append(f"after simplification {count_of(now.crossing, 'triangle')} cross another")
+    if now.folded > before.folded:
+        notes.append(
+            f"{count_of(now.folded, 'corner')} of {3 * has} with a smooth normal nearly in the "
+            "plane of the triangle: the surface is coarse there; more faces help"
+        )
     return tuple(notes)
