@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,7 @@ def _child(source: str, out: str) -> None:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(json.dumps({
         "seconds": seconds, "memory_gib": memory, "report": result.report,
-        "stages": {a: b1 - b0 for (a, b0), (_, b1) in zip(told, told[1:], strict=False)},
+        "stages": {a: b1 - b0 for (a, b0), (_, b1) in pairwise(told)},
     }))  # fmt: skip
 
 

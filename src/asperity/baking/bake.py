@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.baking.cloud import map_of_points
-from asperity.baking.error import bake_error
+from asperity.baking.error import BakeError, bake_error, plate_error
 from asperity.baking.folder import (
+    HEIGHTS,
     OBJECT,
     Texture,
     write_heights,
@@ -80,6 +81,7 @@ def bake(
     faces: int = 500,
     size: int = 1024,
     unit: str | None = None,
+    up: str | None = None,
     base: str | os.PathLike[str] | None = None,
     pixel_size: float | None = None,
     height_range: float | None = None,
@@ -107,6 +109,9 @@ def bake(
         Texels along each side of the texture, 32 to 8192.
     unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}, optional
         What one unit of length in the file is. If it is not given it is guessed, and noted.
+    up : {"x", "y", "z"}, optional
+        The axis of a mesh's file that points upwards, where the probe comes from; by default z,
+        for glTF y. The baked object has it along z.
     base : path, optional
         A low-resolution mesh to bake onto, in the same unit and frame, in the place of
         simplification. Its texture coordinates are kept if no place of the texture is used twice.
@@ -142,10 +147,11 @@ def bake(
     stages = _Stages(on_progress)
     with result_folder(Path(out), overwrite=overwrite) as folder:
         if kind == "mesh":
-            work = _mesh(source, faces, size, unit, base, folder, stages)
+            work = _mesh(source, faces, size, unit, up, base, folder, stages)
         else:
-            if base is not None:
-                raise AsperityError(f"{source}: base= is for meshes; leave it out")
+            for name, value in (("base", base), ("up", up)):
+                if value is not None:
+                    raise AsperityError(f"{source}: {name}= is for meshes; leave it out")
             work = _plate(source, kind, size, unit, pixel_size, height_range, folder, stages)
         stages.at("pieces")
         pieces = convex_pieces(work.low)
@@ -157,12 +163,12 @@ def bake(
         report = work.report | {"pieces": len(pieces)}
         if picture:
             body = next(body for body in scene.bodies if body.name == OBJECT)
-            draw_bake(work.full, body, report, folder / "picture.png")
+            draw_bake(work.full, body, report, folder / "picture.png", rough=work.rough)
         report["seconds"] = round(time.perf_counter() - began, 3)
         text = json.dumps(report, indent=2, ensure_ascii=False)
         (folder / "bake.json").write_text(text + "\n", "utf-8")
         stages.at("done")
-    return BakeResult(Path(out), report, read_scene(out))
+    return BakeResult(Path(out), report, read_scene(Path(out)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +180,8 @@ class _Work:
     texture: Texture
     report: dict[str, Any]
     hard_angle: float | None = None
+    rough: NDArray[np.bool_] | None = None
+    """Which triangles of `low` stand for `full`, if not all."""
 
 
 class _Stages:
@@ -205,11 +213,12 @@ def _check(faces: int, size: int, unit: str | None) -> None:
 
 
 def _mesh(
-    source: Path, faces: int, size: int, unit: str | None, base: Any, folder: Path, stages: _Stages
-) -> _Work:
+    source: Path, faces: int, size: int, unit: str | None, up: str | None, base: Any,
+    folder: Path, stages: _Stages,
+) -> _Work:  # fmt: skip
     """Bake a mesh."""
     stages.at("read")
-    mesh, told = mesh_to_bake(source, unit)
+    mesh, unit, told = mesh_to_bake(source, unit, up)
     full = mesh.vertices[mesh.faces]
     if base is None and faces > len(mesh.faces):
         raise AsperityError(
@@ -221,7 +230,7 @@ def _mesh(
     if base is None:
         low = simplified(mesh, faces)
     else:
-        low = _base(Path(os.path.expanduser(base)), mesh, unit, told)
+        low = _base(Path(os.path.expanduser(base)), mesh, unit, up)
     stages.at("unwrap")
     laid = unwrapped(low, size)
     low = write_mesh(laid, folder)
@@ -238,25 +247,24 @@ def _mesh(
     notes = [*told, *(f"full mesh: {note}" for note in mesh.notes), *laid.notes]
     if baked.mended:
         notes.append(f"{baked.mended} texels stood out of all round them and were mended")
-    report = _report(source, len(mesh.faces), low, texture, notes) | {
+    report = _report(source, "mesh", len(mesh.faces), low, texture, notes) | {
         "coverage": round(baked.coverage, 6),
-        "error_um": {key: round(1e6 * value, 3) for key, value in error._asdict().items()},
+        "error_um": _in_micrometres(error),
         "closed": not any("open" in note for note in laid.notes),
         "texel_um": round(1e6 * span / size, 3),
     }
     return _Work(full, low, texture, report)
 
 
-def _base(path: Path, mesh: Mesh, unit: str | None, told: tuple[str, ...]) -> Mesh:
+def _base(path: Path, mesh: Mesh, unit: str, up: str | None) -> Mesh:
     """Return the low-resolution mesh that was given, in the unit of the full one."""
-    if unit is None and told:
-        unit = told[0].split(":")[1].split(",")[0].strip()
-    from asperity.geometry.mesh_files import read_mesh
-
-    low = read_mesh(path, unit=unit or "m", hard_angle=180.0)
-    apart = np.abs(0.5 * (np.ptp(low.vertices, axis=0) - np.ptp(mesh.vertices, axis=0))).max()
-    if apart > 0.25 * np.ptp(mesh.vertices, axis=0).max():
-        raise AsperityError(f"{path}: it does not lie where the full mesh does; same unit and frame?")
+    low, _, _ = mesh_to_bake(path, unit, up)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    for end in (np.min, np.max):
+        if np.abs(end(low.vertices, axis=0) - end(mesh.vertices, axis=0)).max() > 0.25 * size:
+            raise AsperityError(
+                f"{path}: it does not lie where the full mesh does; valid: the same unit and frame"
+            )
     return low
 
 
@@ -285,13 +293,13 @@ def _plate(
     write_heights(texture, folder)
     # The map itself, as triangles from sample to sample, for the picture.
     full = _map_triangles(field)
-    report = _report(source, len(full), low, texture, notes) | {
+    report = _report(source, "plate", len(full), low, texture, notes) | {
         "coverage": 1.0,
-        "error_um": {"rms": 0.0, "p99": 0.0, "max": 0.0},
+        "error_um": _in_micrometres(plate_error(low, folder / HEIGHTS, texture, field)),
         "closed": False,
         "texel_um": round(1e6 * field.pixel_size[0], 3),
     }
-    return _Work(full, low, texture, report, HARD_ANGLE)
+    return _Work(full, low, texture, report, HARD_ANGLE, np.arange(len(low.faces)) < 2)
 
 
 def _map_triangles(field: HeightField) -> Array:
@@ -308,13 +316,18 @@ def _map_triangles(field: HeightField) -> Array:
     return both.reshape(-1, 3, 3)
 
 
+def _in_micrometres(error: BakeError) -> dict[str, float]:
+    return {key: round(1e6 * value, 3) for key, value in error._asdict().items()}
+
+
 def _report(
-    source: Path, full: int, low: Mesh, texture: Texture, notes: list[str]
+    source: Path, kind: str, full: int, low: Mesh, texture: Texture, notes: list[str]
 ) -> dict[str, Any]:
     rows, columns = texture.heights.shape
     extents = np.ptp(low.vertices, axis=0)
     return {
         "schema": 1,
+        "kind": kind,
         "source": source.name,
         "full_faces": full,
         "faces": len(low.faces),

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from asperity.baking.fill import filled
 from asperity.errors import AsperityError
 from asperity.texture.height_field import HeightField
-from asperity.baking.fill import filled
 
 Array = NDArray[np.float64]
 _NEIGHBOURS = 16
@@ -58,7 +58,7 @@ def map_of_points(points: Array, *, size: int) -> HeightField:
     spread = high - low
     if not spread[:2].min() > 0.0:
         raise AsperityError("the points lie on a line; valid: points of a surface")
-    away = KDTree(flat[:, :2]).query(flat[:, :2], k=2)[0][:, 1]
+    away = np.asarray(KDTree(flat[:, :2]).query(flat[:, :2], k=2)[0])[:, 1]
     apart = max(float(np.median(away)), math.sqrt(spread[0] * spread[1] / len(flat)))
     pixel = max(apart / _SAMPLES, float(spread[:2].max()) / size)
     columns, rows = (max(4, math.ceil(s / pixel)) for s in spread[:2])
@@ -99,7 +99,7 @@ def _fitted(flat: Array, tree: KDTree, places: Array, apart: float) -> Array:
     count = min(_NEIGHBOURS, len(flat))
     for start in range(0, len(places), 100_000):
         part = slice(start, start + 100_000)
-        away, near = tree.query(places[part], k=count)
+        away, near = (np.asarray(found) for found in tree.query(places[part], k=count))
         weight = np.exp(-((away / (_REACH * apart)) ** 2)) + 1e-9
         offset = (flat[near, :2] - places[part][:, None]) / apart
         basis = np.concatenate([np.ones((*away.shape, 1)), offset], axis=2)

@@ -176,7 +176,7 @@ def _may(u, v, place, points, faces, rings, counts, border, marks, mark, facing,
 
     `rings` (2, ...) are the triangles round its ends; `marks` and `mark` serve to count neighbours.
     """
-    shared, at_border = 0, 0
+    shared = 0
     for k in range(counts[0]):
         f = rings[0, k]
         for c in range(3):
@@ -346,7 +346,7 @@ def _collapse(points, faces, alive, target, facing, quality):
     both, place, edge = np.empty(10), np.empty(3), np.empty(3, dtype=np.int64)
     for h in range(3 * m):
         u, v = faces[h // 3, h % 3], faces[h // 3, (h + 1) % 3]
-        if u < v or border[u] and border[v]:
+        if u < v or (border[u] and border[v]):
             both[:] = quadric[u] + quadric[v]
             _place(both, points[u], points[v], border[u], border[v], place)
             size = _push(heap, keys, size, _cost(both, place), u, v, 0)

@@ -7,11 +7,13 @@ of the full one, what is there and not felt (Cignoni, Rocchini, Scopigno, Comput
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.baking.folder import Texture
 from asperity.baking.heights import places
 from asperity.baking.nearest import Nearest
 from asperity.baking.texels import OUTSIDE, Texels
@@ -58,6 +60,34 @@ def bake_error(
     back = Nearest(_as_triangles(low, field, texels)).to(points)[1]
     stats = [(np.sqrt(np.mean(d**2)), np.percentile(d, 99.0), d.max()) for d in (there, back)]
     return BakeError(*(float(max(pair)) for pair in zip(*stats, strict=True)))
+
+
+def plate_error(
+    low: Mesh, heights: Path, texture: Texture, field: HeightField, *, seed: int = 0
+) -> BakeError:
+    """Return how far the top of a plate, as it was written, is from a height map [m].
+
+    Parameters
+    ----------
+    low : Mesh
+        The slab, whose first two triangles are its top, in the middle of which the map lies.
+    heights : Path
+        The file of its texture.
+    texture : Texture
+    field : HeightField
+        The map; its lowest sample lies in the slab's plane.
+    seed : int
+        Of the 60,000 places.
+    """
+    written = HeightField.from_file(heights, size=texture.size, unit="m")
+    rng = np.random.default_rng(seed)
+    face, weights = scattered(low.vertices[low.faces[:2]], _SAMPLES, rng)
+    points = displaced(low, written, face, weights)
+    u, v = (points[:, :2] + 0.5 * np.asarray(field.size)).T
+    away = np.abs(points[:, 2] - (field.heights(u, v) - field.lowest))
+    return BakeError(
+        float(np.sqrt(np.mean(away**2))), float(np.percentile(away, 99.0)), float(away.max())
+    )
 
 
 def scattered(

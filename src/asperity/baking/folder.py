@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.baking.place import Stroke
+from asperity.baking.place import PRESSED, Stroke
 from asperity.geometry.mesh import Mesh
 from asperity.geometry.mesh_files import read_mesh
 from asperity.scene_file import write_toml
@@ -25,7 +25,10 @@ OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"
 STIFFNESS = 400.0
 """Of the contact [N/m]: what a Touch can do."""
 FORCE = 0.58
-"""Normal force with which the probe begins [N]."""
+"""Normal force with which the probe begins, at most [N]."""
+MAX_NODES = 50_000
+"""Of a search. Heights that also hold the shape that the mesh lost reach far, and far reach makes
+bounds loose: with the usual 4000 a contact may be lost that is there."""
 _COLOUR = "0.8 0.74 0.63 1"
 
 _XML = """<mujoco model="{name}">
@@ -59,7 +62,7 @@ _XML = """<mujoco model="{name}">
 
 
 class Texture(NamedTuple):
-    """Heights [m] (n, m) float32, [iv, iu], row 0 at v = 0, and what they cover along u and v [m]."""
+    """Heights [m] (n, m), [iv, iu], row 0 at v = 0, and what they cover along u and v [m]."""
 
     heights: NDArray[np.float32]
     size: tuple[float, float]
@@ -107,13 +110,14 @@ def write_scene(
     }  # fmt: skip
     trajectory: dict[str, Any] = {
         "kind": "slide", "seconds": 2.0, "speed": min(0.083, max(4.0 * stroke.length, 1e-3)),
-        "length": stroke.length, "direction": stroke.direction, "press_force": FORCE,
+        "length": stroke.length, "direction": stroke.direction,
+        "press_force": min(FORCE, STIFFNESS * PRESSED * stroke.radius),
     }  # fmt: skip
     document = {
         "schema": 1,
         "tool": {"body": "probe"},
         "bodies": {OBJECT: {"mesh": table, "texture": heights}},
-        "force": {"stiffness": STIFFNESS, "anti_alias": "tick"},
+        "force": {"stiffness": STIFFNESS, "anti_alias": "tick", "max_nodes": MAX_NODES},
         "coupling": {"mode": "direct"},
         "trajectory": trajectory,
     }

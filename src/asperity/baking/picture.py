@@ -1,13 +1,13 @@
 """The picture of a baking: the full mesh, the low-resolution one, the baked one, and the error.
 
 The first three are drawn in one light from one place. The fourth shows, on the baked surface, how
-far each of its places is from the full mesh, signed along the line of sight's own side: outside or
-inside of it.
+far each of its places is from the full mesh: red outside of it, blue inside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ from asperity.plots import style
 
 Array = NDArray[np.float64]
 _COLUMNS, _ROWS = 640, 520
+_FOOT = 30.0
+"""Below each picture [pixels], for scales."""
 _AZIMUTHS = tuple(float(np.radians(a)) for a in (-35.0, 35.0, -60.0, 60.0))
 _ELEVATION = float(np.radians(28.0))
 _STONE, _PALE = (0.80, 0.74, 0.63), (0.90, 0.90, 0.90)
@@ -36,7 +38,10 @@ _EDGE_STEPS = 24
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def draw_bake(full: Array, body: Body, report: dict[str, Any], path: Path) -> None:
+def draw_bake(
+    full: Array, body: Body, report: dict[str, Any], path: Path,
+    *, rough: NDArray[np.bool_] | None = None,
+) -> None:  # fmt: skip
     """Draw a baking to a PNG file.
 
     Parameters
@@ -48,8 +53,10 @@ def draw_bake(full: Array, body: Body, report: dict[str, Any], path: Path) -> No
     report : dict
         What `bake.json` will hold.
     path : Path
+    rough : (m,) array of bool, optional
+        Which triangles of the body stand for the full mesh; by default all.
     """
-    assert body.mesh is not None and body.texture is not None
+    assert body.mesh is not None
     low = body.mesh.vertices[body.mesh.faces]
     camera = _camera(full)
     baked = list(_baked(body, camera))
@@ -59,25 +66,24 @@ def draw_bake(full: Array, body: Body, report: dict[str, Any], path: Path) -> No
         _lit(buffers, sheets, camera, colour)
         for buffers, sheets, colour in zip(seen, scenes, (_STONE, _PALE, _STONE), strict=True)
     ]
-    error = _errors(seen[2], camera, full)
+    error = _errors(body, camera, full, rough)
     with style():
         figure = Figure(figsize=(9.6, 8.5))
         axes = figure.subplots(2, 2).ravel()
-        titles = _titles(report, body)
+        titles = _titles(report)
         for axis, picture, title in zip(axes, [*pictures, None], titles, strict=True):
             if picture is not None:
                 axis.imshow(picture, interpolation="lanczos", zorder=1)
             axis.set_title(title, fontsize=9.5)
             axis.set_xlim(-0.5, _COLUMNS - 0.5)
-            axis.set_ylim(_ROWS - 0.5, -0.5)
+            axis.set_ylim(_ROWS + _FOOT, -0.5)
             axis.set_aspect("equal")
             axis.axis("off")
         _edges(axes[1], low, seen[1], camera)
-        _error_panel(figure, axes[3], error, seen[2], scenes[2], camera, report)
+        _error_panel(figure, axes[3], error, seen[2], scenes[2], camera)
         _scale_bar(axes[0], camera)
         figure.suptitle(
-            f"{report['source']}: {report['full_faces']:,} triangles baked to "
-            f"{report['faces']:,} and a texture",
+            report["source"],
             x=0.02, ha="left", fontsize=11, fontweight="bold",
         )  # fmt: skip
         figure.subplots_adjust(
@@ -86,21 +92,24 @@ def draw_bake(full: Array, body: Body, report: dict[str, Any], path: Path) -> No
         figure.savefig(path, dpi=150)
 
 
-def _titles(report: dict[str, Any], body: Body) -> list[str]:
+def _titles(report: dict[str, Any]) -> list[str]:
     columns, rows = report["texture_size"]
     low, high = report["heights_um"]
+    error = [_length(report["error_um"][key]) for key in ("rms", "p99", "max")]
     return [
-        f"a  Full mesh: {report['full_faces']:,} triangles",
+        f"a  {'Height map' if report['kind'] == 'plate' else 'Full mesh'}: "
+        f"{report['full_faces']:,} triangles",
         f"b  Low-resolution mesh: {report['faces']:,} triangles",
-        f"c  Baked: b with {columns} x {rows} heights, {_length(low)} to {_length(high)}",
-        "d  Distance of c from a",
+        f"c  b with {columns} \N{MULTIPLICATION SIGN} {rows} heights, {_length(low)} to "
+        f"{_length(high)}",
+        f"d  Distance of c from a: rms {error[0]}, p99 {error[1]}, max {error[2]}",
     ]
 
 
 def _length(micrometres: float) -> str:
     if abs(micrometres) >= 1000.0:
         return f"{1e-3 * micrometres:.2f} mm".replace("-", "\N{MINUS SIGN}")
-    return f"{micrometres:.0f} \N{MICRO SIGN}m".replace("-", "\N{MINUS SIGN}")
+    return f"{micrometres:.3g} \N{MICRO SIGN}m".replace("-", "\N{MINUS SIGN}")
 
 
 def _camera(full: Array) -> Camera:
@@ -134,10 +143,24 @@ def _patches(triangles: Array) -> list[Sheet]:
     return [Sheet(np.ascontiguousarray(triangles), normals, np.array([[0, 1, 2]]))]
 
 
-def _baked(body: Body, camera: Camera) -> Sequence[Sheet]:
+def _baked(body: Body, camera: Camera, faces: NDArray[np.bool_] | None = None) -> Sequence[Sheet]:
     radius = 0.5 * float(np.hypot(camera.width, camera.rows * camera.pixel))
     view = View(camera.centre, radius, int(radius / camera.pixel), camera)
-    return list(mesh_sheets(body, _IDENTITY, view))
+    return [_as_it_is(sheet) for sheet in mesh_sheets(body, _IDENTITY, view, faces)]
+
+
+def _as_it_is(sheet: Sheet) -> Sheet:
+    """Return a sheet with the normals of its points' own triangles: relief may be high here."""
+    if sheet.corners is None:
+        return sheet
+    triangles = sheet.points[:, sheet.corners]
+    normal = crosses(triangles.reshape(-1, 3, 3)).reshape(len(triangles), -1, 3)
+    normals = np.zeros_like(sheet.points)
+    for corner in sheet.corners.T:
+        for k, point in enumerate(corner):
+            normals[:, point] += normal[:, k]
+    lengths = np.linalg.norm(normals, axis=2, keepdims=True)
+    return sheet._replace(normals=normals / np.maximum(lengths, 1e-300))
 
 
 def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequence[float]) -> Array:
@@ -149,30 +172,37 @@ def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequenc
     return image
 
 
-def _errors(seen: Buffers, camera: Camera, full: Array) -> Array:
-    """Return the signed distance from the full mesh [m] of what each pixel shows; NaN: nothing."""
-    out = np.full((_ROWS, _COLUMNS), np.nan)
-    depth = seen.depth[::2, ::2]
-    rows, columns = np.nonzero(np.isfinite(depth))
-    across = (2 * columns - 0.5 * (camera.columns - 1)) * camera.pixel
-    up = (0.5 * (camera.rows - 1) - 2 * rows) * camera.pixel
-    points = camera.centre + across[:, None] * camera.right + up[:, None] * camera.up
-    points = points - depth[rows, columns][:, None] * camera.towards
-    face, away = Nearest(full).to(points)
-    normal, corner = crosses(full[face]), full[face, 0]
-    outside = np.einsum("ij,ij->i", normal, points - corner) > 0.0
-    out[rows, columns] = np.where(outside, away, -away)
-    return out
+def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | None) -> Array:
+    """Return the signed distance from the full mesh [m] of what each pixel shows.
+
+    NaN where nothing is seen, or a triangle that is not `rough`. Distances are those of the sheets'
+    points: a pixel's own place is not known to a fraction of a pixel.
+    """
+    coarse = replace(camera, columns=_COLUMNS, rows=_ROWS)
+    every = np.ones(len(body.mesh.faces), dtype=bool) if body.mesh is not None else None
+    rough = every if rough is None else rough
+    surface, sheets = Nearest(full), []
+    for sheet in _baked(body, coarse, rough):
+        face, away = surface.to(sheet.points.reshape(-1, 3))
+        ahead = np.einsum(
+            "ij,ij->i", crosses(full[face]), sheet.points.reshape(-1, 3) - full[face, 0]
+        )
+        told = np.zeros_like(sheet.points)
+        told[..., 0] = np.where(ahead > 0.0, away, -away).reshape(told.shape[:2])
+        sheets.append((0, sheet._replace(normals=told)))
+    if rough is not None and not rough.all():
+        sheets += [(1, sheet) for sheet in _baked(body, coarse, ~rough)]
+    seen = look(sheets, coarse)
+    return np.where(seen.number == 0, seen.normal[..., 0], np.nan)
 
 
 def _error_panel(
     figure: Figure, axis: Axes, error: Array, seen: Buffers, sheets: Sequence[Sheet],
-    camera: Camera, report: dict[str, Any],
+    camera: Camera,
 ) -> None:  # fmt: skip
     """Show the errors in colour, lightly shaded, with their scale and numbers."""
     import matplotlib as mpl
 
-    told = report["error_um"]
     known = np.abs(error[np.isfinite(error)]) * 1e6
     limit = max(_round_up(float(np.percentile(known, 99.0)) if known.size else 1.0), 1e-3)
     map_ = mpl.colormaps["RdBu_r"]
@@ -180,20 +210,18 @@ def _error_panel(
     colour = map_(norm(np.nan_to_num(error * 1e6)))
     grey = _lit(seen, sheets, camera, (1.0, 1.0, 1.0))[..., :3].mean(axis=2)
     colour[..., :3] *= (0.72 + 0.28 * np.clip(grey, 0.0, 1.0))[..., None]
-    colour[..., 3] = np.isfinite(error)
+    there = np.isfinite(seen.depth[::2, ::2])
+    colour[np.isnan(error), :3] = (0.8 * grey)[np.isnan(error), None]
+    colour[..., 3] = there
     axis.imshow(colour, interpolation="nearest", zorder=1)
-    place = axis.inset_axes((0.03, 0.045, 0.36, 0.028))
+    place = axis.inset_axes((0.03, 0.0, 0.34, 0.025))
     scale = figure.colorbar(mpl.cm.ScalarMappable(norm, map_), cax=place, orientation="horizontal")
     scale.set_ticks([-limit, 0.0, limit])
     scale.set_ticklabels([f"\N{MINUS SIGN}{limit:g}", "0", f"{limit:g} \N{MICRO SIGN}m"])
     place.xaxis.set_ticks_position("top")
     place.tick_params(labelsize=8, length=2)
     place.grid(False)
-    scale.outline.set_linewidth(0.6)  # type: ignore[operator]
-    axis.text(
-        0.97, 0.045, f"rms {told['rms']:.3g}, 99 % within {told['p99']:.3g}, max "
-        f"{told['max']:.4g} \N{MICRO SIGN}m", transform=axis.transAxes, ha="right", fontsize=8,
-    )  # fmt: skip
+    scale.outline.set_linewidth(0.6)
 
 
 def _round_up(value: float) -> float:
@@ -231,6 +259,6 @@ def _scale_bar(axis: Axes, camera: Camera) -> None:
     longest = 0.25 * camera.width
     power = 10.0 ** np.floor(np.log10(longest))
     length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest))
-    x, y, wide = 0.04 * _COLUMNS, 0.95 * _ROWS, length / (2.0 * camera.pixel)
+    x, y, wide = 0.04 * _COLUMNS, _ROWS + 0.8 * _FOOT, length / (2.0 * camera.pixel)
     axis.plot([x, x + wide], [y, y], color="black", lw=2.2, solid_capstyle="butt", zorder=3)
     axis.text(x, y - 0.02 * _ROWS, f"{length * 1e3:g} mm", fontsize=8.5, va="bottom", zorder=3)

@@ -82,17 +82,14 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
         rank = (worse, reached, now.folded)
         if best is None or rank < best[0]:
             best = (rank, found, now)
-        if worse == (0, 0, 0) and len(found[1]) <= _NEAR_ENOUGH * faces and _flat_enough(now, found):
+        few = len(found[1]) <= _NEAR_ENOUGH * faces
+        if worse == (0, 0, 0) and few and now.folded <= _FEW_FOLDED * found[1].size:
             break
     assert best is not None
     _, (low, corners), now = best
     made = mesh_from_arrays(low * size + middle, corners, name=mesh.name)
     notes = _notes(before, now, len(at), len(made.faces), faces)
     return Mesh(made.vertices, made.faces, made.normals, None, mesh.name, (*notes, *made.notes))
-
-
-def _flat_enough(now: Soundness, found: tuple[Array, Indices]) -> bool:
-    return now.folded <= _FEW_FOLDED * 3 * len(found[1])
 
 
 def joined_places(mesh: Mesh) -> tuple[Array, Indices]:
@@ -122,9 +119,7 @@ def _folded(points: Array, faces: Indices) -> int:
     return int((np.einsum("ijk,ik->ij", normals, facet) < LEAST_FACING).sum())
 
 
-def _notes(
-    before: Soundness, now: Soundness, had: int, has: int, wanted: int
-) -> tuple[str, ...]:
+def _notes(before: Soundness, now: Soundness, had: int, has: int, wanted: int) -> tuple[str, ...]:
     notes = []
     if has > _NEAR_ENOUGH * wanted:
         notes.append(

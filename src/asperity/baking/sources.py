@@ -8,6 +8,7 @@ notes say so first.
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,23 +63,35 @@ def _ply_counts(path: Path) -> dict[str, int]:
     return counts
 
 
-def mesh_to_bake(path: Path, unit: str | None) -> tuple[Mesh, tuple[str, ...]]:
-    """Return the mesh in a file, in metres, with smooth normals, and what was guessed.
+def mesh_to_bake(
+    path: Path, unit: str | None, up: str | None = None
+) -> tuple[Mesh, str, tuple[str, ...]]:
+    """Return the mesh in a file, in metres and upright, its unit, and what was guessed.
 
     Parameters
     ----------
     path : Path
     unit : str or None
         One of `UNITS`; None guesses, but for glTF, which is in metres.
+    up : {"x", "y", "z"} or None
+        The file's axis that points upwards; None is z, for glTF y.
     """
     if unit is not None:
         require_choice("unit", unit, UNITS)
+    is_gltf = path.suffix.lower() in (".glb", ".gltf")
+    up = require_choice("up", up or ("y" if is_gltf else "z"), ("x", "y", "z"))
     notes: tuple[str, ...] = ()
-    if unit is None and path.suffix.lower() in (".glb", ".gltf"):
+    if unit is None and is_gltf:
         unit = "m"
     if unit is None:
         unit, notes = guessed_unit(_extents(path))
-    return read_mesh(path, unit=unit, hard_angle=180.0), notes
+    return upright(read_mesh(path, unit=unit, hard_angle=180.0), up), unit, notes
+
+
+def upright(mesh: Mesh, up: str) -> Mesh:
+    """Return a mesh turned so that its axis `up` points along z: its axes move on by one or two."""
+    order = np.roll(np.arange(3), 2 - "xyz".index(up))
+    return replace(mesh, vertices=mesh.vertices[:, order], normals=mesh.normals[:, :, order])
 
 
 def _extents(path: Path) -> Array:

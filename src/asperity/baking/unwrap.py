@@ -37,7 +37,9 @@ def unwrapped(mesh: Mesh, size: int) -> Mesh:
     low, high = made.uv.min(axis=(0, 1)), made.uv.max(axis=(0, 1))
     uv = room + (made.uv - low) * ((1.0 - 2.0 * room) / (high - low).max())
     if room > 0.25:
-        raise AsperityError(f"a texture of {size} texels has no room for charts; ask for 32 or more")
+        raise AsperityError(
+            f"a texture of {size} texels has no room for charts; ask for 32 or more"
+        )
     uv.setflags(write=False)
     return dataclasses.replace(made, uv=uv)
 

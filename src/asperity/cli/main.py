@@ -19,6 +19,7 @@ from typing import Annotated, Literal
 import tyro
 
 from asperity import __version__
+from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.doctor import Doctor
 from asperity.cli.run import Run
@@ -41,6 +42,7 @@ class Arguments:
         | Annotated[Study, tyro.conf.subcommand("study")]
         | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
+        | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"

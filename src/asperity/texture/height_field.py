@@ -148,7 +148,12 @@ class HeightField:
         scale: dict[str, Any] = {"pixel_size": pixel_size, "height_range": height_range}
         scale["invert"] = invert
         if kind == "height":
-            more = {"missing": missing, "array": array, "quantised": quantised, "unit": unit}
+            more: dict[str, Any] = {
+                "missing": missing,
+                "array": array,
+                "quantised": quantised,
+                "unit": unit,
+            }
             found = read_heights(path, **scale, **more)
         else:
             found = _from_normals(path, kind, border, (missing, array, quantised, unit), scale)
