@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
+from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from asperity.baking.fill import filled
 from asperity.errors import AsperityError
@@ -81,16 +81,39 @@ def map_of_points(points: Array, *, size: int) -> HeightField:
 
 
 def _axes(points: Array) -> Array:
-    """Return u, v and the normal (3, 3) of the plane that fits best, u towards +x, n upwards."""
-    _, _, rows = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    normal = rows[2]
+    """Return u, v and the normal (3, 3) of the plane that fits best, n upwards.
+
+    u runs along a side of the smallest rectangle round the points, that which is nearest to x.
+    """
+    away = points - points.mean(axis=0)
+    normal = np.linalg.eigh(away.T @ away)[1][:, 0]
     # Points have no sides: the one upwards, or else towards +y or +x.
     sign = next((np.sign(normal[k]) for k in (2, 1, 0) if abs(normal[k]) > 0.1), 1.0)
     normal = normal * sign
     first = np.eye(3)[0 if abs(normal[0]) < 0.9 else 1]
     u = first - (first @ normal) * normal
     u /= np.linalg.norm(u)
-    return np.array([u, np.cross(normal, u), normal])
+    v = np.cross(normal, u)
+    turn = _smallest_rectangle(away @ np.stack([u, v], axis=1))
+    u, v = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
+    return np.array([u, v, normal])
+
+
+def _smallest_rectangle(flat: Array) -> float:
+    """Return the direction of the smallest rectangle round points (n, 2), -45 to 45 degrees."""
+    try:
+        corners = flat[ConvexHull(flat).vertices]
+    except QhullError:
+        raise AsperityError("the points lie on a line; valid: points of a surface") from None
+    sides = np.roll(corners, -1, axis=0) - corners
+    quarter = 0.5 * np.pi
+    turns = np.arctan2(sides[:, 1], sides[:, 0])
+    turns = turns - quarter * np.round(turns / quarter)
+    areas = []
+    for turn in turns:
+        c, s = np.cos(turn), np.sin(turn)
+        areas.append(np.ptp(corners @ [c, s]) * np.ptp(corners @ [-s, c]))
+    return float(turns[int(np.argmin(areas))])
 
 
 def _fitted(flat: Array, tree: KDTree, places: Array, apart: float) -> Array:

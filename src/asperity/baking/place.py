@@ -85,7 +85,7 @@ def _flattest(top: Array, count: int, axis: int, level: float) -> tuple[float, i
     if top.shape[axis] <= count:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(top, count, axis=axis)
-    whole = np.isfinite(windows).all(axis=-1)
+    whole: Any = np.isfinite(windows).all(axis=-1)
     if not whole.any():
         return None
     change = np.where(whole, np.ptp(np.where(whole[..., None], windows, 0.0), axis=-1), np.inf)
