@@ -83,9 +83,6 @@ def write_ply(path: Path, divisions: int = DIVISIONS) -> int:
 
 def _child(source: str, out: str) -> None:
     """Bake in a process of its own, so that its largest memory is that of baking."""
-    import os
-
-    os.environ["XDG_CACHE_HOME"] = os.environ.get("XDG_CACHE_HOME", "")
     from asperity.baking import bake as baking
     from asperity.geometry import pieces
 
@@ -98,7 +95,9 @@ def _child(source: str, out: str) -> None:
         if not told or told[-1][0] != stage:
             told.append((stage, time.perf_counter() - start))
 
-    result = baking.bake(source, out, faces=FACES, size=SIZE, unit="m", on_progress=show)
+    # Its striking face upwards.
+    options = {"faces": FACES, "size": SIZE, "unit": "m", "up": "x"}
+    result = baking.bake(source, out, **options, on_progress=show)
     pieces.read_pieces = keep
     seconds = time.perf_counter() - start
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

@@ -18,7 +18,8 @@ spec.loader.exec_module(bench)
 with tempfile.TemporaryDirectory() as folder:
     scan = Path(folder) / "hammer.ply"
     bench.write_ply(scan)
-    asperity.bake(scan, Path(folder) / "out", faces=bench.FACES, size=bench.SIZE, unit="m")
+    options = {"faces": bench.FACES, "size": bench.SIZE, "unit": "m", "up": "x"}
+    asperity.bake(scan, Path(folder) / "out", **options)
     shutil.copyfile(Path(folder) / "out" / "picture.png", OUT)
 picture = Image.open(OUT).convert("RGB").quantize(256)
 picture.save(OUT, optimize=True)

@@ -243,7 +243,7 @@ def _mesh(
     write_heights(texture, folder)
     stages.at("error")
     field = HeightField(baked.heights, span / size)
-    error = bake_error(low, field, baked.texels, full)
+    error = bake_error(low, field, full)
     notes = [*told, *(f"full mesh: {note}" for note in mesh.notes), *laid.notes]
     if baked.mended:
         notes.append(f"{baked.mended} texels stood out of all round them and were mended")

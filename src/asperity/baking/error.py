@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from asperity.baking.folder import Texture
 from asperity.baking.heights import places
 from asperity.baking.nearest import Nearest
-from asperity.baking.texels import OUTSIDE, Texels
 from asperity.geometry.mesh import Mesh
 from asperity.geometry.mesh_topology import crosses
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
 _SAMPLES = 60_000
-_GRID = 4_000_000
-"""Texels of which the baked surface is made for the way back, at most."""
+_MOST = 1_500_000
+"""Triangles of which the baked surface is made for the way back, about, at most."""
 
 
 class BakeError(NamedTuple):
@@ -35,9 +34,7 @@ class BakeError(NamedTuple):
     max: float
 
 
-def bake_error(
-    low: Mesh, field: HeightField, texels: Texels, full: Array, *, seed: int = 0
-) -> BakeError:
+def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> BakeError:
     """Return how far the low-resolution mesh with its texture is from the full surface.
 
     Parameters
@@ -45,8 +42,7 @@ def bake_error(
     low : Mesh
         With texture coordinates.
     field : HeightField
-        Its texture, as large as the texels say.
-    texels : Texels
+        Its texture.
     full : (m, 3, 3) array
         Corners of the full surface's triangles [m].
     seed : int
@@ -57,7 +53,7 @@ def bake_error(
     there = Nearest(full).to(displaced(low, field, face, weights))[1]
     face, weights = scattered(full, _SAMPLES, rng)
     points = np.einsum("ij,ijk->ik", weights, full[face])
-    back = Nearest(_as_triangles(low, field, texels)).to(points)[1]
+    back = Nearest(_as_triangles(low, field)).to(points)[1]
     stats = [(np.sqrt(np.mean(d**2)), np.percentile(d, 99.0), d.max()) for d in (there, back)]
     return BakeError(*(float(max(pair)) for pair in zip(*stats, strict=True)))
 
@@ -108,21 +104,37 @@ def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: 
     return np.asarray(points + field.heights(u, v)[:, None] * along)
 
 
-def _as_triangles(low: Mesh, field: HeightField, texels: Texels) -> Array:
-    """Return the baked surface as triangles from texel to texel, two for four neighbours."""
-    points, along = places(low, texels.face, texels.weights)
-    number = np.full(texels.kind.shape, -1, dtype=np.int64)
-    number[tuple(texels.where.T)] = np.arange(len(texels.face))
-    points = points + field.samples[tuple(texels.where.T)][:, None] * along
-    step = max(1, int(np.ceil(np.sqrt(len(points) / _GRID))))
-    number = number[::step, ::step]
-    kind = texels.kind[::step, ::step] != OUTSIDE
-    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
-    whole = kind[:-1, :-1] & kind[:-1, 1:] & kind[1:, 1:] & kind[1:, :-1]
-    corners = np.concatenate(
-        [np.stack([a, b, c], axis=-1)[whole], np.stack([a, c, d], axis=-1)[whole]]
-    )
-    triangles = points[corners]
-    # Between the gutters of two charts that touch there is no surface.
+def _as_triangles(low: Mesh, field: HeightField) -> Array:
+    """Return the baked surface as triangles about as wide as a texel.
+
+    Those of the low-resolution mesh are divided evenly, so its edges are met as sharp as they are.
+    """
+    triangles = low.vertices[low.faces]
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
-    return np.asarray(triangles[sides < 6.0 * step * field.pixel_size[0]])
+    whole = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
+    wide = max(field.pixel_size[0], float(np.sqrt(2.0 * whole / _MOST)))
+    # Few numbers of divisions, so that many triangles share one.
+    divisions = np.ceil(2.0 ** (np.ceil(2.0 * np.log2(np.maximum(sides / wide, 1.0))) / 2.0))
+    parts = []
+    for n in np.unique(divisions.astype(np.int64)):
+        which = np.flatnonzero(divisions == n)
+        weights, corners = divided(int(n))
+        face = np.repeat(which, len(weights))
+        points = displaced(low, field, face, np.tile(weights, (len(which), 1)))
+        parts.append(points.reshape(len(which), -1, 3)[:, corners].reshape(-1, 3, 3))
+    return np.concatenate(parts)
+
+
+def divided(divisions: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return the points of an evenly divided triangle, as weights (k, 3), and its parts (m, 3)."""
+    n = divisions
+    i, j = (a.ravel() for a in np.indices((n + 1, n + 1)))
+    i, j = i[i + j <= n], j[i + j <= n]
+    number = np.zeros((n + 2, n + 2), dtype=np.int64)
+    number[i, j] = np.arange(len(i))
+    up, down = i + j < n, i + j < n - 1
+    parts = [
+        np.stack([number[i, j], number[i + 1, j], number[i, j + 1]], axis=1)[up],
+        np.stack([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], axis=1)[down],
+    ]
+    return np.stack([n - i - j, i, j], axis=1) / n, np.concatenate(parts)
