@@ -22,7 +22,7 @@ from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
 _SAMPLES = 60_000
-_MOST = 1_500_000
+_MOST = 500_000
 """Triangles of which the baked surface is made for the way back, about, at most."""
 
 

@@ -14,8 +14,9 @@ from asperity.geometry.mesh_topology import crosses
 Array = NDArray[np.float64]
 _SAMPLES = 200_000
 _AT_ONCE = 100_000
-_LOOKS = 6
-_MOST_DIVISIONS = 60
+_LOOKS, _MORE_LOOKS = 6, 48
+_DOUBTED = 0.02
+"""Of the longest part of a triangle: distances above it are looked at again."""
 
 
 class Nearest:
@@ -32,18 +33,31 @@ class Nearest:
 
     def __init__(self, triangles: Array) -> None:
         self._triangles = np.ascontiguousarray(triangles)
-        spread, self._owner = _spread(triangles)
+        area = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
+        self._wide = 2.0 * math.sqrt(max(area, 1e-300) / _SAMPLES)
+        spread, self._owner = _spread(triangles, self._wide)
         self._tree = KDTree(spread)
 
     def to(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the nearest triangle to each point (n, 3), and its distance [m]."""
         best, away = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
-        looks = min(_LOOKS, len(self._owner))
         for start in range(0, len(points), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
-            near = self._owner[self._tree.query(points[part], k=looks)[1].reshape(-1, looks)]
-            _nearest(self._triangles, points[part], near, best[part], away[part])
+            self._look(points[part], _LOOKS, best[part], away[part])
+            # Where needles crowd, the nearest triangle may not be among the first few.
+            doubt = np.flatnonzero(away[part] > _DOUBTED * self._wide)
+            face, again = np.zeros(len(doubt), dtype=np.int64), np.zeros(len(doubt))
+            self._look(points[part][doubt], _MORE_LOOKS, face, again)
+            best[part][doubt], away[part][doubt] = face, again
         return best, away
+
+    def _look(
+        self, points: Array, looks: int, face_out: NDArray[np.int64], away_out: Array
+    ) -> None:
+        """Fill in the nearest of the triangles with the samples nearest to each point."""
+        looks = min(looks, len(self._owner))
+        found = np.asarray(self._tree.query(points, k=looks)[1]).reshape(len(points), looks)
+        _nearest(self._triangles, points, self._owner[found], face_out, away_out)
 
 
 @kernel
@@ -79,19 +93,22 @@ def _square_distance(triangle, point):
     return least
 
 
-def _spread(triangles: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return samples on triangles, more on larger ones, and the triangle of each."""
-    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
-    area = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
-    apart = math.sqrt(max(area, 1e-300) / _SAMPLES)
-    divisions = np.clip(np.ceil(sides / (2.0 * apart)), 1, _MOST_DIVISIONS).astype(np.int64)
-    points, owner = [], []
-    for n in np.unique(divisions):
-        which = np.flatnonzero(divisions == n)
-        i, j = (a.ravel() for a in np.indices((n, n)))
-        i, j = i[i + j < n], j[i + j < n]
-        # The middles of the parts that a triangle is evenly divided into, those that stand upright.
-        weights = np.stack([n - i - j - 2.0 / 3.0, i + 1.0 / 3.0, j + 1.0 / 3.0], axis=1) / n
-        points.append((weights @ triangles[which]).reshape(-1, 3))
-        owner.append(np.repeat(which, len(weights)))
-    return np.concatenate(points), np.concatenate(owner)
+def _spread(triangles: Array, wide: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return the middles of the triangles' parts, none longer than `wide`, and whose part each is.
+
+    A triangle is halved across its longest side: parts of a needle are short needles.
+    """
+    owner = np.arange(len(triangles))
+    points, owners = [], []
+    while len(owner):
+        sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        whole = sides.max(axis=1) <= wide
+        points.append(triangles[whole].mean(axis=1))
+        owners.append(owner[whole])
+        triangles, owner, sides = triangles[~whole], owner[~whole], sides[~whole]
+        turn = (np.argmax(sides, axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[:, :, None], axis=1), 1, 0)
+        middle = 0.5 * (a + b)
+        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        owner = np.tile(owner, 2)
+    return np.concatenate(points), np.concatenate(owners)

@@ -34,6 +34,7 @@ _ELEVATION = float(np.radians(28.0))
 _STONE, _PALE = (0.80, 0.74, 0.63), (0.90, 0.90, 0.90)
 _LAMP = 900
 _UP = np.array([0.0, 0.0, 1.0])
+_ALIKE = 0.3
 _EDGE_STEPS = 24
 _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
@@ -159,8 +160,10 @@ def _as_it_is(sheet: Sheet) -> Sheet:
     for corner in sheet.corners.T:
         for k, point in enumerate(corner):
             normals[:, point] += normal[:, k]
-    lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-    return sheet._replace(normals=normals / np.maximum(lengths, 1e-300))
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-300)
+    # Strips along seams are too thin for normals of their own.
+    own = np.einsum("ijk,ijk->ij", normals, sheet.normals) > _ALIKE
+    return sheet._replace(normals=np.where(own[..., None], normals, sheet.normals))
 
 
 def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequence[float]) -> Array:
