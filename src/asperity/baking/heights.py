@@ -27,6 +27,8 @@ from asperity.geometry.mesh import Mesh
 Array = NDArray[np.float64]
 _CAGE = 1.6
 """Lines look this many times as far as the two surfaces are apart near there."""
+_SAMPLED = 50_000
+"""Triangles of the full surface that tell how far that is, about, at most."""
 _SLACK = 2e-3
 """And this much farther, in sizes of the mesh."""
 _OUTLIER = 0.1, 8.0
@@ -115,7 +117,8 @@ def _cages(low: Mesh, full: Array) -> Array:
     The full surface's corners and middles are each nearest to some place of the mesh; how far they
     are from it is how far a line from there has to look, and from the vertices of its triangle.
     """
-    samples = np.concatenate([full.reshape(-1, 3), full.mean(axis=1)])
+    every = max(1, len(full) // _SAMPLED)
+    samples = np.concatenate([full[::every].reshape(-1, 3), full[::every].mean(axis=1)])
     face, away = Nearest(low.vertices[low.faces]).to(samples)
     of_face = np.zeros(len(low.faces))
     np.maximum.at(of_face, face, away)
