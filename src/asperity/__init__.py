@@ -43,6 +43,7 @@ _HOME = {
     "Sinusoid": "asperity.geometry.analytic",
     "SnapshotReader": "asperity.servo.snapshot",
     "Trajectory": "asperity.trajectory",
+    "bake": "asperity.baking.bake",
     "device": "asperity.devices.catalogue",
     "drag": "asperity.dynamics.hand",
     "drop_point": "asperity.geometry.offset",
@@ -60,6 +61,7 @@ _HOME = {
 __all__ = ["__version__", *_HOME]
 
 if TYPE_CHECKING:
+    from asperity.baking.bake import bake as bake
     from asperity.contact.pair import BodyPair as BodyPair
     from asperity.contact_stage import ContactStage as ContactStage
     from asperity.devices.catalogue import device as device

@@ -134,6 +134,24 @@ def test_float_tiff_and_its_gaps(tmp_path: Path) -> None:
     assert np.isfinite(read_heights(tmp_path / "b.tif", **SCALE, missing="fill").samples).all()
 
 
+def test_an_image_may_hold_heights_in_a_unit(tmp_path: Path) -> None:
+    values = np.array([[1.0, 2.0, 3.5], [0.25, -4.0, 0.5]], dtype=np.float32)
+    tifffile.imwrite(tmp_path / "a.tiff", values)
+    for unit, scale in (("m", 1.0), ("um", 1e-6)):
+        found = read_heights(tmp_path / "a.tiff", pixel_size=1e-5, unit=unit)
+        # Neither centred nor scaled; the picture's bottom row is v = 0.
+        np.testing.assert_array_equal(found.samples, values[::-1].astype(np.float64) * scale)
+    for options, told in (
+        ({"unit": "furlong"}, "unknown unit 'furlong'"),
+        ({"unit": "m", "height_range": 1e-4}, "give one"),
+    ):
+        with pytest.raises(AsperityError, match=told):
+            read_heights(tmp_path / "a.tiff", pixel_size=1e-5, **options)
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(SurfaceError, match="have a unit already"):
+        read_heights(tmp_path / "a.npy", pixel_size=1e-5, unit="m")
+
+
 def test_of_several_pictures_the_first_is_read(tmp_path: Path) -> None:
     stack = RNG.integers(0, 65536, (3, 13, 17)).astype(np.uint16)
     tifffile.imwrite(tmp_path / "a.tif", stack, photometric="minisblack")

@@ -19,6 +19,7 @@ from typing import Annotated, Literal
 import tyro
 
 from asperity import __version__
+from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
@@ -48,6 +49,7 @@ class Arguments:
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
+        | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"

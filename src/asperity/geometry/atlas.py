@@ -14,12 +14,10 @@ from asperity.geometry.mesh_topology import crosses, edges_of
 from asperity.geometry.mesh_uv import charts_of
 
 _TEXELS = 1000
-"""Texels that a square of the mesh's area is wide while charts are packed."""
 _PADDING = 4
-"""Texels between charts, so that the splines of one do not reach the next."""
 
 
-def with_atlas(mesh: Mesh) -> Mesh:
+def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) -> Mesh:
     """Return the mesh with texture coordinates: cut into charts, laid flat and packed by xatlas.
 
     One scale serves all charts and both directions; the notes say how many metres one unit of
@@ -30,6 +28,11 @@ def with_atlas(mesh: Mesh) -> Mesh:
     ----------
     mesh : Mesh
         Without texture coordinates (`dataclasses.replace(mesh, uv=None)` takes them away).
+    texels : int
+        How many a square of the mesh's area is wide while charts are packed; the whole texture is
+        a little wider.
+    padding : int
+        Of these between charts, so that the splines of one do not reach the next.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def with_atlas(mesh: Mesh) -> Mesh:
     charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
     # Both of these mirror charts if they are left alone, and mirrored grain is felt as such.
     charts.fix_winding, packing.rotate_charts = True, False
-    packing.texels_per_unit, packing.padding = _TEXELS / np.sqrt(area), _PADDING
+    packing.texels_per_unit, packing.padding = texels / np.sqrt(area), padding
     atlas = xatlas.Atlas()
     atlas.add_mesh(points, at.astype(np.uint32))
     atlas.generate(charts, packing)

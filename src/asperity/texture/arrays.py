@@ -27,7 +27,8 @@ _INSTRUMENTS = """
 """
 INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
 """What SurfaceTopography reads and the other readers do not."""
-_UNITS = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0}
+UNITS = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0}
+"""Of heights [m]."""
 _PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
 _MISSING_WORDS = ("", "na", "n/a", "null", "none", "-")
@@ -72,15 +73,15 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
     name = _choose_array(path, arrays, array)
     unit = _unit_of(name)
     if unit != "m" and arrays[name].dtype.kind in "ui":
-        stored = Stored(arrays[name] * _UNITS[unit])
+        stored = Stored(arrays[name] * UNITS[unit])
     else:
-        stored = _numbers(arrays[name], _UNITS[unit])
+        stored = _numbers(arrays[name], UNITS[unit])
     if stored.in_metres:
         stored = stored._replace(notes=(f"array {name!r}, in {unit}",))
     for key, sizes in arrays.items():
         found = _PIXEL_KEY.fullmatch(key)
         if found and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):
-            sizes_m = np.ravel(sizes) * _UNITS[found.group(3) or "m"]
+            sizes_m = np.ravel(sizes) * UNITS[found.group(3) or "m"]
             return stored._replace(pixel_size=_square(path, sizes_m))
     return stored
 
@@ -145,7 +146,7 @@ def load_text(path: Path) -> Stored:
         refuse(path, "there are no numbers in it")
     if len(rows[0]) == 2 and len(rows) > 2:
         refuse(path, "two columns, place and height?; valid: one column of heights or a matrix")
-    return Stored(np.array(rows) * _UNITS[unit], notes)
+    return Stored(np.array(rows) * UNITS[unit], notes)
 
 
 def _number(word: str) -> float:

@@ -107,6 +107,7 @@ class HeightField:
         array: str | None = None,
         quantised: str = "smooth",
         kind: str = "height",
+        unit: str | None = None,
     ) -> HeightField:
         """Return the height field in a file.
 
@@ -116,7 +117,7 @@ class HeightField:
             An image, an array, text or an instrument's file: see
             `asperity.texture.reading.read_heights`. Of a single line of heights a surface is made
             that is the same all along v.
-        pixel_size, height_range, invert, missing, array, quantised
+        pixel_size, height_range, invert, missing, array, quantised, unit
             As for `read_heights`. A normal map needs `pixel_size` alone: its heights follow from
             its slopes, unless `height_range` is given.
         size : (lu, lv), optional
@@ -147,9 +148,15 @@ class HeightField:
         scale: dict[str, Any] = {"pixel_size": pixel_size, "height_range": height_range}
         scale["invert"] = invert
         if kind == "height":
-            found = read_heights(path, **scale, missing=missing, array=array, quantised=quantised)
+            more: dict[str, Any] = {
+                "missing": missing,
+                "array": array,
+                "quantised": quantised,
+                "unit": unit,
+            }
+            found = read_heights(path, **scale, **more)
         else:
-            found = _from_normals(path, kind, border, (missing, array, quantised), scale)
+            found = _from_normals(path, kind, border, (missing, array, quantised, unit), scale)
         samples, notes = _as_map(found.samples, found.notes)
         if border == "wrap":
             notes = (*notes, *_seam_notes(samples))
@@ -309,16 +316,16 @@ def _from_normals(
     path: str | os.PathLike[str],
     kind: str,
     border: str,
-    unused: tuple[str, str | None, str],
+    unused: tuple[str, str | None, str, str | None],
     scale: dict[str, Any],
 ) -> Heights:
     """Return the heights of a normal map; what only height maps need has to be left as it is."""
     from asperity.texture.normal_maps import read_normal_map
 
-    if unused != ("refuse", None, "smooth"):
+    if unused != ("refuse", None, "smooth", None):
         raise SurfaceError(
-            f"{path}: missing=, array= and quantised= are for maps of heights; leave them out "
-            f"with kind={kind!r}"
+            f"{path}: missing=, array=, quantised= and unit= are for maps of heights; leave them "
+            f"out with kind={kind!r}"
         )
     return read_normal_map(path, convention=kind.removeprefix("normal-"), border=border, **scale)
 

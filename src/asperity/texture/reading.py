@@ -22,6 +22,7 @@ from asperity.errors import AsperityError, require_choice
 from asperity.texture.arrays import (
     ARRAY_SUFFIXES,
     INSTRUMENT_SUFFIXES,
+    UNITS,
     Stored,
     load_instrument,
     load_npy,
@@ -64,6 +65,7 @@ def read_heights(
     missing: str = "refuse",
     array: str | None = None,
     quantised: str = "smooth",
+    unit: str | None = None,
 ) -> Heights:
     """Return the heights in a file, in metres.
 
@@ -94,6 +96,9 @@ def read_heights(
     quantised : {"smooth", "keep"}
         What to do with maps of 256 grey levels or fewer: smooth them, within half a level
         (`asperity.texture.images.smooth_levels`), or leave the stairs in.
+    unit : {"m", "mm", "um", "nm"}, optional
+        What one unit of an image's values is, in the place of `height_range`, for images that hold
+        heights: 0 stays 0. Without it they are grey values.
 
     Returns
     -------
@@ -113,6 +118,8 @@ def read_heights(
         if value is not None:
             _require_length(path, name, value)
     stored = _load(path, array)
+    if unit is not None:
+        stored = _in_unit(path, stored, unit, height_range)
     values = _shaped(path, stored.values)
     notes = list(stored.notes)
     pixel_size = _pixel_size(path, stored, pixel_size, height_range, notes)
@@ -142,6 +149,17 @@ def _require_length(path: Path, name: str, value: Any) -> None:
         good = False
     if not good:
         refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
+
+
+def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) -> Stored:
+    """Return an image's values, which are in `unit`, in metres."""
+    require_choice("unit", unit, UNITS)
+    if stored.in_metres:
+        refuse(path, "its heights have a unit already; unit= is for images: leave it out")
+    if height_range is not None:
+        refuse(path, "unit= and height_range= both give its heights a scale; give one")
+    values = np.asarray(stored.values, dtype=np.float64) * UNITS[unit]
+    return stored._replace(values=values, in_metres=True, step=stored.step * UNITS[unit])
 
 
 def _load(path: Path, array: str | None) -> Stored:

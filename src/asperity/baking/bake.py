@@ -1,0 +1,339 @@
+"""From a scan to a haptic object: `bake`.
+
+    mesh --> simplify --> unwrap --> cast rays --> heights --> scene
+    (full)   (low-res)    (UV)       (low -> full)  (texture)   (folder)
+
+The low-resolution mesh is written and read again before rays are cast, so that heights are those
+over the very surface that the renderer will displace. When all is written the scene is read, too:
+a folder that could not be loaded is never left behind.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.baking.cloud import map_of_points
+from asperity.baking.error import BakeError, bake_error, plate_error
+from asperity.baking.folder import (
+    HEIGHTS,
+    OBJECT,
+    Texture,
+    write_heights,
+    write_mesh,
+    write_scene,
+)
+from asperity.baking.heights import bake_heights
+from asperity.baking.picture import draw_bake
+from asperity.baking.place import stroke_over
+from asperity.baking.plate import HARD_ANGLE, plate_of
+from asperity.baking.rays import FullSurface
+from asperity.baking.simplify import simplified
+from asperity.baking.sources import guessed_unit, kind_of, mesh_to_bake, read_points
+from asperity.baking.unwrap import texture_span, unwrapped
+from asperity.errors import AsperityError, require_choice
+from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh_checks import UNITS
+from asperity.geometry.pieces import convex_pieces
+from asperity.output import result_folder
+from asperity.scene import Scene, read_scene
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+SMALLEST, LARGEST = 32, 8192
+"""Textures [texels a side]."""
+FEWEST = 4
+_SHARES = {"read": 0.03, "simplify": 0.06, "unwrap": 0.05, "rays": 0.35, "error": 0.15,
+           "pieces": 0.2, "scene": 0.04, "picture": 0.12}  # fmt: skip
+"""Of the time, roughly, by stage: for the progress bar."""
+
+
+@dataclass(frozen=True, eq=False)
+class BakeResult:
+    """What a baking left.
+
+    Attributes
+    ----------
+    folder : Path
+    report : dict
+        What `bake.json` holds.
+    scene : Scene
+    """
+
+    folder: Path
+    report: dict[str, Any]
+    scene: Scene
+
+
+def bake(
+    source: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    faces: int = 500,
+    size: int = 1024,
+    unit: str | None = None,
+    up: str | None = None,
+    base: str | os.PathLike[str] | None = None,
+    pixel_size: float | None = None,
+    height_range: float | None = None,
+    picture: bool = True,
+    overwrite: bool = False,
+    on_progress: Progress | None = None,
+) -> BakeResult:
+    """Make a haptic object of a scan: a mesh of few triangles and a texture of heights.
+
+    A mesh is simplified, laid flat, and compared with itself along the interpolated unit vertex
+    normals of the simple one, which is how the renderer displaces it. A height map becomes a
+    plate that carries it as it is; points of one side of something become a height map first.
+
+    Parameters
+    ----------
+    source : path
+        A mesh (OBJ, GLB, glTF, PLY, STL), points (PLY without faces, XYZ), or a height map (an
+        image, an array, an instrument's file).
+    out : path
+        The folder to make.
+    faces : int
+        Triangles of the simple mesh, 4 to the mesh's own number. If fewer would open it, it
+        has more, and the notes say so.
+    size : int
+        Texels along each side of the texture, 32 to 8192.
+    unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}, optional
+        What one unit of length in the file is. If it is not given it is guessed, and noted.
+    up : {"x", "y", "z"}, optional
+        The axis of a mesh's file that points upwards, where the probe comes from; by default z,
+        for glTF y. The baked object has it along z.
+    base : path, optional
+        A low-resolution mesh to bake onto, in the same unit and frame, in the place of
+        simplification. Its texture coordinates are kept if no place of the texture is used twice.
+    pixel_size, height_range : float, optional
+        Of height maps that do not hold them [m], as for `HeightField.from_file`.
+    picture : bool
+        Whether to draw `picture.png`.
+    overwrite : bool
+        Whether files in `out` may be replaced.
+    on_progress : callable, optional
+        Is told the stage and the share of all that is done.
+
+    Returns
+    -------
+    BakeResult
+
+    Raises
+    ------
+    AsperityError
+        Input that cannot be baked, a value out of range, a package that is not installed, a
+        folder that cannot be written. One line.
+
+    Examples
+    --------
+    >>> baked = asperity.bake("scan.ply", "rock", faces=500, size=1024, unit="mm")
+    >>> baked.report["error_um"]["rms"]
+    >>> asperity.Simulation(baked.scene).run()
+    """
+    source = Path(os.path.expanduser(source))
+    began = time.perf_counter()
+    _check(faces, size, unit)
+    kind = kind_of(source)
+    stages = _Stages(on_progress)
+    with result_folder(Path(out), overwrite=overwrite) as folder:
+        if kind == "mesh":
+            work = _mesh(source, faces, size, unit, up, base, folder, stages)
+        else:
+            for name, value in (("base", base), ("up", up)):
+                if value is not None:
+                    raise AsperityError(f"{source}: {name}= is for meshes; leave it out")
+            work = _plate(source, kind, size, unit, pixel_size, height_range, folder, stages)
+        stages.at("pieces")
+        pieces = convex_pieces(work.low)
+        stages.at("scene")
+        stroke = stroke_over(FullSurface(work.full), work.full)
+        write_scene(source.stem, work.low, pieces, work.texture, stroke, folder, work.hard_angle)
+        scene = read_scene(folder)
+        stages.at("picture")
+        report = work.report | {"pieces": len(pieces)}
+        if picture:
+            body = next(body for body in scene.bodies if body.name == OBJECT)
+            draw_bake(work.full, body, report, folder / "picture.png", rough=work.rough)
+        report["seconds"] = round(time.perf_counter() - began, 3)
+        text = json.dumps(report, indent=2, ensure_ascii=False)
+        (folder / "bake.json").write_text(text + "\n", "utf-8")
+        stages.at("done")
+    return BakeResult(Path(out), report, read_scene(Path(out)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What is ready before the pieces are made."""
+
+    full: Array
+    low: Mesh
+    texture: Texture
+    report: dict[str, Any]
+    hard_angle: float | None = None
+    rough: NDArray[np.bool_] | None = None
+    """Which triangles of `low` stand for `full`, if not all."""
+
+
+class _Stages:
+    """The share of all that is done, stage by stage."""
+
+    def __init__(self, told: Progress | None) -> None:
+        self._told, self._stage, self._before = told, "", 0.0
+
+    def at(self, stage: str) -> None:
+        """Begin a stage."""
+        self._before += _SHARES.get(self._stage, 0.0)
+        self._stage = stage
+        self.done(0.0)
+
+    def done(self, share: float) -> None:
+        """Tell how much of this stage is done."""
+        if self._told is not None:
+            whole = self._before + share * _SHARES.get(self._stage, 0.0)
+            self._told(self._stage, 1.0 if self._stage == "done" else min(whole, 1.0))
+
+
+def _check(faces: int, size: int, unit: str | None) -> None:
+    if not isinstance(faces, int) or faces < FEWEST:
+        raise AsperityError(f"faces must be a whole number from {FEWEST}, got {faces!r}")
+    if not isinstance(size, int) or not SMALLEST <= size <= LARGEST:
+        raise AsperityError(f"size must lie between {SMALLEST} and {LARGEST} texels, got {size!r}")
+    if unit is not None:
+        require_choice("unit", unit, UNITS)
+
+
+def _mesh(
+    source: Path, faces: int, size: int, unit: str | None, up: str | None, base: Any,
+    folder: Path, stages: _Stages,
+) -> _Work:  # fmt: skip
+    """Bake a mesh."""
+    stages.at("read")
+    mesh, unit, told = mesh_to_bake(source, unit, up)
+    full = mesh.vertices[mesh.faces]
+    if base is None and faces > len(mesh.faces):
+        raise AsperityError(
+            f"{source}: faces = {faces}, but the mesh has {len(mesh.faces)} triangles; "
+            f"valid: {FEWEST} to {len(mesh.faces)}"
+        )
+    FullSurface(full[:1])  # refuses what is not installed before the long work
+    stages.at("simplify")
+    if base is None:
+        low = simplified(mesh, faces)
+    else:
+        low = _base(Path(os.path.expanduser(base)), mesh, unit, up)
+    stages.at("unwrap")
+    laid = unwrapped(low, size)
+    low = write_mesh(laid, folder)
+    stages.at("rays")
+    baked = bake_heights(low, full, size, on_progress=stages.done)
+    if baked.coverage == 0.0:
+        raise AsperityError(f"{source}: no line from the low-resolution mesh meets the full one")
+    span = texture_span(low)
+    texture = Texture(baked.heights, (span, span))
+    write_heights(texture, folder)
+    stages.at("error")
+    field = HeightField(baked.heights, span / size)
+    error = bake_error(low, field, full)
+    notes = [*told, *(f"full mesh: {note}" for note in mesh.notes), *laid.notes]
+    if baked.mended:
+        notes.append(f"{baked.mended} texels stood out of all round them and were mended")
+    report = _report(source, "mesh", len(mesh.faces), low, texture, notes) | {
+        "coverage": round(baked.coverage, 6),
+        "error_um": _in_micrometres(error),
+        "closed": not any("open" in note for note in laid.notes),
+        "texel_um": round(1e6 * span / size, 3),
+    }
+    return _Work(full, low, texture, report)
+
+
+def _base(path: Path, mesh: Mesh, unit: str, up: str | None) -> Mesh:
+    """Return the low-resolution mesh that was given, in the unit of the full one."""
+    low, _, _ = mesh_to_bake(path, unit, up)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    for end in (np.min, np.max):
+        if np.abs(end(low.vertices, axis=0) - end(mesh.vertices, axis=0)).max() > 0.25 * size:
+            raise AsperityError(
+                f"{path}: it does not lie where the full mesh does; valid: the same unit and frame"
+            )
+    return low
+
+
+def _plate(
+    source: Path, kind: str, size: int, unit: str | None, pixel_size: float | None,
+    height_range: float | None, folder: Path, stages: _Stages,
+) -> _Work:  # fmt: skip
+    """Make a plate of a height map or of points."""
+    stages.at("read")
+    notes: list[str] = []
+    if kind == "points":
+        points = read_points(source)
+        if unit is None:
+            unit, told = guessed_unit(np.ptp(points, axis=0))
+            notes += told
+        field = map_of_points(points * UNITS[unit], size=size)
+    else:
+        if unit is not None:
+            raise AsperityError(f"{source}: unit= is for meshes and points; valid: pixel_size=")
+        field = HeightField.from_file(
+            source, pixel_size=pixel_size, height_range=height_range, missing="fill"
+        )
+    notes += field.notes
+    mesh, texture = plate_of(field, source.stem)
+    low = write_mesh(mesh, folder, HARD_ANGLE)
+    write_heights(texture, folder)
+    # The map itself, as triangles from sample to sample, for the picture.
+    full = _map_triangles(field)
+    report = _report(source, "plate", len(full), low, texture, notes) | {
+        "coverage": 1.0,
+        "error_um": _in_micrometres(plate_error(low, folder / HEIGHTS, texture, field)),
+        "closed": False,
+        "texel_um": round(1e6 * field.pixel_size[0], 3),
+    }
+    return _Work(full, low, texture, report, HARD_ANGLE, np.arange(len(low.faces)) < 2)
+
+
+def _map_triangles(field: HeightField) -> Array:
+    """Return a height map's samples as triangles, where the plate has them."""
+    step = max(1, int(np.ceil(max(field.samples.shape) / 700)))
+    heights = field.samples[::step, ::step] - field.lowest
+    u, v = (
+        (np.arange(0, n, step) + 0.5) * p - 0.5 * s
+        for n, p, s in zip(field.samples.shape[::-1], field.pixel_size, field.size, strict=True)
+    )
+    points = np.stack([*np.meshgrid(u, v), heights], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    both = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
+    return both.reshape(-1, 3, 3)
+
+
+def _in_micrometres(error: BakeError) -> dict[str, float]:
+    return {key: round(1e6 * value, 3) for key, value in error._asdict().items()}
+
+
+def _report(
+    source: Path, kind: str, full: int, low: Mesh, texture: Texture, notes: list[str]
+) -> dict[str, Any]:
+    rows, columns = texture.heights.shape
+    extents = np.ptp(low.vertices, axis=0)
+    return {
+        "schema": 1,
+        "kind": kind,
+        "source": source.name,
+        "full_faces": full,
+        "faces": len(low.faces),
+        "texture_size": [columns, rows],
+        "texture_covers_mm": [round(1e3 * s, 4) for s in texture.size],
+        "extents_mm": [round(1e3 * float(e), 4) for e in extents],
+        "heights_um": [round(1e6 * float(f(texture.heights)), 3) for f in (np.min, np.max)],
+        "notes": notes,
+    }

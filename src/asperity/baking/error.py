@@ -1,0 +1,140 @@
+"""How far a baked surface is from the full one: both ways, as Metro does.
+
+Distances from places of the baked surface say what is felt that is not there; distances from places
+of the full one, what is there and not felt (Cignoni, Rocchini, Scopigno, Computer Graphics Forum
+17, 167 (1998)). Of rms, 99th percentile and maximum the larger of the two is told.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.baking.folder import Texture
+from asperity.baking.heights import places
+from asperity.baking.nearest import Nearest
+from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh_topology import crosses
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+_SAMPLES = 60_000
+_MOST = 500_000
+"""Triangles of which the baked surface is made for the way back, about, at most."""
+
+
+class BakeError(NamedTuple):
+    """Distances between two surfaces [m]: of the worse of the two ways."""
+
+    rms: float
+    p99: float
+    max: float
+
+
+def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> BakeError:
+    """Return how far the low-resolution mesh with its texture is from the full surface.
+
+    Parameters
+    ----------
+    low : Mesh
+        With texture coordinates.
+    field : HeightField
+        Its texture.
+    full : (m, 3, 3) array
+        Corners of the full surface's triangles [m].
+    seed : int
+        Of the 60,000 places on either surface, spread evenly over its area.
+    """
+    rng = np.random.default_rng(seed)
+    face, weights = scattered(low.vertices[low.faces], _SAMPLES, rng)
+    there = Nearest(full).to(displaced(low, field, face, weights))[1]
+    face, weights = scattered(full, _SAMPLES, rng)
+    points = np.einsum("ij,ijk->ik", weights, full[face])
+    back = Nearest(_as_triangles(low, field)).to(points)[1]
+    stats = [(np.sqrt(np.mean(d**2)), np.percentile(d, 99.0), d.max()) for d in (there, back)]
+    return BakeError(*(float(max(pair)) for pair in zip(*stats, strict=True)))
+
+
+def plate_error(
+    low: Mesh, heights: Path, texture: Texture, field: HeightField, *, seed: int = 0
+) -> BakeError:
+    """Return how far the top of a plate, as it was written, is from a height map [m].
+
+    Parameters
+    ----------
+    low : Mesh
+        The slab, whose first two triangles are its top, in the middle of which the map lies.
+    heights : Path
+        The file of its texture.
+    texture : Texture
+    field : HeightField
+        The map; its lowest sample lies in the slab's plane.
+    seed : int
+        Of the 60,000 places.
+    """
+    written = HeightField.from_file(heights, size=texture.size, unit="m")
+    rng = np.random.default_rng(seed)
+    face, weights = scattered(low.vertices[low.faces[:2]], _SAMPLES, rng)
+    points = displaced(low, written, face, weights)
+    u, v = (points[:, :2] + 0.5 * np.asarray(field.size)).T
+    away = np.abs(points[:, 2] - (field.heights(u, v) - field.lowest))
+    return BakeError(
+        float(np.sqrt(np.mean(away**2))), float(np.percentile(away, 99.0)), float(away.max())
+    )
+
+
+def scattered(
+    triangles: Array, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], Array]:
+    """Return triangles (k,) and weights of their corners (k, 3): places spread evenly by area."""
+    area = np.linalg.norm(crosses(triangles), axis=1)
+    face = np.sort(rng.choice(len(triangles), count, p=area / area.sum()))
+    r, s = np.sqrt(rng.random(count)), rng.random(count)
+    return face.astype(np.int64), np.stack([1.0 - r, r * (1.0 - s), r * s], axis=1)
+
+
+def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: Array) -> Array:
+    """Return points of the textured surface [m], (n, 3), at places of the mesh."""
+    assert mesh.uv is not None
+    points, along = places(mesh, face, weights)
+    u, v = (np.einsum("ij,ijk->ik", weights, mesh.uv[face]) * np.asarray(field.size)).T
+    return np.asarray(points + field.heights(u, v)[:, None] * along)
+
+
+def _as_triangles(low: Mesh, field: HeightField) -> Array:
+    """Return the baked surface as triangles about as wide as a texel.
+
+    Those of the low-resolution mesh are divided evenly, so its edges are met as sharp as they are.
+    """
+    triangles = low.vertices[low.faces]
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    whole = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
+    wide = max(field.pixel_size[0], float(np.sqrt(2.0 * whole / _MOST)))
+    # Few numbers of divisions, so that many triangles share one.
+    divisions = np.ceil(2.0 ** (np.ceil(2.0 * np.log2(np.maximum(sides / wide, 1.0))) / 2.0))
+    parts = []
+    for n in np.unique(divisions.astype(np.int64)):
+        which = np.flatnonzero(divisions == n)
+        weights, corners = divided(int(n))
+        face = np.repeat(which, len(weights))
+        points = displaced(low, field, face, np.tile(weights, (len(which), 1)))
+        parts.append(points.reshape(len(which), -1, 3)[:, corners].reshape(-1, 3, 3))
+    return np.concatenate(parts)
+
+
+def divided(divisions: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return the points of an evenly divided triangle, as weights (k, 3), and its parts (m, 3)."""
+    n = divisions
+    i, j = (a.ravel() for a in np.indices((n + 1, n + 1)))
+    i, j = i[i + j <= n], j[i + j <= n]
+    number = np.zeros((n + 2, n + 2), dtype=np.int64)
+    number[i, j] = np.arange(len(i))
+    up, down = i + j < n, i + j < n - 1
+    parts = [
+        np.stack([number[i, j], number[i + 1, j], number[i, j + 1]], axis=1)[up],
+        np.stack([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], axis=1)[down],
+    ]
+    return np.stack([n - i - j, i, j], axis=1) / n, np.concatenate(parts)

@@ -1,0 +1,57 @@
+"""A height map as a plate: a slab whose top carries the map as it is.
+
+Only the top is rough. Its normals are the plane's, so the edges round it are declared hard, and
+the map's lowest place lies on the slab's own plane, so that no side stands up round the rim. The
+sides and the bottom show a strip of zeros that is put beside the map; between the two lies the
+map's mirror image, which leaves the spline on the map as it was, and a few texels of passage.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.baking.folder import Texture
+from asperity.geometry.mesh import Mesh, mesh_from_arrays
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+HARD_ANGLE = 45.0
+"""[degrees]."""
+THICKNESS = 0.1
+"""Of the longer side."""
+_MIRRORED, _PASSAGE, _ZERO = 14, 6, 8
+"""Rows. A spline forgets what is 14 samples away to 1e-8."""
+
+
+def plate_of(field: HeightField, name: str) -> tuple[Mesh, Texture]:
+    """Return a slab with texture coordinates, and its texture.
+
+    Parameters
+    ----------
+    field : HeightField
+        Its border is taken to be "clamp".
+    name : str
+    """
+    rows = len(field.samples)
+    heights = field.samples - field.lowest
+    mirrored = heights[::-1][: min(_MIRRORED, rows)]
+    fade = np.linspace(1.0, 0.0, _PASSAGE + 2)[1:-1, None]
+    passage, zeros = fade * mirrored[-1], np.zeros((_ZERO, heights.shape[1]))
+    whole = np.concatenate([heights, mirrored, passage, zeros]).astype(np.float32)
+    size = (field.size[0], len(whole) * field.pixel_size[1])
+    mesh = _slab(field.size, rows / len(whole), (len(whole) - 0.5 * _ZERO) / len(whole), name)
+    return mesh, Texture(whole, size)
+
+
+def _slab(size: tuple[float, float], top: float, zero: float, name: str) -> Mesh:
+    """Return the slab: its top, at z = 0, shows v from 0 to `top`, all else v = `zero`."""
+    x, y = 0.5 * size[0], 0.5 * size[1]
+    thick = THICKNESS * max(size)
+    corners = [(sx * x, sy * y, z) for z in (0.0, -thick) for sy in (-1, 1) for sx in (-1, 1)]
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (1, 5, 7, 3), (3, 7, 6, 2), (2, 6, 4, 0)]
+    faces = np.array([(q[0], q[k], q[k + 1]) for q in quads for k in (1, 2)])
+    uv = np.tile([0.5, zero], (len(faces), 3, 1))
+    places = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, top), (1.0, top)])
+    uv[:2] = places[faces[:2]]
+    return mesh_from_arrays(corners, faces, uv=uv, hard_angle=HARD_ANGLE, name=name)

@@ -1,0 +1,146 @@
+"""What is to be baked, read from a file: a mesh, a height map, or points; and its unit.
+
+Most files do not say what their unit of length is. It is asked for; where it is not given, the
+first unit is taken with which the largest extent is one of things that are held in a hand, and the
+notes say so first.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_choice
+from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh_checks import LARGEST, SMALLEST, UNITS
+from asperity.geometry.mesh_files import SUFFIXES, read_mesh
+from asperity.texture.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
+from asperity.texture.images import IMAGE_SUFFIXES
+
+Array = NDArray[np.float64]
+HAND = (5e-3, 0.5)
+"""Largest extents of things that are held in a hand [m]; ours."""
+_GUESSES = ("m", "mm", "cm", "in", "um", "dm")
+POINTS = (".xyz", ".pts")
+
+
+def kind_of(path: Path) -> str:
+    """Return what a file is, "mesh", "points" or "heights", or refuse it."""
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise AsperityError(f"{path}: there is no such file")
+    if path.is_dir():
+        raise AsperityError(f"{path}: this is a folder; valid: a file of a mesh, points or heights")
+    if suffix == ".ply":
+        return "points" if _ply_counts(path).get("face", 0) == 0 else "mesh"
+    if suffix in SUFFIXES:
+        return "mesh"
+    if suffix in POINTS:
+        return "points"
+    if suffix in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES, *INSTRUMENT_SUFFIXES):
+        return "heights"
+    raise AsperityError(
+        f"{path}: unknown kind of file {suffix!r}; valid: a mesh ({', '.join(SUFFIXES)}), points "
+        f"({', '.join(POINTS)}, .ply without faces), or a height map (an image, .npy, .npz, ...)"
+    )
+
+
+def _ply_counts(path: Path) -> dict[str, int]:
+    """Return how many of each element the head of a PLY file announces."""
+    counts: dict[str, int] = {}
+    with path.open("rb") as file:
+        for _ in range(500):
+            words = file.readline(1000).split()
+            if words[:1] == [b"end_header"]:
+                break
+            if words[:1] == [b"element"] and len(words) == 3 and words[2].isdigit():
+                counts[words[1].decode("ascii", "replace")] = int(words[2])
+    return counts
+
+
+def mesh_to_bake(
+    path: Path, unit: str | None, up: str | None = None
+) -> tuple[Mesh, str, tuple[str, ...]]:
+    """Return the mesh in a file, in metres and upright, its unit, and what was guessed.
+
+    Parameters
+    ----------
+    path : Path
+    unit : str or None
+        One of `UNITS`; None guesses, but for glTF, which is in metres.
+    up : {"x", "y", "z"} or None
+        The file's axis that points upwards; None is z, for glTF y.
+    """
+    if unit is not None:
+        require_choice("unit", unit, UNITS)
+    is_gltf = path.suffix.lower() in (".glb", ".gltf")
+    up = require_choice("up", up or ("y" if is_gltf else "z"), ("x", "y", "z"))
+    notes: tuple[str, ...] = ()
+    if unit is None and is_gltf:
+        unit = "m"
+    if unit is None:
+        unit, notes = guessed_unit(_extents(path))
+    return upright(read_mesh(path, unit=unit, hard_angle=180.0), up), unit, notes
+
+
+def upright(mesh: Mesh, up: str) -> Mesh:
+    """Return a mesh turned so that its axis `up` points along z: its axes move on by one or two."""
+    order = np.roll(np.arange(3), 2 - "xyz".index(up))
+    return replace(mesh, vertices=mesh.vertices[:, order], normals=mesh.normals[:, :, order])
+
+
+def _extents(path: Path) -> Array:
+    """Return the extents of a file's mesh, in its own unit."""
+    for unit in UNITS:
+        try:
+            mesh = read_mesh(path, unit=unit, hard_angle=180.0)
+        except AsperityError as error:
+            told = error
+            if "unit=" not in str(error):
+                raise
+            continue
+        return np.asarray(np.ptp(mesh.vertices, axis=0) / UNITS[unit])
+    raise told
+
+
+def guessed_unit(extents: Any) -> tuple[str, tuple[str, ...]]:
+    """Return a unit that makes extents (3,) those of a thing for a hand, and a note."""
+    largest = float(np.max(extents))
+    fit = [u for u in _GUESSES if HAND[0] <= largest * UNITS[u] <= HAND[1]]
+    fit += [u for u in _GUESSES if SMALLEST <= largest * UNITS[u] <= LARGEST]
+    if not fit:
+        raise AsperityError(
+            f"its largest extent is {largest:.4g}, too small or too large for a hand in any unit; "
+            "valid: 0.1 mm to 2 m"
+        )
+    size = " x ".join(f"{1e3 * e * UNITS[fit[0]]:.4g}" for e in extents)
+    return fit[0], (
+        f"unit guessed: {fit[0]}, which makes it {size} mm; if that is wrong give the unit",
+    )
+
+
+def read_points(path: str | os.PathLike[str]) -> Array:
+    """Return the points (n, 3) in a file: PLY, or text with x, y, z first in each line."""
+    path = Path(path)
+    try:
+        if path.suffix.lower() == ".ply":
+            import trimesh
+
+            cloud = trimesh.load(path, file_type="ply", process=False)
+            points = np.asarray(cloud.vertices, dtype=np.float64)
+        else:
+            points = np.loadtxt(path, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2)
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever a reader makes of a damaged file
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise AsperityError(f"{path}: cannot be read as points: {reason}") from None
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 16:
+        raise AsperityError(f"{path}: {len(points)} points are too few; valid: 16 or more")
+    return points

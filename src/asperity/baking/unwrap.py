@@ -1,0 +1,62 @@
+"""Texture coordinates with room round every chart for the texture's spline."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from asperity.baking.texels import GUTTER_WIDTH
+from asperity.errors import AsperityError
+from asperity.geometry.atlas import with_atlas
+from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh_topology import crosses
+from asperity.geometry.mesh_uv import overlap
+
+_SHARE = 0.72
+"""Of the texture's side that a square of the mesh's area would take; charts leave gaps."""
+_BETWEEN = 2
+"""Texels between the gutters of two charts, over which one goes over into the other."""
+_MOST_SHARED = 1e-3
+
+
+def unwrapped(mesh: Mesh, size: int) -> Mesh:
+    """Return the mesh with texture coordinates for a texture of `size` by `size` texels.
+
+    Its own are kept where they can be baked to: within 0..1, and no place used twice. Others are
+    made anew by xatlas.
+    """
+    if mesh.uv is not None and usable(mesh):
+        return mesh
+    margin = 2 * int(np.ceil(GUTTER_WIDTH)) + _BETWEEN
+    texels = max(int(_SHARE * size), 8)
+    made = with_atlas(dataclasses.replace(mesh, uv=None), texels=texels, padding=margin)
+    assert made.uv is not None
+    # The spline is mirrored at the texture's border: charts keep away from it, too.
+    room = (GUTTER_WIDTH + _BETWEEN) / size
+    low, high = made.uv.min(axis=(0, 1)), made.uv.max(axis=(0, 1))
+    uv = room + (made.uv - low) * ((1.0 - 2.0 * room) / (high - low).max())
+    if room > 0.25:
+        raise AsperityError(
+            f"a texture of {size} texels has no room for charts; ask for 32 or more"
+        )
+    uv.setflags(write=False)
+    return dataclasses.replace(made, uv=uv)
+
+
+def usable(mesh: Mesh) -> bool:
+    """Return whether a mesh's own texture coordinates have one place for each of its places."""
+    assert mesh.uv is not None
+    if mesh.uv.min() < 0.0 or mesh.uv.max() > 1.0:
+        return False
+    flat = np.concatenate([mesh.uv, np.zeros((*mesh.uv.shape[:2], 1))], axis=2)
+    laid = np.linalg.norm(crosses(flat), axis=1)
+    return bool((laid > 1e-12).all()) and overlap(mesh.uv) < _MOST_SHARED
+
+
+def texture_span(mesh: Mesh) -> float:
+    """Return how far one unit of a mesh's texture coordinates reaches [m], over all its area."""
+    assert mesh.uv is not None
+    flat = np.concatenate([mesh.uv, np.zeros((*mesh.uv.shape[:2], 1))], axis=2)
+    area = np.linalg.norm(crosses(mesh.vertices[mesh.faces]), axis=1).sum()
+    return float(np.sqrt(area / np.linalg.norm(crosses(flat), axis=1).sum()))
