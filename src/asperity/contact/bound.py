@@ -255,11 +255,20 @@ def _level_bound(textures, cx, cy, x0, x1, y0, y1, bound, enough, at):
 
 
 @small_kernel
+def _rise(slope, bend, half):
+    """Return the largest of `slope d + bend d^2 / 2` over |d| <= half; `slope` is 0 or more."""
+    if slope < -bend * half:
+        return -0.5 * slope * slope / bend
+    return slope * half + 0.5 * bend * half * half
+
+
+@small_kernel
 def _second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
     """Return the sharper of `bound` and that of f'' <= M; see `node_bound`."""
     square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
     second = at[F] + 0.5 * square + abs(m12) * half_x * half_y
-    bound = min(bound, second + abs(at[F_X]) * half_x + abs(at[F_Y]) * half_y)
+    rise = _rise(abs(at[F_X]), m11, half_x) + _rise(abs(at[F_Y]), m22, half_y)
+    bound = min(bound, at[F] + rise + abs(m12) * half_x * half_y)
     concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
     return bound, (CONCAVE if concave else BOUNDED), second, loose
 
@@ -288,22 +297,6 @@ def sharpest_bound(
         x, y, second = at[X], at[Y], at[F]
     within = second + _rise_from(cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work)
     return min(bound, within), there
-
-
-@small_kernel
-def is_ball_over_plate(cx, cy):
-    """Return whether X is a level textured plate and Y a smooth ball: the common case."""
-    return (
-        cx[LEVEL] == 1.0
-        and cx[MAPPING] == PLANAR
-        and cx[TEXTURE] >= 0.0
-        and cy[TEXTURE] < 0.0
-        and cy[C] > 0.0
-        and cy[PZ] == cy[PZ + 1] == 0.0
-        and abs(cy[E] - cy[E + 2]) <= 1e-12 * cy[E]
-        and abs(cy[E + 1]) <= 1e-12 * cy[E]
-        and abs(cx[Q_LEAST] - 1.0) + abs(cx[Q_MOST] - 1.0) < 1e-12
-    )
 
 
 @lean_kernel

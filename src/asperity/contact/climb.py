@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from asperity.compiled import lean_kernel
+from asperity.contact.ball import is_ball_over_plate, rolled_uphill
 from asperity.contact.overlap import (
     BORDERS,
     F_X,
@@ -180,6 +181,8 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """
     x0, x1, y0, y1 = box
     x, y = min(max(x, x0), x1), min(max(y, y0), y1)
+    if is_ball_over_plate(cx, cy):
+        x, y = rolled_uphill(textures, cx, cy, box, x, y, stride)
     at = at_out
     trial, borders, lines = work[TRIAL], work[BORDERS:LINES], work[LINES:POLYGON]
     overlap_at(textures, cx, cy, x, y, work, at)

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from asperity.compiled import lean_kernel, small_kernel
+from asperity.contact.ball import is_ball_over_plate
 from asperity.contact.bound import (
     BOUNDED,
     CONCAVE,
@@ -23,7 +24,6 @@ from asperity.contact.bound import (
     ball_bound,
     base_bound,
     beyond_rows,
-    is_ball_over_plate,
     node_bound,
     sharpest_bound,
 )

@@ -59,6 +59,8 @@ from asperity.contact.surface import parameters_under
 from asperity.texture.packed import texture_bounds
 
 MAX_BOXES = 32768
+_LAST = 16
+"""Boxes that are climbed in when the budget is spent."""
 BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
 _LEAF = 2.0
 """Boxes are searched that are this large [grains of the finer texture]."""
@@ -344,6 +346,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
             break
         if state[NODES] >= state[LIMIT] or used + 4 > MAX_BOXES:
             state[UPPER] = max(state[UPPER], above)
+            _last_climbs(textures, stride, size, space, room)
             break
         _pop(heap, keys, size)
         size -= 1
@@ -438,6 +441,28 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
         for i in range(size):
             left = _put_by(room, left, heap[i])
         room.left[0], room.left[1] = left, used
+
+
+@inner_kernel
+def _last_climbs(textures, stride, size, space, room):
+    """Climb from the middles of the most promising boxes, of which there are `size`.
+
+    A search that ends before it has seen them would else report what it happened to find.
+    """
+    for k in range(min(size, _LAST)):
+        number = room.heap[k]
+        look = space.looks[int(room.boxes[number, 4])]
+        pair = int(look[PAIR])
+        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
+        if not walks_on_a(cx, cy):
+            cx, cy = cy, cx
+        if cx[C] == 0.0 and cy[C] == 0.0:
+            x0, x1, y0, y1 = _sides(room.boxes[number], look)
+            window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
+            settle(
+                textures, cx, cy, pair, window, (x0, x1, y0, y1), room.boxes[number, 5],
+                space.state, space.best, space.ties, space.work, space.at,
+            )  # fmt: skip
 
 
 @small_kernel
