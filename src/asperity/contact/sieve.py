@@ -19,6 +19,7 @@ from asperity.contact.chart import (
     B0,
     B1,
     B2,
+    COVERS,
     MAPPING,
     PLANAR,
     PZ,
@@ -212,6 +213,11 @@ def pair_bound(textures, cx, cy, work, look_out):
 @lean_kernel
 def _is_there(cx, cy, u, v):
     """Return whether a place of the contact frame lies on a chart and is not beside the other."""
+    for chart in (cx, cy):
+        if chart[COVERS + 1] > chart[COVERS] and not (
+            chart[COVERS] <= u <= chart[COVERS + 1] and chart[COVERS + 2] <= v <= chart[COVERS + 3]
+        ):
+            return False
     x, y = parameters_under(cx, u, v)
     if not (cx[RECTANGLE] <= x <= cx[RECTANGLE + 1]):
         return False
