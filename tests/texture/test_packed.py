@@ -74,3 +74,26 @@ def test_a_coarse_map_is_bounded_within_its_cells():
     excess = bounds[:, 0] - found[:, 0]
     assert excess.max() < 0.6e-4  # the steepest slope over three quarters of a cell
     assert np.median(excess) < 0.2e-4
+
+
+@kernel
+def heights_at(textures, places, out):
+    for i in range(len(places)):
+        out[i] = texture_at(textures, 0, places[i, 0], places[i, 1])
+
+
+@pytest.mark.parametrize("border", ["wrap", "clamp"])
+def test_a_place_that_is_no_number_is_no_index(border):
+    """Beyond the rim of a round body there is no place; nothing outside the map may be read."""
+    field = rough(12, 17, border)
+    textures = pack([field])
+    nothing = [np.nan, np.inf, -np.inf]
+    places = np.array([[a, b] for a in (*nothing, 1e-4) for b in (*nothing, 2e-4)][:-1])
+    out = np.full((len(places), 6), -1.0)
+    heights_at(textures, places, out)
+    assert (out == 0.0).all()
+    bounds = np.empty((len(places), 3))
+    bounds_of(textures, np.repeat(places, 2, axis=1), bounds)
+    whole = np.empty((1, 3))
+    bounds_of(textures, np.array([[-1.0, 1.0, -1.0, 1.0]]), whole)
+    assert (bounds == whole).all()

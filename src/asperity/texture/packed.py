@@ -189,6 +189,9 @@ def texture_at(textures, k, u, v):
     """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
     table, scales = textures.table, textures.scales
     x, y = u * scales[k, 0], v * scales[k, 1]
+    if not (x - x == 0.0 and y - y == 0.0):
+        # Beyond a round body: no number is no index either.
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     along, across = 1.0, 1.0  # zero beyond a clamped border, where the surface is level
     columns, rows = float(table[k, 4]), float(table[k, 3])
     if table[k, 7] == 1:
@@ -261,6 +264,17 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
     columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
     su, sv = scales[k, 0] * parts, scales[k, 1] * parts
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
+    first = table[k, 5]
+    top = table[k, 6] - 1
+    size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
+    level = 0
+    while level < top and not float(1 << level) >= 0.5 * size - _EDGE:
+        level += 1
+    if level == top or not (x1 - x0 < 1e9 and y1 - y0 < 1e9):
+        # Also where a place is no number.
+        block = textures.levels[first + top, 0]
+        b = textures.bounds
+        return float(b[block, 0]), float(b[block, 1]), max(float(b[block, 2]), 0.0)
     outside = False
     if wraps == 0:
         # Beyond its samples the surface is as high as at the last of them.
@@ -268,17 +282,6 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         outside = x0 < half or y0 < half or x1 > last_x or y1 > last_y
         x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
         y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
-    first = table[k, 5]
-    top = table[k, 6] - 1
-    # Written so that a place that is no number is bounded by the whole texture.
-    size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
-    level = 0
-    while level < top and not float(1 << level) >= 0.5 * size - _EDGE:
-        level += 1
-    if level == top or not size < 1e9:
-        block = textures.levels[first + top, 0]
-        b = textures.bounds
-        return float(b[block, 0]), float(b[block, 1]), max(float(b[block, 2]), 0.0)
     column, wide = _first_and_count(x0, x1, float(columns), wraps)
     row, tall = _first_and_count(y0, y1, float(rows), wraps)
     start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
