@@ -144,10 +144,12 @@ def _patches(triangles: Array) -> list[Sheet]:
     return [Sheet(np.ascontiguousarray(triangles), normals, np.array([[0, 1, 2]]))]
 
 
-def _baked(body: Body, camera: Camera, faces: NDArray[np.bool_] | None = None) -> Sequence[Sheet]:
+def _baked(
+    body: Body, camera: Camera, faces: NDArray[np.bool_] | None = None, *, closed: bool = True
+) -> Sequence[Sheet]:
     radius = 0.5 * float(np.hypot(camera.width, camera.rows * camera.pixel))
     view = View(camera.centre, radius, int(radius / camera.pixel), camera)
-    return [_as_it_is(sheet) for sheet in mesh_sheets(body, _IDENTITY, view, faces)]
+    return [_as_it_is(sheet) for sheet in mesh_sheets(body, _IDENTITY, view, faces, closed=closed)]
 
 
 def _as_it_is(sheet: Sheet) -> Sheet:
@@ -185,7 +187,8 @@ def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | 
     every = np.ones(len(body.mesh.faces), dtype=bool) if body.mesh is not None else None
     rough = every if rough is None else rough
     surface, sheets = Nearest(full), []
-    for sheet in _baked(body, coarse, rough):
+    # The skirt of a plate is not of the full mesh, nor are the strips that close it.
+    for sheet in _baked(body, coarse, rough, closed=rough is None or bool(rough.all())):
         face, away = surface.to(sheet.points.reshape(-1, 3))
         ahead = np.einsum(
             "ij,ij->i", crosses(full[face]), sheet.points.reshape(-1, 3) - full[face, 0]

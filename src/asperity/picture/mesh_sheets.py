@@ -41,8 +41,9 @@ class _Parts(NamedTuple):
 
 
 def mesh_sheets(
-    body: Body, pose: Array, view: View, faces: NDArray[np.bool_] | None = None
-) -> Iterator[Sheet]:
+    body: Body, pose: Array, view: View, faces: NDArray[np.bool_] | None = None,
+    *, closed: bool = True,
+) -> Iterator[Sheet]:  # fmt: skip
     """Yield the displaced surface of a body with a mesh as sheets of patches.
 
     Parameters
@@ -53,6 +54,8 @@ def mesh_sheets(
     view : View
     faces : (m,) array of bool, optional
         Which triangles to draw; by default all.
+    closed : bool
+        Whether strips close the edges at which the surface opens.
     """
     assert body.mesh is not None
     rotation = rotation_of(pose[3:])
@@ -62,7 +65,9 @@ def mesh_sheets(
         centre=(view.centre - pose[:3]) @ rotation,
         camera=None if view.camera is None else view.camera.turned(rotation, pose[:3]),
     )
-    sheets = [*_patches(relief, view, np.flatnonzero(chosen)), *_strips(relief, view, chosen)]
+    sheets = [*_patches(relief, view, np.flatnonzero(chosen))]
+    if closed:
+        sheets += _strips(relief, view, chosen)
     for points, normals, corners in sheets:
         yield Sheet(points @ rotation.T + pose[:3], normals @ rotation.T, corners)
 
