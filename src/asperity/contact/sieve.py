@@ -109,6 +109,18 @@ def _flat(cx, cy):
 
 
 @small_kernel
+def _on_other(flat, x, y, half_x, half_y, moved):
+    """Return middle and half sides, by Y's parameters, of what may lie under a box of X's."""
+    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
+    return (
+        b0 + b1 * x + b2 * y,
+        c0 + c1 * x + c2 * y,
+        abs(b1) * half_x + abs(b2) * half_y + moved,
+        abs(c1) * half_x + abs(c2) * half_y + moved,
+    )
+
+
+@small_kernel
 def _beyond(chart, first, x, y, half_x, half_y):
     """Return whether a box round (x, y) lies beyond one of a plane chart's rows from `first` on."""
     for n in range(first, int(chart[ROWS])):
@@ -130,21 +142,20 @@ def _flat_bound(textures, cx, cy, flat, box, moved):
     -inf where they do not meet. `moved`: how far their textures move points sideways at most, in
     Y's parameters [m].
     """
-    b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, _, _ = flat
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    bx, by = b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y
-    reach_x = abs(b1) * half_x + abs(b2) * half_y + moved
-    reach_y = abs(c1) * half_x + abs(c2) * half_y + moved
+    on_y = _on_other(flat, x, y, half_x, half_y, moved)
+    bx, by, reach_x, reach_y = on_y
     if bx - reach_x > cy[RECTANGLE + 1] or bx + reach_x < cy[RECTANGLE]:
         return -np.inf
     if by - reach_y > cy[RECTANGLE + 3] or by + reach_y < cy[RECTANGLE + 2]:
         return -np.inf
     if _beyond(cx, 0, x, y, half_x, half_y) or _beyond(cy, 0, bx, by, reach_x, reach_y):
         return -np.inf
+    z_x, z_y, z_0 = flat[6], flat[7], flat[8]
     bound = z_0 + z_x * x + z_y * y + abs(z_x) * half_x + abs(z_y) * half_y
-    return _risen(textures, cx, cy, bound, (x, y, half_x, half_y), (bx, by, reach_x, reach_y), flat)
+    return _risen(textures, cx, cy, bound, (x, y, half_x, half_y), on_y, flat)
 
 
 @small_kernel
@@ -200,13 +211,7 @@ def pair_bound(textures, cx, cy, work, look_out):
     x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     look_out[1], look_out[2] = x, y
     flat, moved = _flat(cx, cy), shift / cy[Q_LEAST]
-    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
-    on_y = (
-        b0 + b1 * x + b2 * y,
-        c0 + c1 * x + c2 * y,
-        abs(b1) * half_x + abs(b2) * half_y + moved,
-        abs(c1) * half_x + abs(c2) * half_y + moved,
-    )
+    on_y = _on_other(flat, x, y, half_x, half_y, moved)
     look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat)
 
 
@@ -274,15 +279,12 @@ def _pop(heap, keys, size):
 @small_kernel
 def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
     """Return whether a box lies beyond the rows that were added to A's chart last."""
-    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     if a_is_x:
         return _beyond(cx, int(cx[ROWS]) - added, x, y, half_x, half_y)
-    return _beyond(
-        cy, int(cy[ROWS]) - added, b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y,
-        abs(b1) * half_x + abs(b2) * half_y, abs(c1) * half_x + abs(c2) * half_y,
-    )  # fmt: skip
+    bx, by, reach_x, reach_y = _on_other(flat, x, y, half_x, half_y, 0.0)
+    return _beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
 
 
 @inner_kernel

@@ -16,10 +16,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from asperity.devices.protocol import Reading
-from asperity.devices.wrenches import ZERO
+from asperity.devices.wrenches import REFUSED, ZERO, taken
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 HOLD = 0.02
 """A wrench is sent for so long after it was handed over [s]."""
@@ -151,3 +155,32 @@ def fill(out: Reading, told: Answer) -> None:
     else:
         twist[3], twist[4], twist[5] = 0.0, 0.0, 0.0
     out.buttons = told.buttons
+
+
+class Exchanging:
+    """What devices that are asked from a thread have in common: `read` and `write`."""
+
+    _exchange: Exchange | None = None
+    """None while the device is not open."""
+    _error = ""
+    """What there is to tell besides, by the next reading."""
+
+    def read(self, out: Reading) -> bool:
+        """Fill the newest answer; return whether it is new. Never waits or raises."""
+        exchange = self._exchange
+        if exchange is None:
+            out.age, out.error = float("inf"), "the device is not open"
+            return False
+        new = exchange.take(out)
+        if self._error:
+            out.error, self._error = self._error, ""
+        return new
+
+    def write(self, wrench: NDArray[np.float64]) -> None:
+        """Hand over force [N] and torque [N m], as far as the device has them."""
+        values = taken(wrench)
+        if values is None:
+            values, self._error = ZERO, REFUSED
+        exchange = self._exchange
+        if exchange is not None:
+            exchange.hand_over(values)

@@ -19,14 +19,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from asperity.devices.exchange import Answer, Exchange
+from asperity.devices.exchange import Answer, Exchange, Exchanging
 from asperity.devices.orientation import quaternion_of
 from asperity.devices.presets import PRESETS
-from asperity.devices.protocol import Limits, Reading
-from asperity.devices.wrenches import REFUSED, ZERO, taken
+from asperity.devices.protocol import Limits
+from asperity.devices.wrenches import ZERO
 from asperity.errors import AsperityError, require_choice
 
 MODELS = ("omega.6", "sigma.7", "lambda.7")
@@ -34,7 +31,7 @@ _WATCHDOG = 200  # of 125 us
 _FARTHEST = 2.0
 
 
-class ForceDimensionDevice:
+class ForceDimensionDevice(Exchanging):
     """The first free Force Dimension device.
 
     Parameters
@@ -59,8 +56,6 @@ class ForceDimensionDevice:
         self.limits = limits or PRESETS[require_choice("model", model, MODELS)]
         self._clock = clock
         self._dhd: Any = None
-        self._exchange: Exchange | None = None
-        self._error = ""
         self._position, self._velocity = [0.0] * 3, [0.0] * 3
         self._turning = [0.0] * 3
         self._frame = [[0.0] * 3 for _ in range(3)]
@@ -90,24 +85,6 @@ class ForceDimensionDevice:
             raise AsperityError(f"the Force Dimension device does not answer: {error}") from None
         self._exchange = Exchange(self._ask, reopen=self._reopen, clock=self._clock)
         self._exchange.start()
-
-    def read(self, out: Reading) -> bool:
-        """Fill the newest answer; return whether it is new."""
-        if self._exchange is None:
-            out.age, out.error = float("inf"), "the device is not open"
-            return False
-        new = self._exchange.take(out)
-        if self._error:
-            out.error, self._error = self._error, ""
-        return new
-
-    def write(self, wrench: NDArray[np.float64]) -> None:
-        """Hand over force [N] and torque [N m]. Never waits or raises."""
-        values = taken(wrench)
-        if values is None:
-            values, self._error = ZERO, REFUSED
-        if self._exchange is not None:
-            self._exchange.hand_over(values)
 
     def close(self) -> None:
         """Send zero, brake, and let go of the device."""

@@ -26,21 +26,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from asperity.devices.exchange import Answer, Exchange
+from asperity.devices.exchange import Answer, Exchange, Exchanging
 from asperity.devices.orientation import TurnRate, unit_quaternion
 from asperity.devices.presets import PRESETS
 from asperity.devices.protocol import Limits, Reading
-from asperity.devices.wrenches import REFUSED, ZERO, taken
+from asperity.devices.wrenches import ZERO
 from asperity.errors import AsperityError
 
 _TIMEOUT = 0.05
 _FARTHEST = 2.0
 
 
-class HaplyHardwareDevice:
+class HaplyHardwareDevice(Exchanging):
     """An Inverse3 on a serial port, with a VerseGrip on another if there is one.
 
     Parameters
@@ -72,11 +69,9 @@ class HaplyHardwareDevice:
         self._streams: list[Any] = []  # kept: see the module's notes
         self._device: Any = None
         self._grip: Any = None
-        self._exchange: Exchange | None = None
         self._grip_exchange: Exchange | None = None
         self._grip_reading = Reading.empty()
         self._rate = TurnRate()
-        self._error = ""
         self._gone = False
 
     def open(self) -> None:
@@ -116,27 +111,15 @@ class HaplyHardwareDevice:
             self._grip_exchange.start()
 
     def read(self, out: Reading) -> bool:
-        """Fill the newest answer; return whether it is new."""
-        exchange, grip = self._exchange, self._grip_exchange
-        if exchange is None:
-            out.age, out.error = float("inf"), "the device is not open"
-            return False
-        new = exchange.take(out)
-        if grip is not None:
+        """Fill the newest answer of the device, and of its grip; return whether there is one."""
+        new = super().read(out)
+        grip = self._grip_exchange
+        if self._exchange is not None and grip is not None:
             held = self._grip_reading
             grip.take(held)
             out.pose[3:], out.twist[3:], out.buttons = held.pose[3:], held.twist[3:], held.buttons
             out.error = out.error or held.error
-        out.error, self._error = self._error or out.error, ""
         return new
-
-    def write(self, wrench: NDArray[np.float64]) -> None:
-        """Hand over the force [N]; the device has no torque. Never waits or raises."""
-        values = taken(wrench)
-        if values is None:
-            values, self._error = ZERO, REFUSED
-        if self._exchange is not None:
-            self._exchange.hand_over(values)
 
     def close(self) -> None:
         """Send zero and let go of the ports."""

@@ -30,10 +30,7 @@ import math
 import time
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
-from asperity.devices.exchange import Answer, Exchange, UnusableError
+from asperity.devices.exchange import Answer, Exchange, Exchanging, UnusableError
 from asperity.devices.haply_link import Link
 from asperity.devices.haply_messages import (
     GRIPS,
@@ -45,8 +42,8 @@ from asperity.devices.haply_messages import (
 )
 from asperity.devices.orientation import TurnRate
 from asperity.devices.presets import PRESETS
-from asperity.devices.protocol import Limits, Reading
-from asperity.devices.wrenches import REFUSED, ZERO, taken
+from asperity.devices.protocol import Limits
+from asperity.devices.wrenches import ZERO
 from asperity.errors import AsperityError, require_choice
 
 URI = "ws://localhost:10001"
@@ -58,7 +55,7 @@ _FROZEN_TRAVEL = 2e-3
 _OPENING, _REOPENING = 1.0, 0.5
 
 
-class HaplyServiceDevice:
+class HaplyServiceDevice(Exchanging):
     """An Inverse3, with a VerseGrip or without, behind the Inverse service.
 
     Parameters
@@ -101,9 +98,7 @@ class HaplyServiceDevice:
         self._first = first_part(profile, spelling) if profile else ""
         self._clock = clock
         self._link: Link | None = None
-        self._exchange: Exchange | None = None
         self._rate = TurnRate()
-        self._error = ""
         self._device_id = ""
         self._greeted = 0
         self._position = (0.0, 0.0, 0.0)
@@ -129,24 +124,6 @@ class HaplyServiceDevice:
             ) from None
         self._exchange = Exchange(self._ask, reopen=self._reopen, clock=self._clock)
         self._exchange.start()
-
-    def read(self, out: Reading) -> bool:
-        """Fill the newest frame's pose, twist and buttons; return whether there was a new one."""
-        if self._exchange is None:
-            out.age, out.error = math.inf, "the device is not open"
-            return False
-        new = self._exchange.take(out)
-        if self._error:
-            out.error, self._error = self._error, ""
-        return new
-
-    def write(self, wrench: NDArray[np.float64]) -> None:
-        """Hand over the force [N]; the device has no torque. Never waits or raises."""
-        values = taken(wrench)
-        if values is None:
-            values, self._error = ZERO, REFUSED
-        if self._exchange is not None:
-            self._exchange.hand_over(values)
 
     def close(self) -> None:
         """Send a force of zero, and disconnect."""

@@ -25,14 +25,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from asperity.devices.exchange import Answer, Exchange
+from asperity.devices.exchange import Answer, Exchange, Exchanging
 from asperity.devices.orientation import quaternion_of
 from asperity.devices.presets import PRESETS
-from asperity.devices.protocol import Limits, Reading
-from asperity.devices.wrenches import REFUSED, ZERO, taken
+from asperity.devices.protocol import Limits
+from asperity.devices.wrenches import ZERO
 from asperity.errors import AsperityError, require_choice
 
 MODELS = ("touch", "omni", "premium-1.5-6dof", "premium-3.0-6dof")
@@ -40,7 +37,7 @@ _GOES_ON = 1
 _FARTHEST = 2.0
 
 
-class OpenHapticsDevice:
+class OpenHapticsDevice(Exchanging):
     """A device of 3D Systems.
 
     Parameters
@@ -71,8 +68,6 @@ class OpenHapticsDevice:
         self._hd: Any = None
         self._id: int | None = None
         self._callback: Any = None
-        self._exchange: Exchange | None = None
-        self._trouble = ""
         self._ending = False
 
     def open(self) -> None:
@@ -80,7 +75,7 @@ class OpenHapticsDevice:
         if self._exchange is not None:
             return
         hd, scheduling = _import()
-        self._ending, self._trouble = False, ""
+        self._ending, self._error = False, ""
         with contextlib.redirect_stdout(io.StringIO()):  # the package prints
             self._id = hd.init_device(self._device_name)
             if self._id is None:
@@ -96,24 +91,6 @@ class OpenHapticsDevice:
             self._callback = kind(self._tick)
             scheduling.hdAsyncSheduler(self._callback)
             hd.start_scheduler()
-
-    def read(self, out: Reading) -> bool:
-        """Fill the newest pose; return whether it is new."""
-        if self._exchange is None:
-            out.age, out.error = float("inf"), "the device is not open"
-            return False
-        new = self._exchange.take(out)
-        if self._trouble:
-            out.error, self._trouble = self._trouble, ""
-        return new
-
-    def write(self, wrench: NDArray[np.float64]) -> None:
-        """Hand over force [N] and torque [N m]. Never waits or raises."""
-        values = taken(wrench)
-        if values is None:
-            values, self._trouble = ZERO, REFUSED
-        if self._exchange is not None:
-            self._exchange.hand_over(values)
 
     def close(self) -> None:
         """Send zero for some ticks, stop the scheduler, and let go of the device."""
@@ -135,7 +112,7 @@ class OpenHapticsDevice:
             if exchange is not None:
                 exchange.step()
         except Exception as error:
-            self._trouble = " ".join(str(error).split()) or type(error).__name__
+            self._error = " ".join(str(error).split()) or type(error).__name__
         return _GOES_ON
 
     def _ask(self, wrench: tuple[float, ...]) -> Answer:
@@ -158,7 +135,7 @@ class OpenHapticsDevice:
             hd.end_frame(handle)
         code = int(hd._get_error().errorCode)
         if code:
-            self._trouble = f"OpenHaptics tells of error 0x{code:04x}"
+            self._error = f"OpenHaptics tells of error 0x{code:04x}"
         return _answer(matrix, velocity, turning, buttons)
 
 

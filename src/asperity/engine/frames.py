@@ -5,27 +5,13 @@ from __future__ import annotations
 import math
 
 from asperity.compiled import clear, inner_kernel
-
-
-@inner_kernel
-def rotation(pose, out):
-    """Fill the rotation (3, 3) of a pose (7,)."""
-    w, x, y, z = pose[3], pose[4], pose[5], pose[6]
-    out[0, 0], out[0, 1], out[0, 2] = (
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-    )  # fmt: skip
-    out[1, 0], out[1, 1], out[1, 2] = (
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-    )  # fmt: skip
-    out[2, 0], out[2, 1], out[2, 2] = (
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
+from asperity.dynamics.rigid import fill_rotation
 
 
 @inner_kernel
 def place_tool(pose, centre, body_out, origin_out):
     """Fill the tool's rotation and position (3, 4), and its centre of mass (3,) in world axes."""
-    rotation(pose, body_out)
+    fill_rotation(pose, body_out)
     for i in range(3):
         body_out[i, 3] = origin_out[i] = pose[i]
         for k in range(3):
