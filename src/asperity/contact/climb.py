@@ -174,7 +174,7 @@ def _back(borders, count, x, y, box):
 
 @lean_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
-    """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
+    """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (28,).
 
     Returns whether the place is within the borders. `box` is (x0, x1, y0, y1); no step is longer
     than `stride` along an axis.
