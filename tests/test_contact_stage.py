@@ -133,9 +133,7 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     before = watch.evaluations
     contact = stage.evaluate(pose + 6 * step, seconds=seconds)
     done = watch.evaluations - before
-    assert 1 <= done <= max(1, round(seconds / watch.cost))
+    assert done == max(1, int(seconds / watch.cost))
     assert contact.flags & BUDGET_SPENT
-    if seconds > 2e-4:
-        assert done >= 3
     free = stage.evaluate(pose + 7 * step)
     assert not free.flags & BUDGET_SPENT
