@@ -43,7 +43,14 @@ from asperity.simulation import Simulation
 from asperity.texture.height_field import HeightField
 from asperity.texture.procedural import self_affine
 from asperity.trajectory import at_ticks
-from peers import FclField, MujocoField, now, timed_uncertified
+from peers import (
+    FclField,
+    MujocoField,
+    coefficient_pyramid,
+    now,
+    sharper_pyramid,
+    timed_uncertified,
+)
 
 RADIUS, SIDE, WAVELENGTH, AMPLITUDE = 1.5e-3, 20e-3, 2e-3, 0.1e-3
 DT, SPEED = 1e-3, 0.083
@@ -142,6 +149,7 @@ class Case:
         e = self.engine
         self._geoms = [np.flatnonzero(e._geometry.body == i) for i in (1, 0)]
         self.per_metre = 1.0 / field.pixel_size[0]
+        self._pyramids = coefficient_pyramid(field), sharper_pyramid(e._textures)
         self.tolerance = max(1e-9, 1e-3 * field.rms)
         places, wanted = drag(count)
         self.path = np.zeros((count, 7))
@@ -164,16 +172,25 @@ class Case:
         """Return times [us], wrenches (n, 6) and what was found (n, 4) of compiled ticks."""
         return compiled_ticks(self.engine, self.answers, self.path)
 
-    def uncertified(self, block: float = 0.0) -> tuple[Times, Times]:
+    def uncertified(self, block: float = 0.0, sharper: bool = False) -> tuple[Times, Times]:
         """Return times [us] and depths of the uncertified search, wrench included.
 
-        It divides down to blocks of about `block` [m], and to cells at most.
+        It divides down to blocks of about `block` [m], and to cells at most. `sharper`: by the
+        bounds that the certified search has, and not by the spline's coefficients.
         """
         finest = max(round(math.log2(max(block * self.per_metre, 1.0))), 0)
         ns, depths = np.empty(len(self.path)), np.empty(len(self.path))
         centres, wrenches = np.ascontiguousarray(self.path[:, :3]), np.empty((len(self.path), 6))
         timed_uncertified(
-            self.engine._textures, RADIUS, 400.0, finest, centres, ns, depths, wrenches
+            self.engine._textures,
+            *self._pyramids[sharper],
+            RADIUS,
+            400.0,
+            finest,
+            centres,
+            ns,
+            depths,
+            wrenches,
         )
         return ns * 1e-3, depths
 
@@ -247,8 +264,9 @@ def bar(name: str, value: float, most: float, bars: list[dict[str, Any]]) -> str
 def search(bars: list[dict[str, Any]]) -> dict[str, Any]:
     """Full wrenches over sizes, beside the uncertified search."""
     print("\n1. Full wrench of a sphere on a plate: median (p99) of us a query")
-    print("   certified: every depth proved to max(1 nm, 1e-3 rms height); uncertified: heights'")
-    print("   pyramid down to cells, or to blocks of 80 um, and Newton's method: see peers.py")
+    print("   certified: every depth proved to max(1 nm, 1e-3 rms height); uncertified: a pyramid")
+    print("   of coefficients down to cells, or to 80 um blocks, and Newton's method (peers.py);")
+    print("   with sharper bounds: the pyramid that the certified search has, lent to it")
     return {name: search_on(name, bars) for name in SURFACES}
 
 
@@ -260,9 +278,11 @@ def search_on(name: str, bars: list[dict[str, Any]]) -> dict[str, Any]:
         "  of it the certified search": lambda case: case.depths()[0],
         "uncertified, to cells": lambda case: case.uncertified()[0],
         "uncertified, to blocks": lambda case: case.uncertified(BLOCK)[0],
+        "  with sharper bounds, cells": lambda case: case.uncertified(0.0, True)[0],
+        "  with sharper bounds, blocks": lambda case: case.uncertified(BLOCK, True)[0],
         "Engine.wrench from Python": Case.calls,
     }
-    full, _, cells, blocks, _ = ways
+    full, _, cells, blocks, sharp_cells, sharp_blocks, _ = ways
     laps: dict[str, list[list[Times]]] = {way: [[] for _ in SIZES] for way in ways}
     for lap in range(ROUNDS + 1):
         for i, case in enumerate(cases):
@@ -277,12 +297,14 @@ def search_on(name: str, bars: list[dict[str, Any]]) -> dict[str, Any]:
     for way in ways:
         row(way, [cell(t) for t in times[way]])
     medians = {way: np.array([t["median"] for t in column]) for way, column in times.items()}
-    ratios = {way: medians[full] / medians[way] for way in (cells, blocks)}
+    ratios = {
+        way: medians[full] / medians[way] for way in (cells, blocks, sharp_cells, sharp_blocks)
+    }
     for way in ratios:
         row(f"ratio to {way}", [f"{r:.2f}" for r in ratios[way]])
     figures = {"sizes": SIZES, "times_us": times, **what_was_found(cases)}
     figures["ratios"] = {way: ratio.tolist() for way, ratio in ratios.items()}
-    worst = float(np.maximum(*ratios.values()).max())
+    worst = float(np.maximum(ratios[cells], ratios[blocks]).max())
     flat = figures["slowest_to_fastest"] = float(medians[full].max() / medians[full].min())
     if name != "self-affine":
         print("  " + bar(f"{name}: slowest size to fastest", flat, FLAT, bars))

@@ -22,7 +22,7 @@ def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path):
     package = tmp_path / "asperity"
     package.mkdir()
     (package / "__init__.py").write_text("")
-    for name in ("compiled.py", "errors.py"):
+    for name in ("compiled.py", "compile_time.py", "errors.py"):
         (package / name).write_text((SOURCES / name).read_text())
     (package / "callee.py").write_text(
         "from asperity.compiled import kernel\n@kernel\ndef inner(x):\n    return x + 1.0\n"

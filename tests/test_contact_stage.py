@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asperity.contact_stage import ContactStage
+from asperity.contact_stage import BUDGET_SPENT, ContactStage
 from asperity.dynamics.rigid import centre_of_mass
 from asperity.engine.engine import Engine
 from asperity.poses import turned
@@ -95,3 +95,45 @@ def test_without_contact_there_is_neither_wrench_nor_stiffness():
     np.testing.assert_array_equal(contact.wrench, 0.0)
     np.testing.assert_array_equal(contact.stiffness, 0.0)
     assert stage.energy == 0.0
+
+
+class Stopwatch:
+    """A clock that goes on by `cost` at each evaluation of the engine it is tied to."""
+
+    def __init__(self, cost):
+        self.cost, self.time, self.evaluations = cost, 0.0, 0
+
+    def __call__(self):
+        return self.time
+
+    def tie_to(self, engine):
+        ask = engine.wrench
+
+        def wrench(pose, dt):
+            self.time += self.cost
+            self.evaluations += 1
+            return ask(pose, dt)
+
+        engine.wrench = wrench
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("seconds", [0.0, 2.5e-4, 3.5e-4])
+def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
+    """0.1 ms an evaluation: as many as fit, but always the pose itself; and the flag says so."""
+    scene = probe_plate({"kind": "sinusoid", "wavelength": 5e-4, "amplitude": 5e-5})
+    scene = scene.changed(force={"anti_alias": "tick", "friction": friction})
+    watch = Stopwatch(1e-4)
+    stage = ContactStage(scene, now=watch)
+    watch.tie_to(stage.engine)
+    pose = np.array([0.0, 0.0, 1.4e-3, 1, 0, 0, 0])
+    step = np.array([2e-4, 0, 0, 0, 0, 0, 0])
+    for tick in range(6):
+        stage.evaluate(pose + tick * step)
+    before = watch.evaluations
+    contact = stage.evaluate(pose + 6 * step, seconds=seconds)
+    done = watch.evaluations - before
+    assert done == max(1, int(seconds / watch.cost))
+    assert contact.flags & BUDGET_SPENT
+    free = stage.evaluate(pose + 7 * step)
+    assert not free.flags & BUDGET_SPENT

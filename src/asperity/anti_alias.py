@@ -12,7 +12,9 @@ itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB over the last five ticks
 passes hardly anything above half the tick's rate. The windows act exactly on the linear pieces,
 so uneven sub-poses do no harm.
 
-The price is delay: half a tick for "tick", two and a half ticks for "band".
+The price is delay: half a tick for "tick", two and a half ticks for "band". Where a tick has a
+deadline, there are as many sub-poses as there is time for: fewer of them let false tones through,
+but a wrench that comes too late is not felt at all.
 """
 
 from __future__ import annotations
@@ -59,6 +61,7 @@ def sub_poses(
     lever: float,
     leap: float = LEAP["band"],
     halve: bool = True,
+    in_time: Callable[[], bool] = lambda: True,
 ) -> SubPoses:
     """Evaluate the wrench on the way through a tick.
 
@@ -76,6 +79,8 @@ def sub_poses(
         How exactly leaps are placed: see `LEAP`.
     halve : bool
         Evaluate more around leaps. These come out of order: not for a wrench that remembers.
+    in_time : callable
+        Whether there is time for another one around a leap.
     """
     start = min(count, BUDGET)
     s = [i / start for i in range(start + 1)]
@@ -93,7 +98,7 @@ def sub_poses(
 
     for i in range(start):
         push(s[i], s[i + 1], wrench[i], wrench[i + 1], _size(wrench[i + 1] - wrench[i], lever))
-    while heap and left:
+    while heap and left and in_time():
         _, a, b, f, g = heapq.heappop(heap)
         middle = 0.5 * (a + b)
         between = evaluate(middle)

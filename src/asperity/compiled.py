@@ -122,8 +122,11 @@ if not _CACHED:
 
 import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
 
+from asperity.compile_time import speed_up  # noqa: E402
+
 # Numba may have been imported before us; then the variable alone comes too late.
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+speed_up()
 
 
 _OPTIONS = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}

@@ -9,6 +9,8 @@ from __future__ import annotations
 import functools
 import logging
 import math
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -30,7 +32,7 @@ SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
 FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
 FLAGS = {
     SUB_POSES: "wrench from several poses within the tick",
-    BUDGET_SPENT: "more sub-poses wanted than allowed",
+    BUDGET_SPENT: "more sub-poses wanted than allowed or than there was time for",
     TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
     NOT_CERTIFIED: "a depth was not certified within the node budget",
     OVERFLOW: "a search or the list of contacts overflowed",
@@ -60,11 +62,18 @@ class ContactStage:
     scene : Scene
     dt : float
         Tick [s], 1e-5 to 0.1: how far apart in time the poses are.
+    now : callable
+        The time [s], by which `evaluate` keeps to the seconds it is given.
     """
 
-    def __init__(self, scene: Scene, *, dt: float = 1e-3) -> None:
+    def __init__(
+        self, scene: Scene, *, dt: float = 1e-3, now: Callable[[], float] = time.perf_counter
+    ) -> None:
         announce_compiling()
         self.scene = scene
+        self._now = now
+        self._cost = 0.0
+        """How long one evaluation of the wrench takes, rather more than less [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
         """Asked directly it knows nothing of ticks: see `Engine.wrench`."""
@@ -102,15 +111,18 @@ class ContactStage:
         depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
         return float(0.5 * self.scene.force.stiffness * depths)
 
-    def evaluate(self, pose: NDArray[np.float64], *, jumped: bool = False) -> LinearContact:
+    def evaluate(
+        self, pose: NDArray[np.float64], *, jumped: bool = False, seconds: float = math.inf
+    ) -> LinearContact:
         """Return the contact at the tool's next pose (7,), one tick after the last one.
 
         With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
         contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
-        is no way of one tick to average over, and the wrench is that at the pose.
+        is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
+        there are as many as fit into `seconds`; the pose itself is always looked at.
         """
         last = pose if self._last is None else self._last
-        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose)
+        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, seconds)
         self._last = pose.copy()
         self._flag_contacts()
         return LinearContact(
@@ -145,9 +157,21 @@ class ContactStage:
         )  # fmt: skip
         return out
 
-    def _wrench(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+        """Return the engine's wrench at a pose, and note how long that took."""
+        begun = self._now()
+        wrench = np.array(self.engine.wrench(pose, piece))
+        took = self._now() - begun
+        # What takes long is believed soon, what is quick after a while.
+        self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
+        return wrench
+
+    def _wrench(
+        self, last: NDArray[np.float64], pose: NDArray[np.float64], seconds: float
+    ) -> NDArray[np.float64]:
         """Return the wrench of this tick: at its pose, or averaged over the way there."""
         self._flags = 0
+        until = self._now() + seconds
         waves = self._waves(last, pose)
         if self._window is None:
             if waves > 0.5:
@@ -155,11 +179,16 @@ class ContactStage:
             return np.array(self.engine.wrench(pose, self.dt))
         if self._last is None:
             self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
-        count = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return np.array(self.engine.wrench(between(last, pose, s), piece))
+            return self._timed(between(last, pose, s), piece)
+
+        def in_time() -> bool:
+            # Another one, and the last pose once more.
+            return self._now() + 2.0 * self._cost < until
 
         nodes = sub_poses(
             evaluate,
@@ -168,13 +197,14 @@ class ContactStage:
             lever=self._extent,
             leap=LEAP[self.scene.anti_alias],
             halve=self._halve and waves > 0,
+            in_time=in_time,
         )
         if nodes.s.size > 2:
             self._flags |= SUB_POSES
-            if self._halve:
+            if nodes.s.size > count + 1:
                 # The contacts to show are those of the last pose, not of the last halving.
                 self.engine.wrench(pose, 0.0)
-        if nodes.spent:
+        if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
         self._last_wrench = nodes.wrench[-1]
         return self._window.weigh(nodes)

@@ -514,7 +514,7 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, work, at):
         much borders may be off.
 
     Once the bound falls to `enough` it is not sharpened. Where the middle was looked at, `at`
-    (22,) is filled as by `overlap_at`; it may lie beyond a border.
+    (28,) is filled as by `overlap_at`; it may lie beyond a border.
     """
     x0, x1, y0, y1 = box
     bound, g1, g2 = base_bound(cx, cy, ax, ay, x0, x1, y0, y1, shift)

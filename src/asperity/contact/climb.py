@@ -174,7 +174,7 @@ def _back(borders, count, x, y, box):
 
 @lean_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
-    """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (22,).
+    """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (28,).
 
     Returns whether the place is within the borders. `box` is (x0, x1, y0, y1); no step is longer
     than `stride` along an axis.
@@ -234,7 +234,10 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
                 trial_count = borders_at(cx, cy, trial, borders)
                 trial_over = _over(borders, trial_count)
             gain = trial[F] - at[F] - penalty * (max(trial_over, _GRAIN) - max(over, _GRAIN))
-            better = gain >= -1e-17
+            # A place a grain beyond a border is higher by a grain. Short steps that shrink are
+            # Newton's, and are right all the same.
+            trusted = length < _HELD and length < 0.5 * last
+            better = gain >= (-penalty * _GRAIN if trusted else -1e-17)
         if better:
             for i in range(OVERLAP_SIZE):
                 at[i] = trial[i]

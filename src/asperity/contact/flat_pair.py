@@ -106,7 +106,7 @@ def plane_overlap(cx, cy, slack, polygon):
 
 @lean_kernel
 def flat_best(textures, cx, cy, tie, work, at):
-    """Fill `at` (22,) with the deepest place of two smooth plane charts.
+    """Fill `at` (28,) with the deepest place of two smooth plane charts.
 
     Returns
     -------

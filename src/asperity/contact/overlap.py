@@ -51,11 +51,12 @@ TURN = 10  # derivatives of Y's parameters by X's: 11, 12, 21, 22
 SLOPE_X, SLOPE_Y = 14, 16  # slopes over (u, v) of the two surfaces
 POINT = 18  # the point of X; Y's has the same u and v
 ABOVE = 21  # z of Y's point
-OVERLAP_SIZE = 22
+BENT = 22  # second derivatives of Y's parameters by X's: of the one by 11, 12, 22, of the other
+OVERLAP_SIZE = 28
 MAX_BORDERS = 26
 BORDER_SIZE = 7  # g, g_x, g_y, code, g_xx, g_xy, g_yy
 """Code: 0 artificial; 1 an edge of X; 2 an edge of Y; 4 added where g is not convex."""
-WORK_SHAPE = (136, 24)
+WORK_SHAPE = (136, 28)
 """Room for all that a search notes on the way. Rows: two points, a trial, borders, lines and
 polygons, from these on."""
 TRIAL, BORDERS, LINES, POLYGON = 2, 3, 30, 62
@@ -92,13 +93,15 @@ def over_level(textures, cx, cy, x, y, out):
     out[SLOPE_X], out[SLOPE_X + 1] = i * t_x + k * t_y, j * t_x + m * t_y
     out[SLOPE_Y], out[SLOPE_Y + 1] = g1, g2
     out[ABOVE] = z
+    for i in range(BENT, OVERLAP_SIZE):
+        out[i] = 0.0
 
 
 @lean_kernel
 def overlap_at(textures, cx, cy, x, y, work, out):
-    """Fill `out` (22,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
+    """Fill `out` (28,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
 
-    The overlap is -inf where one of the two has no such point. `work` (136, 24) is written to.
+    The overlap is -inf where one of the two has no such point. `work` (136, 28) is written to.
     """
     if cx[LEVEL] == 1.0 and cy[TEXTURE] < 0.0:
         over_level(textures, cx, cy, x, y, out)
@@ -124,12 +127,24 @@ def overlap_at(textures, cx, cy, x, y, work, out):
     out[F_XY] = point[P_XY + 2] + g1 * point[P_XY] + g2 * point[P_XY + 1] + u_x * ku_y + v_x * kv_y
     out[F_YY] = point[P_YY + 2] + g1 * point[P_YY] + g2 * point[P_YY + 1] + u_y * ku_y + v_y * kv_y
     i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
-    if cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0:
+    hidden = cy[TEXTURE] >= 0.0 and cy[LEVEL] == 0.0
+    if hidden:
         a, b, c, d = below[P_X], below[P_Y], below[P_X + 1], below[P_Y + 1]
         det = a * d - b * c
         i, j, k, m = d / det, -b / det, -c / det, a / det
-    out[TURN], out[TURN + 1] = i * u_x + j * v_x, i * u_y + j * v_y
-    out[TURN + 2], out[TURN + 3] = k * u_x + m * v_x, k * u_y + m * v_y
+    x_x, x_y = i * u_x + j * v_x, i * u_y + j * v_y
+    y_x, y_y = k * u_x + m * v_x, k * u_y + m * v_y
+    out[TURN], out[TURN + 1], out[TURN + 2], out[TURN + 3] = x_x, x_y, y_x, y_y
+    for n in range(3):
+        # By 11, 12 and 22 of X's parameters: P_XX, P_XY and P_YY of both follow each other so.
+        u_nn, v_nn = point[P_XX + 3 * n], point[P_XX + 3 * n + 1]
+        if hidden:
+            a, b = (x_x, x_x) if n == 0 else ((x_x, x_y) if n == 1 else (x_y, x_y))
+            c, d = (y_x, y_x) if n == 0 else ((y_x, y_y) if n == 1 else (y_y, y_y))
+            cross = a * d + b * c
+            u_nn -= below[P_XX] * a * b + below[P_XY] * cross + below[P_YY] * c * d
+            v_nn -= below[P_XX + 1] * a * b + below[P_XY + 1] * cross + below[P_YY + 1] * c * d
+        out[BENT + n], out[BENT + 3 + n] = i * u_nn + j * v_nn, k * u_nn + m * v_nn
     det = u_x * v_y - u_y * v_x
     out[SLOPE_X] = (v_y * point[P_X + 2] - v_x * point[P_Y + 2]) / det
     out[SLOPE_X + 1] = (u_x * point[P_Y + 2] - u_y * point[P_X + 2]) / det
@@ -148,6 +163,8 @@ def _border(borders, count, g, g_a, g_b, g_aa, g_ab, g_bb, turn, at, code):
         borders[count, 4] = i * (g_aa * i + g_ab * k) + k * (g_ab * i + g_bb * k)
         borders[count, 5] = i * (g_aa * j + g_ab * m) + k * (g_ab * j + g_bb * m)
         borders[count, 6] = j * (g_aa * j + g_ab * m) + m * (g_ab * j + g_bb * m)
+        for n in range(3):
+            borders[count, 4 + n] += g_a * at[BENT + n] + g_b * at[BENT + 3 + n]
     else:
         borders[count, 1], borders[count, 2] = g_a, g_b
         borders[count, 4], borders[count, 5], borders[count, 6] = g_aa, g_ab, g_bb

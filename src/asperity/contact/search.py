@@ -409,8 +409,8 @@ def search_pair(
     ties : (1024, 24) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
     nodes : (1037, 5) array
-    work : (136, 24) array
-    at : (22,) array
+    work : (136, 28) array
+    at : (28,) array
         Working memory.
     """
     shift = _shift(textures, cx, cy)

@@ -4,7 +4,8 @@ MuJoCo's collision query and the compiled search cannot be interrupted, and take
 times a tick. So they run in a thread of their own, which gives the interpreter's lock away while
 they do, and the loop goes on with the last contact to first order (`LinearContact`) until the new
 one is there. Averaging over a tick's motion makes no sense after a longer one, and would make a
-slow contact slower yet: such a contact is looked at where the tool is, and nowhere else.
+slow contact slower yet: such a contact is looked at where the tool is, and nowhere else. For the
+same reason a contact looks at no more sub-poses than fit into `within` of a tick.
 
 Two locks hand over: one lets the worker go, the other tells that it is done. Handing over and back
 costs 16 to 47 us in the median beside computing in the loop itself (two cores at 2.5 GHz;
@@ -30,6 +31,8 @@ from asperity.servo.pace import Clock
 
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
+WITHIN = 0.8
+"""Part of a tick that a contact's sub-poses may take; ours: what is left hands it over."""
 SWITCH_INTERVAL = 5e-5
 """How long a thread may hold the interpreter's lock while another wants it [s]."""
 
@@ -82,10 +85,13 @@ class ContactWorker:
     stage : ContactStage
         Nobody else may use it from now on, but between `pause` and the next `submit`.
     clock : Clock
+    within : float
+        Part of a tick, counted from when a contact was asked for, that its sub-poses may take.
     """
 
-    def __init__(self, stage: ContactStage, clock: Clock) -> None:
+    def __init__(self, stage: ContactStage, clock: Clock, within: float = WITHIN) -> None:
         self.stage = stage
+        self._within = within
         self.latest = Contact()
         self.busy = False
         self.statuses = np.zeros(3, np.int64)
@@ -154,7 +160,8 @@ class ContactWorker:
 
     def _evaluate(self, out: Contact) -> None:
         begun = self._clock.now()
-        out.linear = self.stage.evaluate(self._pose, jumped=self._jumped)
+        left = out.asked + self._within * self.stage.dt - begun
+        out.linear = self.stage.evaluate(self._pose, jumped=self._jumped, seconds=max(left, 0.0))
         contacts, shown = self.stage.contacts, out.shown
         count = out.linear.count
         shown.count = n = min(count, SHOWN)

@@ -30,7 +30,7 @@ from asperity.errors import AsperityError
 from asperity.press import touching_pose
 from asperity.scene import Scene
 from asperity.servo import realtime
-from asperity.servo.contact_worker import ContactWorker
+from asperity.servo.contact_worker import WITHIN, ContactWorker
 from asperity.servo.loop import GUARD, ServoLoop
 from asperity.servo.mailbox import Mailbox
 from asperity.servo.pace import SystemClock
@@ -124,7 +124,9 @@ def _served(
     stage = ContactStage(spec.scene, dt=parameters.dt)
     start = _warmed_up(stage, spec.scene.start)
     device = SafeDevice(spec.make_device(), dt=parameters.dt, settings=spec.safety)
-    worker = ContactWorker(stage, clock)
+    # In the direct mode the loop waits for the contact, but for `guard`; a tenth hands it over.
+    direct = spec.scene.coupling.mode == "direct"
+    worker = ContactWorker(stage, clock, min(WITHIN, 0.9 - spec.guard) if direct else WITHIN)
     # The core is the loop's alone: the worker, begun before, may be on any other.
     told |= realtime.ask(replace(realtime.RealTime(), core=spec.real_time.core))
     loop = ServoLoop(
