@@ -168,7 +168,8 @@ def finite_reason(body: Body) -> str | None:
 
 def spacing_for(body: Body, most: int) -> float:
     """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
-    return math.sqrt(smooth_area(body) / most)
+    # Triangles of a mesh are divided one by one, each into more than it needs.
+    return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
 
 
 def points_between(surface: Surface, spacing: float) -> Array:
