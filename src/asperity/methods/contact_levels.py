@@ -28,8 +28,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.rigid import centre_of_mass
-from asperity.engine.engine import Engine
 from asperity.geometry.bodies import Body
 from asperity.methods import voxmap
 from asperity.methods.by_engine import EngineRenderer
@@ -114,7 +112,7 @@ class LevelsRenderer:
         self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
         names = [body.name for body in scene.bodies]
         self._number = [names.index(there.body.name) for there in bodies.standing]
-        self._engines: dict[int, Engine] = {}
+        self._engines: dict[tuple[int, int], EngineRenderer] = {}
         self.taken: dict[str, int] = {}
         """The level of each body that was near at the last pose."""
 
@@ -131,14 +129,14 @@ class LevelsRenderer:
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         self._probe.wrench(pose)
-        wanted: dict[int, list[int]] = {}
         self.taken = {}
+        met = []
         for number, touching in zip(self._number, self._probe.touching, strict=True):
             level = self.level(touching * self._each)
             self.taken[self._scene.bodies[number].name] = level
-            wanted.setdefault(level, []).append(number)
-        parts = [self._part(level, pose, bodies) for level, bodies in wanted.items()]
-        met = [part for part in parts if part.contacts]
+            part = self._renderer(level, number).wrench(pose)
+            if part.contacts:
+                met.append(part)
         if not met:
             return NOTHING
         return MethodWrench(
@@ -148,25 +146,18 @@ class LevelsRenderer:
             sum(part.contacts for part in met),
         )
 
-    def _part(self, level: int, pose: Array, bodies: list[int]) -> MethodWrench:
-        """Return the wrench of the contacts with some bodies, at one level."""
-        if level not in self._engines:
+    def _renderer(self, level: int, number: int) -> EngineRenderer:
+        """Return the contact of the tool with one body, at one level."""
+        if (level, number) not in self._engines:
             scene = self._scene
-            self._engines[level] = Engine(
-                scene.model, self.levels[level].bodies, scene.tool, scene.force
+            two = tuple(
+                body
+                for i, body in enumerate(self.levels[level].bodies)
+                if i == number or body.name == scene.tool
             )
-        engine = self._engines[level]
-        engine.wrench(pose, self._dt)
-        contacts, count = engine.contacts, int(engine.contacts.count[0])
-        mine = np.flatnonzero(np.isin(contacts.body[:count], bodies))
-        if mine.size == 0:
-            return NOTHING
-        forces = contacts.force[mine]
-        arms = contacts.point[mine] - centre_of_mass(pose, engine.centre)
-        return MethodWrench(
-            forces.sum(axis=0), np.cross(arms, forces).sum(axis=0),
-            float(contacts.depth[mine].max()), mine.size,
-        )  # fmt: skip
+            pair = replace(scene, bodies=two)
+            self._engines[level, number] = EngineRenderer(pair, scene.force, self._dt)
+        return self._engines[level, number]
 
 
 @dataclass(frozen=True)

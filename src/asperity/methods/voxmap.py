@@ -15,7 +15,7 @@ stiffness.
 As quoted from memory and by other work; the paper itself was not at hand. What is ours: the term
 `l s`, since the paper's tool never gets below the surface's layer (its virtual coupling and its
 braking before contact see to that), while the poses compared here are as deep as the scene's
-stiffness asks; layers by Euclidean distance; shell points on the surface itself, one for each
+stiffness asks; layers by nearly Euclidean distance; shell points on the surface itself, one for each
 voxel that it meets, instead of at those voxels' middles.
 
 *Full detail*: shell and voxmap are made of the displaced surfaces, with voxels as small as the
@@ -46,7 +46,7 @@ from asperity.methods.surfaces import (
     points_between,
     spacing_for,
 )
-from asperity.methods.voxel_points import shell_forces
+from asperity.methods.voxel_points import number_layers, shell_forces
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
@@ -103,8 +103,7 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
         )
     codes = np.zeros(shell.shape, np.uint8)
     codes[shell] = 1
-    layers = ndimage.distance_transform_edt(inside)[inside]
-    codes[inside] = 1 + np.minimum(np.rint(layers), 254.0).astype(np.uint8)
+    number_layers(inside, codes)
     return Voxmap(codes, corner, size)
 
 
@@ -253,6 +252,6 @@ LOW = VoxmapMethod(
     "voxmap, low detail",
     "As at full detail, of surfaces without their textures: what was affordable in 1999.",
     smooth=True,
-    voxels=1_000_000,
+    voxels=200_000,
     points=5_000,
 )
