@@ -15,8 +15,8 @@ stiffness.
 As quoted from memory and by other work; the paper itself was not at hand. What is ours: the term
 `l s`, since the paper's tool never gets below the surface's layer (its virtual coupling and its
 braking before contact see to that), while the poses compared here are as deep as the scene's
-stiffness asks; layers by nearly Euclidean distance; shell points on the surface itself, one for each
-voxel that it meets, instead of at those voxels' middles.
+stiffness asks; layers by nearly Euclidean distance; shell points on the surface itself, one in
+each voxel that it meets, instead of at those voxels' middles.
 
 *Full detail*: shell and voxmap are made of the displaced surfaces, with voxels as small as the
 budget of memory and of points allows. *Low detail*: of the smooth ones, coarser.
@@ -24,7 +24,6 @@ budget of memory and of points allows. *Low detail*: of the smooth ones, coarser
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,8 +51,10 @@ from asperity.scene import Scene
 Array = NDArray[np.float64]
 SUMMED = 10
 """Points whose forces are summed as they are; of more, the sum is scaled to so many."""
-_PER_WAVE, _PER_RELIEF = 8.0, 6.0
+_PER_WAVE, _PER_RELIEF = 8.0, 4.0
 """Voxels to a texture's shortest wave, and to its height, that are fine enough."""
+_PLAIN = 1e-4
+"""Fine enough for bodies without texture [m]."""
 _EDGE = 2
 """Free voxels round a body."""
 
@@ -223,12 +224,12 @@ class VoxmapMethod:
         fits = (room / self.voxels) ** (1.0 / 3.0)
         if self.smooth:
             return fits
-        fine = math.inf
+        fine = _PLAIN
         for body in scene.bodies:
             if body.texture is not None and body.texture.relief > 0.0:
                 waves = body.texture.shortest_wavelength / _PER_WAVE
                 fine = min(fine, waves, body.texture.relief / _PER_RELIEF)
-        return fits if math.isinf(fine) else max(fits, fine)
+        return max(fits, fine)
 
 
 def _box_volume(body: Body) -> float:
@@ -244,7 +245,7 @@ FULL = VoxmapMethod(
     "Without the paper's virtual coupling and braking before contact, and pressed deeper than its "
     "authors let a tool get; the formula is recalled, not read in the source.",
     smooth=False,
-    voxels=24_000_000,
+    voxels=8_000_000,
     points=300_000,
 )
 LOW = VoxmapMethod(
