@@ -19,7 +19,7 @@ from asperity.methods import Renderer
 from asperity.stability import Symptoms, symptoms_of
 
 Array = NDArray[np.float64]
-LOOKS = 16
+LOOKS = 12
 """Poses of a path over which the mean force is taken."""
 _FIRST_STEP, _FARTHEST = 2e-5, 8e-3
 """How a height is searched [m]."""

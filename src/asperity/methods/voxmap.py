@@ -51,7 +51,7 @@ from asperity.scene import Scene
 Array = NDArray[np.float64]
 SUMMED = 10
 """Points whose forces are summed as they are; of more, the sum is scaled to so many."""
-_PER_WAVE, _PER_RELIEF = 8.0, 4.0
+_PER_WAVE, _PER_RELIEF = 8.0, 3.0
 """Voxels to a texture's shortest wave, and to its height, that are fine enough."""
 _PLAIN = 1e-4
 """Fine enough for bodies without texture [m]."""
@@ -91,9 +91,10 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     if is_unbounded(body):
         return Voxmap(np.zeros((0, 0, 0), np.uint8), np.zeros(3), size)
     points = points_between(displaced_surface(body, 0.5 * size, smooth=smooth), 0.5 * size)
-    corner = points.min(axis=0) - _EDGE * size
+    # Off by an odd part of a voxel, so that flat faces do not lie between two layers of them.
+    corner = points.min(axis=0) - (_EDGE + 0.37) * size
     at = ((points - corner) / size).astype(np.int64)
-    shell = np.zeros(at.max(axis=0) + 1 + _EDGE, bool)
+    shell = np.zeros(at.max(axis=0) + 2 + _EDGE, bool)
     shell[tuple(at.T)] = True
     free, _ = ndimage.label(~shell)
     inside = ~shell & (free != free[0, 0, 0])
@@ -243,7 +244,8 @@ FULL = VoxmapMethod(
     "voxmap-full",
     "voxmap, full detail",
     "Without the paper's virtual coupling and braking before contact, and pressed deeper than its "
-    "authors let a tool get; the formula is recalled, not read in the source.",
+    "authors let a tool get; the formula is recalled, not read in the source. Voxels of the surface "
+    "are those that samples half a voxel apart fall in: another meshing changes a few of them.",
     smooth=False,
     voxels=8_000_000,
     points=300_000,
