@@ -41,7 +41,8 @@ class CompareSettings:
     dt : float
         Tick [s].
     budget : float
-        Longest that one method's ticks may take [s]; slower ones go less far, and it is said.
+        Processor time that one method's ticks may take [s]; slower ones go less far, which the
+        number of ticks says.
     properties : bool
         Measure the properties too.
     """

@@ -41,9 +41,9 @@ class Felt(NamedTuple):
     contacts: NDArray[np.int64]
     """(n,)."""
     seconds: Array
-    """How long each tick took [s], (n,)."""
+    """Processor time of each tick [s], (n,)."""
     beside: Array
-    """How long asperity took right after each [s], (n,); empty if it was not asked."""
+    """The same of asperity, asked right after each [s], (n,); empty if it was not."""
 
 
 def raised(poses: Array, height: float) -> Array:
@@ -115,11 +115,12 @@ def follow(
         Asperity and its path, asked right after every tick, so that both are timed on the same
         machine at the same moment.
     budget : float, optional
-        Stop after so long [s]; what was felt until then is returned, 64 ticks at least.
+        Stop after so much processor time [s], 64 ticks at least; what was felt is returned.
     on_tick : callable
         Called after each tick.
     """
-    clock = time.perf_counter
+    # Of this thread alone: on a busy machine a wall clock times the others.
+    clock = time.thread_time
     renderer.reset()
     for pose in poses[:WARM_UP]:
         renderer.wrench(pose)

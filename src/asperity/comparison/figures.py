@@ -30,8 +30,8 @@ def _grid(rows: list[Row], title: str, subtitle: str) -> tuple[Figure, list[Axes
     for axis in axes[len(rows) :]:
         axis.set_visible(False)
     height = figure.get_size_inches()[1]
-    figure.suptitle(title, x=0.012, y=1.0 - 0.08 / height, ha="left", va="top", fontsize=11,
-                    fontweight="bold")  # fmt: skip
+    figure.text(0.012, 1.0 - 0.08 / height, title, ha="left", va="top", fontsize=11,
+                fontweight="bold")  # fmt: skip
     figure.text(0.012, 1.0 - 0.33 / height, subtitle, ha="left", va="top", fontsize=8.5)
     return figure, axes
 

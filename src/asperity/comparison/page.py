@@ -78,8 +78,8 @@ def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str
             "What each costs and feels",
             f"On `{result.scene.name}`, {_motion(result)}. RMS: of the tangential force's change. "
             f"{BAND[0]:g}-{BAND[1]:g} Hz: the part of it in that band. Torque: the largest "
-            "standard deviation of a component, about the tool's centre of mass. Times are of one "
-            "machine at one moment; the ratio is of medians of ticks asked in turn.",
+            "standard deviation of a component, about the tool's centre of mass. Times are the "
+            "processor's, of one busy machine; the ratio is of medians of ticks asked in turn.",
             ["method", *_HEAD],
             [[row.method.label, *columns(row)] for row in able],
         )

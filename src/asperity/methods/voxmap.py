@@ -244,7 +244,7 @@ FULL = VoxmapMethod(
     "voxmap-full",
     "voxmap, full detail",
     "Without the paper's virtual coupling and braking before contact, and pressed deeper than its "
-    "authors let a tool get; the formula is recalled, not read in the source. Voxels of the surface "
+    "authors let a tool get; the formula is recalled, not read in the source. Surface voxels "
     "are those that samples half a voxel apart fall in: another meshing changes a few of them.",
     smooth=False,
     voxels=8_000_000,
