@@ -19,6 +19,7 @@ FIGURES = {
     "cost": "Cost of a tick over asperity's median, asked in turn with it.",
 }
 """What each figure shows, by name."""
+_COSTS, _PROPERTIES = "What each costs and feels", "Properties, measured"
 _STABILITY = (
     "Choi and Tan (2003, 2004), on point-based texture of sinusoids: *buzzing*, noise of high "
     "frequency that excites the device, limits the stiffness that feels clean; its largest value "
@@ -75,7 +76,7 @@ def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str
     able = [row for row in result.rows if row.reason is None]
     tables = [
         (
-            "What each costs and feels",
+            _COSTS,
             f"On `{result.scene.name}`, {_motion(result)}. RMS: of the tangential force's change. "
             f"{BAND[0]:g}-{BAND[1]:g} Hz: the part of it in that band. Torque: the largest "
             "standard deviation of a component, about the tool's centre of mass. Times are the "
@@ -96,7 +97,7 @@ def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str
             rows.append([row.method.label, *cells])
         tables.append(
             (
-                "Properties, measured",
+                _PROPERTIES,
                 "On a small plate of waves of 0.2 mm by 2 mm, 4 N/mm, pressed to 0.58 N; the "
                 "criteria stand below. A yes of a method that is not silent on a smooth plate may "
                 "be its own noise.",
@@ -190,9 +191,9 @@ def markdown(result: Comparison, command: str, images: Mapping[str, str]) -> str
         if text:
             parts.append(text + "\n")
         parts.append(_markdown_table(head, rows))
-        if title.startswith("What each costs"):
+        if title == _COSTS and rows:
             parts += [f"![{told}]({images[name]})\n\n*{told}*\n" for name, told in FIGURES.items()]
-        if title.startswith("Properties"):
+        if title == _PROPERTIES:
             parts.append("\n".join(f"- {line}" for line in _criteria()) + "\n")
     return "\n".join(parts)
 
@@ -215,9 +216,9 @@ def page(result: Comparison, command: str, folder: Path) -> str:
         top = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
         table = f"<table class='claims'><tr>{top}</tr>{body}</table>"
         section = f"<h2>{title}</h2><p>{_inline(text)}</p>{table}"
-        if title.startswith("What each costs"):
+        if title == _COSTS and rows:
             section += "".join(_figure(folder / f"{n}.svg", told) for n, told in FIGURES.items())
-        if title.startswith("Properties"):
+        if title == _PROPERTIES:
             section += "<p>" + "<br>".join(_inline(line) for line in _criteria()) + "</p>"
         parts.append(f"<section>{section}</section>")
     return (
