@@ -28,6 +28,7 @@ from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
+from asperity.cli.sweep import SweepCommand
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -49,6 +50,7 @@ class Arguments:
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
+        | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
@@ -68,8 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout:
                 sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print("asperity: interrupted; nothing was written", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Nobody reads on. Python will flush once more at exit: into nothing.
@@ -118,6 +120,8 @@ def _stopped_by_signals() -> Iterator[None]:
         for number in mine:
             signal.signal(number, interrupt)
         yield
+    except KeyboardInterrupt:
+        raise
     except BaseException:
         # Numba makes a SystemError of an interruption that meets it between two kernels.
         if last > -math.inf:
