@@ -99,5 +99,5 @@ def _described(study: SweepStudy) -> str:
     )
     return (
         f"{study.size} combinations of kind {study.kind}: {axes}; keeps {', '.join(study.keep)}; "
-        f"batches of {study.batch} at most"
+        f"blocks of {study.block} at most"
     )

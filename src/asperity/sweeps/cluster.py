@@ -14,6 +14,12 @@ from asperity.sweeps.store import needs
 
 _PATIENCE = 30.0
 """How long a scheduler, and its first worker, are waited for [s]."""
+_LEAN = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.scheduler.work-stealing": False,
+}
+"""What local workers do without: it looks after graphs and data, of which a sweep has none."""
 
 
 def local_workers() -> int:
@@ -34,6 +40,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         Address of a scheduler, instead of local processes.
     """
     needs("dask", "distributed")
+    import dask
     from distributed import Client, LocalCluster
 
     if scheduler is not None:
@@ -44,7 +51,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         finally:
             client.close(timeout=5)
         return
-    with _quiet():
+    with _quiet(), dask.config.set(_LEAN):
         cluster = LocalCluster(
             n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
             dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,

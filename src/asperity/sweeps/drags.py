@@ -37,8 +37,8 @@ _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""
 INNER = ("normal_force", "speed", "hand.", "band")
 """What does not change the table of slopes, so that neighbours share it."""
-BATCH = (16, 512)
-"""Combinations of a batch, at least and at most: they take about a millisecond each."""
+BATCH = (16, 1024)
+"""Combinations of a block, at least and at most: they take about a millisecond each."""
 _LABELS = {
     "surface": "surface", "model": "force model", "spacing": "texture spacing",
     "diameter": "probe diameter", "normal_force": "normal force", "speed": "speed",

@@ -31,6 +31,8 @@ from asperity.sweeps.work import DONE, FAILED, WAITING, Batch, Outcome, machine,
 _LOG = logging.getLogger(__name__)
 _AHEAD = 3
 """Batches that are with the scheduler, for each core."""
+_LAST = 4
+"""Batches into which, for each core, what is left is cut: they get smaller towards the end."""
 _TELL = 30.0
 """How often the log says how far it is [s]."""
 
@@ -151,7 +153,7 @@ def run_sweep(
     path = Path(store)
     with (
         opened_store(
-            path, study, most=study.batch, overwrite=overwrite, any_version=any_version
+            path, study, most=study.block, overwrite=overwrite, any_version=any_version
         ) as kept,
         ExitStack() as stack,
     ):
@@ -297,7 +299,7 @@ def _on_cluster(
 
     run = uuid.uuid4().hex[:12]
     finished = as_completed(with_results=True, raise_errors=False)
-    jobs, waiting, suspects = iter(todo), {}, []
+    jobs, waiting, suspects = _cut(todo, study.least, lambda: cores(client)), {}, []
 
     def submit(job: _Job) -> None:
         numbers = _numbers(job)
@@ -327,6 +329,17 @@ def _on_cluster(
     for job in suspects:
         for place in job.places:
             yield _alone(client, study, _Job(job.block, np.array([place])), run)
+
+
+def _cut(todo: Sequence[_Job], least: int, at_once: Callable[[], int]) -> Iterator[_Job]:
+    """Yield jobs, the last ones in pieces, so that all workers have something to do to the end."""
+    left = sum(job.places.size for job in todo)
+    for job in todo:
+        size = max(left // (_LAST * at_once()), least, 1)
+        pieces = max(round(job.places.size / size), 1)
+        for places in np.array_split(job.places, pieces):
+            yield _Job(job.block, places)
+        left -= job.places.size
 
 
 def _alone(client: Any, study: SweepStudy, job: _Job, run: str) -> tuple[_Job, Outcome]:

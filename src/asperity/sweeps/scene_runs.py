@@ -25,7 +25,7 @@ from asperity.trajectory import ScriptedMotion
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """What does not change the bodies."""
 BATCH = (1, 4)
-"""Combinations of a batch, at least and at most: they take seconds each."""
+"""Combinations of a block, at least and at most: they take seconds each."""
 SEEDS = ("scene", "content")
 _OWN = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
 _SECTIONS: dict[str, Any] = {

@@ -33,6 +33,8 @@ from asperity.sweeps.design import LEAF, Design, Variation, read_design, read_va
 SCHEMA = 1
 KINDS: dict[str, ModuleType] = {"drag": drags, "scene": scene_runs}
 """What is run for each combination; the modules have the same names in them."""
+_BLOCKS = 20
+"""At least, of a study of many combinations: what is not written yet is lost with the program."""
 _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
 
 
@@ -88,12 +90,17 @@ class SweepStudy:
         return digest(self.kind, self.keep, dict(self.fixed), axes, seed, dict(self.files))
 
     @property
-    def batch(self) -> int:
-        """How many combinations are worked on, and written, together, at most."""
+    def block(self) -> int:
+        """How many combinations are written together, at most."""
         low, high = KINDS[self.kind].BATCH
         if self.files:
             low, high = 1, 16  # a height map costs a thousand times a shape
-        return max(min(self.size // 64, high), low)
+        return max(min(self.size // _BLOCKS, high), low)
+
+    @property
+    def least(self) -> int:
+        """How few combinations are worth a batch of their own."""
+        return 1 if self.files else int(KINDS[self.kind].BATCH[0])
 
     def unit(self, key: str) -> str:
         """Return the unit of a parameter or of a number that is kept; "" if there is none."""
