@@ -23,6 +23,7 @@ from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.plot import PlotCommand
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -51,6 +52,7 @@ class Arguments:
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
+        | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
