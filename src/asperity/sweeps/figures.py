@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
@@ -19,7 +19,6 @@ from asperity.sweeps.sensitivity import Groups, share
 from asperity.sweeps.views import View, is_number, table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "m^2": (1e6, "mm²")}
-_TICKS = [m * 10.0**e for e in range(-12, 10) for m in (1.0, 2.0, 3.0, 5.0, 7.0)]
 _MOST_POINTS = 4000
 Values = NDArray[Any]
 
@@ -97,7 +96,8 @@ def _draw_level(
                 peak, float(fit(np.array([peak * 1e-3]))[0]), marker, color=colour, ms=7.5,
                 mec="black", mew=0.9, zorder=5,
             )  # fmt: skip
-            label += f", peak {peak:.3g}"
+            unit = _scale(data, view.x)[1]
+            label += f", peak {peak:.3g}{'' if unit == '1' else ' ' + unit}"
         axis.plot(centres, middle, marker, color=colour, ms=3.2, mew=0.0, alpha=0.75, label=label)
     else:
         axis.plot(
@@ -130,7 +130,9 @@ def _map(data: xr.Dataset, view: View, columns: dict[str, Values], results: Valu
     if hidden:
         names = ", ".join(str(data[n].attrs.get("long_name", n)) for n in hidden)
         axis.set_title(f"median over {names}"[:95], fontsize=8)
-    figure.colorbar(image, ax=axis, label=_axis_label(data, view.metric))
+    bar = figure.colorbar(image, ax=axis, label=_axis_label(data, view.metric))
+    if norm is not None:
+        _plain_ticks(bar.ax.yaxis, *image.get_clim())
     return figure
 
 
@@ -239,11 +241,15 @@ def _scales(axis: Axes, log_x: bool, log_y: bool) -> None:
         if not log:
             continue
         setter("log")
-        low, high = limits()
-        if high / low < 50.0:
-            side.set_ticks([t for t in _TICKS if low <= t <= high])
-            side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-        side.set_minor_formatter(NullFormatter())
-        side.set_tick_params(which="minor", length=0)
-    if not log_x and axis.get_xscale() == "linear" and not axis.xaxis.get_ticklabels()[0]:
-        axis.xaxis.set_major_locator(MaxNLocator(5))
+        _plain_ticks(side, *limits())
+
+
+def _plain_ticks(side: Any, low: float, high: float) -> None:
+    """Put plain numbers at readable places of a logarithmic axis."""
+    if high / low < 1e4:
+        fine = (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low < 120.0 else (1, 3)
+        ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
+        side.set_ticks([t for t in ticks if low <= t <= high])
+        side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    side.set_minor_formatter(NullFormatter())
+    side.set_tick_params(which="minor", length=0)
