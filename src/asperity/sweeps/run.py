@@ -276,7 +276,22 @@ def _backend(
     progress(_told(states, "starting workers" if scheduler is None else "asking the scheduler"))
     wanted = None if workers is None else min(workers, jobs)
     client = stack.enter_context(connected(wanted, scheduler))
+    _agree(client)
     return lambda todo: _on_cluster(client, study, todo)
+
+
+def _agree(client: Any) -> None:
+    """Refuse workers without asperity, or with another version; the others load it meanwhile."""
+    try:
+        found = client.run(program)
+    except Exception as error:
+        raise _stopped(client, (type(error), error, None)) from None
+    for address, other in found.items():
+        if other != program():
+            raise AsperityError(
+                f"the worker at {address} runs {other}; the sweep was started by {program()}: "
+                "install the same everywhere"
+            )
 
 
 def _numbers(job: _Job) -> NDArray[np.int64]:
