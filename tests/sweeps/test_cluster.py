@@ -17,6 +17,8 @@ from asperity.cli import main
 from asperity.scene_file import write_toml
 from asperity.sweeps.work import DONE, FAILED
 
+pytestmark = pytest.mark.xdist_group("sweep-cluster")
+
 SPACING = {"from": 0.5e-3, "to": 3.5e-3, "count": 25, "scale": "log"}
 STUDY = {
     "schema": 1,
@@ -154,6 +156,18 @@ def test_ctrl_c_says_how_far_it_is_and_leaves_no_process(tmp_path):
     assert "of 12000 are in" in lines[0]
     assert said == ""
     wait_for(lambda: not any(child.is_running() for child in family), 30.0)
+
+
+def test_a_scheduler_that_goes_away_costs_nothing_that_is_written(scheduler, whole, tmp_path):
+    """The last one in the module: it takes the scheduler away."""
+    address, process = scheduler
+    path, study = tmp_path / "a.zarr", read_study(STUDY)
+    with pytest.raises(AsperityError, match="the scheduler went away"):
+        run_sweep(study, path, scheduler=address, progress=lambda now: now.done and process.kill())
+    left = int((open_sweep(path)["state"] != DONE).sum())
+    assert 0 < left < SIZE
+    assert run_sweep(study, path, workers=0).computed == left
+    assert same(path, whole)
 
 
 @pytest.mark.slow
