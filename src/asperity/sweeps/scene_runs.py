@@ -27,7 +27,7 @@ INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 BATCH = (1, 4)
 """Combinations of a block, at least and at most: they take seconds each."""
 SEEDS = ("scene", "content")
-_OWN = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
+_OWN: dict[str, Any] = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
 _SECTIONS: dict[str, Any] = {
     "force": ForceSettings, "coupling": CouplingSettings, "trajectory": ScriptedMotion,
 }  # fmt: skip

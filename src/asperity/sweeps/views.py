@@ -71,15 +71,17 @@ def chosen(
     names = parameters(data)
     if view is not None:
         require_choice("view", view, VIEWS)
-    for name in metrics:
-        require_choice("metric", name, data.attrs["keep"])
-    for option, name in (("x", x), ("y", y), ("colour", colour)):
+    for metric in metrics:
+        require_choice("metric", metric, data.attrs["keep"])
+    asked = {"x": x, "y": y, "colour": colour}
+    for option, name in asked.items():
         if name is not None:
             require_choice(f"parameter for {option}", name, names)
     numeric = [name for name in names if is_number(data, name)]
     axes = [n for n in numeric if data[n].dims == (n,) and data.sizes[n] >= _CURVE]
     axes.sort(key=lambda n: (n != "spacing", -data.sizes[n]))
-    for option, name in (("x", x), ("y", y)):
+    for option in ("x", "y"):
+        name = asked[option]
         if name is not None and name not in numeric:
             raise AsperityError(f"{option} must be a parameter with numbers, got {name!r}")
     across = x or (axes[0] if axes else None)
