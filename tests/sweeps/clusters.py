@@ -34,11 +34,11 @@ def running_scheduler(folder):
 
     What runs in its workers dies of the speed `DEADLY`, and of once: nothing is tried again.
     """
-    (folder / "sitecustomize.py").write_text(_KILLER)
-    env = environment(
-        PYTHONPATH=f"{folder}{os.pathsep}{SOURCES}",
-        DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0",
-    )
+    from distributed import Client
+
+    killer = folder / "killer.py"
+    killer.write_text(_KILLER)
+    env = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     told = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": env}
     common = ["--scheduler-file", str(told)]
@@ -49,12 +49,16 @@ def running_scheduler(folder):
     )  # fmt: skip
     workers = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_worker", *common, "--nworkers", "2",
-         "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder)],
+         "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder),
+         "--preload", str(killer)],
         **quiet, cwd=folder,
     )  # fmt: skip
     try:
         wait_for(told.is_file)
-        yield json.loads(told.read_text())["address"], scheduler
+        address = json.loads(told.read_text())["address"]
+        with Client(address, timeout=120) as client:
+            client.wait_for_workers(2, timeout=300)
+        yield address, scheduler
     finally:
         for process in (workers, scheduler):
             for child in psutil.Process(process.pid).children(recursive=True):

@@ -6,13 +6,13 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.sweeps.store import needs
 
-_PATIENCE = 30.0
+_PATIENCE = 60.0
 """How long a scheduler, and its first worker, are waited for [s]."""
 _LEAN = {
     "distributed.worker.profile.enabled": False,
@@ -49,7 +49,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             with _quiet():
                 yield client
         finally:
-            client.close(timeout=5)
+            _close(client)
         return
     with _quiet(), dask.config.set(_LEAN):
         cluster = LocalCluster(
@@ -61,28 +61,34 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             try:
                 yield client
             finally:
-                client.close(timeout=5)
+                _close(client)
         finally:
-            cluster.close(timeout=10)
+            _close(cluster)
 
 
 def _client(scheduler: str) -> Any:
     from distributed import Client
 
     try:
-        client = Client(scheduler, timeout=_PATIENCE / 3.0)
+        client = Client(scheduler, timeout=_PATIENCE / 4.0)
     except Exception as error:  # OSError, TimeoutError, ValueError, by what is wrong
         line = " ".join(str(error).split())[:200] or type(error).__name__
         raise AsperityError(f"no scheduler answers at {scheduler!r}: {line}") from None
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:
-        client.close(timeout=5)
+        _close(client)
         raise AsperityError(
             f"the scheduler at {scheduler} has had no worker for {_PATIENCE:g} s; start one with: "
             f"dask worker {scheduler} --nthreads 1"
         ) from None
     return client
+
+
+def _close(thing: Any) -> None:
+    """Close a client or a cluster. Results are safe by now: one that takes its time is left."""
+    with suppress(Exception):
+        thing.close(timeout=_PATIENCE / 4.0)
 
 
 @contextmanager

@@ -194,3 +194,6 @@ class Drags:
             return 0
         names = ("surface", "spacing", "stimulus", "repeat")
         return seed_of({name: told[name] for name in names}, self.seed)
+
+
+runner = Drags

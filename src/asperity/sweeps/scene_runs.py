@@ -291,3 +291,6 @@ def _felt(run: Run) -> dict[str, float]:
         "vibration_rms_n": float(np.sqrt(np.mean(np.sum(about**2, axis=1)))),
         "band_rms_n": float(np.sqrt(power)),
     }
+
+
+runner = SceneRuns

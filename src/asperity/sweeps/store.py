@@ -21,7 +21,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,14 +108,15 @@ class SweepStore:
         again : bool
             Whether it has been written before, so that old errors have to go.
         """
-        for i, name in enumerate(self.study.keep):
-            self._arrays[name][block.slices] = values[:, i].reshape(block.shape)
-        if errors or again:
-            texts = np.full(block.size, "", dtype=object)
-            for i, text in errors.items():
-                texts[i] = text
-            self._arrays["error"][block.slices] = texts.reshape(block.shape)
-        self._arrays["state"][block.slices] = states.reshape(block.shape)
+        with _told_as_ours(self.path):
+            for i, name in enumerate(self.study.keep):
+                self._arrays[name][block.slices] = values[:, i].reshape(block.shape)
+            if errors or again:
+                texts = np.full(block.size, "", dtype=object)
+                for i, text in errors.items():
+                    texts[i] = text
+                self._arrays["error"][block.slices] = texts.reshape(block.shape)
+            self._arrays["state"][block.slices] = states.reshape(block.shape)
 
     def sound_states(self) -> NDArray[np.int8]:
         """Return the states, as `states`, after a look at all that is there.
@@ -213,16 +214,26 @@ def opened_store(
         if not path.is_dir() or any(path.iterdir()):
             raise OutputError(f"{path} is no store of a sweep; give another one with --out")
         path.rmdir()
-    try:
+    with _told_as_ours(path), ExitStack() as stack:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
             create(path, study, most)
         elif overwrite:
             with _locked(path):
                 create(path, study, most)
-        with _locked(path):
-            _refuse_another(path, study, any_version)
-            yield SweepStore(path, study)
+        stack.enter_context(_locked(path))
+        _refuse_another(path, study, any_version)
+        kept = SweepStore(path, study)
+        held = stack.pop_all()
+    # What goes wrong from here on is not the store's, unless its own methods say so.
+    with held:
+        yield kept
+
+
+@contextmanager
+def _told_as_ours(path: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
         raise OutputError(f"cannot write to {path}: {error.strerror or error}") from None
 

@@ -20,22 +20,29 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene_file import at, read_toml, require_keys, require_table, write_toml
-from asperity.sweeps import drags, scene_runs
 from asperity.sweeps.content import digest, file_digest, flat
 from asperity.sweeps.design import LEAF, Design, Variation, read_design, read_variation
 
 SCHEMA = 1
-KINDS: dict[str, ModuleType] = {"drag": drags, "scene": scene_runs}
-"""What is run for each combination; the modules have the same names in them."""
+KINDS = {"drag": "asperity.sweeps.drags", "scene": "asperity.sweeps.scene_runs"}
+"""What is run for each combination; the modules have the same names in them.
+
+Loaded when used: workers on drags have no need of scenes, which take as long to load.
+"""
 _BLOCKS = 20
 """At least, of a study of many combinations: what is not written yet is lost with the program."""
 _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
+
+
+def _module(kind: str) -> ModuleType:
+    return import_module(KINDS[kind])
 
 
 class Runner(Protocol):
@@ -92,7 +99,7 @@ class SweepStudy:
     @property
     def block(self) -> int:
         """How many combinations are written together, at most."""
-        low, high = KINDS[self.kind].BATCH
+        low, high = _module(self.kind).BATCH
         if self.files:
             low, high = 1, 16  # a height map costs a thousand times a shape
         return max(min(self.size // _BLOCKS, high), low)
@@ -100,16 +107,16 @@ class SweepStudy:
     @property
     def least(self) -> int:
         """How few combinations are worth a batch of their own."""
-        return 1 if self.files else int(KINDS[self.kind].BATCH[0])
+        return 1 if self.files else int(_module(self.kind).BATCH[0])
 
     def unit(self, key: str) -> str:
         """Return the unit of a parameter or of a number that is kept; "" if there is none."""
-        of = KINDS[self.kind]
+        of = _module(self.kind)
         return str(of.NUMBERS[key][0] if key in of.NUMBERS else of.unit_of(key))
 
     def label(self, key: str) -> str:
         """Return what a parameter, or a number that is kept, is called on an axis."""
-        of = KINDS[self.kind]
+        of = _module(self.kind)
         return str(of.NUMBERS[key][1] if key in of.NUMBERS else of.label_of(key))
 
 
@@ -150,7 +157,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
         raise AsperityError(f"title must be a text, got {title!r}")
     for section in ("design", "fixed", "vary"):
         require_table(document.get(section, {}), section)
-    of = KINDS[kind]
+    of = _module(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
     fixed = of.checked(flat(document.get("fixed", {})), "fixed", folder)
     told = flat(document.get("vary", {}), LEAF)
@@ -162,7 +169,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     require_keys(told, "vary", [*of.KEYS, *(k for k in told if k.startswith("bodies."))])
     variations = [_checked(read_variation(key, v, folder), of, folder) for key, v in told.items()]
     if kind == "scene":
-        scene_runs.check_whole(fixed, {v.key: v.extremes for v in variations}, folder)
+        of.check_whole(fixed, {v.key: v.extremes for v in variations}, folder)
         _refuse_unfelt(keep, fixed, told)
     design = read_design(document.get("design", {}), variations, of.INNER)
     named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
@@ -201,6 +208,5 @@ def _checked(variation: Variation, of: ModuleType, folder: Path) -> Variation:
 
 def runner(kind: str, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
     """Return what runs the combinations of a kind of study."""
-    makers: dict[str, Any] = {"drag": drags.Drags, "scene": scene_runs.SceneRuns}
-    made: Runner = makers[kind](fixed, folder, seed)
+    made: Runner = _module(kind).runner(fixed, folder, seed)
     return made
