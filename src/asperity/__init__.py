@@ -43,6 +43,7 @@ _HOME = {
     "Sinusoid": "asperity.geometry.analytic",
     "SnapshotReader": "asperity.servo.snapshot",
     "Trajectory": "asperity.trajectory",
+    "SweepStudy": "asperity.sweeps.study",
     "bake": "asperity.baking.bake",
     "device": "asperity.devices.catalogue",
     "drag": "asperity.dynamics.hand",
@@ -51,9 +52,12 @@ _HOME = {
     "make_scene": "asperity.scene_from_files",
     "measure_stability": "asperity.stability",
     "offset_surface": "asperity.geometry.sampled",
+    "open_sweep": "asperity.sweeps.store",
     "read_heights": "asperity.texture.reading",
     "read_poses": "asperity.trajectory_file",
     "read_recording": "asperity.recording",
+    "read_study": "asperity.sweeps.study",
+    "run_sweep": "asperity.sweeps.run",
     "scene_of": "asperity.scene",
     "self_affine": "asperity.texture.procedural",
 }
@@ -100,6 +104,10 @@ if TYPE_CHECKING:
     from asperity.servo.snapshot import SnapshotReader as SnapshotReader
     from asperity.simulation import Simulation as Simulation
     from asperity.stability import measure_stability as measure_stability
+    from asperity.sweeps.run import run_sweep as run_sweep
+    from asperity.sweeps.store import open_sweep as open_sweep
+    from asperity.sweeps.study import SweepStudy as SweepStudy
+    from asperity.sweeps.study import read_study as read_study
     from asperity.texture.height_field import HeightField as HeightField
     from asperity.texture.procedural import self_affine as self_affine
     from asperity.texture.reading import read_heights as read_heights

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,20 +45,20 @@ class Run:
 
 def run_scene(
     scene: Scene,
-    recording: Path,
+    recording: Path | None,
     *,
     motion: ScriptedMotion | Trajectory | None = None,
     dt: float = 1e-3,
     hand: bool = False,
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
-    """Move the tool along a trajectory; write the recording while it moves.
+    """Move the tool along a trajectory; write the recording, if any, while it moves.
 
     Parameters
     ----------
     scene : Scene
-    recording : Path
-        The file to write; must not exist.
+    recording : Path or None
+        The file to write; must not exist. None writes none.
     motion : ScriptedMotion or Trajectory, optional
         Default: the scene's own.
     dt : float
@@ -81,7 +82,8 @@ def run_scene(
     }  # fmt: skip
     held = simulation.hand(motion) if hand else None
     controller = PassivityController(simulation.dt) if hand else None
-    with RecordingWriter(recording, attributes) as writer:
+    with ExitStack() as stack:
+        writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
 
         def keep(i: int, rollout: Rollout) -> None:
             nonlocal best, largest, written
@@ -89,13 +91,14 @@ def run_scene(
             if across > largest:
                 largest = across
                 best = Moment.of(float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts)
-            if i + 1 - written == _ROWS:
+            if writer and i + 1 - written == _ROWS:
                 writer.add_rows(_rows(rollout, written, i + 1))
                 written = i + 1
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
-        writer.add_rows(_rows(rollout, written, len(rollout.time)))
+        if writer:
+            writer.add_rows(_rows(rollout, written, len(rollout.time)))
     summary = summary_of(scene, _told(motion), rollout) | {
         "coupling": _coupling(simulation),
         "hand": None if controller is None else _energy(controller, rollout),

@@ -24,11 +24,13 @@ from asperity.cli.compare import Compare
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.plot import PlotCommand
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
+from asperity.cli.sweep import SweepCommand
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -50,6 +52,8 @@ class Arguments:
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
+        | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
+        | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Compare, tyro.conf.subcommand("compare")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
@@ -70,8 +74,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout:
                 sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print("asperity: interrupted; nothing was written", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Nobody reads on. Python will flush once more at exit: into nothing.
@@ -120,6 +124,8 @@ def _stopped_by_signals() -> Iterator[None]:
         for number in mine:
             signal.signal(number, interrupt)
         yield
+    except KeyboardInterrupt:
+        raise
     except BaseException:
         # Numba makes a SystemError of an interruption that meets it between two kernels.
         if last > -math.inf:

@@ -11,17 +11,30 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_bars() -> Iterator[Progress]:
-    """Give a display on stderr to which tasks are added; silent where stderr is no terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
+    """Give a display on stderr to which tasks are added; silent where stderr is no terminal.
 
-    columns = (
+    With `remaining` it estimates the time that is left, too.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns: list[ProgressColumn] = [
         TextColumn("{task.description:<28}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-    )
+    ]
+    if remaining:
+        columns += [TextColumn("left"), TimeRemainingColumn()]
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=not console.is_terminal) as display:
         yield display

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -58,6 +58,14 @@ class Sweep:
     def make_surface(self) -> Callable[[float], Surface]:
         """The function from spacing [m] to surface."""
         return surface_maker(self.surface, self.options)
+
+    def held_by(self, hand: Hand, band: tuple[float, float]) -> Sweep:
+        """Return a sweep of another hand and band that shares this one's surfaces and tables."""
+        if (hand, band) == (self.hand, self.band):
+            return self
+        other = replace(self, hand=hand, band=band, _motions={})
+        other.__dict__["make_surface"] = self.make_surface
+        return other
 
     def motion(self, condition: Condition) -> Motion:
         """Return the hand's motion under a condition."""

@@ -1,0 +1,107 @@
+"""A sweep of 10,000 drags on two processes, beside a plain loop over the same drags in one.
+
+    python benchmarks/bench_sweep.py
+
+The plain loop calls the same function for each combination, in the same order, and writes nothing.
+The sweep has a scheduler, two workers of one thread each, and a client that writes the store.
+Both are run by turns; of each the best turn counts, since whatever else runs on the machine only
+adds. Printed are the rate, and the parallel efficiency `T_loop / (2 T_sweep)`:
+
+- running: from the first batch to the last block in the store, workers loaded (the bar: 0.85);
+- the whole command: processes started, packages loaded, store made, and closed again;
+- the processor's time of both, which other programs disturb less than the clock.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+BAR = 0.85
+PAIRS = int(os.environ.get("PAIRS", "3"))
+STUDY = {
+    "schema": 1,
+    "kind": "drag",
+    "vary": {
+        "spacing": {"from": 0.5e-3, "to": 3.5e-3, "count": 40, "scale": "log"},
+        "diameter": {"from": 2e-3, "to": 4e-3, "count": 10},
+        "normal_force": [0.29, 0.4, 0.58, 0.7, 0.87],
+        "speed": [0.042, 0.06, 0.083, 0.12, 0.169],
+    },
+}
+
+
+def loop() -> dict[str, float]:
+    """Run all combinations one after the other, in this process."""
+    from asperity import read_study
+    from asperity.sweeps.study import runner
+
+    study = read_study(STUDY)
+    columns = study.design.columns(range(study.size))
+    runs = runner(study.kind, study.fixed, study.folder, study.design.seed)
+    keys = list(columns)
+    begun = 0.0
+    for i, row in enumerate(zip(*columns.values(), strict=True)):
+        runs.numbers(dict(zip(keys, row, strict=True)), study.keep)
+        if i == 0:
+            begun = time.perf_counter()  # kernels are loaded
+    return {"running": time.perf_counter() - begun, "size": study.size}
+
+
+def sweep() -> dict[str, float]:
+    """Run all combinations on two local workers, into a store."""
+    from asperity import read_study, run_sweep
+
+    with tempfile.TemporaryDirectory() as folder:
+        done = run_sweep(read_study(STUDY), Path(folder) / "a.zarr", workers=2)
+    assert done.done == done.computed == done.total
+    return {"running": done.seconds, "size": done.total}
+
+
+def timed(what: str) -> dict[str, float]:
+    """Run `loop` or `sweep` in a fresh process; return its times [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, __file__, what], capture_output=True, text=True, check=True
+    )
+    whole = time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = sum(getattr(after, n) - getattr(before, n) for n in ("ru_utime", "ru_stime"))
+    return json.loads(done.stdout) | {"whole": whole, "processor": used}
+
+
+def main() -> int:
+    """Run the benchmark; return 1 if the bar is missed."""
+    if len(sys.argv) > 1:
+        print(json.dumps({"loop": loop, "sweep": sweep}[sys.argv[1]]()))
+        return 0
+    turns: dict[str, list[dict[str, float]]] = {"loop": [], "sweep": []}
+    for _ in range(PAIRS):
+        for what, found in turns.items():
+            found.append(timed(what))
+            print(what, {k: round(v, 2) for k, v in found[-1].items()}, flush=True)
+    best = {
+        what: {key: min(turn[key] for turn in found) for key in found[0]}
+        for what, found in turns.items()
+    }
+    size = best["loop"]["size"]
+    running = best["loop"]["running"] / (2.0 * best["sweep"]["running"])
+    whole = best["loop"]["whole"] / (2.0 * best["sweep"]["whole"])
+    processor = best["loop"]["processor"] / best["sweep"]["processor"]
+    print(f"load of the machine: {os.getloadavg()[0]:.1f}; best of {PAIRS} turns of each")
+    for what in turns:
+        print(f"{what}: {size / best[what]['running']:.0f} combinations a second, running")
+    print(f"parallel efficiency, running: {running:.2f} (bar: {BAR})")
+    print(f"the whole commands: {whole:.2f}; by the processor's time: {processor:.2f}")
+    return 0 if running >= BAR else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

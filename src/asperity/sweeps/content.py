@@ -1,0 +1,58 @@
+"""What a combination is, as a text that hashes the same everywhere: seeds and fingerprints."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+_SEEDS = 2**31 - 1
+
+
+def digest(*parts: Any) -> str:
+    """Return 64 hex digits of numbers, texts, lists and tables; the order of keys is no content."""
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def seed_of(*parts: Any) -> int:
+    """Return a seed, 0 to 2^31 - 2, that follows from the content of `parts` alone."""
+    return int(digest(*parts)[:16], 16) % _SEEDS
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files in a folder with their names."""
+    if not path.is_dir():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    files = sorted(file for file in path.rglob("*") if file.is_file())
+    return digest([[file.relative_to(path).as_posix(), file_digest(file)] for file in files])
+
+
+def flat(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") -> dict[str, Any]:
+    """Return nested tables as one with dotted keys.
+
+    A table that has one of the keys `leaf` stays as it is.
+    """
+    out: dict[str, Any] = {}
+    words = set(leaf)
+    for name, value in table.items():
+        key = f"{where}.{name}" if where else name
+        if isinstance(value, Mapping) and value and not words & set(value):
+            out |= flat(value, words, key)
+        else:
+            out[key] = value
+    return out
+
+
+def nested(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with dotted keys as nested tables."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        *path, name = key.split(".")
+        place = out
+        for part in path:
+            place = place.setdefault(part, {})
+        place[name] = value
+    return out
