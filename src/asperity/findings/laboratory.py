@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.hand import Hand, drag
+from asperity.errors import AsperityError
+from asperity.findings.finding import Finding, Verdict
 from asperity.findings.finger import Finger
 from asperity.findings.measures import STILL, Measure, Record, evaluate_all, record_of
 from asperity.findings.plates import Dots, Paper, Plate, Sinusoids
@@ -154,3 +156,11 @@ class Laboratory:
                     tables.append(slope_table(surface, probe, tolerance=tolerance))
             self.tables[key] = tuple(tables)
         return self.tables[key]
+
+
+def judged(finding: Finding, lab: Laboratory, measure: Measure) -> Verdict:
+    """Return the verdict; a hand that cannot be dragged somewhere gives none, and the reason."""
+    try:
+        return finding.judge(lab, measure)
+    except AsperityError as error:
+        return Verdict(None, {}, f"Could not be simulated: {error}.")

@@ -4,8 +4,10 @@ Every hand of a Sobol design drags through every condition once; some 70 metrics
 the same drags. What comes out is a table of yes and no, hand by metric by finding, and everything
 else is counting in it:
 
-- the *choice* is the hand and metric with most findings among those that were not held out; of
-  several, the one whose metric does best over all hands, then whose hand does over all metrics;
+- the *choice* is not the pair that gets most: of thousands of pairs, that one is lucky. It is the
+  metric that gets most on average over all hands, and with it the hand whose neighbourhood in the
+  design (itself and its four nearest) gets most. Findings that are held out do not count;
+- the *most* is the pair that gets most, for comparison;
 - the *bootstrap* draws findings with replacement, chooses again, and looks at how the choice does
   on those that were not drawn;
 - the *profile* of a parameter is the most findings that any design gets in each part of its range.
@@ -37,15 +39,40 @@ HIGHS = (50.0, 100.0, 200.0, 400.0, 800.0)
 """Edges of the bands that are tried [Hz]."""
 WAVE_BANDS = (None, (10.0, 100.0), (20.0, 200.0), (20.0, 400.0), (40.0, 400.0))
 """The bands that are tried with other norms than the RMS, which cost more."""
-OTHER_PLAN = Plan(
-    diameters=(1.5e-3, 2.5e-3, 3.5e-3),
-    forces=(0.2, 0.4, 1.0),
-    speeds=(0.03, 0.06, 0.12),
-    heights=(0.15e-3, 0.3e-3),
-)
-OTHER_DOTS = Dots(height=0.3e-3, diameter=0.6e-3, jitter=0.3, seed=7)
-OTHER_SINUSOIDS = Sinusoids(amplitude=0.06e-3)
-"""Conditions that the choice does not see: other probes, forces, speeds and plates."""
+NEIGHBOURS = 5
+"""Hands in a neighbourhood, the hand itself included."""
+
+
+class Conditions(NamedTuple):
+    """Conditions that the choice does not see."""
+
+    plan: Plan
+    dots: Dots
+    sinusoids: Sinusoids
+
+
+def other_conditions(seed: int) -> Conditions:
+    """Return probes, forces, speeds and plates drawn at random around those of the findings."""
+    rng = np.random.default_rng(seed)
+
+    def levels(low: float, high: float, *steps: float) -> tuple[float, ...]:
+        first = float(rng.uniform(low, high))
+        return tuple(first * step for step in steps)
+
+    height = float(rng.uniform(0.2e-3, 0.5e-3))
+    plan = Plan(
+        diameters=levels(1.4e-3, 2.2e-3, 1.0, 1.5, 2.0),
+        forces=levels(0.15, 0.45, 1.0, 2.0, 3.0),
+        speeds=levels(0.03, 0.06, 1.0, 2.0, 4.0),
+        heights=(0.5 * height, height),
+    )
+    dots = Dots(
+        height=height,
+        diameter=float(rng.uniform(0.3e-3, 0.8e-3)),
+        jitter=float(rng.uniform(0.2, 0.7)),
+        seed=seed,
+    )
+    return Conditions(plan, dots, Sinusoids(float(rng.uniform(0.05e-3, 0.15e-3))))
 
 
 def measures_tried() -> tuple[Measure, ...]:
@@ -89,12 +116,13 @@ def search(
     hands: Sequence[Hand],
     measures: tuple[Measure, ...] | None = None,
     *,
+    findings: Sequence[Finding] | None = None,
     plan: Plan | None = None,
     progress: Callable[[], None] | None = None,
 ) -> Searched:
-    """Judge every finding for every hand and metric; the measured papers are left out."""
+    """Judge findings for every hand and metric; by default all but the measured papers."""
     measures = measures or measures_tried()
-    findings = tuple(f for f in JUDGED_BY_METRIC if f.id != "grit.measured")
+    findings = tuple(findings or (f for f in JUDGED_BY_METRIC if f.id != "grit.measured"))
     tables: Tables = {}
     holds = np.zeros((len(hands), len(measures), len(findings)), dtype=bool)
     failed = []
@@ -119,13 +147,33 @@ class Choice(NamedTuple):
     """Findings that it gets, of those that were counted."""
 
 
-def choose(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> Choice:
-    """Return the design that gets most, findings weighted; ties broken as the module says."""
+def choose(
+    holds: NDArray[np.bool_], weights: NDArray[np.float64], near: NDArray[np.int64]
+) -> Choice:
+    """Return the choice (see the module), findings weighted; `near` as `neighbours` gives it."""
+    counts = holds @ weights
+    measure = int(np.lexsort((counts.max(axis=0), counts.mean(axis=0)))[-1])
+    own = counts[:, measure]
+    hand = int(np.lexsort((own, own[near].mean(axis=1)))[-1])
+    return Choice(hand, measure, round(float(own[hand])))
+
+
+def luckiest(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> Choice:
+    """Return the pair that gets most; of several, the one whose metric does best on average."""
     counts = holds @ weights
     best = np.argwhere(counts >= counts.max() - 1e-9)
-    by_measure, by_hand = counts.mean(axis=0), counts.mean(axis=1)
-    hand, measure = max(best.tolist(), key=lambda at: (by_measure[at[1]], by_hand[at[0]]))
+    by_measure = counts.mean(axis=0)
+    hand, measure = max(best.tolist(), key=lambda at: by_measure[at[1]])
     return Choice(hand, measure, round(float(counts[hand, measure])))
+
+
+def neighbours(hands: Sequence[Hand]) -> NDArray[np.int64]:
+    """Return the hands nearest to each in the logarithms of the parameters, itself first."""
+    low, high = np.log(list(RANGES.values())).T
+    place = np.log([[getattr(hand, name) for name in RANGES] for hand in hands])
+    place = (place - low) / (high - low)
+    away = np.linalg.norm(place[:, None] - place[None], axis=2)
+    return np.argsort(away, axis=1, kind="stable")[:, :NEIGHBOURS]
 
 
 @dataclass
@@ -138,12 +186,15 @@ class Bootstrap:
     """Part of the drawn findings that the choice gets."""
     left_out: list[float]
     """Part of those that were not drawn."""
+    left_out_lucky: list[float] = field(default_factory=list)
+    """The same for the pair that gets most of the drawn ones."""
     left_out_of: dict[str, list[float]] = field(default_factory=dict)
     """The same for fixed designs, by name, on the same findings."""
 
 
 def bootstrap(
     holds: NDArray[np.bool_],
+    near: NDArray[np.int64],
     *,
     rounds: int = 500,
     seed: int = 0,
@@ -154,14 +205,16 @@ def bootstrap(
     `fixed` holds rows of yes and no, one a finding, for designs that are not chosen again.
     """
     rng, n = np.random.default_rng(seed), holds.shape[-1]
-    found = Bootstrap([], [], [], {name: [] for name in fixed or {}})
+    found = Bootstrap([], [], [], [], {name: [] for name in fixed or {}})
     while len(found.choices) < rounds:
         weights = np.bincount(rng.integers(0, n, n), minlength=n).astype(np.float64)
         left = weights == 0.0
         if not left.any():
             continue
-        best = choose(holds, weights)
+        best = choose(holds, weights, near)
         row = holds[best.hand, best.measure]
+        luck = luckiest(holds, weights)
+        found.left_out_lucky.append(float(np.mean(holds[luck.hand, luck.measure][left])))
         found.choices.append((best.hand, best.measure))
         found.drawn.append(float(row @ weights / n))
         found.left_out.append(float(np.mean(row[left])))
