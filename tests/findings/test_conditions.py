@@ -14,7 +14,7 @@ from asperity.perception.claims import evaluate_claims
 from asperity.perception.studies import StudySettings, run_study
 from asperity.texture.procedural import self_affine
 
-PLAN = Plan(spacings=20)
+PLAN = Plan(spacings=12)
 CLAIMS = {
     "diameter.higher": "diameter.peak_higher",
     "diameter.smaller_spacing": "diameter.peak_smaller_spacing",
@@ -56,7 +56,7 @@ def test_a_path_between_dots_is_still(lab):
     plate = Dots(jitter=0.0, rows=2, columns=2, lines=2)
     paths = plate.surfaces(5e-3)
     assert [path.line for path in paths] == [0.0, 1.5 * 5.5e-3]
-    touched, missed = lab.records(plate, 5e-3, PLAN.touch(probe=1e-3))
+    missed, touched = lab.records(plate, 5e-3, PLAN.touch(probe=1e-3))
     assert touched.largest > 0.0
     assert missed is STILL
 

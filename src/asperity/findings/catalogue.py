@@ -115,7 +115,8 @@ _OTHERS: tuple[Finding, ...] = (
         condition=f"2 mm at 0.58 N and 83 mm/s over {_DOTS}",
         criterion="a quadratic fits with R^2 of at least 0.9 and peaks inside the range",
         judge=conditions.probe_alone,
-        caveat="The source's abstract, which was read, has the peak for the small probe only.",
+        caveat="The criterion lets through a curve that levels and does not fall: max u'' passes "
+        "so. The source's abstract, which was read, has the peak for the small probe only.",
     ),
     Finding(
         id="finger.line",
@@ -130,8 +131,9 @@ _OTHERS: tuple[Finding, ...] = (
         "peaks inside, and no line does",
         judge=conditions.finger_and_probe,
         caveat="Weak: the finger has no skin, and roughness by finger is coded in space more "
-        "than in vibration. People's own curves bend too: for low relief Drewing (2016) finds an "
-        "inverted U with the bare finger, and over gratings both flatten.",
+        "than in vibration. Nor is the finding settled: the source's abstract has rising "
+        "functions for finger and probes alike, Drewing (2016) an inverted U with the bare finger "
+        "for low relief, and over gratings both flatten.",
     ),
     Finding(
         id="drop.follows",
@@ -170,7 +172,8 @@ _OTHERS: tuple[Finding, ...] = (
         condition=f"{_THREE} at 0.58 N and 83 mm/s over {_DOTS}; static model: the drop point",
         criterion="every curve peaks inside, over 2 % above its drop point",
         judge=conditions.at_drop_points(criteria.above),
-        caveat="The source's cones, probes and speeds are unknown to us.",
+        caveat="A curve that levels has its top anywhere beyond the drop point: max u'' passes so. "
+        "The source's cones, probes and speeds are unknown to us.",
     ),
     Finding(
         id="static.speed",

@@ -37,7 +37,9 @@ def table_figure(rows: Sequence[Row], columns: Sequence[Column]) -> Figure:
                 axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=8)
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         axis.set_yticks(range(len(rows)), [finding.title for finding, _ in rows])
-        names = [column.measure.name.replace(" acceleration", "\nu''") for column in columns]
+        names = [column.measure.name.replace("acceleration", "u''") for column in columns]
+        # No name is wider than its column.
+        names = [name if len(name) < 11 else "\n".join(name.rsplit(" ", 2)) for name in names]
         names = [
             f"chosen:\n{name}" if column.name == "chosen" else name
             for name, column in zip(names, columns, strict=True)
@@ -135,6 +137,7 @@ def fit_figure(fit: dict[str, Any]) -> Figure:
             axis.axvspan(spread["low"], spread["high"], color="#f2ead2", zorder=0)
             axis.axvline(fit["chosen"][name], color="#333333", lw=1.0, ls="--")
             axis.set(xscale="log", xlabel=f"{name} [{units[name]}]", ylim=(0, fit["counted"] + 0.5))
+            axis.set_yticks(range(0, fit["counted"] + 1, 2))
             if i == 0:
                 axis.set_ylabel(f"most findings, of {fit['counted']}")
                 axis.legend(loc="lower left")
@@ -192,5 +195,6 @@ def _log(axis: Axes) -> None:
     ticks = [t for t in (0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5) if low <= t <= high]
     axis.set_xticks(ticks)
     bottom, top = axis.get_ylim()
-    steps = [a * 10.0**k for k in range(-8, 6) for a in (1, 2, 5)]
+    marks = (1, 2, 5) if top > 20.0 * bottom else (1, 1.5, 2, 3, 5, 7)
+    steps = [a * 10.0**k for k in range(-8, 6) for a in marks]
     axis.set_yticks([t for t in steps if bottom <= t <= top])

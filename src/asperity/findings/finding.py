@@ -32,8 +32,9 @@ class Source:
 
     @property
     def short(self) -> str:
-        """Authors and year."""
-        return f"{self.authors} ({self.year})"
+        """Authors, the first of many, and year."""
+        first, *more = self.authors.split(", ")
+        return f"{first} et al. ({self.year})" if more else f"{self.authors} ({self.year})"
 
 
 class Verdict(NamedTuple):

@@ -85,6 +85,7 @@ def summarise(
         "counted": int(counted.sum()),
         "got": best.count,
         "pairs_as_good": int(np.sum(counts >= best.count)),
+        "hands_as_good": _as_good(hands, counts[:, best.measure] >= best.count),
         "mean_of_metric": float(counts[:, best.measure].mean()),
         "holds": dict(zip(ids, row.tolist(), strict=True)),
         "held_out_findings": {
@@ -106,6 +107,15 @@ def summarise(
         "best_with": {
             name: int(counts[holds[:, :, i]].max(initial=0)) for i, name in enumerate(ids)
         },
+    }
+
+
+def _as_good(hands: Sequence[Hand], good: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return how many hands are as good with the chosen metric, and what they span."""
+    kept = [hand for hand, is_good in zip(hands, good.tolist(), strict=True) if is_good]
+    spans = {name: parameter(kept, name) for name in RANGES}
+    return {"hands": len(kept)} | {
+        name: [float(values.min()), float(values.max())] for name, values in spans.items()
     }
 
 

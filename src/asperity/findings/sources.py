@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from asperity.findings.finding import Source
 
-SEED = Source("Otaduy & Lin", 2004, "A perceptually-inspired force model, section 3.1")
+SEED = Source(
+    "Otaduy & Lin", 2004, "A perceptually-inspired force model for haptic texture rendering"
+)
 FINGER_AND_PROBE = Source(
     "Klatzky & Lederman", 1999, "Perception & Psychophysics 61, 591-607", "10.3758/BF03205532"
 )
 SPEED = Source("Lederman, Klatzky, Hamilton & Ramsay", 1999, "Haptics-e")
-SPEED_RANGES = Source(
-    "Lederman & Klatzky and others",
-    1999,
-    "ASME Dynamic Systems and Control, Perceiving roughness via a rigid probe",
-)
 DIAMETER_AND_FORCE = Source(
     "Lederman, Klatzky, Hamilton & Grindley", 2000, "ASME Dynamic Systems and Control"
 )
@@ -23,7 +20,9 @@ DROP_POINT = Source(
     "Perception & Psychophysics 65(4), 613-631",
 )
 STATIC_MODEL = Source(
-    "Unger, Hollis & Klatzky", 2008, "The geometric model for perceived roughness"
+    "Unger, Hollis & Klatzky",
+    2008,
+    "The geometric model for perceived roughness applies to virtual textures",
 )
 BAND_POWER = Source(
     "Unger, Klatzky & Hollis", 2013, "The physical basis of perceived roughness, IEEE ToH"
