@@ -1,5 +1,7 @@
 """Criteria on made-up curves: each can be met, and each can be missed."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -66,10 +68,10 @@ INSIDE = np.ones(6, dtype=bool)
 
 
 def test_peaks_follow_their_drop_points_or_not():
-    assert criteria.follows(0.8 * DROPS, DROPS, INSIDE).holds
+    assert criteria.follows(0.8 * DROPS, DROPS, INSIDE).holds is True
     assert criteria.follows(0.8 * DROPS, DROPS, INSIDE).measured["slope"] == pytest.approx(1.0)
     assert not criteria.follows(0.8 * DROPS, DROPS, ~INSIDE).holds
-    assert not criteria.follows(np.full(6, 1.5e-3), DROPS, INSIDE).holds
+    assert criteria.follows(np.full(6, 1.5e-3), DROPS, INSIDE).holds is False
     assert not criteria.follows(DROPS[::-1], DROPS, INSIDE).holds
 
 
@@ -112,3 +114,18 @@ def test_one_effect_is_stronger_than_another():
 
 def test_what_was_measured_is_plain_json():
     assert criteria.plain(np.array([[1.0, np.nan], [2.0, np.inf]])) == [[1.0, None], [2.0, None]]
+
+
+def test_a_verdict_is_plain_json_whichever_way_it_comes_out():
+    verdicts = [rule(X, curves) for rule, curves, _ in CASES]
+    for rule in (criteria.follows, criteria.near, criteria.above):
+        verdicts += [rule(0.8 * DROPS, DROPS, INSIDE), rule(DROPS[::-1], DROPS, ~INSIDE)]
+    verdicts += [
+        criteria.rises_then_levels(X, X),
+        criteria.linear_against_quadratic(X, X, hump(1e-3)),
+        criteria.ordered(np.array([[2.0, 1.0]])),
+        criteria.stronger(1.0, 2.0),
+    ]
+    for verdict in verdicts:
+        assert type(verdict.holds) is bool
+        json.dumps(verdict.measured, allow_nan=False)

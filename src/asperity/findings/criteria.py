@@ -122,8 +122,8 @@ def follows(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
     left = float(np.sum((y - slope * x - offset) ** 2))
     r_squared = 1.0 - left / total if total > 0.0 else 0.0
     measured = {"slope": number(slope), "r_squared": number(r_squared), **_against(places, drops)}
-    holds = bool(np.all(inside)) and SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
-    return Verdict(holds, measured)
+    holds = np.all(inside) and SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
+    return Verdict(bool(holds), measured)
 
 
 def near(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
