@@ -144,3 +144,18 @@ def test_interruption_leaves_nothing(capsys, tmp_path, monkeypatch):
 def test_a_demo_needs_its_data_folder(capsys, tmp_path):
     line = refuse(["demo", "--data", str(tmp_path / "nowhere")], capsys, tmp_path)
     assert "nowhere" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        (["--hands", "3"], ["--hands", "power of 2", "got 3"]),
+        (["--spacings", "4"], ["--spacings", "got 4", "between 8 and 200"]),
+        (["--data", "nowhere"], ["no such folder of measured surfaces", "nowhere"]),
+        (["--docs", "nowhere"], ["nowhere", "no images/"]),
+    ],
+)
+def test_bad_options_of_findings(options, names, capsys, tmp_path):
+    line = refuse(["findings", *options], capsys, tmp_path)
+    for name in names:
+        assert name in line

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from asperity.errors import AsperityError, OutputError
+from asperity.errors import OutputError
 
 
 @dataclass
@@ -24,6 +24,7 @@ class Demo:
         import time
 
         start = time.perf_counter()
+        from asperity.cli.files import measured_folder
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.demo import run_demo, steps
         from asperity.output import result_folder, write_whole
@@ -33,7 +34,7 @@ class Demo:
         page = self.out / "report.html"
         if page.exists() and not self.overwrite:
             raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
-        data, settings = self._data(), StudySettings()
+        data, settings = measured_folder(self.data), StudySettings()
         loading = time.perf_counter() - start
         drags, rubs, ticks = steps(settings)
         scenes = _scenes_notice()
@@ -59,14 +60,6 @@ class Demo:
             f"{page}: {held} of {len(results.claims)} claims hold; "
             f"took {time.perf_counter() - start:.1f} s"
         )
-
-    def _data(self) -> Path | None:
-        if self.data is not None:
-            if not self.data.is_dir():
-                raise AsperityError(f"no such folder of measured surfaces: {self.data}")
-            return self.data
-        beside = Path("../shared/data/measured")
-        return beside if beside.is_dir() else None
 
 
 def _scenes_notice() -> str:

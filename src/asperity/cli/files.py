@@ -1,4 +1,4 @@
-"""Opening what earlier commands wrote."""
+"""Finding and opening what commands read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,16 @@ from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+def measured_folder(given: Path | None) -> Path | None:
+    """Return the folder of measured surfaces: the given one, or the usual one where it is."""
+    if given is not None:
+        if not given.is_dir():
+            raise AsperityError(f"no such folder of measured surfaces: {given}")
+        return given
+    beside = Path("../shared/data/measured")
+    return beside if beside.is_dir() else None
 
 
 def open_dataset(path: Path) -> xr.Dataset:

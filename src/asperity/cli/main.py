@@ -24,6 +24,7 @@ from asperity.cli.compare import Compare
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.findings import FindingsCommand
 from asperity.cli.plot import PlotCommand
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
@@ -51,6 +52,7 @@ class Arguments:
         | Annotated[Replay, tyro.conf.subcommand("replay")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
+        | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
         | Annotated[PlotCommand, tyro.conf.subcommand("plot")]

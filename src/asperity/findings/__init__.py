@@ -1,0 +1,1 @@
+"""Published findings about roughness through a probe, as code: what comes out and what not."""
