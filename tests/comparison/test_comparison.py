@@ -63,12 +63,10 @@ def test_a_path_that_meets_nothing_is_refused():
 
 
 def test_following_times_every_tick_and_stops_when_the_budget_is_spent():
-    spring, other = Spring(), Spring()
-    felt = follow(spring, straight(200), beside=(other, straight(200)))
+    spring = Spring()
+    felt = follow(spring, straight(200))
     assert felt.force.shape == (200, 3)
     assert (felt.seconds > 0.0).all()
-    assert felt.beside.shape == (200,)
-    assert other.asked == 200
     assert len(follow(spring, straight(200), budget=0.0).force) == 64
 
 
@@ -102,11 +100,11 @@ def result():
     return compare(scene, chosen(["asperity", "minsky", "low-resolution"]), settings)
 
 
-def test_all_are_pressed_alike_and_timed_in_turn(result):
+def test_all_are_pressed_alike_and_timed(result):
     for row in result.rows:
         assert row.reason is None
-        assert row.felt.force[:, 2].mean() == pytest.approx(result.push, rel=0.05)
-        assert len(row.felt.beside) == len(result.poses)
+        assert row.felt.force[:, 2].mean() == pytest.approx(result.push, rel=0.15)
+        assert row.ratio > 0.0
     rms = {row.method.name: row.band_rms for row in result.rows}
     assert rms["low-resolution"] < 1e-6
     assert rms["asperity"] > 0.01

@@ -80,13 +80,14 @@ def test_a_tick_costs_as_many_times_more_as_there_are_points():
         away = renderer(np.tile([0.0, 0.0, 1.0], (points, 1)), np.tile(DOWN, (points, 1)))
         away.wrench(at(0.0, 0.0, 0.0))
         laps = []
-        for _ in range(30):
-            begun = time.perf_counter()
+        for _ in range(12):
+            begun = time.thread_time()
             away.wrench(at(0.0, 0.0, 0.0))
-            laps.append(time.perf_counter() - begun)
+            laps.append(time.thread_time() - begun)
         return min(laps)
 
-    assert 4.0 < seconds(1_000_000) / seconds(100_000) < 25.0
+    # Both beyond what caches hold.
+    assert 2.0 < seconds(2_400_000) / seconds(600_000) < 8.0
 
 
 def test_layers_count_from_the_surface_inwards():

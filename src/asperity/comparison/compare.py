@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 BAND = (20.0, 200.0)
 """[Hz], which the studies' own metric takes (asperity's)."""
 REFERENCE = METHODS["asperity"]
+_BESIDE = 200
+"""Ticks of asperity that are timed before and after those of a method."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,8 @@ class Row(NamedTuple):
     height: float
     """How far its path lay above asperity's [m]."""
     felt: Felt | None
+    beside: float | None
+    """Median tick of asperity just before and after [s]."""
     spectrum: Spectrum | None
     properties: Properties | None
 
@@ -85,10 +89,10 @@ class Row(NamedTuple):
 
     @property
     def ratio(self) -> float | None:
-        """Median tick over asperity's, asked in turn with it."""
-        if self.felt is None or not len(self.felt.beside):
+        """Median tick over asperity's, on the same machine just before and after."""
+        if self.cost is None or self.beside is None:
             return None
-        return float(np.median(self.felt.seconds) / np.median(self.felt.beside))
+        return self.cost[0] / self.beside
 
     @property
     def band_rms(self) -> float | None:
@@ -182,7 +186,7 @@ def _row(
             progress(f"{method.label}: properties", round(100 * done / STEPS))
 
         properties = measure_properties(method, step)
-    nothing = Row(method, method.can(scene), 0.0, 0.0, None, None, properties)
+    nothing = Row(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
     if nothing.reason is not None:
         return nothing
     begun = time.perf_counter()
@@ -201,10 +205,9 @@ def _row(
         if done % 50 == 0:
             progress(f"{method.label}: ticks", round(100 * done / len(poses)))
 
-    reference.reset()
-    felt = follow(
-        renderer, raised(poses, height), beside=(reference, poses), budget=settings.budget,
-        on_tick=tick,
-    )  # fmt: skip
+    before = follow(reference, poses[:_BESIDE]).seconds
+    felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
+    after = follow(reference, poses[:_BESIDE]).seconds
+    beside = float(np.median(np.concatenate([before, after])))
     spectrum = Spectrum(*force_spectrum(felt.force, settings.dt))
-    return Row(method, None, preparing, height, felt, spectrum, properties)
+    return Row(method, None, preparing, height, felt, beside, spectrum, properties)

@@ -42,8 +42,6 @@ class Felt(NamedTuple):
     """(n,)."""
     seconds: Array
     """Processor time of each tick [s], (n,)."""
-    beside: Array
-    """The same of asperity, asked right after each [s], (n,); empty if it was not."""
 
 
 def raised(poses: Array, height: float) -> Array:
@@ -101,7 +99,6 @@ def follow(
     renderer: Renderer,
     poses: Array,
     *,
-    beside: tuple[Renderer, Array] | None = None,
     budget: float | None = None,
     on_tick: Callable[[], None] = lambda: None,
 ) -> Felt:
@@ -111,9 +108,6 @@ def follow(
     ----------
     renderer : Renderer
     poses : (n, 7) array
-    beside : (Renderer, (n, 7) array), optional
-        Asperity and its path, asked right after every tick, so that both are timed on the same
-        machine at the same moment.
     budget : float, optional
         Stop after so much processor time [s], 64 ticks at least; what was felt is returned.
     on_tick : callable
@@ -125,18 +119,13 @@ def follow(
     for pose in poses[:WARM_UP]:
         renderer.wrench(pose)
     renderer.reset()
-    rows, seconds, others = [], [], []
+    rows, seconds = [], []
     begun = clock()
     for i, pose in enumerate(poses):
         start = clock()
         wrench = renderer.wrench(pose)
         seconds.append(clock() - start)
         rows.append(wrench)
-        if beside is not None:
-            other, path = beside
-            start = clock()
-            other.wrench(path[i])
-            others.append(clock() - start)
         on_tick()
         if budget is not None and i >= 63 and clock() - begun > budget:
             break
@@ -146,7 +135,6 @@ def follow(
         np.array([row.depth for row in rows]),
         np.array([row.contacts for row in rows]),
         np.array(seconds),
-        np.array(others),
     )
 
 

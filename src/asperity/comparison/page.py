@@ -16,7 +16,7 @@ from asperity.trajectory import ScriptedMotion
 FIGURES = {
     "traces": "Force along the motion, a stretch of it; asperity's in grey.",
     "spectra": "Spectra of the tangential force; the band of 20 to 200 Hz is shaded.",
-    "cost": "Cost of a tick over asperity's median, asked in turn with it.",
+    "cost": "Cost of a tick over asperity's median in the same run.",
 }
 """What each figure shows, by name."""
 _COSTS, _PROPERTIES = "What each costs and feels", "Properties, measured"
@@ -80,7 +80,7 @@ def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str
             f"On `{result.scene.name}`, {_motion(result)}. RMS: of the tangential force's change. "
             f"{BAND[0]:g}-{BAND[1]:g} Hz: the part of it in that band. Torque: the largest "
             "standard deviation of a component, about the tool's centre of mass. Times are the "
-            "processor's, of one busy machine; the ratio is of medians of ticks asked in turn.",
+            "processor's, of one busy machine; the ratio is of medians of one run.",
             ["method", *_HEAD],
             [[row.method.label, *columns(row)] for row in able],
         )
