@@ -130,7 +130,7 @@ def _charts(geom: Geom, toward: Array) -> Iterator[Chart]:
         raise AsperityError(f"no reference for geoms of kind {geom.kind!r}")
 
 
-def _covers(geom: Geom, points: Array) -> NDArray[np.bool_]:
+def covers(geom: Geom, points: Array) -> NDArray[np.bool_]:
     """Return which `points` (..., 3) [m], in the body's frame, lie in `geom` or on it."""
     x = (points - geom.position) @ matrix(geom.quaternion)
     size = np.asarray(geom.size, dtype=np.float64) + 1e-12
@@ -225,7 +225,7 @@ class Sheet:
         for other in self.body.geoms:
             if other is not self.geom:
                 # Where geoms of one body meet or overlap, what lies within is no surface of it.
-                shown &= ~_covers(other, base + 1e-9 * w)
+                shown &= ~covers(other, base + 1e-9 * w)
         local, base, w = (np.where(shown[..., None], part, 0.0) for part in (local, base, w))
         if displaced:
             safe = np.where(shown[..., None], w, 1.0)

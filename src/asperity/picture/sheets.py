@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,18 @@ from asperity.picture.view import Sheet, View, coarsened
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
+
+
+class Chart(NamedTuple):
+    """A face of a geom as a grid of points."""
+
+    geom: Geom
+    base: Array
+    """Points of the smooth face in the body's frame [m], (a, b, 3)."""
+    normals: Array
+    """Of the smooth face, unit, (a, b, 3)."""
+    heights: Array
+    """Of the texture [m], (a, b)."""
 
 
 def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
@@ -35,6 +48,15 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
         yield from mesh_sheets(body, pose, view)
         return
     rotation = rotation_of(pose[3:])
+    for chart in body_charts(body, pose, view):
+        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
+        displace(chart.base, chart.normals, chart.heights, rotation, pose[:3], points, normals)
+        yield Sheet(points, normals)
+
+
+def body_charts(body: Body, pose: Array, view: View) -> Iterator[Chart]:
+    """Yield the faces of a body of simple geoms as grids in its frame, as far as in the view."""
+    rotation = rotation_of(pose[3:])
     field = None if body.texture is None else coarsened(body.texture, view.spacing)
     if field is None:
         view = view._replace(samples=max(view.samples // 3, 60))
@@ -50,10 +72,7 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
                 continue
             in_body = base @ turn.T + place
             w_body = w @ turn.T
-            height = _heights(body, field, geom, base, in_body, w_body)
-            points, normals = np.empty(base.shape), np.empty(base.shape)
-            displace(in_body, w_body, height, rotation, pose[:3], points, normals)
-            yield Sheet(points, normals)
+            yield Chart(geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body))
 
 
 def _ahead(view: View, place: Array, normal: Array) -> Array:

@@ -1,0 +1,29 @@
+"""The methods that people compare, behind one interface, by name: `METHODS`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from asperity.errors import require_choice
+from asperity.methods import by_engine
+from asperity.methods.method import Method, MethodWrench, Renderer
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        by_engine.ASPERITY,
+        by_engine.MINSKY,
+        by_engine.HO,
+        by_engine.SIIRA_PAI,
+    )
+}
+"""In the order of tables and figures; asperity's own is the first."""
+
+
+def chosen(names: Iterable[str]) -> list[Method]:
+    """Return methods by name, all if there are none, each once, in the order of `METHODS`."""
+    wanted = {require_choice("method", name, METHODS) for name in names}
+    return [method for name, method in METHODS.items() if not wanted or name in wanted]
+
+
+__all__ = ["METHODS", "Method", "MethodWrench", "Renderer", "chosen"]

@@ -1,0 +1,185 @@
+"""Really displaced surfaces of bodies as points and triangles, at a spacing that is asked for.
+
+What the methods of full detail are given: every point of the smooth surface, moved along its normal
+by the texture's height. Where geoms of one body overlap or meet, what lies inside is no surface of
+it and is left out, so that a plate of sixteen boxes has the same surface as one of one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact.flat import rotation_of
+from asperity.contact.reference_sheets import covers
+from asperity.geometry.bodies import Body, Geom
+from asperity.picture.mesh_sheets import mesh_sheets
+from asperity.picture.raster import displace
+from asperity.picture.sheets import body_charts
+from asperity.picture.view import View
+
+Array = NDArray[np.float64]
+_STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+_FAR = 1.0
+"""Half side of an unbounded plane [m]."""
+_INSIDE = 1e-9
+"""How far out of a face it is asked whether another geom covers it [m]."""
+
+
+class Surface(NamedTuple):
+    """A triangulated surface in its body's frame."""
+
+    points: Array
+    """[m], (n, 3)."""
+    normals: Array
+    """Outwards, unit, (n, 3)."""
+    faces: NDArray[np.int64]
+    """(m, 3)."""
+
+
+def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Surface:
+    """Return a body's surface, with its texture unless `smooth`.
+
+    Parameters
+    ----------
+    body : Body
+        An unbounded plane is cut at a metre from its middle.
+    spacing : float
+        Between points [m], about. Relief finer than this is averaged.
+    smooth : bool
+        Leave the texture out.
+    """
+    if smooth:
+        body = replace(body, texture=None)
+    centre, radius = bounding_ball(body)
+    view = View(centre, 1.01 * radius, max(round(2.02 * radius / spacing), 8))
+    if body.mesh is not None:
+        return _of_mesh(body, view)
+    parts = []
+    if body.texture is None:
+        # Smooth faces are otherwise drawn with a third of the points.
+        view = view._replace(samples=3 * view.samples)
+    for chart in body_charts(body, _STILL, view):
+        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
+        displace(
+            chart.base, chart.normals, chart.heights, np.eye(3), np.zeros(3), points, normals
+        )  # fmt: skip
+        shown = np.ones(chart.base.shape[:2], bool)
+        for other in body.geoms:
+            if other is not chart.geom:
+                shown &= ~covers(other, chart.base + _INSIDE * chart.normals)
+        # The lit normals of `displace` may point either way round; the base's do not.
+        sign = np.sign(np.sum(normals * chart.normals, axis=-1, keepdims=True))
+        parts.append(_of_grid(points, normals * np.where(sign == 0.0, 1.0, sign), shown))
+    return _joined(parts)
+
+
+def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface:
+    """Return a grid of points (a, b, 3) as triangles, but for those that are hidden."""
+    rows, columns = shown.shape
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (i * columns + j).ravel()
+    b, c, d = a + 1, a + columns, a + columns + 1
+    faces = np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)])
+    flat, outwards = points.reshape(-1, 3), normals.reshape(-1, 3)
+    p, q, r = np.moveaxis(flat[faces], 1, 0)
+    inside_out = np.sum(np.cross(q - p, r - p) * outwards[faces].sum(axis=1), axis=1) < 0.0
+    faces[inside_out] = faces[inside_out][:, ::-1]
+    keep = shown.ravel()
+    faces = faces[keep[faces].any(axis=1)]
+    used = np.unique(faces)
+    number = np.zeros(keep.size, np.int64)
+    number[used] = np.arange(len(used))
+    return Surface(flat[used], outwards[used], number[faces])
+
+
+def _of_mesh(body: Body, view: View) -> Surface:
+    parts = []
+    for sheet in mesh_sheets(body, _STILL, view):
+        assert sheet.corners is not None
+        patches, each = sheet.points.shape[:2]
+        first = each * np.arange(patches)[:, None, None]
+        faces = (sheet.corners[None] + first).reshape(-1, 3).astype(np.int64)
+        parts.append(Surface(sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), faces))
+    return _joined(parts)
+
+
+def _joined(parts: list[Surface]) -> Surface:
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    return Surface(
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.faces + k for part, k in zip(parts, first, strict=False)]),
+    )
+
+
+def bounding_ball(body: Body) -> tuple[Array, float]:
+    """Return the middle and radius [m] of a ball round a smooth body, in its frame."""
+    if body.mesh is not None:
+        low, high = body.mesh.vertices.min(axis=0), body.mesh.vertices.max(axis=0)
+    else:
+        boxes = [_box(geom) for geom in body.geoms]
+        low = np.min([a for a, _ in boxes], axis=0)
+        high = np.max([b for _, b in boxes], axis=0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def _box(geom: Geom) -> tuple[Array, Array]:
+    """Return the corners of a box with axes of the body's frame round a geom."""
+    size = np.asarray(geom.size)
+    half = {
+        "plane": np.array([size[0] or _FAR, size[1] or _FAR, 0.0]),
+        "sphere": np.full(3, size[0]),
+        "capsule": np.array([size[0], size[0], size[0] + size[1]]),
+        "cylinder": np.array([size[0], size[0], size[1]]),
+    }.get(geom.kind, size)
+    reach = np.abs(rotation_of(geom.quaternion)) @ half
+    place = np.asarray(geom.position)
+    return place - reach, place + reach
+
+
+def area(surface: Surface) -> float:
+    """Return a surface's area [m^2]."""
+    a, b, c = np.moveaxis(surface.points[surface.faces], 1, 0)
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def smooth_area(body: Body) -> float:
+    """Return about how large the smooth surface of a body is [m^2]."""
+    _, radius = bounding_ball(body)
+    return area(displaced_surface(body, radius / 50.0, smooth=True))
+
+
+def is_unbounded(body: Body) -> bool:
+    """Return whether a body is a plane without end."""
+    return any(geom.kind == "plane" and 0.0 in geom.size[:2] for geom in body.geoms)
+
+
+def finite_reason(body: Body) -> str | None:
+    """Return why a body has no surface of finitely many points, or None."""
+    if body.texture is not None and is_unbounded(body):
+        return f"{body.name} is a textured plane without end, which has no finite surface to sample"
+    return None
+
+
+def spacing_for(body: Body, most: int) -> float:
+    """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
+    return math.sqrt(smooth_area(body) / most)
+
+
+def points_between(surface: Surface, spacing: float) -> Array:
+    """Return points (n, 3) of a surface, none farther than `spacing` [m] from its neighbours."""
+    corners = surface.points[surface.faces]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    pieces = np.maximum(np.ceil(sides / spacing), 1.0).astype(np.int64)
+    out = [surface.points]
+    for n in np.unique(pieces[pieces > 1]):
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        inside = i + j <= n
+        weights = np.stack([n - i - j, i, j], axis=-1)[inside] / n
+        out.append((weights @ corners[pieces == n]).reshape(-1, 3))
+    return np.concatenate(out)

@@ -1,0 +1,82 @@
+"""The compiled loop of the voxmap: tangent-plane forces of all points of a shell."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import kernel
+
+
+@kernel
+def shell_forces(points, normals, turn, shift, centre, codes, corner, size, out):
+    """Fill sums over the points that touch, per unit of stiffness.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) arrays
+        Of the shell, in the tool's frame.
+    turn, shift : (3, 3), (3,) arrays
+        From the tool's frame into that of the voxels.
+    centre : (3,) array
+        About which torques are, in the tool's frame.
+    codes : (x, y, z) array
+        See `Voxmap`; of no voxels: all below z = 0 is inside.
+    corner, size
+        See `Voxmap`.
+    out : (8,) array
+        Force [m], torque [m^2] in the voxels' frame, largest depth [m], number of points.
+    """
+    for k in range(8):
+        out[k] = 0.0
+    middle = np.empty(3)
+    for i in range(3):
+        middle[i] = shift[i]
+        for j in range(3):
+            middle[i] += turn[i, j] * centre[j]
+    flat = codes.size == 0
+    wide, deep, high = codes.shape
+    for n in range(points.shape[0]):
+        a, b, c = points[n, 0], points[n, 1], points[n, 2]
+        z = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c + shift[2]
+        iz = math.floor((z - corner[2]) / size)
+        if flat:
+            # The surface's voxels are those just below 0.
+            if iz >= 0:
+                continue
+            layer = -1.0 - iz
+        elif iz < 0 or iz >= high:
+            continue
+        x = turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c + shift[0]
+        ix = math.floor((x - corner[0]) / size)
+        y = turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c + shift[1]
+        iy = math.floor((y - corner[1]) / size)
+        if not flat:
+            if ix < 0 or ix >= wide or iy < 0 or iy >= deep:
+                continue
+            code = codes[ix, iy, iz]
+            if code == 0:
+                continue
+            layer = code - 1.0
+        a, b, c = normals[n, 0], normals[n, 1], normals[n, 2]
+        mx = turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c
+        my = turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c
+        mz = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c
+        # The tangent plane goes through the voxel's middle, across the point's normal.
+        d = layer * size
+        d += mx * (x - corner[0] - (ix + 0.5) * size)
+        d += my * (y - corner[1] - (iy + 0.5) * size)
+        d += mz * (z - corner[2] - (iz + 0.5) * size)
+        if d <= 0.0:
+            continue
+        fx, fy, fz = -d * mx, -d * my, -d * mz
+        out[0] += fx
+        out[1] += fy
+        out[2] += fz
+        rx, ry, rz = x - middle[0], y - middle[1], z - middle[2]
+        out[3] += ry * fz - rz * fy
+        out[4] += rz * fx - rx * fz
+        out[5] += rx * fy - ry * fx
+        out[6] = max(out[6], d)
+        out[7] += 1.0
