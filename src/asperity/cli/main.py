@@ -23,6 +23,7 @@ from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.fit import Fit
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -48,6 +49,7 @@ class Arguments:
         | Annotated[Replay, tyro.conf.subcommand("replay")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
+        | Annotated[Fit, tyro.conf.subcommand("fit")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]

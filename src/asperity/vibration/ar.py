@@ -123,13 +123,15 @@ def levinson(covariance: Array, count: int = 0) -> Autoregression:
     return Autoregression(a, error, count)
 
 
-def damped(model: Autoregression, rate: float, bandwidth: float) -> Autoregression:
-    """Return the model with no resonance narrower than `bandwidth` [Hz], of the same power.
+def damped(model: Autoregression, power: float, rate: float, bandwidth: float) -> Autoregression:
+    """Return the model with no resonance narrower than `bandwidth` [Hz], and of a given power.
 
     A texture that repeats exactly has lines for a spectrum. An AR model of it has poles as good as
     on the unit circle: its level would wander for seconds, and no interpolation would be safe. All
     poles are drawn inwards (the bandwidth expansion of speech coding: `a_i g^i`) as far as the
     outermost needs it.
+
+    `power` is that of the signal: of a model that close to the circle it cannot be computed.
     """
     a = model.coefficients
     if a.size < 2:
@@ -138,6 +140,5 @@ def damped(model: Autoregression, rate: float, bandwidth: float) -> Autoregressi
     allowed = math.exp(-math.pi * bandwidth / rate)
     if outermost <= allowed:
         return model
-    power = model.variance * power_gain(a)
     narrowed = a * (allowed / outermost) ** np.arange(a.size)
     return Autoregression(narrowed, power / power_gain(narrowed), model.count)

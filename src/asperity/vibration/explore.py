@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,3 +108,11 @@ def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
         return 0, 0
     longest = int(np.argmax(ends - begins))
     return int(begins[longest]), int(ends[longest])
+
+
+def geometric_means(values: Sequence[float]) -> list[float]:
+    """Return the geometric means of neighbours; of one value, that value."""
+    ordered = sorted(values)
+    if len(ordered) == 1:
+        return ordered
+    return [float(np.sqrt(a * b)) for a, b in pairwise(ordered)]

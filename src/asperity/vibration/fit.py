@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ class FitSettings:
 
     order: int | None = None
     criterion: str = "bic"
-    highest: int = 40
+    highest: int = 20
     bandwidth: float = 4.0
     shortest: float = 0.15
     longest: float = 1.0
@@ -134,7 +135,7 @@ def stretches_of(exploration: Exploration, settings: FitSettings) -> tuple[list[
             exploration.vibration[begin:end], order=_SEGMENT_ORDER, block=round(_BLOCK * rate),
             shortest=shortest, longest=int(settings.longest * rate),
         )  # fmt: skip
-        for first, last in zip(places[:-1], places[1:], strict=True):
+        for first, last in pairwise(places):
             a, b = int(begin) + first, int(begin) + last
             speed, force = exploration.speed[a:b], exploration.force[a:b]
             mean_speed, mean_force = float(speed.mean()), float(force.mean())
@@ -142,9 +143,7 @@ def stretches_of(exploration: Exploration, settings: FitSettings) -> tuple[list[
                 dropped += 1
                 continue
             part = exploration.vibration[a:b]
-            found.append(
-                Stretch(exploration, a, b, mean_speed, mean_force, part - part.mean())
-            )
+            found.append(Stretch(exploration, a, b, mean_speed, mean_force, part - part.mean()))
     return found, dropped
 
 
@@ -161,7 +160,7 @@ def fit(
     """
     settings = FitSettings() if settings is None else settings
     rates = sorted({round(one.rate, 6) for one in explorations})
-    if len(rates) != 1:
+    if len(rates) > 1:
         raise AsperityError(f"runs at different rates cannot be one model: {rates} Hz")
     stretches, dropped = [], 0
     for one in explorations:
@@ -185,13 +184,15 @@ def fit(
             f"no stretch of {settings.shortest:g} s or more in which a tool slides evenly in "
             f"contact ({dropped} left out): record longer, at steadier speeds and forces"
         )
-    members = [[s for s, g in zip(stretches, groups, strict=True) if g == k] for k in range(len(kept))]
-    ladders = [burg([s.vibration for s in group], highest) for group in members]
-    scores = np.sum([[criterion(m, settings.criterion) for m in l] for l in ladders], axis=0)
+    members: list[list[Stretch]] = [[] for _ in kept]
+    for stretch, group in zip(stretches, groups, strict=True):
+        members[group].append(stretch)
+    ladders = [burg([s.vibration for s in own], highest) for own in members]
+    scores = np.sum([[criterion(m, settings.criterion) for m in one] for one in ladders], axis=0)
     order = settings.order or max(int(np.argmin(scores)), 1)
     rate = rates[0]
     model = _assembled(
-        [damped(ladder[order], rate, settings.bandwidth) for ladder in ladders], members,
+        [damped(one[order], one[0].variance, rate, settings.bandwidth) for one in ladders], members,
         rate=rate, friction=_friction(stretches), name=name,
     )  # fmt: skip
     return Fitted(model, stretches, groups, len(kept), np.asarray(scores), dropped)
@@ -241,10 +242,10 @@ def _assembled(
         away = np.linalg.norm(places[: len(filters)] - place, axis=1)
         nearest = int(np.argmin(away))
         silent = 0.0 in place
-        if not silent and away[nearest] < 0.5 / (_RIM - 1):
-            # A model stands close by; the corner alone is needed to close the plane.
-            if place != (1.0, 1.0) or away[nearest] == 0.0:
-                continue
+        close = away[nearest] < 0.5 / (_RIM - 1)
+        # Where a model stands close by, the corner alone is needed to close the plane.
+        if not silent and close and (place != (1.0, 1.0) or away[nearest] == 0.0):
+            continue
         places = np.vstack([places, place])
         lsf = np.vstack([lsf, lsf[nearest]])
         variance = np.append(variance, 0.0 if silent else variance[nearest])

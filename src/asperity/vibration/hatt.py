@@ -133,9 +133,7 @@ def _number(parent: Element, tag: str, where: str = "", default: float | None = 
     return value
 
 
-def _count(
-    parent: Element, tag: str, low: int, high: int, *, default: float | None = None
-) -> int:
+def _count(parent: Element, tag: str, low: int, high: int, *, default: float | None = None) -> int:
     value = _number(parent, tag, default=default)
     if value != int(value) or not low <= value <= high:
         raise AsperityError(f"<{tag}> must be a whole number from {low} to {high}, got {value:g}")
@@ -195,7 +193,7 @@ def write_hatt(model: TextureModel, path: str | Path) -> None:
         for value in values.tolist():
             put(holder, "value", value)
 
-    put(root, "material", model.name)
+    put(root, "material", "".join(c for c in model.name if c.isprintable()) or "texture")
     for tag, unit in _UNITS.items():
         put(root, tag, unit)
     put(root, "SampleRate", float(model.rate))

@@ -46,7 +46,7 @@ def cuts(
     most = count if longest is None else max(math.ceil(longest / block), 2 * least)
     if count < 2 * least:
         return [0, n]
-    sums = _lag_sums(signal, order, block, count)
+    upto, after = _lag_sums(signal, order, block, count)
     ends = np.arange(1, count + 1)
     best = np.full(count + 1, np.inf)
     best[0] = 0.0
@@ -59,8 +59,9 @@ def cuts(
         if not starts.size:
             continue
         length = sizes[end - 1] - starts * block
-        power = _residual((sums[end] - sums[starts]) / length[:, None])
-        cost = best[starts] + math.log(n) + math.log(max(order, 1)) + 0.5 * (order + 2) * np.log(length)
+        power = _residual((upto[end] - after[starts]) / length[:, None])
+        cost = best[starts] + math.log(n * max(order, 1))
+        cost += 0.5 * (order + 2) * np.log(length)
         cost += 0.5 * length * np.log(2.0 * math.pi * power)
         place = int(np.argmin(cost))
         best[end], before[end] = cost[place], starts[place]
@@ -71,22 +72,27 @@ def cuts(
     return out[::-1]
 
 
-def _lag_sums(signal: Array, order: int, block: int, count: int) -> Array:
-    """Return sums (count + 1, order + 1) of products at each lag up to the end of each block."""
-    out = np.zeros((count + 1, order + 1))
-    n = signal.size
+def _lag_sums(signal: Array, order: int, block: int, count: int) -> tuple[Array, Array]:
+    """Return sums (count + 1, order + 1) of products at each lag up to the end of each block.
+
+    The second leaves out what reaches back over its beginning: less those, a stretch's sums are
+    those of the stretch alone, and so make a sound autocovariance.
+    """
+    ends = np.append(np.arange(count) * block, signal.size)
+    upto, after = np.zeros((count + 1, order + 1)), np.zeros((count + 1, order + 1))
     for lag in range(order + 1):
-        products = np.zeros(n)
-        products[lag:] = signal[lag:] * signal[: n - lag]
-        running = np.concatenate([[0.0], np.cumsum(products)])
-        out[1:, lag] = running[np.append(np.arange(1, count) * block, n)]
-    return out
+        products = np.zeros(signal.size + 1)
+        products[lag + 1 :] = signal[lag:] * signal[: signal.size - lag]
+        running = np.cumsum(products)
+        upto[:, lag] = running[ends]
+        after[:, lag] = running[np.minimum(ends + lag, signal.size)]
+    return upto, after
 
 
 def _residual(covariance: Array) -> Array:
     """Return the variance (k,) that AR models of autocovariances (k, p + 1) leave: Levinson."""
     k, width = covariance.shape
-    # What crosses a cut can make a stretch's covariance not positive; a floor keeps it sound.
+    # A stretch of silence, or of one tone, leaves nothing: a floor keeps it sound.
     error = covariance[:, 0] * (1.0 + 1e-9) + 1e-300
     floor = 1e-12 * error
     a = np.zeros((k, width))

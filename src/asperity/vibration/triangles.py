@@ -53,7 +53,7 @@ def triangulated(
             triangles = Delaunay(places).simplices.astype(np.int64)
         except (QhullError, ValueError):
             triangles = np.empty((0, 3), np.int64)
-    if triangles.size and not (0 <= triangles.min() and triangles.max() < len(places)):
+    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(places)):
         raise AsperityError(
             f"a triangle names model {int(triangles.max()) + 1}; valid: 1 to {len(places)}"
         )
@@ -96,7 +96,9 @@ def weigh(mesh, speed, force, first, corners, weights):  # type: ignore[no-untyp
         if a >= -1e-12 and b >= -1e-12 and c >= -1e-12:
             for k in range(3):
                 corners[k] = mesh.triangles[t, k]
-            weights[0], weights[1], weights[2] = a, b, c
+            a, b, c = max(a, 0.0), max(b, 0.0), max(c, 0.0)
+            whole = a + b + c
+            weights[0], weights[1], weights[2] = a / whole, b / whole, c / whole
             return t
     nearest = np.inf
     for i in range(mesh.rim.shape[0]):
