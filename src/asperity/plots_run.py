@@ -77,17 +77,29 @@ def tangential_spectrum(run: Rollout) -> tuple[Array, Array]:
     Tangential is across the mean force. Both its components count, as the root of the sum of
     their squares; a Hann window, scaled so that a sine shows its amplitude.
     """
-    force = run.contact_wrench[:, :3][run.contact_count > 0]
+    step = float(run.time[1] - run.time[0]) if len(run.time) > 1 else 1.0
+    return force_spectrum(run.contact_wrench[:, :3][run.contact_count > 0], step)
+
+
+def force_spectrum(force: Array, dt: float) -> tuple[Array, Array]:
+    """Return frequencies [Hz] and the amplitude of the tangential part of forces (n, 3) [N].
+
+    As `tangential_spectrum`; `dt` is the tick [s].
+    """
     if len(force) < 8:
         return np.zeros(1), np.zeros(1)
-    mean = force.mean(axis=0)
-    n = mean / max(float(np.linalg.norm(mean)), 1e-300)
-    tangential = force - np.outer(force @ n, n)
+    tangential = across_mean(force)
     window = np.hanning(len(force) + 1)[:-1]
     parts = np.fft.rfft((tangential - tangential.mean(axis=0)) * window[:, None], axis=0)
     amplitude = 2.0 * np.sqrt((np.abs(parts) ** 2).sum(axis=1)) / window.sum()
-    step = float(run.time[1] - run.time[0])
-    return np.asarray(np.fft.rfftfreq(len(force), step)), np.asarray(amplitude)
+    return np.asarray(np.fft.rfftfreq(len(force), dt)), np.asarray(amplitude)
+
+
+def across_mean(force: Array) -> Array:
+    """Return the part of forces (n, 3) across their mean."""
+    mean = force.mean(axis=0)
+    n = mean / max(float(np.linalg.norm(mean)), 1e-300)
+    return np.asarray(force - np.outer(force @ n, n))
 
 
 def spectrum_figure(run: Rollout, title: str) -> Figure:

@@ -291,20 +291,23 @@ def measure_symptoms(
         )
         rollout = simulation.rollout(motion, hand=simulation.hand(motion))
         force, moved = rollout.device_wrench[401:, :3], rollout.handle_pose[401:, :3]
-        change = force - force.mean(axis=0)
-        window = np.hanning(len(change))[:, None]
-        lines = np.abs(np.fft.rfft(change * window / np.sqrt(np.mean(window**2)), axis=0))
-        frequencies = np.fft.rfftfreq(len(change), simulation.dt)
-        power = 2.0 * (lines**2).sum(axis=1) / len(change) ** 2
-        worst.append(
-            (
-                float(np.sqrt(power[frequencies > BUZZING].sum())),
-                float(np.sqrt(power[frequencies < ALIVENESS].sum())),
-                float(np.linalg.norm(force, axis=1).mean()),
-                float(np.ptp(moved, axis=0).max()),
-            )
-        )
+        worst.append(symptoms_of(force, moved, simulation.dt))
     return Symptoms(*np.max(worst, axis=0).tolist())
+
+
+def symptoms_of(force: NDArray[np.float64], moved: NDArray[np.float64], dt: float) -> Symptoms:
+    """Return what a hand that wants to be still feels, from forces and its places (n, 3)."""
+    change = force - force.mean(axis=0)
+    window = np.hanning(len(change))[:, None]
+    lines = np.abs(np.fft.rfft(change * window / np.sqrt(np.mean(window**2)), axis=0))
+    frequencies = np.fft.rfftfreq(len(change), dt)
+    power = 2.0 * (lines**2).sum(axis=1) / len(change) ** 2
+    return Symptoms(
+        float(np.sqrt(power[frequencies > BUZZING].sum())),
+        float(np.sqrt(power[frequencies < ALIVENESS].sum())),
+        float(np.linalg.norm(force, axis=1).mean()),
+        float(np.ptp(moved, axis=0).max()),
+    )
 
 
 def summary(result: Stability, scene: Scene) -> dict[str, Any]:

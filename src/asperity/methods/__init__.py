@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from asperity.errors import require_choice
-from asperity.methods import by_engine
+from asperity.methods import by_engine, contact_levels, full_meshes, voxmap
 from asperity.methods.method import Method, MethodWrench, Renderer
 
 METHODS: dict[str, Method] = {
@@ -15,6 +15,11 @@ METHODS: dict[str, Method] = {
         by_engine.MINSKY,
         by_engine.HO,
         by_engine.SIIRA_PAI,
+        voxmap.FULL,
+        voxmap.LOW,
+        contact_levels.CONTACT_LEVELS,
+        contact_levels.LOW_RESOLUTION,
+        full_meshes.FULL_MESHES,
     )
 }
 """In the order of tables and figures; asperity's own is the first."""

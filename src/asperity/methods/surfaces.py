@@ -8,6 +8,7 @@ it and is left out, so that a plate of sixteen boxes has the same surface as one
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from asperity.contact.reference_sheets import covers
 from asperity.geometry.bodies import Body, Geom
 from asperity.picture.mesh_sheets import mesh_sheets
 from asperity.picture.raster import displace
-from asperity.picture.sheets import body_charts
+from asperity.picture.sheets import Chart, body_charts
 from asperity.picture.view import View
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ _FAR = 1.0
 """Half side of an unbounded plane [m]."""
 _INSIDE = 1e-9
 """How far out of a face it is asked whether another geom covers it [m]."""
+_BESIDE = 1e-6
+"""How far beyond a border it is asked whether another geom goes on there [m]."""
 
 
 class Surface(NamedTuple):
@@ -75,7 +78,40 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Su
         # The lit normals of `displace` may point either way round; the base's do not.
         sign = np.sign(np.sum(normals * chart.normals, axis=-1, keepdims=True))
         parts.append(_of_grid(points, normals * np.where(sign == 0.0, 1.0, sign), shown))
+        if body.texture is not None:
+            parts += _skirts(body, chart, points, shown)
     return _joined(parts)
+
+
+def _skirts(
+    body: Body, chart: Chart, points: Array, shown: NDArray[np.bool_]
+) -> Iterator[Surface]:  # fmt: skip
+    """Yield strips from the borders of a displaced face down to its base.
+
+    Where two faces meet at an edge, each is displaced its own way and the surface opens. Their
+    bases meet, so that these strips close it. Where a face goes on as that of another geom, or
+    comes round to itself, it is not open.
+    """
+    base, w = chart.base, chart.normals
+    sides = [(base[i], base[j], points[i], w[i], shown[i]) for i, j in ((0, 1), (-1, -2))]
+    sides += [
+        (base[:, i], base[:, j], points[:, i], w[:, i], shown[:, i]) for i, j in ((0, 1), (-1, -2))
+    ]
+    for k, (low, inner, high, out, there) in enumerate(sides):
+        opposite = sides[k ^ 1][0]
+        if np.allclose(low, opposite, atol=1e-9) or np.ptp(low, axis=0).max() < 1e-9:
+            continue
+        beyond = low - inner
+        beyond /= np.maximum(np.linalg.norm(beyond, axis=1, keepdims=True), 1e-12)
+        near = low + _BESIDE * (beyond - out)
+        open_here = there.copy()
+        for other in body.geoms:
+            if other is not chart.geom:
+                open_here &= ~covers(other, near)
+        strip = np.stack([low, high])
+        surface = _of_grid(strip, np.broadcast_to(beyond, strip.shape), np.stack([open_here] * 2))
+        if len(surface.faces):
+            yield surface
 
 
 def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface:
@@ -91,9 +127,9 @@ def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface
     faces[inside_out] = faces[inside_out][:, ::-1]
     keep = shown.ravel()
     faces = faces[keep[faces].any(axis=1)]
-    used = np.unique(faces)
-    number = np.zeros(keep.size, np.int64)
-    number[used] = np.arange(len(used))
+    used = np.zeros(keep.size, bool)
+    used[faces] = True
+    number = np.cumsum(used) - 1
     return Surface(flat[used], outwards[used], number[faces])
 
 
@@ -168,7 +204,8 @@ def finite_reason(body: Body) -> str | None:
 
 def spacing_for(body: Body, most: int) -> float:
     """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
-    return math.sqrt(smooth_area(body) / most)
+    # Triangles of a mesh are divided one by one, each into more than it needs.
+    return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
 
 
 def points_between(surface: Surface, spacing: float) -> Array:

@@ -1,4 +1,4 @@
-"""The compiled loop of the voxmap: tangent-plane forces of all points of a shell."""
+"""The compiled loops of the voxmap: its layers, and the tangent-plane forces of a shell."""
 
 from __future__ import annotations
 
@@ -7,6 +7,48 @@ import math
 import numpy as np
 
 from asperity.compiled import kernel
+
+_DEEPEST = 254
+
+
+@kernel
+def number_layers(inside, codes):
+    """Fill `codes` where `inside` with 1 + the distance to the nearest voxel that is not, whole.
+
+    Two sweeps over the neighbours (Borgefors 1986), with steps of 1, sqrt 2 and sqrt 3: off the
+    Euclidean distance by 8 % at most.
+    """
+    wide, deep, high = inside.shape
+    away = np.zeros(inside.shape, np.float32)
+    steps = (0.0, 1.0, math.sqrt(2.0), math.sqrt(3.0))
+    for sweep in range(2):
+        sign = 1 if sweep == 0 else -1
+        for a in range(wide):
+            i = a if sweep == 0 else wide - 1 - a
+            for b in range(deep):
+                j = b if sweep == 0 else deep - 1 - b
+                for c in range(high):
+                    k = c if sweep == 0 else high - 1 - c
+                    if not inside[i, j, k]:
+                        continue
+                    best = away[i, j, k] if sweep == 1 else np.float32(1e9)
+                    for di in range(-1, 1):
+                        for dj in range(-1, 2):
+                            if di == 0 and dj > 0:
+                                break
+                            for dk in range(-1, 2):
+                                if di == 0 and dj == 0 and dk >= 0:
+                                    break
+                                # Inside never reaches the grid's border.
+                                near = away[i + sign * di, j + sign * dj, k + sign * dk]
+                                far = steps[abs(di) + abs(dj) + abs(dk)]
+                                best = min(best, near + np.float32(far))
+                    away[i, j, k] = best
+    for i in range(wide):
+        for j in range(deep):
+            for k in range(high):
+                if inside[i, j, k]:
+                    codes[i, j, k] = 1 + min(int(away[i, j, k] + 0.5), _DEEPEST)
 
 
 @kernel

@@ -9,13 +9,13 @@ goes through c, perpendicular to m, and
     d = (p - c) . m + l s,    F = - K d m   where d > 0,    T = (p - centre of mass) x F,
 
 s being the side of a voxel. Forces are summed over points; beyond ten of them the sum is scaled by
-10 / N, so that stiffness grows with the number of points up to ten and no further. So K is a tenth
-of the scene's stiffness: a contact of many points has the scene's.
+10 / N, so that stiffness grows with the number of points up to ten and no further. K is the scene's
+stiffness.
 
 As quoted from memory and by other work; the paper itself was not at hand. What is ours: the term
 `l s`, since the paper's tool never gets below the surface's layer (its virtual coupling and its
 braking before contact see to that), while the poses compared here are as deep as the scene's
-stiffness asks; layers by Euclidean distance; shell points on the surface itself, one for each
+stiffness asks; layers by nearly Euclidean distance; shell points on the surface itself, one for each
 voxel that it meets, instead of at those voxels' middles.
 
 *Full detail*: shell and voxmap are made of the displaced surfaces, with voxels as small as the
@@ -46,7 +46,7 @@ from asperity.methods.surfaces import (
     points_between,
     spacing_for,
 )
-from asperity.methods.voxel_points import shell_forces
+from asperity.methods.voxel_points import number_layers, shell_forces
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
@@ -103,8 +103,7 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
         )
     codes = np.zeros(shell.shape, np.uint8)
     codes[shell] = 1
-    layers = ndimage.distance_transform_edt(inside)[inside]
-    codes[inside] = 1 + np.minimum(np.rint(layers), 254.0).astype(np.uint8)
+    number_layers(inside, codes)
     return Voxmap(codes, corner, size)
 
 
@@ -139,11 +138,14 @@ class VoxmapRenderer:
         self.shell, self.maps = shell, maps
         self._centre, self._stiffness = centre, stiffness
         self._sums = np.zeros(8)
+        self.touching: list[int] = []
+        """How many points touch each body at the last pose."""
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         rotation = rotation_of(pose[3:])
-        force, torque, deepest, touching = np.zeros(3), np.zeros(3), 0.0, 0
+        force, torque, deepest = np.zeros(3), np.zeros(3), 0.0
+        self.touching = []
         for grid, there in self.maps:
             turn = there.rotation.T @ rotation
             shift = there.rotation.T @ (pose[:3] - there.position)
@@ -154,7 +156,8 @@ class VoxmapRenderer:
             force += there.rotation @ self._sums[:3]
             torque += there.rotation @ self._sums[3:6]
             deepest = max(deepest, float(self._sums[6]))
-            touching += int(self._sums[7])
+            self.touching.append(int(self._sums[7]))
+        touching = sum(self.touching)
         if touching == 0:
             return NOTHING
         scale = self._stiffness * min(1.0, SUMMED / touching)
@@ -206,7 +209,7 @@ class VoxmapMethod:
         pitch = max(size, spacing_for(bodies.tool, self.points))
         surface = displaced_surface(bodies.tool, 0.5 * pitch, smooth=self.smooth)
         shell = pointshell(surface, pitch)
-        return VoxmapRenderer(shell, maps, bodies.centre, scene.force.stiffness / SUMMED)
+        return VoxmapRenderer(shell, maps, bodies.centre, scene.force.stiffness)
 
     def voxel_size(self, scene: Scene) -> float:
         """Return the side of a voxel [m]: fine enough for the textures, or what fits."""
@@ -249,6 +252,6 @@ LOW = VoxmapMethod(
     "voxmap, low detail",
     "As at full detail, of surfaces without their textures: what was affordable in 1999.",
     smooth=True,
-    voxels=1_000_000,
+    voxels=200_000,
     points=5_000,
 )

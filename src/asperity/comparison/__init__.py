@@ -1,0 +1,1 @@
+"""Methods of rendering side by side: the same motion, and properties measured one by one."""
