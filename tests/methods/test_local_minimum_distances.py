@@ -15,7 +15,7 @@ K = 400.0
 
 def ball(radius, spacing=None):
     body = Body("ball", [Geom("sphere", [radius])])
-    return tree_of(displaced_surface(body, spacing or radius / 12, smooth=True))
+    return tree_of(displaced_surface(body, spacing or radius / 10, smooth=True))
 
 
 def wavy_plate(amplitude, wave, spacing):
@@ -37,7 +37,7 @@ def pose(x, y, z):
 
 def test_two_balls_have_one():
     pair = renderer(ball(2e-3), ball(3e-3), 2e-3)
-    for way in np.random.default_rng(0).standard_normal((6, 3)):
+    for way in np.random.default_rng(0).standard_normal((4, 3)):
         n = way / np.linalg.norm(way)
         points, distances = pair.minima(pose(*(6e-3 * n)))
         assert len(distances) == 1
@@ -50,7 +50,7 @@ def test_two_balls_have_one():
 def test_force_grows_from_nothing_and_never_jumps():
     pair = renderer(ball(2e-3), ball(3e-3), 1e-3)
     n = np.array([0.36, 0.48, 0.8])
-    distances = np.linspace(7e-3, 5.02e-3, 200)
+    distances = np.linspace(7e-3, 5.05e-3, 80)
     forces = np.array([pair.wrench(pose(*(d * n))).force for d in distances])
     size = np.linalg.norm(forces, axis=1)
     expected = K * np.maximum(1e-3 - (distances - 5e-3), 0.0)
@@ -93,11 +93,11 @@ def crest_of(tree, wave):
 
 
 def test_cones_lose_nothing_and_save_much():
-    one, other = ball(1e-3), wavy_plate(0.15e-3, 2e-3, 0.15e-3)
+    one, other = ball(1e-3, 0.15e-3), wavy_plate(0.15e-3, 2e-3, 0.25e-3)
     blind = [tree._replace(angles=np.full_like(tree.angles, np.pi)) for tree in (one, other)]
     rng = np.random.default_rng(1)
     looked = {True: np.zeros(2, np.int64), False: np.zeros(2, np.int64)}
-    for _ in range(4):
+    for _ in range(2):
         shift = np.array([*rng.uniform(-1e-3, 1e-3, 2), rng.uniform(2.3e-3, 2.6e-3)])
         found = {}
         for with_cones, (a, b) in ((True, (one, other)), (False, blind)):
@@ -112,4 +112,7 @@ def test_cones_lose_nothing_and_save_much():
 def test_surfaces_that_cross_push_with_all_their_stand_off():
     pair = renderer(ball(1e-3, 0.1e-3), wavy_plate(1e-6, 2e-3, 0.15e-3), 0.5e-3, merged=3e-3)
     felt = pair.wrench(pose(0.0, 0.0, 1.9e-3))
-    assert felt.force[2] == pytest.approx(K * 0.5e-3, rel=0.2)
+    assert felt.force[2] == pytest.approx(K * 0.5e-3, rel=0.02)
+    # Just before they touch it is nearly as much.
+    before = pair.wrench(pose(0.0, 0.0, 2.01e-3))
+    assert before.force[2] == pytest.approx(K * 0.49e-3, rel=0.05)

@@ -16,7 +16,8 @@ def test_crests_widen_by_the_radius_and_troughs_narrow():
     # Okamura & Cutkosky: a bump of radius rho is traced with rho + r, a trough with rho - r.
     amplitude, wave, r = 0.1e-3, 10e-3, 1.0e-3
     rho = 1.0 / (amplitude * (2 * np.pi / wave) ** 2)
-    plate = Body("plate", [Geom("box", [0.02, 0.02, 2e-3])], sinusoid(wavelength=wave, amplitude=amplitude))
+    texture = sinusoid(wavelength=wave, amplitude=amplitude)
+    plate = Body("plate", [Geom("box", [0.02, 0.02, 2e-3])], texture)
     surface = OffsetSurface(plate, r)
     x = np.linspace(0.0, wave, 401)
     traced = np.array([surface.at(u, 0.0) for u in x])

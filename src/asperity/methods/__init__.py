@@ -12,6 +12,7 @@ from asperity.methods import (
     full_meshes,
     local_minimum_distances,
     offset_sphere,
+    recorded_vibration,
     voxmap,
 )
 from asperity.methods.method import Method, MethodWrench, Renderer
@@ -32,6 +33,7 @@ METHODS: dict[str, Method] = {
         convex_pieces.CONVEX_PIECES,
         local_minimum_distances.LOW,
         local_minimum_distances.DETAIL,
+        recorded_vibration.RECORDED_VIBRATION,
     )
 }
 """In the order of tables and figures; asperity's own is the first."""

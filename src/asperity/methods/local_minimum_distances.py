@@ -29,7 +29,7 @@ from asperity.contact.flat import rotation_of
 from asperity.errors import require_positive
 from asperity.geometry.bodies import Body
 from asperity.methods.method import NOTHING, MethodWrench
-from asperity.methods.normal_cones import Tree, local_minima, tree_of
+from asperity.methods.normal_cones import Tree, crossing, local_minima, tree_of
 from asperity.methods.placed import Standing, placed, require
 from asperity.methods.surfaces import displaced_surface, finite_reason, is_unbounded, spacing_for
 from asperity.scene import Scene
@@ -66,6 +66,7 @@ class LmdRenderer:
         self._centre, self._stiffness = centre, stiffness
         self._stand_off, self._merged = stand_off, merged
         self._points, self._distances = np.empty((_MOST, 3, 3)), np.empty(_MOST)
+        self._crossing = np.empty((2, 3))
         self.looked = np.zeros(2, np.int64)
         """Pairs of nodes and of triangles that were looked at so far."""
 
@@ -77,7 +78,7 @@ class LmdRenderer:
         """Return the local minima at a pose (7,), the nearest first.
 
         Points (n, 3, 3), on the tool, on the body, and the unit direction from there to the tool,
-        world axes; and distances (n,) [m].
+        world axes; and distances (n,) [m]. Surfaces that cross are one more, at distance 0.
         """
         rotation = rotation_of(pose[3:])
         points, distances = [np.empty((0, 3, 3))], [np.empty(0)]
@@ -92,6 +93,13 @@ class LmdRenderer:
             own[:, :2] += there.position
             points.append(own)
             distances.append(self._distances[:found].copy())
+            if crossing(self.tool, tree, turn, shift, self._crossing):
+                place, way = self._crossing @ there.rotation.T
+                size = float(np.linalg.norm(way))
+                if size > 0.0:
+                    place = place + there.position
+                    points.append(np.array([[place, place, way / size]]))
+                    distances.append(np.zeros(1))
         return _merged(np.concatenate(points), np.concatenate(distances), self._merged)
 
     def wrench(self, pose: Array) -> MethodWrench:

@@ -201,7 +201,7 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
     points_out : (n, 3, 3) array
         On a, on b, and the unit direction from b to a, b's frame.
     distances_out : (n,) array
-        [m]; 0 where the surfaces cross: the direction is then that of their normals.
+        [m], above 0: where surfaces cross there is none, see `crossing`.
     counts : (2,) int64 array
         Pairs of nodes and pairs of triangles that were looked at, added to what stands there.
     """
@@ -253,7 +253,7 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
         s, t = i - a.leaves + 1, j - b.leaves + 1
         _placed(rotation, shift, a.triangles[s], one)
         distance = nearest_points(one, b.triangles[t], room, pair)
-        if distance > cutoff or found == most:
+        if distance > cutoff or distance < 1e-12 or found == most:
             continue
         if not _is_least(
             a, rotation, shift, s, True, b.triangles[t], distance, room, near, spare
@@ -262,23 +262,68 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
         _turned(rotation, a.normals[s], axis)
         for k in range(3):
             points_out[found, 0, k], points_out[found, 1, k] = pair[0, k], pair[1, k]
-            points_out[found, 2, k] = (
-                pair[0, k] - pair[1, k] if distance > 1e-12 else b.normals[t, k] - axis[k]
-            )
-        size = math.sqrt(
-            points_out[found, 2, 0] ** 2
-            + points_out[found, 2, 1] ** 2
-            + points_out[found, 2, 2] ** 2
-        )
-        if size == 0.0:
-            continue
+            points_out[found, 2, k] = (pair[0, k] - pair[1, k]) / distance
         # Of the sides of a sheet, the one that faces the other surface counts.
         along = 0.0
         for k in range(3):
-            points_out[found, 2, k] /= size
             along += points_out[found, 2, k] * (b.normals[t, k] - axis[k])
         if along <= 0.0:
             continue
         distances_out[found] = distance
         found += 1
+    return found
+
+
+@kernel
+def crossing(a, b, rotation, shift, out):
+    """Return how many pairs of triangles of two surfaces cross, up to 256 of them.
+
+    Parameters
+    ----------
+    a, b, rotation, shift
+        As for `local_minima`.
+    out : (2, 3) array
+        The mean place of those of `b`, and the sum of b's normals less a's, b's frame.
+    """
+    stack = np.empty((4096, 2), np.int64)
+    stack[0, 0], stack[0, 1] = 0, 0
+    top, found = 1, 0
+    middle, axis = np.empty(3), np.empty(3)
+    one, room, pair = np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3))
+    out[:] = 0.0
+    while top > 0 and found < 256:
+        top -= 1
+        i, j = stack[top, 0], stack[top, 1]
+        if a.radii[i] < 0.0 or b.radii[j] < 0.0:
+            continue
+        _turned(rotation, a.middles[i], middle)
+        away, reach = 0.0, a.radii[i] + b.radii[j]
+        for k in range(3):
+            away += (b.middles[j, k] - middle[k] - shift[k]) ** 2
+        if away > reach * reach:
+            continue
+        leaf_i, leaf_j = i >= a.leaves - 1, j >= b.leaves - 1
+        if not (leaf_i and leaf_j):
+            if top + 2 > stack.shape[0]:
+                continue
+            if leaf_j or (not leaf_i and a.radii[i] > b.radii[j]):
+                stack[top, 0], stack[top, 1] = 2 * i + 1, j
+                stack[top + 1, 0], stack[top + 1, 1] = 2 * i + 2, j
+            else:
+                stack[top, 0], stack[top, 1] = i, 2 * j + 1
+                stack[top + 1, 0], stack[top + 1, 1] = i, 2 * j + 2
+            top += 2
+            continue
+        s, t = i - a.leaves + 1, j - b.leaves + 1
+        _placed(rotation, shift, a.triangles[s], one)
+        if nearest_points(one, b.triangles[t], room, pair) > 1e-12:
+            continue
+        _turned(rotation, a.normals[s], axis)
+        for k in range(3):
+            out[0, k] += (b.triangles[t, 0, k] + b.triangles[t, 1, k] + b.triangles[t, 2, k]) / 3.0
+            out[1, k] += b.normals[t, k] - axis[k]
+        found += 1
+    if found > 0:
+        for k in range(3):
+            out[0, k] /= found
     return found
