@@ -27,13 +27,10 @@ def felt():
     wrenches = [renderer.wrench(np.array([place, 0, 0.5e-3, 1.0, 0, 0, 0])) for place in x]
     renderer.reset()
     poses = [np.array([place, 0, 0.5e-3, 1.0, 0, 0, 0]) for place in x[:50]]
+    poses = [np.array([place, 0, 0.5e-3, 1.0, 0, 0, 0]) for place in x[:50]]
     first = [renderer.wrench(pose).force for pose in poses]
-    return (
-        np.array([w.force for w in wrenches]),
-        np.array([w.torque for w in wrenches]),
-        first,
-        again,
-    )
+    force, torque = ([getattr(w, name) for w in wrenches] for name in ("force", "torque"))
+    return np.array(force), np.array(torque), first
 
 
 def test_it_vibrates_across_the_motion_while_it_slides(felt):

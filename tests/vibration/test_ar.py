@@ -51,7 +51,7 @@ def test_known_coefficients_are_recovered_within_their_standard_error():
 def test_stretches_are_pooled():
     parts = [made(500, seed) for seed in range(8)]
     one, all_of_them = burg(parts[:1], 4)[-1], burg(parts, 4)[-1]
-    assert all_of_them.count == 8 * one.count
+    assert all_of_them.samples == 8 * one.samples
     assert np.linalg.norm(all_of_them.coefficients - KNOWN) < np.linalg.norm(
         one.coefficients - KNOWN
     )

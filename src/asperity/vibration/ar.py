@@ -26,7 +26,7 @@ class Autoregression(NamedTuple):
     """(p + 1,), the first 1."""
     variance: float
     """Of the excitation."""
-    count: int
+    samples: int
     """Samples that it was estimated from."""
 
     def density(self, frequencies: Array, rate: float) -> Array:
@@ -75,8 +75,8 @@ def burg(segments: Sequence[Array], order: int) -> list[Autoregression]:
 def criterion(model: Autoregression, kind: str = "bic") -> float:
     """Return Akaike's (1974) or Schwarz's (1978) criterion of an AR model: less is better."""
     require_choice("criterion", kind, CRITERIA)
-    each = 2.0 if kind == "aic" else math.log(model.count)
-    return model.count * math.log(model.variance) + each * (model.coefficients.size - 1)
+    each = 2.0 if kind == "aic" else math.log(model.samples)
+    return model.samples * math.log(model.variance) + each * (model.coefficients.size - 1)
 
 
 def standard_errors(model: Autoregression) -> Array:
@@ -89,7 +89,7 @@ def standard_errors(model: Autoregression) -> Array:
     from scipy.linalg import inv, toeplitz
 
     covariance = toeplitz(autocovariance(model, p)[:p])
-    return np.sqrt(model.variance * np.diag(inv(covariance)) / model.count)
+    return np.sqrt(model.variance * np.diag(inv(covariance)) / model.samples)
 
 
 def autocovariance(model: Autoregression, lags: int) -> Array:
@@ -141,4 +141,4 @@ def damped(model: Autoregression, power: float, rate: float, bandwidth: float) -
     if outermost <= allowed:
         return model
     narrowed = a * (allowed / outermost) ** np.arange(a.size)
-    return Autoregression(narrowed, power / power_gain(narrowed), model.count)
+    return Autoregression(narrowed, power / power_gain(narrowed), model.samples)

@@ -47,18 +47,15 @@ def cuts(
     if count < 2 * least:
         return [0, n]
     upto, after = _lag_sums(signal, order, block, count)
-    ends = np.arange(1, count + 1)
     best = np.full(count + 1, np.inf)
     best[0] = 0.0
     before = np.zeros(count + 1, np.int64)
-    sizes = ends * block
-    sizes[-1] = n
-    for end in ends:
+    for end in range(1, count + 1):
         starts = np.arange(max(end - most, 0), end - least + 1)
         starts = starts[np.isfinite(best[starts])]
         if not starts.size:
             continue
-        length = sizes[end - 1] - starts * block
+        length = (n if end == count else end * block) - starts * block
         power = _residual((upto[end] - after[starts]) / length[:, None])
         cost = best[starts] + math.log(n * max(order, 1))
         cost += 0.5 * (order + 2) * np.log(length)

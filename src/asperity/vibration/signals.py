@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ def explored(
     return Exploration(name, rate, vibration, speed, normal, drag, contact_count > 0)
 
 
-def _filtered(values: Array, rate: float, kind: str) -> Array:
+def _filtered(values: Array, rate: float, kind: Literal["low", "high"]) -> Array:
     """Return values (n, k) below or above 20 Hz, forwards and backwards: nothing is delayed."""
     from scipy import signal
 

@@ -65,9 +65,7 @@ class Synthesiser:
 
 
 @kernel
-def synthesise(  # type: ignore[no-untyped-def]
-    mesh, ar, ma, variance, gain, speeds, forces, noise, before, excited, triangle, out
-):
+def synthesise(mesh, ar, ma, variance, gain, speeds, forces, noise, before, excited, triangle, out):
     """Fill `out`; keep the last outputs and excitations; return the last triangle."""
     p, q = ar.shape[1], ma.shape[1]
     a, b = np.empty(p + 1), np.empty(q + 1)

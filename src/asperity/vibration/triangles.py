@@ -77,7 +77,7 @@ def _rim(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 @kernel
-def weigh(mesh, speed, force, first, corners, weights):  # type: ignore[no-untyped-def]
+def weigh(mesh, speed, force, first, corners, weights):
     """Fill the three models at a place and their weights; return the triangle, -1 on the rim.
 
     Beyond the triangulation it is the nearest place on its rim. `first` is looked at first.
