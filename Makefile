@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 UV     := uv==0.13.9
 OUT    ?= out
 
-.PHONY: demo test test-slow lint bench docs wheel-test install clean
+.PHONY: demo test test-slow lint bench compare docs wheel-test install clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
@@ -29,6 +29,9 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_meshes.py
 	$(BIN)/python benchmarks/bench_devices.py
 	$(BIN)/python benchmarks/bench_servo.py
+
+compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
+	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

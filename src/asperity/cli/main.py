@@ -20,6 +20,7 @@ import tyro
 
 from asperity import __version__
 from asperity.cli.bake import Bake
+from asperity.cli.compare import Compare
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
@@ -52,6 +53,7 @@ class Arguments:
         | Annotated[Fit, tyro.conf.subcommand("fit")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
+        | Annotated[Compare, tyro.conf.subcommand("compare")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"

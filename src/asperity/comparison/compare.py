@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.comparison.drive import Felt, follow, mean_push, pressed_to, raised
-from asperity.comparison.properties import Properties, measure_properties, tangential_rms
+from asperity.comparison.properties import (
+    STEPS,
+    Properties,
+    measure_properties,
+    tangential_rms,
+)
 from asperity.errors import AsperityError
 from asperity.methods import METHODS, Method, Renderer
 from asperity.plots_run import force_spectrum
@@ -173,7 +178,7 @@ def _row(
         def step() -> None:
             nonlocal done
             done += 1
-            progress(f"{method.label}: properties", round(100 * done / 6))
+            progress(f"{method.label}: properties", round(100 * done / STEPS))
 
         properties = measure_properties(method, step)
     nothing = Row(method, method.can(scene), 0.0, 0.0, None, None, properties)

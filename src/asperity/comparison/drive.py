@@ -19,11 +19,11 @@ from asperity.methods import Renderer
 from asperity.stability import Symptoms, symptoms_of
 
 Array = NDArray[np.float64]
-LOOKS = 24
+LOOKS = 12
 """Poses of a path over which the mean force is taken."""
 _FIRST_STEP, _FARTHEST = 2e-5, 8e-3
 """How a height is searched [m]."""
-_OFF = 2e-3
+_OFF = 3e-3
 """Part of the force by which it may be missed."""
 WARM_UP = 16
 """Ticks before those that are timed."""
@@ -72,24 +72,28 @@ def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
     def over(height: float) -> float:
         return mean_push(renderer, raised(poses, height)) - force
 
-    height, step = 0.0, _FIRST_STEP
-    off = over(height)
-    sign = 1.0 if off > 0.0 else -1.0
-    low = high = height
-    while sign * off > 0.0:
-        low, high, step = high, high + sign * step, 2.0 * step
+    low, off_low = 0.0, over(0.0)
+    sign, step = (1.0 if off_low > 0.0 else -1.0), _FIRST_STEP
+    high, off_high = low, off_low
+    while sign * off_high > 0.0:
+        low, off_low = high, off_high
+        high, step = high + sign * step, 2.0 * step
         if abs(high) > _FARTHEST:
             raise AsperityError(
                 f"at no height within {1e3 * _FARTHEST:g} mm of the path is it pushed up with "
                 f"{force:.3g} N"
             )
-        off = over(high)
+        off_high = over(high)
+    # False position (Illinois): the push is nearly a power of the depth.
     while abs(high - low) > 1e-8:
-        middle = 0.5 * (low + high)
+        middle = (low * off_high - high * off_low) / (off_high - off_low)
         off = over(middle)
         if abs(off) < _OFF * force:
             return middle
-        low, high = (middle, high) if sign * off > 0.0 else (low, middle)
+        if sign * off > 0.0:
+            low, off_low, off_high = middle, off, 0.5 * off_high
+        else:
+            high, off_high, off_low = middle, off, 0.5 * off_low
     return high
 
 

@@ -17,6 +17,7 @@ force (see `forces.laws`) by another way, one contact for each body.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,13 +28,19 @@ from asperity.contact.flat import rotation_of
 from asperity.geometry.bodies import Body
 from asperity.methods.method import NOTHING, MethodWrench
 from asperity.methods.placed import Standing, placed, require
-from asperity.methods.surfaces import Surface, displaced_surface, finite_reason, spacing_for
+from asperity.methods.surfaces import (
+    Surface,
+    displaced_surface,
+    finite_reason,
+    is_unbounded,
+    spacing_for,
+)
 from asperity.scene import Scene
 
 Array = NDArray[np.float64]
 _PER_WAVE = 12.0
 """Points to a texture's shortest wave that are fine enough."""
-_SMOOTH_POINTS = 20_000
+_SMOOTH_POINTS = 4_000
 _FIRST = 2e-5
 """How far the first look goes beyond the last tick's depth, and on from there doubling [m]."""
 _DEEPEST = 1e-2
@@ -191,7 +198,7 @@ class FullMeshMethod:
         Of the depth [m].
     """
 
-    points: int = 200_000
+    points: int = 150_000
     tolerance: float = 1e-6
     name: str = "full-meshes"
     label: str = "full-detail meshes"
@@ -222,6 +229,10 @@ class FullMeshMethod:
         spacing = spacing_for(body, self.points)
         if body.texture is not None:
             spacing = max(spacing, body.texture.shortest_wavelength / _PER_WAVE)
+        elif body.mesh is None and not is_unbounded(body):
+            # A chord of a circle is off it by its square over 8 radii.
+            roundest = min(geom.smallest for geom in body.geoms)
+            spacing = max(spacing, math.sqrt(8.0 * roundest * self.tolerance))
         coarse = displaced_surface(body, spacing_for(body, _SMOOTH_POINTS), smooth=True)
         return Meshes(displaced_surface(body, spacing), coarse)
 

@@ -1,0 +1,173 @@
+"""Methods side by side: pressed alike, measured, written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from asperity.cli.main import main
+from asperity.comparison import stimuli
+from asperity.comparison.compare import CompareSettings, compare
+from asperity.comparison.drive import follow, mean_push, pressed_to, raised
+from asperity.comparison.properties import CRITERIA, measure_properties, tangential_rms
+from asperity.comparison.write import write_comparison, write_docs
+from asperity.errors import AsperityError
+from asperity.methods import METHODS, MethodWrench, chosen
+from asperity.methods.method import NOTHING
+from asperity.trajectory import ScriptedMotion
+
+
+class Spring:
+    """Pushes up with so much for every metre below z = 0, and along x by a wave."""
+
+    def __init__(self, stiffness=1000.0, wave=0.0):
+        self.stiffness, self.wave, self.asked = stiffness, wave, 0
+
+    def wrench(self, pose):
+        self.asked += 1
+        depth = -float(pose[2])
+        if depth <= 0.0:
+            return NOTHING
+        push = self.stiffness * depth
+        along = push * self.wave * np.sin(2 * np.pi * pose[0] / 2e-3)
+        return MethodWrench(np.array([along, 0.0, push]), np.zeros(3), depth, 1)
+
+    def reset(self):
+        pass
+
+
+def straight(count=100):
+    poses = np.zeros((count, 7))
+    poses[:, 0] = np.linspace(0.0, 6e-3, count)
+    poses[:, 3] = 1.0
+    return poses
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 1000.0, 1e5])
+@pytest.mark.parametrize("begin", [-1e-3, 0.0, 1e-3])
+def test_a_path_is_pressed_to_a_force_from_above_and_from_below(stiffness, begin):
+    if 0.3 / stiffness > 7e-3:
+        pytest.skip("deeper than is looked")
+    spring, poses = Spring(stiffness), raised(straight(), begin)
+    height = pressed_to(spring, poses, 0.3)
+    assert mean_push(spring, raised(poses, height)) == pytest.approx(0.3, rel=0.01)
+    assert spring.asked < 40 * 16
+
+
+def test_a_path_that_meets_nothing_is_refused():
+    with pytest.raises(AsperityError, match="at no height within 8 mm"):
+        pressed_to(Spring(), raised(straight(), 0.1), 0.3)
+
+
+def test_following_times_every_tick_and_stops_when_the_budget_is_spent():
+    spring, other = Spring(), Spring()
+    felt = follow(spring, straight(200), beside=(other, straight(200)))
+    assert felt.force.shape == (200, 3)
+    assert (felt.seconds > 0.0).all()
+    assert felt.beside.shape == (200,)
+    assert other.asked == 200
+    assert len(follow(spring, straight(200), budget=0.0).force) == 64
+
+
+def test_the_tangential_rms_is_that_of_a_sine():
+    force = np.zeros((1000, 3))
+    force[:, 2] = 0.5
+    force[:, 0] = 0.1 * np.sin(np.linspace(0.0, 20.0 * np.pi, 1000, endpoint=False))
+    assert tangential_rms(force) == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-6)
+
+
+def test_asperity_and_minsky_have_the_properties_that_the_paper_says():
+    """Otaduy & Lin (2004, section 3.3): the size of the probe is felt, by points it is not."""
+    own, point = (measure_properties(METHODS[name]).measured for name in ("asperity", "minsky"))
+    assert set(own) == set(CRITERIA)
+    assert own["probe_size"].holds
+    assert not point["probe_size"].holds
+    assert own["torque"].holds
+    assert not point["torque"].holds
+    assert point["force"].value == pytest.approx(3.0, rel=0.02)
+    for name in ("meshing", "silence"):
+        assert own[name].value == pytest.approx(0.0, abs=1e-3)
+    assert not own["speed"].holds
+
+
+@pytest.fixture(scope="module")
+def result():
+    scene = stimuli.ball_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
+    )
+    settings = CompareSettings(properties=False)
+    return compare(scene, chosen(["asperity", "minsky", "low-resolution"]), settings)
+
+
+def test_all_are_pressed_alike_and_timed_in_turn(result):
+    for row in result.rows:
+        assert row.reason is None
+        assert row.felt.force[:, 2].mean() == pytest.approx(result.push, rel=0.05)
+        assert len(row.felt.beside) == len(result.poses)
+    rms = {row.method.name: row.band_rms for row in result.rows}
+    assert rms["low-resolution"] < 1e-6
+    assert rms["asperity"] > 0.01
+
+
+def test_what_is_written_can_be_read_again(result, tmp_path):
+    write_comparison(result, tmp_path, "asperity compare stimulus")
+    told = json.loads((tmp_path / "comparison.json").read_text())
+    assert [one["name"] for one in told["methods"]] == ["asperity", "minsky", "low-resolution"]
+    with (tmp_path / "traces.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(result.poses)
+    own = result.rows[0].felt.force
+    assert float(rows[7]["asperity_force_x_n"]) == pytest.approx(own[7, 0], rel=1e-4)
+    for name in ("traces", "spectra", "cost"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 5000
+    page = (tmp_path / "comparison.html").read_text()
+    assert page.count("<img") == 3
+    assert "Minsky 1995" in page
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    write_docs(tmp_path, docs, result, "asperity compare stimulus")
+    text = (docs / "comparison.md").read_text()
+    assert "(images/comparison_traces.svg)" in text
+    assert (docs / "images" / "comparison_traces.svg").is_file()
+
+
+def test_a_method_that_cannot_says_why_in_its_row(tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["compare", "hammer-blocks", "--method", "minsky", "--seconds", "0.05"]
+    assert main([*words, "--no-properties", "--out", str(out)]) == 0
+    assert "minsky: cannot: a law of one point" in capsys.readouterr().out
+    assert "is a mesh" in (out / "comparison.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["probe-plate", "--method", "minski"], "did you mean 'minsky'"),
+        (["probe-plat"], "did you mean 'probe-plate'"),
+        (["probe-plate", "--motion", "wobble"], "unknown --motion 'wobble'"),
+        (["probe-plate", "--seconds", "-1"], "--seconds must lie between"),
+        (["probe-plate", "--docs", "/no/such/folder"], "no such folder for --docs"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(options, told, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", *options, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_trajectories_keep_their_own_motion():
+    scene = stimuli.ball_on_plate()
+    motion = ScriptedMotion(
+        kind="press-and-slide", seconds=0.7, speed=0.02, length=3e-3, start=[-1e-3, 0.0, 2e-3]
+    )
+    settings = CompareSettings(motion=motion, properties=False)
+    done = compare(scene, chosen(["minsky"]), settings)
+    felt = done.rows[0].felt
+    assert felt.contacts[0] == 0
+    assert felt.contacts[len(felt.contacts) // 2] == 1
