@@ -10,16 +10,17 @@ for the F_n and v of the moment and driven by white noise to an acceleration a. 
 m the effective mass of the hand and the device. Vibration acts across the motion and along the
 surface, because along the motion friction acts already.
 
-Here the model is fitted to the scene itself by `vibration.fit`, as `asperity fit` does, from slides
-of the same tool at a grid of forces and speeds; or it is given. F_smooth and F_n are those of the
-scene's bodies without their textures; v is low-passed at 125 rad/s, as a port of the authors' code
-to another device has it. The direction across the motion is quoted from other work.
+Here the model is fitted by `vibration.fit`, as `asperity fit` does, to slides of the same tool over
+a sample of the same texture at a grid of forces and speeds; or it is given. F_smooth and F_n are
+those of the scene's bodies without their textures; v is low-passed at 125 rad/s, as a port of the
+authors' code to another device has it. The direction across the motion is quoted from other work.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from asperity.errors import require_positive
 from asperity.methods.by_engine import EngineRenderer
 from asperity.methods.method import MethodWrench
 from asperity.methods.placed import only_one_target, placed, require
-from asperity.scene import Scene
+from asperity.scene import Scene, scene_of
 from asperity.trajectory import ScriptedMotion
 from asperity.vibration.explore import explore
 from asperity.vibration.fit import fit
@@ -147,12 +148,40 @@ class VibrationMethod:
         base = EngineRenderer(replace(scene, bodies=smooth), scene.force, dt)
         model = self.model
         if model is None:
-            runs = explore(scene, SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass)
+            runs = explore(
+                sample_of(scene), SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass
+            )
             model = fit(runs, name=scene.name).model
         return VibrationRenderer(
             base, at_rate(model, 1.0 / dt), placed(scene).centre, mass=self.mass, dt=dt,
             seed=self.seed,
         )  # fmt: skip
+
+
+def sample_of(scene: Scene) -> Scene:
+    """Return the scene with a sample of its texture that is large enough to slide over.
+
+    Whoever records a texture takes a piece as large as the hand's strokes. A body of level boxes
+    with a texture that repeats becomes a plane without end; any other stays what it is.
+    """
+    target = next(body for body in scene.bodies if body.name != scene.tool)
+    level = all(
+        geom.kind in ("box", "plane") and abs(geom.quaternion[0]) > 1.0 - 1e-9
+        for geom in target.geoms
+    )
+    repeats = target.texture is not None and target.texture.border == "wrap"
+    if not level or not repeats or target.mapping != "planar":
+        return scene
+    root = ElementTree.fromstring(scene.xml)
+    body = next(one for one in root.iter("body") if one.get("name") == target.name)
+    top = max(
+        geom.position[2] + (geom.size[2] if geom.kind == "box" else 0.0) for geom in target.geoms
+    )
+    for geom in body.findall("geom"):
+        body.remove(geom)
+    ElementTree.SubElement(body, "geom", type="plane", size="0 0 0.01", pos=f"0 0 {top:.9g}")
+    xml = ElementTree.tostring(root, encoding="unicode")
+    return scene_of(xml, scene.document, name=scene.name, folder=scene.folder)
 
 
 RECORDED_VIBRATION = VibrationMethod()
