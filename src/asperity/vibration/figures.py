@@ -24,7 +24,7 @@ def spectra_figure(model: TextureModel, held: Sequence[Held], title: str) -> Fig
     columns = min(len(shown), 3)
     rows = -(-len(shown) // max(columns, 1))
     with style():
-        figure = Figure(figsize=(3.4 * columns + 0.4, 2.5 * rows + 0.9))
+        figure = Figure(figsize=(max(3.4 * columns + 0.4, 6.0), 2.5 * rows + 0.9))
         axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
         for axis in axes[len(shown) :]:
             axis.set_visible(False)
@@ -35,10 +35,12 @@ def spectra_figure(model: TextureModel, held: Sequence[Held], title: str) -> Fig
         for axis in axes[::columns]:
             axis.set_ylabel("amplitude [m/s²/√Hz]")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+        top = 1.0 - 0.3 / figure.get_figheight()
         figure.legend(
-            *axes[0].get_legend_handles_labels(), loc="upper right", ncols=3, handlelength=1.4
-        )
-        figure.tight_layout(rect=(0, 0, 1, 0.96))
+            *axes[0].get_legend_handles_labels(), loc="upper left", ncols=3, handlelength=1.4,
+            bbox_to_anchor=(0.005, top),
+        )  # fmt: skip
+        figure.tight_layout(rect=(0, 0, 1, top - 0.2 / figure.get_figheight()))
     return figure
 
 
@@ -94,6 +96,9 @@ def waves_figure(model: TextureModel, held: Sequence[Held], title: str) -> Figur
             axis.set_title(
                 f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N", fontsize=8
             )
+            # The lower trace is shifted: ticks are the upper one's.
+            unit = float(f"{size:.1g}")
+            axis.set_yticks([0.0, unit], ["0", f"{unit:g}"])
             axis.set_ylabel("[m/s²]")
             axis.set_xlim(0.0, time[-1])
         axes[-1].set_xlabel("time [ms]")
