@@ -255,6 +255,13 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
         distance = nearest_points(one, b.triangles[t], room, pair)
         if distance > cutoff or distance < 1e-12 or found == most:
             continue
+        # Now that the line is known, it has to lie within both cones itself.
+        for k in range(3):
+            room[0, k] = (pair[1, k] - pair[0, k]) / distance
+        if _angle(room[0, 0], room[0, 1], room[0, 2], axis) > a.angles[i] + 1e-6:
+            continue
+        if _angle(-room[0, 0], -room[0, 1], -room[0, 2], b.axes[j]) > b.angles[j] + 1e-6:
+            continue
         if not _is_least(
             a, rotation, shift, s, True, b.triangles[t], distance, room, near, spare
         ) or not _is_least(b, rotation, shift, t, False, one, distance, room, near, spare):
