@@ -281,6 +281,18 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
     return found
 
 
+@inner_kernel
+def _apart(one, other, normal):
+    """Return whether a triangle lies on one side of the plane of another, of this normal."""
+    low, high = math.inf, -math.inf
+    for i in range(3):
+        side = 0.0
+        for k in range(3):
+            side += normal[k] * (one[i, k] - other[0, k])
+        low, high = min(low, side), max(high, side)
+    return low > 1e-12 or high < -1e-12
+
+
 @kernel
 def crossing(a, b, rotation, shift, out):
     """Return how many pairs of triangles of two surfaces cross, up to 256 of them.
@@ -323,9 +335,12 @@ def crossing(a, b, rotation, shift, out):
             continue
         s, t = i - a.leaves + 1, j - b.leaves + 1
         _placed(rotation, shift, a.triangles[s], one)
+        _turned(rotation, a.normals[s], axis)
+        # Most pairs lie on one side of each other's plane.
+        if _apart(one, b.triangles[t], b.normals[t]) or _apart(b.triangles[t], one, axis):
+            continue
         if nearest_points(one, b.triangles[t], room, pair) > 1e-12:
             continue
-        _turned(rotation, a.normals[s], axis)
         for k in range(3):
             out[0, k] += (b.triangles[t, 0, k] + b.triangles[t, 1, k] + b.triangles[t, 2, k]) / 3.0
             out[1, k] += b.normals[t, k] - axis[k]
