@@ -26,6 +26,7 @@ from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.plot import PlotCommand
+from asperity.cli.fit import Fit
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -53,6 +54,7 @@ class Arguments:
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]
+        | Annotated[Fit, tyro.conf.subcommand("fit")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
         | Annotated[PlotCommand, tyro.conf.subcommand("plot")]

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from asperity.errors import require_choice
-from asperity.methods import by_engine, contact_levels, full_meshes, voxmap
+from asperity.methods import (
+    by_engine,
+    contact_levels,
+    convex_pieces,
+    full_meshes,
+    local_minimum_distances,
+    offset_sphere,
+    recorded_vibration,
+    voxmap,
+)
 from asperity.methods.method import Method, MethodWrench, Renderer
 
 METHODS: dict[str, Method] = {
@@ -20,6 +29,11 @@ METHODS: dict[str, Method] = {
         contact_levels.CONTACT_LEVELS,
         contact_levels.LOW_RESOLUTION,
         full_meshes.FULL_MESHES,
+        offset_sphere.OFFSET_SPHERE,
+        convex_pieces.CONVEX_PIECES,
+        local_minimum_distances.LOW,
+        local_minimum_distances.DETAIL,
+        recorded_vibration.RECORDED_VIBRATION,
     )
 }
 """In the order of tables and figures; asperity's own is the first."""

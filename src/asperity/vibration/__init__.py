@@ -1,0 +1,1 @@
+"""Recorded-vibration models: fitted to runs, kept in files, and turned into vibration again."""
