@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import active_children
 from typing import Any
 
 from asperity.errors import AsperityError
@@ -51,6 +52,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         finally:
             _close(client)
         return
+    before = set(active_children())
     with _quiet(), dask.config.set(_LEAN):
         cluster = LocalCluster(
             n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
@@ -64,6 +66,10 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 _close(client)
         finally:
             _close(cluster)
+            # A worker that was just being started anew is forgotten by its nanny.
+            for process in set(active_children()) - before:
+                with suppress(Exception):
+                    process.kill()
 
 
 def _client(scheduler: str) -> Any:
