@@ -54,10 +54,14 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         return
     before = set(active_children())
     with _quiet(), dask.config.set(_LEAN):
-        cluster = LocalCluster(
-            n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
-            dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
-        )  # fmt: skip
+        try:
+            cluster = LocalCluster(
+                n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
+                dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+        except Exception as error:  # by what is short: time, memory, ports, processes
+            line = " ".join(str(error).split())[:200] or type(error).__name__
+            raise AsperityError(f"local workers could not be started: {line}") from None
         try:
             client = Client(cluster)
             try:
