@@ -29,6 +29,7 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_meshes.py
 	$(BIN)/python benchmarks/bench_devices.py
 	$(BIN)/python benchmarks/bench_servo.py
+	$(BIN)/python benchmarks/bench_sweep.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
@@ -57,7 +58,7 @@ $(BIN)/python:
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
-	$(call INSTALL,[compare,haply])
+	$(call INSTALL,[compare,haply,sweep])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python
