@@ -67,7 +67,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing(whole, tmp_path):
     assert killed
     assert (done.done, done.computed) == (SIZE, SIZE)
     assert same(path, whole)
-    assert not worker_processes()
+    wait_for(lambda: not worker_processes())
     # Each block is written once: what was done before the kill is not done again.
     counts = [now.done for now in written]
     assert counts == sorted(counts)

@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import active_children
 from typing import Any
 
 from asperity.errors import AsperityError
@@ -51,11 +52,16 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         finally:
             _close(client)
         return
+    before = set(active_children())
     with _quiet(), dask.config.set(_LEAN):
-        cluster = LocalCluster(
-            n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
-            dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
-        )  # fmt: skip
+        try:
+            cluster = LocalCluster(
+                n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
+                dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+        except Exception as error:  # by what is short: time, memory, ports, processes
+            line = " ".join(str(error).split())[:200] or type(error).__name__
+            raise AsperityError(f"local workers could not be started: {line}") from None
         try:
             client = Client(cluster)
             try:
@@ -64,6 +70,10 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 _close(client)
         finally:
             _close(cluster)
+            # A worker that was just being started anew is forgotten by its nanny.
+            for process in set(active_children()) - before:
+                with suppress(Exception):
+                    process.kill()
 
 
 def _client(scheduler: str) -> Any:

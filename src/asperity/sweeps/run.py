@@ -26,7 +26,18 @@ from asperity.sweeps.cluster import connected, cores
 from asperity.sweeps.provenance import facts, now
 from asperity.sweeps.store import SweepStore, needs, opened_store
 from asperity.sweeps.study import SweepStudy, read_study
-from asperity.sweeps.work import DONE, FAILED, WAITING, Batch, Outcome, machine, program, told, work
+from asperity.sweeps.work import (
+    DONE,
+    FAILED,
+    WAITING,
+    Batch,
+    Outcome,
+    machine,
+    program,
+    ready,
+    told,
+    work,
+)
 
 _LOG = logging.getLogger(__name__)
 _AHEAD = 3
@@ -276,14 +287,17 @@ def _backend(
     progress(_told(states, "starting workers" if scheduler is None else "asking the scheduler"))
     wanted = None if workers is None else min(workers, jobs)
     client = stack.enter_context(connected(wanted, scheduler))
-    _agree(client)
+    _agree(client, _batch(study, [0]) if study.kind == "drag" else None)
     return lambda todo: _on_cluster(client, study, todo)
 
 
-def _agree(client: Any) -> None:
-    """Refuse workers without asperity, or with another version; the others load it meanwhile."""
+def _agree(client: Any, first: Batch | None) -> None:
+    """Refuse workers without asperity, or with another version; the others load it meanwhile.
+
+    A drag is run by each of them, so that its kernels are loaded.
+    """
     try:
-        found = client.run(program)
+        found = client.run(ready, first)
     except Exception as error:
         raise _stopped(client, (type(error), error, None)) from None
     for address, other in found.items():

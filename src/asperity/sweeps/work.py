@@ -88,6 +88,13 @@ def machine() -> str:
     return f"{platform.machine()} {llvm.get_host_cpu_name()} ({sys.platform})"
 
 
+def ready(batch: Batch | None) -> str:
+    """Load what a batch needs, by running it; return `program()`."""
+    if batch is not None:
+        work(batch)
+    return program()
+
+
 def work(batch: Batch) -> Outcome:
     """Run the combinations of a batch; what one of them raises is its result."""
     if batch.program != program():
