@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,7 +60,7 @@ def record_of(motion: Motion, hand: Hand) -> Record:
     if window:
         lag = lag * np.hanning(lag.size)
     series = 2.0 * np.fft.rfft(lag) / lag.size
-    frequencies = np.fft.rfftfreq(lag.size, motion.step)
+    frequencies = np.fft.rfftfreq(lag.size, motion.step).astype(np.float64)
     kept = max(int(np.searchsorted(frequencies, HIGHEST)), _LEAST_HARMONICS + 1)
     kept = min(kept, frequencies.size - 1)
     return Record(
@@ -159,12 +159,12 @@ def _of_one(record: Record, measures: Sequence[Measure]) -> list[float]:
         if band is not None and band not in gains:
             gains[band] = band_gain(record.frequencies, band)
         if measure.power == 2.0:
-            power = squares[signal].sum() if band is None else squares[signal] @ gains[band]
-            values.append(math.sqrt(0.5 * hann * power))
+            kept: NDArray[np.float64] | float = 1.0 if band is None else gains[band]
+            values.append(math.sqrt(0.5 * hann * float(np.sum(squares[signal] * kept))))
             continue
         if (signal, band) not in waves:
-            kept = 1.0 if band is None else np.sqrt(gains[band])
-            waves[signal, band] = _squared_wave(signals[signal] * kept)
+            gain = 1.0 if band is None else np.sqrt(gains[band])
+            waves[signal, band] = _squared_wave(signals[signal] * gain)
         values.append(_norm(waves[signal, band], measure.power, record.window))
     return values
 
@@ -184,16 +184,15 @@ def _norm(squares: NDArray[np.float64], power: float, window: bool) -> float:
     return float((weight * np.mean(squares ** (0.5 * power))) ** (1.0 / power))
 
 
-def _response(
-    signal: str, omega: NDArray[np.float64], hand: Hand
-) -> NDArray[np.float64] | NDArray[np.complex128]:
-    if signal == "position":
-        return np.ones_like(omega)
+def _response(signal: str, omega: NDArray[np.float64], hand: Hand) -> NDArray[np.complex128]:
+    response: NDArray[Any] = np.ones_like(omega)
     if signal == "velocity":
-        return 1j * omega
-    if signal == "acceleration":
-        return -(omega**2)
-    return -(hand.stiffness + 1j * hand.damping * omega - hand.mass * omega**2)
+        response = 1j * omega
+    elif signal == "acceleration":
+        response = -(omega**2)
+    elif signal == "force":
+        response = -(hand.stiffness + 1j * hand.damping * omega - hand.mass * omega**2)
+    return np.asarray(response, dtype=np.complex128)
 
 
 PAPER = Measure("largest")
