@@ -25,8 +25,8 @@ from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
 from asperity.cli.findings import FindingsCommand
-from asperity.cli.plot import PlotCommand
 from asperity.cli.fit import Fit
+from asperity.cli.plot import PlotCommand
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
