@@ -9,47 +9,11 @@ from numpy.typing import NDArray
 
 from asperity.perception.metrics import DEFAULT_BAND
 from asperity.plots import COLOURS, style
-from asperity.tool_motion import Traces
+from asperity.tool_motion import Traces, thinned
 
 _DPI = 160
 _POINTS = 4000
 """So many points of a line can be told apart on paper; of longer records, extremes are drawn."""
-
-
-def thinned(
-    time: NDArray[np.float64], values: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return at most `count` points that show what all of them do: least and largest of each part.
-
-    Parameters
-    ----------
-    time : (n,) array
-    values : (n, k) array
-    count : int
-        Even, 4 or more.
-
-    Returns
-    -------
-    times : (m,) array
-    values : (m, k) array
-        Each pair of rows holds the extremes of a part, in the order in which they came.
-    """
-    n = len(time)
-    if n <= count:
-        return time, values
-    parts = count // 2
-    edges = np.linspace(0, n, parts + 1).astype(np.int64)
-    size = int(np.diff(edges).max())
-    at = np.minimum(edges[:-1, None] + np.arange(size), edges[1:, None] - 1)
-    blocks = values[at]
-    least, largest = np.argmin(blocks, axis=1), np.argmax(blocks, axis=1)
-    first, last = np.minimum(least, largest), np.maximum(least, largest)
-    out = np.empty((2 * parts, values.shape[1]))
-    out[0::2] = np.take_along_axis(blocks, first[:, None, :], 1)[:, 0]
-    out[1::2] = np.take_along_axis(blocks, last[:, None, :], 1)[:, 0]
-    times = np.empty(2 * parts)
-    times[0::2], times[1::2] = time[edges[:-1]], time[(edges[:-1] + edges[1:]) // 2]
-    return times, out
 
 
 def traces_figure(traces: Traces, title: str) -> Figure:

@@ -187,3 +187,37 @@ def roughness(
     return Roughness(
         max(float(along.max()), 0.0), band_rms(*lines, band), way / float(time[-1] - time[0])
     )
+
+
+def thinned(time: Array, values: Array, count: int) -> tuple[Array, Array]:
+    """Return at most `count` points that show what all of them do: least and largest of each part.
+
+    Parameters
+    ----------
+    time : (n,) array
+    values : (n, k) array
+    count : int
+        Even, 4 or more.
+
+    Returns
+    -------
+    times : (m,) array
+    values : (m, k) array
+        Each pair of rows holds the extremes of a part, in the order in which they came.
+    """
+    n = len(time)
+    if n <= count:
+        return time, values
+    parts = count // 2
+    edges = np.linspace(0, n, parts + 1).astype(np.int64)
+    size = int(np.diff(edges).max())
+    at = np.minimum(edges[:-1, None] + np.arange(size), edges[1:, None] - 1)
+    blocks = values[at]
+    least, largest = np.argmin(blocks, axis=1), np.argmax(blocks, axis=1)
+    first, last = np.minimum(least, largest), np.maximum(least, largest)
+    out = np.empty((2 * parts, values.shape[1]))
+    out[0::2] = np.take_along_axis(blocks, first[:, None, :], 1)[:, 0]
+    out[1::2] = np.take_along_axis(blocks, last[:, None, :], 1)[:, 0]
+    times = np.empty(2 * parts)
+    times[0::2], times[1::2] = time[edges[:-1]], time[(edges[:-1] + edges[1:]) // 2]
+    return times, out
