@@ -154,6 +154,19 @@ class RecordingWriter:
         self.close()
 
 
+def described() -> dict[str, tuple[tuple[str, ...], dict[str, Any]]]:
+    """Return the dimensions and the attributes of each variable but time."""
+    masks = np.array(list(FLAGS), dtype=np.int32)
+    # As the CF conventions say it.
+    meanings = " ".join(told.replace(",", "").replace(" ", "_") for told in FLAGS.values())
+    out: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+        name: (dims, {"units": units, "long_name": told})
+        for name, (dims, _, units, told) in _VARIABLES.items()
+    }
+    out["flags"][1].update({"flag_masks": masks, "flag_meanings": meanings})
+    return out
+
+
 def _lay_out(file: Any, h5py: Any) -> None:
     """Make the datasets, empty, with dimension scales, units and explanations."""
     text = h5py.string_dtype()
@@ -165,19 +178,15 @@ def _lay_out(file: Any, h5py: Any) -> None:
     for name, scale in scales.items():
         scale.make_scale(name)
     scales["time"].attrs.update(units="s", long_name="time since the first tick")
-    for name, (dims, kind, units, told) in _VARIABLES.items():
+    for name, (dims, attributes) in described().items():
         shape = (0, *(scales[dim].shape[0] for dim in dims[1:]))
+        kind = _VARIABLES[name][1]
         data = file.create_dataset(
             name, shape, kind, maxshape=(None, *shape[1:]), chunks=(_CHUNK, *shape[1:])
         )
-        data.attrs.update(units=units, long_name=told)
+        data.attrs.update(attributes)
         for axis, dim in enumerate(dims):
             data.dims[axis].attach_scale(scales[dim])
-    # As the CF conventions say it.
-    file["flags"].attrs["flag_masks"] = np.array(list(FLAGS), dtype=np.int32)
-    file["flags"].attrs["flag_meanings"] = " ".join(
-        told.replace(",", "").replace(" ", "_") for told in FLAGS.values()
-    )
 
 
 def write_recording(

@@ -8,13 +8,15 @@ some 800 MB, opens at once.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.recording import recording_file, require_recording
+from asperity.recording import described, recording_file, require_recording
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,8 +49,8 @@ def open_recording(file: str | Path) -> xr.Dataset:
     """Open a recording as a dataset with named dimensions and units.
 
     Also one whose session was killed: then as far as it got. One that is still being written has
-    to be stopped first. The data are read from the file when they are used; `.load()` takes all of them
-    into memory, `.close()` or a `with` block gives the file back.
+    to be stopped first. The data are read from the file when they are used; `.load()` takes all of
+    them into memory, `.close()` or a `with` block gives the file back.
 
     Parameters
     ----------
@@ -88,22 +90,53 @@ def open_recording(file: str | Path) -> xr.Dataset:
         reason = " ".join(str(error).split())
         raise AsperityError(f"{path} cannot be opened: {reason}") from None
     # Killed amid a flush, some variables may have more rows than there are times.
-    raw = raw.isel(time=slice(rows))
+    out = _split(raw.isel(time=slice(rows)))
+    out.set_close(raw.close)
+    return out
+
+
+def dataset_of(variables: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> xr.Dataset:
+    """Return the dataset that `open_recording` would give of arrays that are in memory.
+
+    Parameters
+    ----------
+    variables : mapping
+        `time` and every variable of a recording, as `RecordingWriter.add_rows` takes them.
+    attributes : mapping
+        Of the recording.
+    """
+    import xarray as xr
+
+    told = described()
+    raw = xr.Dataset(
+        {
+            name: (told[name][0], values, told[name][1])
+            for name, values in variables.items()
+            if name in told
+        },
+        coords={"time": ("time", variables["time"], {"units": "s"})},
+        attrs=dict(attributes),
+    )
+    return _split(raw)
+
+
+def _split(raw: xr.Dataset) -> xr.Dataset:
+    """Return the variables of a file apart, each with one unit."""
+    import xarray as xr
+
     parts: dict[str, Any] = {}
     for name, (whole, first, dim, units, told) in _SPLIT.items():
         along = raw[whole].dims[1]
         count = len(_AXES if dim == "axis" else _PARTS)
-        part = raw[whole].isel({along: slice(first, first + count)}).drop_vars(along)
+        part = raw[whole].isel({along: slice(first, first + count)}).drop_vars(along, errors="ignore")
         parts[name] = part.rename({along: dim}).assign_attrs(units=units, long_name=told)
         if dim == "axis":
             parts[name].attrs["frame"] = "world"
     for name in _WHOLE:
         if name in raw:
             parts[name] = raw[name]
-    out = xr.Dataset(
+    return xr.Dataset(
         parts,
         coords={"axis": np.array(_AXES), "quaternion": np.array(_PARTS)},
         attrs={key: value for key, value in raw.attrs.items() if value != ""},
     )
-    out.set_close(raw.close)
-    return out

@@ -90,7 +90,8 @@ def one_signal(acceleration: Array) -> Array:
         return np.zeros(len(acceleration))
     parts = np.fft.rfft(acceleration - acceleration.mean(axis=0), axis=0)
     size = np.sqrt((np.abs(parts) ** 2).sum(axis=1))
-    return np.asarray(np.fft.irfft(size * np.exp(1j * np.angle(parts.sum(axis=1))), len(acceleration)))
+    phase = np.exp(1j * np.angle(parts.sum(axis=1)))
+    return np.asarray(np.fft.irfft(size * phase, len(acceleration)))
 
 
 def joint_spectrum(acceleration: Array, step: float) -> tuple[Array, Array]:
@@ -166,7 +167,8 @@ def roughness(
 
     The studies move a hand along a line at an even speed, with an even force, over one texture.
     Here the tool goes as it is led: the numbers are comparable with those of a study only as far
-    as it does the same. Nobody's judgement of roughness went into either (see `perception.metrics`).
+    as it does the same. Nobody's judgement of roughness went into either metric; see
+    `perception.metrics`.
 
     Parameters
     ----------
