@@ -238,6 +238,12 @@ def read_recording(path: str | Path) -> Recording:
     return Recording(**arrays, attributes=attributes)
 
 
+def read_attributes(path: Path) -> dict[str, Any]:
+    """Return what a recording says of itself."""
+    with _opened(path) as file:
+        return {key: _plain(value) for key, value in file.attrs.items()}
+
+
 def require_recording(path: Path) -> int:
     """Return how many whole ticks a file has; raise where it is no recording of asperity's."""
     with _opened(path) as file:

@@ -26,6 +26,8 @@ EVERY = 3
 """Updates of the page to one of the plots."""
 SPANS = ("1 s", "2 s", "5 s", "10 s")
 _POINTS = 300
+_HEIGHT = 150
+"""Of a plot in the page."""
 _LINES = 256
 """Of a spectrum that is shown."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -71,8 +73,8 @@ class PlotsPanel:
             ),
             title="spectrum of the acceleration, last 2 s",
             scales={"x": {"time": False, "range": (0.0, 500.0)}, "y": {"auto": True}},
-            axes=({"size": 26}, {"size": 46}), height=170, legend={"live": False},
-            padding=(4, 12, 0, 0),
+            axes=_axes("frequency [Hz]"), height=_HEIGHT, legend={"live": False},
+            padding=(2, 14, 0, 0),
         )  # fmt: skip
 
     def update(self, frame: Frame) -> None:
@@ -146,10 +148,18 @@ def _time_plot(
         ({"label": "s"}, *series),
         title=label,
         scales={"x": {"time": False, "range": (-5.0, 0.0)}, "y": {"range": span}},
-        axes=({"size": 26}, {"size": 46}),
-        height=140,
+        axes=_axes("time before the moment shown [s]"),
+        height=_HEIGHT,
         legend={"live": False},
-        padding=(4, 12, 0, 0),
+        padding=(2, 14, 0, 0),
+    )
+
+
+def _axes(label: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    ticks = {"show": True, "size": 3}
+    return (
+        {"label": label, "labelSize": 16, "labelGap": 0, "size": 24, "gap": 1, "ticks": ticks},
+        {"size": 44, "gap": 2, "ticks": ticks},
     )
 
 

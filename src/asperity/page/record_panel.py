@@ -18,6 +18,7 @@ from asperity.page.kept import KeptRecording
 from asperity.page.panel import Frame
 from asperity.page.timeline import Timeline
 from asperity.servo.on_request import RecorderOnRequest, attributes_of
+from asperity.servo.replay import SCENE_BESIDE
 
 if TYPE_CHECKING:
     import viser
@@ -98,7 +99,7 @@ class RecordPanel:
                 stamp = time.strftime("%Y%m%d-%H%M%S")
                 folder = growing_folder(_free(self._folder / f"{choice.scene.name}-{stamp}"))
                 # With the scene beside it the recording stands for itself, whatever was changed.
-                choice.scene.save(folder / "scene")
+                choice.scene.save(folder / SCENE_BESIDE)
                 attributes = attributes_of(
                     choice.scene, link.parameters, source=choice.source, device=link.device
                 )

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _SPEEDS = {"1 x": 1.0, "1/4 x": 0.25, "1/10 x": 0.1, "1/50 x": 0.02}
 _EVERY = 3
+_STEP = 1e-3
 _NOW = "Showing **now**. *Pause* keeps the last seconds to look at; the loop goes on meanwhile."
 
 
@@ -42,7 +43,7 @@ class TimePanel:
         self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._now = gui.add_button("Back to now", visible=False)
-        self._slider = gui.add_slider("Time [s]", 0.0, 1.0, 0.001, 0.0, visible=False)
+        self._slider = gui.add_slider("Time [s]", 0.0, 1.0, _STEP, 0.0, visible=False)
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1 x", visible=False)
         self._told = gui.add_markdown(_NOW)
         self._pause.on_click(_ignoring(self._timeline.hold))
@@ -60,7 +61,8 @@ class TimePanel:
         if self._slider.max != max(timeline.length, 1e-3):
             self._slider.value = 0.0
             self._slider.max = max(timeline.length, 1e-3)
-        if timeline.playing or self._shown[:1] != (timeline.what,):
+        # What the user has moved is where the timeline stands: that is not sent back.
+        if abs(self._slider.value - timeline.at) > _STEP:
             self._slider.value = timeline.at
         shown = (timeline.what, timeline.is_live, timeline.playing, round(timeline.at, 3))
         if shown == self._shown:
