@@ -144,9 +144,7 @@ def traces(time: Array, tool_position: Array, wrench: Array, depth: Array) -> Tr
     first = last_run(time)
     time, tool_position = time[first:], tool_position[first:]
     wrench, depth = wrench[first:], depth[first:]
-    return Traces(
-        time, wrench[:, :3], wrench[:, 3:], accelerations(time, tool_position), depth
-    )
+    return Traces(time, wrench[:, :3], wrench[:, 3:], accelerations(time, tool_position), depth)
 
 
 class Roughness(NamedTuple):

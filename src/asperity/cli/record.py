@@ -62,8 +62,8 @@ class Replay:
     """Another scene to play it in. Default: the recording's."""
     port: Annotated[int, Between(0, 65535)] = 8080
     """Of the page; 0 is any that is free."""
-    no_browser: bool = False
-    """Only print the page's address."""
+    no_open: bool = False
+    """Do not open a browser; only say where the page is."""
     out: Path | None = None
     """Folder for the results of playing it through the scene again; no page then."""
     overwrite: bool = False
@@ -84,8 +84,8 @@ class Replay:
         from asperity.page.replayed import ReplayPage
 
         with ReplayPage(file, self.scene, port=self.port) as page:
-            print(f"{file} at {page.url} (Ctrl-C ends)", flush=True)
-            if not self.no_browser:
+            print(f"{page.url}  ({file}; Ctrl-C ends it)", flush=True)
+            if not self.no_open:
                 import webbrowser
 
                 webbrowser.open(page.url)
@@ -93,7 +93,7 @@ class Replay:
                 while not page.wait(0.2):
                     pass
             except KeyboardInterrupt:
-                print("closed")
+                print("ended")
 
     def _play(self, file: Path, out: Path) -> None:
         from asperity.cli.progress import progress_bars

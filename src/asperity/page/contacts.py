@@ -36,7 +36,9 @@ def empty_moment() -> Moment:
     }
     return Moment(
         **{  # type: ignore[arg-type]
-            name: (float(value[0]) if name in ("time", "tick_p99", "contact_p99") else int(value[0]))
+            name: (
+                float(value[0]) if name in ("time", "tick_p99", "contact_p99") else int(value[0])
+            )
             if value.shape == (1,)
             else value
             for name, value in values.items()

@@ -72,7 +72,7 @@ class PlotsPanel:
                 {"label": "m/s²", "stroke": COLOURS[0], "width": 1, "points": {"show": False}},
             ),
             title="spectrum of the acceleration, last 2 s",
-            scales={"x": {"time": False, "range": (0.0, 500.0)}, "y": {"auto": True}},
+            scales={"x": {"time": False, "range": (0.0, 500.0)}, "y": {"range": _range(0.0, 0.1)}},
             axes=_axes("frequency [Hz]"), height=_HEIGHT, legend={"live": False},
             padding=(2, 14, 0, 0),
         )  # fmt: skip
@@ -115,7 +115,7 @@ class PlotsPanel:
         frequency, amplitude = _gathered(frequency, amplitude)
         low, high = DEFAULT_BAND
         top = max(float(amplitude.max()), 1e-3)
-        band = np.where((frequency >= low) & (frequency <= high), 1.05 * top, np.nan)
+        band = np.where((frequency >= low) & (frequency <= high), 1.05 * top, 0.0)
         plot = self._plots["spectrum"]
         plot.data = (frequency, band, amplitude)
         half = round(0.5 * self._timeline.rate)
@@ -138,29 +138,36 @@ def _time_plot(
         {"label": name, "stroke": COLOURS[first + i], "width": 1, "points": {"show": False}}
         for i, name in enumerate(lines)
     ]
-    # Soft limits: shown when the data do not reach them.
-    span = {
-        "min": {"pad": 0.1, "soft": 0.0 if len(lines) == 1 else -least, "mode": 1},
-        "max": {"pad": 0.1, "soft": least, "mode": 1},
-    }
     return gui.add_uplot(
         empty,
         ({"label": "s"}, *series),
         title=label,
-        scales={"x": {"time": False, "range": (-5.0, 0.0)}, "y": {"range": span}},
-        axes=_axes("time before the moment shown [s]"),
+        scales={
+            "x": {"time": False, "range": (-5.0, 0.0)},
+            "y": {"range": _range(0.0 if len(lines) == 1 else -least, least)},
+        },
+        axes=_axes("time from the moment shown [s]"),
         height=_HEIGHT,
         legend={"live": False},
         padding=(2, 14, 0, 0),
     )
 
 
+def _range(least: float, most: float) -> dict[str, Any]:
+    """Return limits that are shown where the data do not reach them."""
+    return {
+        "min": {"pad": 0.1, "soft": least, "mode": 1},
+        "max": {"pad": 0.1, "soft": most, "mode": 1},
+    }
+
+
 def _axes(label: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    ticks = {"show": True, "size": 3}
+    ticks, font = {"show": True, "size": 3}, "10px sans-serif"
     return (
-        {"label": label, "labelSize": 16, "labelGap": 0, "size": 24, "gap": 1, "ticks": ticks},
-        {"size": 44, "gap": 2, "ticks": ticks},
-    )
+        {"label": label, "labelSize": 16, "labelGap": 0, "labelFont": font, "font": font,
+         "size": 22, "gap": 1, "ticks": ticks},
+        {"size": 40, "gap": 2, "font": font, "ticks": ticks},
+    )  # fmt: skip
 
 
 def _gathered(

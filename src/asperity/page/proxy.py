@@ -19,6 +19,7 @@ import contextlib
 import hmac
 import http
 import http.client
+import ipaddress
 import logging
 import secrets
 import threading
@@ -55,6 +56,15 @@ EXPOSED = (
 )
 
 
+def is_local(host: str) -> bool:
+    """Return whether an address is reached from this computer alone."""
+    if host == "localhost":
+        return True
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return False
+
+
 class Proxy:
     """A server in a thread of its own, before a viser server on this computer.
 
@@ -73,9 +83,7 @@ class Proxy:
         The address cannot be served on.
     """
 
-    def __init__(
-        self, host: str, port: int, upstream: int, *, token: str | None = None
-    ) -> None:
+    def __init__(self, host: str, port: int, upstream: int, *, token: str | None = None) -> None:
         self.host, self.port = host, port
         self.token = token or secrets.token_urlsafe(32)
         self._session = secrets.token_urlsafe(32)

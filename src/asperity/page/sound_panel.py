@@ -97,8 +97,8 @@ class SoundPanel:
         self._audio.content = (
             '<audio controls data-asperity="sound" style="width:100%" '
             f'src="data:audio/wav;base64,{data}"></audio>'
-            f'<div style="font-size:0.75em;opacity:0.7;padding:0 0.5em">{seconds:.2f} s; full scale '
-            f"is {sound.gain:.3g} m/s&sup2;</div>"
+            f'<div style="font-size:0.75em;opacity:0.7;padding:0 0.5em">{seconds:.2f} s; full '
+            f"scale is {sound.gain:.3g} m/s&sup2;</div>"
         )
 
     def _switched(self) -> None:
@@ -115,4 +115,3 @@ class SoundPanel:
     def _scaled(self) -> None:
         if self._live is not None:
             self._live.full_scale = float(self._full.value)
-

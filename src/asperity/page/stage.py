@@ -40,7 +40,7 @@ _LEAST = 0.02
 _GHOST_TRIANGLES = 3000
 _VIEW = np.array([0.75, -1.0, 0.55])
 """From the middle of the tool to the eye."""
-_CLOSENESS = 1.75
+_CLOSENESS = 2.1
 """Distance of the eye over the tool's size."""
 
 
@@ -70,15 +70,15 @@ class Stage:
         scene.world_axes.visible = False
         scene.set_background_image(_backdrop(), format="png")
         scene.configure_default_lights(False)
-        scene.configure_environment_map("studio", environment_intensity=0.35)
+        scene.configure_environment_map("studio", environment_intensity=0.2)
         scene.add_light_hemisphere(
-            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=1.1
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.5
         )
         scene.add_light_directional(
-            "/light/key", intensity=2.6, cast_shadow=True, position=(-8.0, -10.0, 22.0)
+            "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
         )
         scene.add_light_directional(
-            "/light/rim", color=(200, 215, 255), intensity=0.8, position=(14.0, 16.0, 8.0)
+            "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
         )
         self._show(link.choice.scene)
 
@@ -176,7 +176,7 @@ class Stage:
         placed = tool @ rotation_of(scene.start[3:]).T + scene.start[:3]
         low, high = placed.min(axis=0), placed.max(axis=0)
         middle = UNITS * 0.5 * (low + high)
-        middle[2] = UNITS * (0.65 * low[2] + 0.35 * high[2])
+        middle[2] = UNITS * (0.6 * low[2] + 0.4 * high[2])
         eye = middle + _CLOSENESS * self._size * _VIEW / np.linalg.norm(_VIEW)
         first = self._server.initial_camera
         first.position, first.look_at, first.up = tuple(eye), tuple(middle), (0.0, 0.0, 1.0)

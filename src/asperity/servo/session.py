@@ -6,7 +6,6 @@ however it ends. `summary.json` and figures come after the end.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -60,9 +59,7 @@ def run_session(
     folder = growing_folder(out, overwrite=overwrite)
     recording = folder / "recording.h5"
     recording.unlink(missing_ok=True)
-    attributes = attributes_of(
-        spec.scene, Parameters.of(spec.scene, spec.rate), source=source
-    )
+    attributes = attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
     with Servo(spec, recording, attributes) as servo:
         try:
             on_start(servo.start())
