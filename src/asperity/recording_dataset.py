@@ -129,7 +129,9 @@ def _split(raw: xr.Dataset) -> xr.Dataset:
         along = raw[whole].dims[1]
         count = len(_AXES if dim == "axis" else _PARTS)
         part = (
-            raw[whole].isel({along: slice(first, first + count)}).drop_vars([along], errors="ignore")
+            raw[whole]
+            .isel({along: slice(first, first + count)})
+            .drop_vars([along], errors="ignore")
         )
         parts[name] = part.rename({along: dim}).assign_attrs(units=units, long_name=told)
         if dim == "axis":

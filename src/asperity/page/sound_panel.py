@@ -25,6 +25,7 @@ _WHAT = (
     "scale. A loop of 1 kHz holds what lies below 500 Hz: small loudspeakers give little of it, "
     "headphones more."
 )
+_LIVE = "The computer's own sound, not the browser's."
 _EVERY = 10
 
 
@@ -38,7 +39,7 @@ class SoundPanel:
         Whether a loop runs, that could be heard.
     """
 
-    title = "Sound"
+    title = "Record"
 
     def __init__(self, timeline: Timeline, *, live: bool = True) -> None:
         self._timeline, self._can_be_live = timeline, live
@@ -49,22 +50,22 @@ class SoundPanel:
         import viser
 
         self._link, gui = link, server.gui
-        self._length = gui.add_dropdown("Length", tuple(_LENGTHS), initial_value="5 s")
-        gui.add_button("Make the sound of what is shown", icon=viser.Icon.WAVE_SINE).on_click(
-            lambda _: self.make()
-        )
-        self._audio = gui.add_html("")
-        gui.add_markdown(_WHAT)
+        with gui.add_folder("Sound"):
+            self._length = gui.add_dropdown("Length", tuple(_LENGTHS), initial_value="5 s")
+            button = gui.add_button("Make the sound of what is shown", icon=viser.Icon.WAVE_SINE)
+            button.on_click(lambda _: self.make())
+            self._audio = gui.add_html("")
+            gui.add_markdown(_WHAT)
         if not self._can_be_live:
             return
-        with gui.add_folder("Live, through this computer"):
+        with gui.add_folder("Sound, live through this computer"):
             missing = LiveSound.missing()
             self._switch = gui.add_checkbox("Play", False, disabled=bool(missing))
             self._full = gui.add_slider(
                 "Full scale [m/s²]", 1.0, 500.0, 1.0, 50.0, disabled=bool(missing),
                 hint="Acceleration that is as loud as it gets; what is above is rounded off.",
             )  # fmt: skip
-            self._told = gui.add_markdown(missing or "The computer's own sound, not the browser's.")
+            self._told = gui.add_markdown(missing or _LIVE)
         self._switch.on_update(lambda _: self._switched())
         self._full.on_update(lambda _: self._scaled())
 
@@ -104,7 +105,7 @@ class SoundPanel:
     def _switched(self) -> None:
         self.close()
         if not self._switch.value:
-            self._told.content = "The computer's own sound, not the browser's."
+            self._told.content = _LIVE
             return
         try:
             self._live = LiveSound(self._link, full_scale=float(self._full.value))

@@ -136,7 +136,7 @@ class Timeline:
 
     def advance(self, frame: Frame) -> None:
         """Go on with the page's time, if it plays; remember what rows do not have."""
-        passed, self._last = frame.now - self._last, frame.now
+        passed, self._last = max(frame.now - self._last, 0.0), frame.now
         with self._lock:
             if self._kept is None:
                 if frame.moment is not None:
