@@ -23,6 +23,7 @@ from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.export import Export
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -48,6 +49,7 @@ class Arguments:
         | Annotated[Record, tyro.conf.subcommand("record")]
         | Annotated[Replay, tyro.conf.subcommand("replay")]
         | Annotated[View, tyro.conf.subcommand("view")]
+        | Annotated[Export, tyro.conf.subcommand("export")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]

@@ -34,6 +34,10 @@ class View:
     """mouse, haply, touch, ...: see `asperity devices`."""
     port: Annotated[int, Between(0, 65535)] = 8080
     """Of the page; 0: any that is free. If it is taken, the next that is free."""
+    host: str = "127.0.0.1"
+    """Another address opens the page to other computers, with a token; says what that exposes."""
+    out: Path = Path("out/view")
+    """Folder for recordings."""
     no_open: bool = False
     """Do not open a browser; only say where the page is."""
     triangles: Annotated[int, Between(1000, 2_000_000)] = 50_000
@@ -59,14 +63,13 @@ class View:
         require_viser()
         choice = self._choice()
         from asperity.page.link import Link
-        from asperity.page.panels import live_panels
-        from asperity.page.server import serve
+        from asperity.page.live import live_page
         from asperity.simulation import announce_compiling
 
         announce_compiling()
         with (
             Link(choice) as link,
-            serve(link, lambda: live_panels(self.triangles), port=self.port) as page,
+            live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
             if self.screenshot is not None:
                 from asperity.page.browser import take_picture

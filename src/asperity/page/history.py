@@ -30,7 +30,7 @@ class History:
         return self._count
 
     def add(self, rows: NDArray[np.float64]) -> None:
-        """Take rows (n, 29); the oldest go."""
+        """Take rows (n, 30); the oldest go."""
         most = len(self._rows)
         with self._lock:
             kept = rows[-most:]

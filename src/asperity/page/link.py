@@ -93,14 +93,14 @@ class Link:
         return None
 
     def rows_since(self, number: int) -> tuple[NDArray[np.float64], int]:
-        """Return the rows (n, 29) from a number on, as far as they are kept, and the next number.
+        """Return the rows (n, 30) from a number on, as far as they are kept, and the next number.
 
         Columns are `servo.rows.FIELDS`. Time goes on from one servo process to the next.
         """
         return self.history.since(number)
 
     def tap(self, take: Callable[[NDArray[np.float64]], None]) -> Callable[[], None]:
-        """Have `take` called with all new rows (n, 29), from the reader's thread; return the end.
+        """Have `take` called with all new rows (n, 30), from the reader's thread; return the end.
 
         It must be quick, and must not raise.
         """

@@ -28,7 +28,7 @@ class Frame:
         Of the page's clock [s].
     moment : Moment or None
         The latest tick, with contacts and counts; None before the first.
-    rows : (n, 29) array
+    rows : (n, 30) array
         Of the ticks since the last update; columns as in `servo.rows.FIELDS`. At most what the
         link keeps.
     next_row : int

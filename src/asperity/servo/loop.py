@@ -255,6 +255,7 @@ class ServoLoop:
         row.device_wrench[:] = self._sent
         row.contact_count[0] = contact.linear.count
         row.flags[0] = flags
+        row.penetration_depth[0] = contact.depth
         if self._publisher.snapshot is not None and self._tick % self._publisher.every == 0:
             counts = (
                 self.device.reading.buttons, stats.ticks, stats.misses, stats.fallbacks,

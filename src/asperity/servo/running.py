@@ -162,7 +162,7 @@ class Servo:
         return self._reader.read()
 
     def take_rows(self) -> NDArray[np.float64]:
-        """Return the rows (n, 29) of all ticks since the last call; see `rows.FIELDS`."""
+        """Return the rows (n, 30) of all ticks since the last call; see `rows.FIELDS`."""
         if self._ring is None or self.process.pid is None:
             return np.empty((0, WIDTH))
         return self._ring.take()

@@ -103,10 +103,13 @@ class SnapshotWriter:
         counts: tuple[float, ...],
         shown: Shown,
     ) -> None:
-        """Overwrite the moment: the row of a recording, twists, numbers from `buttons` on."""
+        """Overwrite the moment: the row of a recording, twists, numbers from `buttons` on.
+
+        Of the row, what `FIELDS` has of it; the depths are told contact by contact.
+        """
         self._number += 1
         self._sequence[0] = self._number
-        self._row[:] = row
+        self._row[:] = row[: len(self._row)]
         self._handle_twist[:] = handle_twist
         self._tool_twist[:] = tool_twist
         n = shown.count
