@@ -160,12 +160,9 @@ class Stage:
         self._force = add.add_arrows("/marks/force", none, FORCE, **thick)
         self._torque = add.add_arrows("/marks/torque", none, TORQUE, **thick)
         self._stretch = add.add_line_segments(
-            "/marks/stretch",
-            np.zeros((0, 2, 3), np.float32),
-            HANDLE,
-            thickness=4.0,
-            thickness_units="screen",
-        )
+            "/marks/stretch", np.zeros((0, 2, 3), np.float32), HANDLE,
+            thickness=4.0, thickness_units="screen",
+        )  # fmt: skip
         self._labels = {
             name: add.add_label(f"/marks/{name}-label", "", anchor="bottom-left", visible=False)
             for name in ("force", "torque")
