@@ -12,6 +12,7 @@ from asperity.page.changes import (
     on_coupling,
     scaled_texture,
     texture_of,
+    with_device,
     with_meshes,
     with_method,
     with_scene,
@@ -71,6 +72,7 @@ def test_a_body_gets_another_texture_and_keeps_the_rest(plate):
         (lambda c: with_texture(c, "plate", "knurl", pixel_size=0.0), "pixel size must lie"),
         (lambda c: with_texture(c, "probe", "as it is"), "probe is smooth"),
         (lambda c: with_method(c, "Newton"), "unknown force law"),
+        (lambda c: with_device(c, "spoon"), "unknown device 'spoon'"),
         (lambda c: with_scene(c, "prob-plate"), "no scene 'prob-plate'"),
     ],
 )
