@@ -1,8 +1,9 @@
 """What is drawn of a scene in the page: displaced surfaces as meshes, coloured by height.
 
 All bodies together stay within a number of triangles. Surfaces are sampled evenly, as finely as
-that allows; of a grid, rows and columns that a straight line between others shows as well are left
-out first, so that ridges are drawn much finer than dots.
+that allows, meshes only round the place where the tool touches first; of a grid, rows and columns
+that a straight line between others shows as well are left out first, so that ridges are drawn much
+finer than dots.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.flat import rotation_of
 from asperity.page.colours import height_colours
 from asperity.picture.parts import Part, scene_parts
 from asperity.picture.view import Sheet, View
@@ -29,6 +31,10 @@ _FINEST = 2e-5
 _WIDE = 2.5
 """A plane without end is shown so many times as far as the rest of the scene."""
 _ROUNDS = 6
+_SPREAD, _NEAR = 6000, 3e-3
+"""Points of each mesh by which that place is found, and how near to the nearest counts [m]."""
+_FINE = 0.045
+"""Meshes show their relief so far round the place where the tool touches first [m]."""
 _TOOL_COARSER = 1.6
 """The tool hides most of its own relief."""
 
@@ -58,7 +64,7 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
     """
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
-    views = [_view(part, centre, radius) for part in parts]
+    views = [_view(part, centre, radius, _first_contact(scene), scene.start) for part in parts]
     spacing = radius / 100.0
     best: list[Shape] = []
     low, high = 0.0, np.inf
@@ -104,7 +110,40 @@ def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
-def _view(part: Part, centre: Array, radius: float) -> View:
+def _first_contact(scene: Scene) -> Array:
+    """Return about where the tool, as it is drawn, is nearest to another mesh [m]."""
+    from scipy.spatial import cKDTree
+
+    meshes = {body.name: body.mesh for body in scene.bodies if body.mesh is not None}
+    tool = meshes.pop(scene.tool, None)
+    if tool is None or not meshes:
+        return scene.start[:3]
+    parts = {part.body.name: part.pose for part in scene_parts(scene, scene.start)}
+    others = np.concatenate(
+        [_spread(mesh.vertices[mesh.faces], parts[name]) for name, mesh in meshes.items()]
+    )
+    away, _ = cKDTree(_spread(tool.vertices[tool.faces], scene.start)).query(others)
+    return np.asarray(others[away < away.min() + _NEAR].mean(axis=0))
+
+
+def _spread(triangles: Array, pose: Array) -> Array:
+    """Return points (n, 3) spread over triangles (m, 3, 3), in the world."""
+    area = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    draw = np.random.default_rng(0)
+    chosen = draw.choice(len(triangles), _SPREAD, p=area / area.sum())
+    weights = draw.dirichlet((1.0, 1.0, 1.0), _SPREAD)
+    points = np.einsum("ij,ijk->ik", weights, triangles[chosen])
+    return np.asarray(points @ rotation_of(pose[3:]).T + pose[:3])
+
+
+def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array) -> View:
+    """Return which ball of a part is drawn finely, in its frame if it is the tool."""
+    if part.body.mesh is not None:
+        if part.is_tool:
+            contact = rotation_of(start[3:]).T @ (contact - start[:3])
+        return View(contact, _FINE, 100)
     if part.is_tool:
         return View(np.zeros(3), 4.0 * radius, 100)
     is_plane = part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)

@@ -42,6 +42,8 @@ _OUTLINE = 500
 """Points by which the highest place of the tool is found, about."""
 _VIEW = np.array([0.75, -1.0, 0.55])
 """From the middle of the tool to the eye."""
+_WHOLE = 16.0
+"""A tool up to this size is shown whole at first, of a larger one that much [units]."""
 _CLOSENESS, _ASIDE = 2.3, 0.2
 """Distance of the eye, and how far it looks past the tool, over the tool's size."""
 
@@ -74,7 +76,7 @@ class Stage:
         scene.configure_default_lights(False)
         scene.configure_environment_map("studio", environment_intensity=0.2)
         scene.add_light_hemisphere(
-            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.8
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.55
         )
         scene.add_light_directional(
             "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
@@ -179,13 +181,17 @@ class Stage:
         """Look at the tool where it begins, from the front and above."""
         placed = tool @ rotation_of(scene.start[3:]).T + scene.start[:3]
         low, high = placed.min(axis=0), placed.max(axis=0)
-        middle = UNITS * 0.5 * (low + high)
-        middle[2] = UNITS * (0.6 * low[2] + 0.4 * high[2])
+        # Of a long tool, the part that touches.
+        lowest = placed[placed[:, 2] < low[2] + 1e-3].mean(axis=0)
+        share = min(_WHOLE / self._size, 1.0)
+        middle = UNITS * (lowest + share * (0.5 * (low + high) - lowest))
+        middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
+        size = share * self._size
         towards = _VIEW / np.linalg.norm(_VIEW)
         # The panels lie over the right of the page.
         right = np.cross([0.0, 0.0, 1.0], towards)
-        middle += _ASIDE * self._size * right / np.linalg.norm(right)
-        eye = middle + _CLOSENESS * self._size * towards
+        middle += _ASIDE * size * right / np.linalg.norm(right)
+        eye = middle + _CLOSENESS * size * towards
         first = self._server.initial_camera
         first.position, first.look_at, first.up = tuple(eye), tuple(middle), (0.0, 0.0, 1.0)
         first.fov = np.radians(35.0)
