@@ -33,7 +33,7 @@ _WIDE = 2.5
 _ROUNDS = 6
 _SPREAD, _NEAR = 6000, 3e-3
 """Points of each mesh by which that place is found, and how near to the nearest counts [m]."""
-_FINE = 0.045
+_FINE = 0.028
 """Meshes show their relief so far round the place where the tool touches first [m]."""
 _TOOL_COARSER = 1.6
 """The tool hides most of its own relief."""
