@@ -64,7 +64,7 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
     """
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
-    views = [_view(part, centre, radius, _first_contact(scene), scene.start) for part in parts]
+    views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
     spacing = radius / 100.0
     best: list[Shape] = []
     low, high = 0.0, np.inf
@@ -110,7 +110,7 @@ def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
-def _first_contact(scene: Scene) -> Array:
+def first_contact(scene: Scene) -> Array:
     """Return about where the tool, as it is drawn, is nearest to another mesh [m]."""
     from scipy.spatial import cKDTree
 

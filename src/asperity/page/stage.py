@@ -17,7 +17,7 @@ from asperity.dynamics.coupling import held_body
 from asperity.page.colours import CONTACT, FORCE, HANDLE, TORQUE
 from asperity.page.glb import glb
 from asperity.page.panel import Frame
-from asperity.page.shapes import TRIANGLES, Shape, shapes_of
+from asperity.page.shapes import TRIANGLES, Shape, first_contact, shapes_of
 from asperity.scene import Scene
 from asperity.servo.snapshot import Moment
 
@@ -182,7 +182,7 @@ class Stage:
         placed = tool @ rotation_of(scene.start[3:]).T + scene.start[:3]
         low, high = placed.min(axis=0), placed.max(axis=0)
         # Of a long tool, the part that touches.
-        lowest = placed[placed[:, 2] < low[2] + 1e-3].mean(axis=0)
+        lowest = first_contact(scene)
         share = min(_WHOLE / self._size, 1.0)
         middle = UNITS * (lowest + share * (0.5 * (low + high) - lowest))
         middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
