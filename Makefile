@@ -12,6 +12,7 @@ demo: $(VENV)/installed-run          ## run the paper's studies and write out/re
 	$(BIN)/asperity demo --out $(OUT) --overwrite
 
 test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
+	@sh .ci/browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
 test-slow: $(VENV)/installed-dev
@@ -30,6 +31,7 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_devices.py
 	$(BIN)/python benchmarks/bench_servo.py
 	$(BIN)/python benchmarks/bench_sweep.py
+	$(BIN)/python benchmarks/bench_page.py
 
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite
@@ -61,7 +63,7 @@ $(BIN)/python:
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
-	$(call INSTALL,[compare,haply,sweep])
+	$(call INSTALL,[compare,haply,sweep,view])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python

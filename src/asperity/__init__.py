@@ -52,6 +52,7 @@ _HOME = {
     "make_scene": "asperity.scene_from_files",
     "measure_stability": "asperity.stability",
     "offset_surface": "asperity.geometry.sampled",
+    "open_recording": "asperity.recording_dataset",
     "open_sweep": "asperity.sweeps.store",
     "read_heights": "asperity.texture.reading",
     "read_poses": "asperity.trajectory_file",
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
     from asperity.geometry.sampled import SampledProfile as SampledProfile
     from asperity.geometry.sampled import offset_surface as offset_surface
     from asperity.recording import read_recording as read_recording
+    from asperity.recording_dataset import open_recording as open_recording
     from asperity.scene import Scene as Scene
     from asperity.scene import scene_of as scene_of
     from asperity.scene_from_files import make_scene as make_scene

@@ -16,7 +16,7 @@ from asperity import __version__
 from asperity.anti_alias import SPAN
 from asperity.dynamics.passivity import PassivityController
 from asperity.picture.contact import Moment, Picture, close_picture, whole_picture
-from asperity.recording import RecordingWriter
+from asperity.recording import RecordingWriter, variables_of
 from asperity.scene import Scene
 from asperity.simulation import BUDGET_SPENT, SUB_POSES, TOO_FAST, Rollout, Simulation
 from asperity.trajectory import ScriptedMotion, Trajectory
@@ -143,8 +143,7 @@ def _across(simulation: Simulation) -> float:
 
 
 def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
-    names = ("time", "handle_pose", "tool_pose", "contact_wrench", "device_wrench")
-    return {name: getattr(rollout, name)[first:last] for name in (*names, "contact_count", "flags")}
+    return {name: rows[first:last] for name, rows in variables_of(rollout).items()}
 
 
 def _told(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:

@@ -69,6 +69,8 @@ class Rollout:
     centre of mass, and `device_wrench`, which the hand feels (n, 6) [N, N m]; `contact_count`,
     `flags` (n,), see `FLAGS`; `tick_seconds` (n,), how long each step took [s];
     `statuses` counts contacts by status: certified, node budget spent, overflow.
+    `penetration_depth` (n,) is that of the deepest contact [m], 0 without any, or None where it
+    is not known.
     """
 
     time: NDArray[np.float64]
@@ -80,6 +82,7 @@ class Rollout:
     flags: NDArray[np.int64]
     tick_seconds: NDArray[np.float64]
     statuses: NDArray[np.int64]
+    penetration_depth: NDArray[np.float64] | None = None
 
 
 class Simulation:
@@ -220,6 +223,7 @@ class Simulation:
             flags=np.zeros(n, np.int64),
             tick_seconds=np.empty(n),
             statuses=np.zeros(3, np.int64),
+            penetration_depth=(depth := np.zeros(n)),
         )
         for i in range(n):
             if hand is not None:
@@ -240,6 +244,7 @@ class Simulation:
             out.flags[i] = self.flags
             if count:
                 out.statuses[:] += np.bincount(self.contacts.status[:count], minlength=3)[:3]
+                depth[i] = self.contacts.depth[:count].max()
             on_tick(i, out)
         return out
 

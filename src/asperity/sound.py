@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,12 @@ if TYPE_CHECKING:
 
 PEAK = 10.0 ** (-1.0 / 20.0)
 """The largest sample stands 1 dB below full scale."""
-LENGTHS = (0.05, 60.0)
+LENGTHS = (0.05, 600.0)
 """The shortest and the longest sound [s]."""
 _FADE = 0.01
+_FEW = 4.0
+"""With more samples of the sound than this to one of the record, lines between them are heard."""
+_LARGEST_RATIO = 1000
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class Sound:
     source: str
     """Where the acceleration came from, in words."""
 
-    def write(self, path: Path) -> None:
+    def write(self, path: Path | BinaryIO) -> None:
         """Write a 16-bit mono WAV file."""
         wavfile.write(path, self.rate, np.round(self.samples * 32767.0).astype(np.int16))
 
@@ -60,7 +64,7 @@ def from_acceleration(
     rate : int
         Of the sound [Hz], 1000 to 192000.
     seconds : float, optional
-        Length of the sound, 0.05 to 60; the record is repeated if `repeats`, else cut. Default:
+        Length of the sound, 0.05 to 600; the record is repeated if `repeats`, else cut. Default:
         the record once, or two seconds of repeats.
     repeats : bool
         Whether the record is one repeat of a periodic motion.
@@ -86,6 +90,8 @@ def from_acceleration(
 
         low_pass = signal.butter(8, 0.45 * rate, fs=1.0 / step, output="sos")
         centred = signal.sosfiltfilt(low_pass, centred)
+    elif step * rate > _FEW:
+        centred, step = _band_limited(centred, step, rate)
     samples = np.interp(times, np.arange(centred.size) * step, centred)
     fade = np.minimum(1.0, np.minimum(times, times[-1] - times) / _FADE)
     samples = samples * fade
@@ -93,6 +99,22 @@ def from_acceleration(
     if loudest == 0.0:
         raise AsperityError("the acceleration is zero throughout: there is nothing to hear")
     return Sound(samples * (PEAK / loudest), rate, loudest / PEAK, source)
+
+
+def _band_limited(
+    values: NDArray[np.float64], step: float, rate: int
+) -> tuple[NDArray[np.float64], float]:
+    """Return values at about the rate of a sound, with nothing above half their own; the step.
+
+    Lines between samples of a servo loop would add mirror images of its spectrum, which are heard
+    as a hiss about the tick rate. A polyphase low-pass (Kaiser window, beta 5, 20 periods of the
+    slower rate long) leaves 1 % of them.
+    """
+    from scipy import signal  # slow to import
+
+    ratio = Fraction(step * rate).limit_denominator(_LARGEST_RATIO)
+    out = signal.resample_poly(values, ratio.numerator, ratio.denominator)
+    return np.asarray(out), step * ratio.denominator / ratio.numerator
 
 
 def from_run(

@@ -66,7 +66,7 @@ def headless(tmp_path_factory):
 
 def test_a_run_in_simulated_time_is_replayed_as_it_was(headless, tmp_path):
     recording = read_recording(headless)
-    scene = scene_of_recording(recording)
+    scene = scene_of_recording(recording.attributes)
     assert scene.coupling.mode == "implicit"
     told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
     assert told["ticks"] == told["ticks_untouched"] == 301
@@ -76,7 +76,7 @@ def test_a_run_in_simulated_time_is_replayed_as_it_was(headless, tmp_path):
 
 def test_another_scene_differs(headless, tmp_path):
     recording = read_recording(headless)
-    scene = scene_of_recording(recording, "probe-plate-grating")
+    scene = scene_of_recording(recording.attributes, "probe-plate-grating")
     told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
     assert told["contact_wrench"]["largest_force_n"] > 0.01
 

@@ -27,12 +27,14 @@ from asperity.cli.doctor import Doctor
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import Fit
 from asperity.cli.plot import PlotCommand
+from asperity.cli.export import Export
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
 from asperity.cli.sweep import SweepCommand
+from asperity.cli.view import View
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -51,6 +53,8 @@ class Arguments:
         | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[Record, tyro.conf.subcommand("record")]
         | Annotated[Replay, tyro.conf.subcommand("replay")]
+        | Annotated[View, tyro.conf.subcommand("view")]
+        | Annotated[Export, tyro.conf.subcommand("export")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]

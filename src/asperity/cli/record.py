@@ -49,23 +49,53 @@ class Record:
 
 @dataclass
 class Replay:
-    """Play the handle of a recording through its scene again, in simulated time.
+    """Look at a recording: the page of `asperity view`, with a slider through its time.
 
-    Writes a new recording and figures, and says how far the wrenches differ. To play it in real
-    time, to feel nothing but be recorded again: asperity run SCENE --device replay:FILE.
+    With --out, play its handle through its scene again instead, in simulated time: writes a new
+    recording and figures, and says how far the wrenches differ. To play it in real time, to feel
+    nothing but be recorded again: asperity run SCENE --device replay:FILE.
     """
 
     file: Annotated[Positional[Path], arg(metavar="FILE")]
     """recording.h5, or the folder it is in."""
     scene: str | None = None
     """Another scene to play it in. Default: the recording's."""
-    out: Path = Path("out/replay")
-    """Folder for the results."""
+    port: Annotated[int, Between(0, 65535)] = 8080
+    """Of the page; 0 is any that is free."""
+    no_open: bool = False
+    """Do not open a browser; only say where the page is."""
+    out: Path | None = None
+    """Folder for the results of playing it through the scene again; no page then."""
     overwrite: bool = False
     """Replace what is in the folder."""
 
     def run(self) -> None:
-        """Play, write, and say how far it differs."""
+        """Show the page, or play, write, and say how far it differs."""
+        check_ranges(self)
+        from asperity.recording import recording_file
+
+        file = recording_file(self.file)
+        if self.out is None:
+            self._show(file)
+        else:
+            self._play(file, self.out)
+
+    def _show(self, file: Path) -> None:
+        from asperity.page.replayed import ReplayPage
+
+        with ReplayPage(file, self.scene, port=self.port) as page:
+            print(f"{page.url}  ({file}; Ctrl-C ends it)", flush=True)
+            if not self.no_open:
+                import webbrowser
+
+                webbrowser.open(page.url)
+            try:
+                while not page.wait(0.2):
+                    pass
+            except KeyboardInterrupt:
+                print("ended")
+
+    def _play(self, file: Path, out: Path) -> None:
         from asperity.cli.progress import progress_bars
         from asperity.headless import take_pictures, write_figures, write_summary
         from asperity.output import result_folder
@@ -73,11 +103,10 @@ class Replay:
         from asperity.servo.replay import replay, scene_of_recording
         from asperity.simulation import announce_compiling
 
-        file = self.file / "recording.h5" if self.file.is_dir() else self.file
         recording = read_recording(file)
-        scene = scene_of_recording(recording, self.scene)
+        scene = scene_of_recording(recording.attributes, self.scene, beside=file.parent)
         announce_compiling()
-        with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
+        with result_folder(out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             task = bars.add_task(scene.name, total=len(recording.time))
 
             def show(i: int, rollout: Any) -> None:
@@ -90,7 +119,7 @@ class Replay:
         apart = done.summary["replay"]
         felt, contact = apart["device_wrench"], apart["contact_wrench"]
         print(
-            f"{self.out}: {apart['ticks']} ticks of {file} in {scene.name}; the hand's force "
+            f"{out}: {apart['ticks']} ticks of {file} in {scene.name}; the hand's force "
             f"differs by at most {felt['largest_force_n']:.3g} N (at {felt['at_s']:.3f} s), "
             f"{felt['rms_force_n']:.3g} N rms, and by {felt['largest_force_untouched_n']:.3g} N in "
             f"the {apart['ticks_untouched']} ticks that nothing was done to; the contact's by "

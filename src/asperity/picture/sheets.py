@@ -51,7 +51,7 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
     for chart in body_charts(body, pose, view):
         points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
         displace(chart.base, chart.normals, chart.heights, rotation, pose[:3], points, normals)
-        yield Sheet(points, normals)
+        yield Sheet(points, normals, height=None if body.texture is None else chart.heights)
 
 
 def body_charts(body: Body, pose: Array, view: View) -> Iterator[Chart]:

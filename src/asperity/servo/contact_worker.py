@@ -52,6 +52,8 @@ class Contact:
     def __init__(self) -> None:
         self.linear = LinearContact(np.zeros(7), np.zeros(6), np.zeros((6, 6)), 0, 0)
         self.shown = Shown()
+        self.depth = 0.0
+        """Of the deepest contact [m]; 0 without any."""
         self.seconds = 0.0
         """How long it took [s]."""
         self.asked = 0.0
@@ -164,6 +166,7 @@ class ContactWorker:
         out.linear = self.stage.evaluate(self._pose, jumped=self._jumped, seconds=max(left, 0.0))
         contacts, shown = self.stage.contacts, out.shown
         count = out.linear.count
+        out.depth = float(contacts.depth[:count].max()) if count else 0.0
         shown.count = n = min(count, SHOWN)
         if n:
             shown.point[:n] = contacts.point[:n]

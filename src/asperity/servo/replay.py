@@ -6,7 +6,7 @@ recording is what these did. A recording of `asperity run` without a device come
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +23,30 @@ from asperity.trajectory import Trajectory
 
 TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT
 """Flags of ticks in which something was done to the wrench."""
+SCENE_BESIDE = "scene"
+"""The folder beside a recording that holds its scene, where it was changed by hand."""
 
 
-def scene_of_recording(recording: Recording, scene: str | None = None) -> Scene:
+def scene_of_recording(
+    attributes: Mapping[str, Any], scene: str | None = None, *, beside: Path | None = None
+) -> Scene:
     """Return the scene that a recording was made in.
 
     Parameters
     ----------
-    recording : Recording
+    attributes : mapping
+        Of the recording.
     scene : str, optional
-        A scene's name or folder. Default: what the recording says.
+        A scene's name or folder. Default: the folder `scene` beside the recording, if there is
+        one, else what the recording says.
+    beside : Path, optional
+        The recording's folder.
     """
     import json
 
-    source = scene or recording.attributes.get("source") or recording.attributes.get("scene")
+    source = scene or attributes.get("source") or attributes.get("scene")
+    if scene is None and beside is not None and (beside / SCENE_BESIDE).is_dir():
+        source = str(beside / SCENE_BESIDE)
     if not source:
         raise AsperityError("the recording does not say its scene; give it with --scene")
     try:
@@ -44,7 +54,7 @@ def scene_of_recording(recording: Recording, scene: str | None = None) -> Scene:
     except AsperityError as error:
         raise AsperityError(f"{error}; or give the scene with --scene") from None
     try:
-        document = json.loads(str(recording.attributes["document"]))
+        document = json.loads(str(attributes["document"]))
     except (KeyError, json.JSONDecodeError):
         return found
     sections = {key: document[key] for key in ("force", "coupling") if key in document}

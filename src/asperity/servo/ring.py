@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.servo.rows import WIDTH
-from asperity.servo.shared_file import SharedFile
+from asperity.shared_file import SharedFile
 
 SECONDS = 8.0
 """Of room."""
@@ -42,7 +42,7 @@ class Ring:
         self._head = int(self._header[_HEAD])
 
     def push(self, row: NDArray[np.float64]) -> bool:
-        """Write a row (29,); return whether there was room for it. Never waits."""
+        """Write a row (30,); return whether there was room for it. Never waits."""
         header, head = self._header, self._head
         if head - int(header[_TAIL]) >= self.capacity:
             header[_LOST] += 1
@@ -53,7 +53,7 @@ class Ring:
         return True
 
     def take(self) -> NDArray[np.float64]:
-        """Return all rows there are (n, 29), in order, and make room for others."""
+        """Return all rows there are (n, 30), in order, and make room for others."""
         head, tail = int(self._header[_HEAD]), int(self._header[_TAIL])
         at = np.arange(tail, head) % self.capacity
         rows = self._rows[at]

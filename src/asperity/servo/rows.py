@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 FIELDS = {
     "time": 1, "handle_pose": 7, "tool_pose": 7, "contact_wrench": 6, "device_wrench": 6,
-    "contact_count": 1, "flags": 1,
+    "contact_count": 1, "flags": 1, "penetration_depth": 1,
 }  # fmt: skip
 """As in `recording.h5`, and how many numbers each is."""
 WIDTH = sum(FIELDS.values())
 
 
 class Row:
-    """One tick, filled in place: `values` (29,), and a view for each of `FIELDS`."""
+    """One tick, filled in place: `values` (30,), and a view for each of `FIELDS`."""
 
     def __init__(self) -> None:
         self.values = np.zeros(WIDTH)
@@ -26,6 +26,7 @@ class Row:
         self.device_wrench = self.values[places["device_wrench"]]
         self.contact_count = self.values[places["contact_count"]]
         self.flags = self.values[places["flags"]]
+        self.penetration_depth = self.values[places["penetration_depth"]]
 
 
 def slices() -> dict[str, slice]:
@@ -38,7 +39,7 @@ def slices() -> dict[str, slice]:
 
 
 def columns(rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Return the fields of rows (n, 29), as `RecordingWriter.add_rows` takes them."""
+    """Return the fields of rows (n, 30), as `RecordingWriter.add_rows` takes them."""
     return {
         name: rows[:, place.start] if place.stop - place.start == 1 else rows[:, place]
         for name, place in slices().items()

@@ -6,14 +6,12 @@ however it ends. `summary.json` and figures come after the end.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity import __version__
 from asperity.contact_stage import ContactStage
 from asperity.errors import AsperityError
 from asperity.headless import Run, summary_of, take_pictures, write_figures, write_summary
@@ -21,6 +19,8 @@ from asperity.output import growing_folder
 from asperity.picture.contact import Moment as PictureMoment
 from asperity.recording import Recording, read_recording
 from asperity.scene import Scene
+from asperity.servo.on_request import attributes_of
+from asperity.servo.parameters import Parameters
 from asperity.servo.process import ServoSpec
 from asperity.servo.running import Servo
 from asperity.servo.snapshot import Moment
@@ -59,7 +59,8 @@ def run_session(
     folder = growing_folder(out, overwrite=overwrite)
     recording = folder / "recording.h5"
     recording.unlink(missing_ok=True)
-    with Servo(spec, recording, _attributes(spec, source)) as servo:
+    attributes = attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
+    with Servo(spec, recording, attributes) as servo:
         try:
             on_start(servo.start())
             while not servo.wait(LOOKED_AT):
@@ -74,17 +75,6 @@ def run_session(
                 raise
         result = servo.finish()
     return _write(spec, folder, result, figures)
-
-
-def _attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
-    scene = spec.scene
-    return {
-        "scene": scene.name, "source": source, "trajectory": "device",
-        "dt": 1.0 / spec.rate,
-        "anti_alias": scene.anti_alias, "coupling": scene.coupling.mode, "hand": "device",
-        "contact_lag": int(scene.coupling.mode != "direct"), "version": __version__,
-        "document": json.dumps(scene.document), "notes": "\n".join(scene.notes),
-    }  # fmt: skip
 
 
 def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:
