@@ -60,7 +60,7 @@ def test_the_choice_gets_most_and_prefers_what_others_do_well_with():
     holds[1, 1, :4] = holds[2, 1, :4] = holds[3, 1, :3] = holds[0, 1, :2] = True
     best = choose(holds, np.ones(5), near)
     assert best[:2] in {(1, 1), (2, 1)}
-    assert best.count == 4
+    assert best.got == 4
     assert luckiest(holds, np.ones(5)) == (0, 0, 5)
     assert choose(holds, np.array([0.0, 0.0, 0.0, 0.0, 1.0]), near)[:2] == (0, 0)
 

@@ -143,7 +143,7 @@ class Choice(NamedTuple):
 
     hand: int
     measure: int
-    count: int
+    got: int
     """Findings that it gets, of those that were counted."""
 
 
