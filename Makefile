@@ -12,6 +12,7 @@ demo: $(VENV)/installed-run          ## run the paper's studies and write out/re
 	$(BIN)/asperity demo --out $(OUT) --overwrite
 
 test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
+	@sh .ci/browser.sh
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
 test-slow: $(VENV)/installed-dev
@@ -29,6 +30,7 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 	$(BIN)/python benchmarks/bench_meshes.py
 	$(BIN)/python benchmarks/bench_devices.py
 	$(BIN)/python benchmarks/bench_servo.py
+	$(BIN)/python benchmarks/bench_page.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
@@ -57,7 +59,7 @@ $(BIN)/python:
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
-	$(call INSTALL,[compare,haply])
+	$(call INSTALL,[compare,haply,view])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python

@@ -28,7 +28,7 @@ from asperity.dynamics.simulated_hand import MOST_OFFSET, HandSettings, Simulate
 from asperity.errors import AsperityError, require_between
 from asperity.poses import between, turn_between
 
-SMOOTHING = 8e-3
+SMOOTHING = 12e-3
 """Time constant of each of the three poles [s]; ours."""
 SLACK = 1.25
 """So many intervals are taken to lead to what was pointed at; ours."""
@@ -41,6 +41,10 @@ REACHING = 0.02
 
 WIDE = replace(LIMITS, radius=1.0)
 """What limits a pointer: the simulated device's force, and no workspace to speak of."""
+
+LONGEST = 0.02
+"""Time that the hand makes up for after a pause of the loop, at most [s]. What it makes up for
+costs time itself: a loop on a busy computer must not be late because it was late."""
 
 
 class Led:
@@ -173,7 +177,7 @@ class MouseDevice(SimulatedDevice):
             centre=None if centre is None else np.array(centre, dtype=np.float64),
         )
         self._reaching = hand
-        super().__init__(hand, limits=limits, clock=clock)
+        super().__init__(hand, limits=limits, clock=clock, longest=LONGEST)
 
     def open(self) -> None:
         """Begin where is pointed at, at rest."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.devices.protocol import Limits, Reading
-from asperity.dynamics.rigid import centre_of_mass
+from asperity.dynamics.rigid import centre_of_mass, cross
 from asperity.dynamics.simulated_hand import SimulatedHand
 
 LIMITS = Limits(
@@ -38,6 +38,8 @@ class SimulatedDevice:
         Larger wrenches are cut to them, as a real device would.
     clock : callable
         Time now [s].
+    longest : float
+        Time that is made up for after a pause, at most [s]; the rest is left out.
     """
 
     name = "simulated"
@@ -48,8 +50,10 @@ class SimulatedDevice:
         *,
         limits: Limits = LIMITS,
         clock: Callable[[], float] = time.perf_counter,
+        longest: float = LONGEST,
     ) -> None:
         self.hand = hand
+        self._longest = longest
         self.limits = limits
         self._clock = clock
         self._wrench = np.zeros(6)
@@ -70,7 +74,7 @@ class SimulatedDevice:
         # A part of a step waits for the next reading; rounding does not make a step wait.
         steps = math.floor(late / self.hand.dt + 1e-6) if math.isfinite(late) else 0
         self._now += max(steps, 0) * self.hand.dt
-        for _ in range(min(steps, math.ceil(LONGEST / self.hand.dt))):
+        for _ in range(min(steps, math.ceil(self._longest / self.hand.dt))):
             self.hand.advance(self._wrench)
         out.pose[:], out.twist[:] = self.hand.pose, self.hand.twist
         out.buttons, out.error = 0, ""
@@ -85,7 +89,7 @@ class SimulatedDevice:
         torque = _within(wrench[3:], self.limits.max_torque if self.limits.torque_dof else 0.0)
         arm = centre_of_mass(self.hand.pose, self.hand.centre) - self.hand.pose[:3]
         self._wrench[:3] = force
-        self._wrench[3:] = torque - np.cross(arm, force)
+        self._wrench[3:] = torque - cross(arm, force)
 
     def close(self) -> None:
         """Let go."""
@@ -94,5 +98,5 @@ class SimulatedDevice:
 
 
 def _within(vector: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    size = float(np.linalg.norm(vector))
+    size = math.hypot(*vector.tolist())
     return vector * min(1.0, most / size) if size > 0.0 else vector

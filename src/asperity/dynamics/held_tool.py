@@ -28,7 +28,7 @@ from asperity.dynamics.coupling import (
 )
 from asperity.dynamics.implicit import implicit_step
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.rigid import RigidBody, centre_of_mass
+from asperity.dynamics.rigid import RigidBody, centre_of_mass, cross
 from asperity.dynamics.semi_implicit import semi_implicit_step
 from asperity.dynamics.static_coupling import static_step
 from asperity.dynamics.tied import extrapolated, fill_port_twist, room
@@ -108,7 +108,7 @@ class HeldTool:
         out = self._velocity.copy()
         if not self.is_direct:
             reach = centre_of_mass(self.pose, self.body.centre) - self.pose[:3]
-            out[:3] -= np.cross(out[3:], reach)
+            out[:3] -= cross(out[3:], reach)
         return out
 
     def port_twist(

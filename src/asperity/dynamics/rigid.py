@@ -42,6 +42,13 @@ def centre_of_mass(pose: NDArray[np.float64], centre: NDArray[np.float64]) -> ND
     return np.asarray(pose[:3] + rotation_matrix(pose) @ centre)
 
 
+def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the cross product of the first three of each; `np.cross` takes 20 times as long."""
+    ax, ay, az = a[:3].tolist()
+    bx, by, bz = b[:3].tolist()
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
 @kernel
 def _fill_rotation(pose, out):
     fill_rotation(pose, out)

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.hand import Hand
-from asperity.dynamics.rigid import centre_of_mass
+from asperity.dynamics.rigid import centre_of_mass, cross
 from asperity.errors import (
     AsperityError,
     require_between,
@@ -159,7 +159,7 @@ class SimulatedHand:
     def twist(self) -> NDArray[np.float64]:
         """Velocity (6,): linear, of the frame's origin [m/s]; angular [rad/s]; world axes."""
         out = self._velocity.copy()
-        out[:3] -= np.cross(out[3:], self._centre_of(self.pose) - self.pose[:3])
+        out[:3] -= cross(out[3:], self._centre_of(self.pose) - self.pose[:3])
         return out
 
     def advance(self, wrench: NDArray[np.float64]) -> None:

@@ -18,8 +18,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SIZE = (1400, 800)
 _SLOW = 300.0
 """How long a picture may take where the processor draws it [s]."""
-_SETTLED = 3.0
-"""After which the tool has come down and slides [s]."""
+_SETTLED, _SHOWN, _DRAWN = 4.0, 0.6, 2.0
+"""After which the tool has come down and slides, all panels show it, and that is drawn [s]."""
 _ARGUMENTS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
     "--hide-scrollbars", "--disable-background-networking", "--disable-component-update",
@@ -71,13 +71,16 @@ def take_picture(
     with browser_tab(size) as tab:
         tab.goto(page.url, timeout=1e3 * _SLOW)
         tab.wait_for_selector("canvas", timeout=1e3 * _SLOW)
+        # Software drawing takes all there is of a small computer: the loop first, then the picture.
+        page.pause()
+        for close in tab.query_selector_all(".mantine-Notification-closeButton"):
+            close.click(timeout=1e3 * _SLOW)  # that software draws
         if link.choice.is_mouse:
             link.move(Motion("slide", 0.02, 0.02), press=press)
         time.sleep(_SETTLED)
+        page.pause(False)
+        time.sleep(_SHOWN)
         page.pause()
-        # Software drawing is announced over the picture.
-        for close in tab.query_selector_all(".mantine-Notification-closeButton"):
-            close.click(timeout=1e3 * _SLOW)
-        tab.wait_for_timeout(2000.0)
+        tab.wait_for_timeout(1e3 * _DRAWN)
         tab.screenshot(path=str(path), timeout=1e3 * _SLOW)
     page.pause(False)

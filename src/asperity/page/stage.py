@@ -40,8 +40,8 @@ _LEAST = 0.02
 _GHOST_TRIANGLES = 3000
 _VIEW = np.array([0.75, -1.0, 0.55])
 """From the middle of the tool to the eye."""
-_CLOSENESS = 2.1
-"""Distance of the eye over the tool's size."""
+_CLOSENESS, _ASIDE = 2.3, 0.2
+"""Distance of the eye, and how far it looks past the tool, over the tool's size."""
 
 
 class Stage:
@@ -177,7 +177,11 @@ class Stage:
         low, high = placed.min(axis=0), placed.max(axis=0)
         middle = UNITS * 0.5 * (low + high)
         middle[2] = UNITS * (0.6 * low[2] + 0.4 * high[2])
-        eye = middle + _CLOSENESS * self._size * _VIEW / np.linalg.norm(_VIEW)
+        towards = _VIEW / np.linalg.norm(_VIEW)
+        # The panels lie over the right of the page.
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        middle += _ASIDE * self._size * right / np.linalg.norm(right)
+        eye = middle + _CLOSENESS * self._size * towards
         first = self._server.initial_camera
         first.position, first.look_at, first.up = tuple(eye), tuple(middle), (0.0, 0.0, 1.0)
         first.fov = np.radians(35.0)

@@ -152,6 +152,8 @@ def _triangles(name: str, suffix: str, content: bytes) -> int:
             found = re.search(rb"element\s+face\s+(\d+)", head)
             return int(found.group(1)) if found else 0
         return _triangles_of_glb(name, content)
+    except AsperityError:
+        raise
     except (ValueError, IndexError, KeyError, TypeError, struct.error):
         raise AsperityError(f"{_shown(name)} is not a {suffix} file, or damaged") from None
 
