@@ -36,7 +36,7 @@ def page():
     from asperity.scenes import load_scene
 
     choice = Choice(on_coupling(load_scene("probe-plate")), "probe-plate")
-    with Link(choice) as link, serve(link, lambda: live_panels(4000), port=0) as made:
+    with Link(choice) as link, serve(link, lambda: live_panels(20_000), port=0) as made:
         yield made
 
 

@@ -37,8 +37,12 @@ def test_the_hand_presses_where_the_page_points(link, until):
     target = link.target.copy()
     target[2] -= 8e-3
     link.point(target)
-    until(lambda: link.latest().device_wrench[2] > 0.3)
-    assert link.latest().contact_count > 0
+
+    def pressed():
+        moment = link.latest()
+        return moment.device_wrench[2] > 0.3 and moment.contact_count > 0
+
+    until(pressed)
     rows, following = link.rows_since(0)
     until(lambda: len(link.rows_since(following)[0]) > 10)
     assert (np.diff(rows[:, TIME]) > 0).all()

@@ -27,7 +27,7 @@ def test_thirty_updates_a_second_are_made_and_triangles_are_bounded(page, until,
     before = page.updates
     until(lambda: page.updates > before + 10)
     stage = panel("Stage")
-    assert 0 < sum(len(shape.faces) for shape in stage.shapes) <= 4000
+    assert 0 < sum(len(shape.faces) for shape in stage.shapes) <= 20_000
 
 
 def test_dragging_the_gizmo_presses_the_tool(page, link, tab, until, panel):
@@ -168,5 +168,5 @@ def test_a_tab_that_goes_leaves_the_loop_alone(page, link, until):
     until(lambda: page.server.get_clients())
     tab._socket.socket.close()  # as a killed browser's
     generation, ticks = link.generation, link.latest().ticks
-    until(lambda: link.latest().ticks > ticks + 100)
+    until(lambda: link.latest().ticks > ticks + 20)
     assert (link.generation, link.state) == (generation, "running")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,8 +23,8 @@ FIRST = "probe-plate"
 class View:
     """Open a page in the browser on a scene that is being felt: see it, move it, change it.
 
-    Without a device, the mouse moves the tool. The page is for this computer alone. Ends with
-    Ctrl-C.
+    Without a device, the mouse moves the tool. The page is for this computer alone, unless
+    --host says otherwise. Ends with Ctrl-C.
     """
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
@@ -83,7 +82,7 @@ class View:
 
                 webbrowser.open(page.url)
             try:
-                page.wait(math.inf if self.seconds is None else self.seconds)
+                page.wait(self.seconds)
             except KeyboardInterrupt:
                 print("ended")
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from asperity.devices.catalogue import entry_of, is_installed
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.forces.settings import LAWS
 from asperity.page.choice import Choice
@@ -105,7 +106,11 @@ def with_method(choice: Choice, method: str, *, softness: float | None = None) -
 
 
 def with_device(choice: Choice, name: str, rate: float | None = None) -> Choice:
-    """Return a choice with another device, and rate."""
+    """Return a choice with another device, and rate; what it lacks is said here."""
+    if not name.startswith("replay:"):
+        entry = entry_of(name)
+        if not is_installed(entry):
+            raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
     return replace(choice, device=name, options={}, rate=choice.rate if rate is None else rate)
 
 

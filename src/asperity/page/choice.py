@@ -96,6 +96,7 @@ class Choice:
             make,
             in_scene=self.is_mouse or self.device.startswith("replay"),
             start=None if start is None else tuple(start.tolist()),
+            folders=(pointed.parent,),
             held=True,
             rate=self.rate,
             seconds=self.seconds,

@@ -40,8 +40,11 @@ class Frames:
             while len(self._past) > 2 and now - self._past[1][0] >= 1.0:
                 self._past.popleft()
             then, before = self._past[0]
-            told = {n: a - b for n, a, b in zip(_COUNTS, counts, before, strict=True)}
-            rate = told["ticks"] / (now - then) if now > then else 0.0
+            # A page that was held up looks back over more than a second.
+            seconds = max(now - then, 1.0)
+            grown = {n: a - b for n, a, b in zip(_COUNTS, counts, before, strict=True)}
+            told = {name: round(count / seconds) for name, count in grown.items()}
+            rate = grown["ticks"] / (now - then) if now > then else 0.0
         told.pop("ticks", None)
         frame = Frame(
             self._number, now, moment, rows, self._next_row, link.is_alive, generation, rate,

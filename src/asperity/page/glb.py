@@ -42,7 +42,9 @@ def glb(
         (np.ascontiguousarray(linear, np.float32), _ARRAYS, "VEC3", _FLOAT),
         (np.ascontiguousarray(faces, np.uint32).reshape(-1), _INDICES, "SCALAR", _UINT),
     ]
-    views, accessors, at = [], [], 0
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    at = 0
     for array, target, kind, component in parts:
         views.append({"buffer": 0, "byteOffset": at, "byteLength": array.nbytes, "target": target})
         accessors.append(

@@ -184,7 +184,11 @@ class Link:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def __enter__(self) -> Link:
-        self.start()
+        try:
+            self.start()
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -193,9 +197,14 @@ class Link:
     # -- inside --------------------------------------------------------------------------------
 
     def _replace_and_tell(self, choice: Choice) -> None:
+        before, was_alive = self.choice, self.is_alive
         try:
             self._replace(choice)
         except AsperityError as error:
+            if was_alive and self.state == "ended":
+                # A device can be opened only when the old loop has let go: back to that one.
+                with contextlib.suppress(AsperityError):
+                    self._replace(before)
             self.told = str(error)
             raise
 

@@ -60,11 +60,11 @@ def own_origin_only(hosts: Iterable[str] = LOCAL_HOSTS) -> Iterator[None]:
         answer = options.pop("process_request", None)
         return usual(handler, host, port, process_request=_asked(answer, known), **options)
 
-    module.serve = serve  # type: ignore[assignment,misc]
+    module.serve = serve
     try:
         yield
     finally:
-        module.serve = usual  # type: ignore[misc]
+        module.serve = usual
 
 
 def _asked(answer: Callable[..., Any] | None, hosts: tuple[str, ...]) -> Callable[..., Any]:

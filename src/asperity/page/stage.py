@@ -38,6 +38,8 @@ _LONGEST = 2.0
 _LEAST = 0.02
 """Nor drawn when it is shorter than this."""
 _GHOST_TRIANGLES = 3000
+_OUTLINE = 500
+"""Points by which the highest place of the tool is found, about."""
 _VIEW = np.array([0.75, -1.0, 0.55])
 """From the middle of the tool to the eye."""
 _CLOSENESS, _ASIDE = 2.3, 0.2
@@ -72,7 +74,7 @@ class Stage:
         scene.configure_default_lights(False)
         scene.configure_environment_map("studio", environment_intensity=0.2)
         scene.add_light_hemisphere(
-            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.5
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.8
         )
         scene.add_light_directional(
             "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
@@ -109,6 +111,7 @@ class Stage:
         self.shapes = shapes_of(scene, self._triangles)
         self._centre = np.array(held_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
+        self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
         self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
         add = self._server.scene
         self._tool = add.add_frame("/tool", show_axes=False)
@@ -160,8 +163,9 @@ class Stage:
         self._force = add.add_arrows("/marks/force", none, FORCE, **thick)
         self._torque = add.add_arrows("/marks/torque", none, TORQUE, **thick)
         self._stretch = add.add_line_segments(
-            "/marks/stretch", np.zeros((0, 2, 3), np.float32), HANDLE, line_width=4.0
-        )
+            "/marks/stretch", np.zeros((0, 2, 3), np.float32), HANDLE,
+            thickness=4.0, thickness_units="screen",
+        )  # fmt: skip
         self._labels = {
             name: add.add_label(f"/marks/{name}-label", "", anchor="bottom-left", visible=False)
             for name in ("force", "torque")
@@ -212,9 +216,12 @@ class Stage:
         self._pushes.points = pushes.reshape(-1, 2, 3)
 
     def _show_wrench(self, moment: Moment) -> None:
-        """Show the wrench that the hand feels, at the tool's centre of mass."""
+        """Show the wrench that the hand feels, over the tool's centre of mass, where it is seen."""
         pose, wrench = moment.tool_pose, moment.device_wrench
-        at = (UNITS * (pose[:3] + rotation_of(pose[3:]) @ self._centre))[None]
+        turn = rotation_of(pose[3:])
+        at = pose[:3] + turn @ self._centre
+        at[2] = pose[2] + float((self._outline @ turn[2]).max())
+        at = UNITS * at[None]
         for name, vector, full, arrows, told in (
             ("force", wrench[:3], _FULL_FORCE, self._force, "N"),
             ("torque", wrench[3:], _FULL_TORQUE, self._torque, "mN m"),

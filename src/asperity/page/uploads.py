@@ -23,6 +23,8 @@ MOST_BYTES = 64 * 2**20
 MOST_PIXELS = 2**24
 """Of an image or array: 4096 x 4096."""
 MOST_TRIANGLES = 200_000
+MOST_FILES = 40
+"""That are kept by one page: scenes are read from them again."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
 MESHES = (".stl", ".obj", ".ply", ".glb")
 
@@ -67,6 +69,8 @@ class Uploads:
         rmtree(self._folder, ignore_errors=True)
 
     def _kept(self, suffix: str, content: bytes) -> Path:
+        if self._count >= MOST_FILES:
+            raise AsperityError(f"{MOST_FILES} files have been dropped in; begin a new page")
         self._count += 1
         path = self._folder / f"upload-{self._count}{suffix}"
         path.write_bytes(content)

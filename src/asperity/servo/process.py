@@ -66,6 +66,8 @@ class ServoSpec:
         Where the hand's first pose is to be, unless `in_scene`. Default: just above the surface.
     held : bool
         Wait for `Servo.go`, with everything ready, before the device is opened.
+    folders : tuple of Path
+        Other shared folders of the parent's, to be removed when it is gone.
     rate : float
         Ticks a second.
     seconds : float, optional
@@ -85,6 +87,7 @@ class ServoSpec:
     in_scene: bool = False
     start: tuple[float, ...] | None = None
     held: bool = False
+    folders: tuple[Path, ...] = ()
     rate: float = 1000.0
     seconds: float | None = None
     guard: float = GUARD
@@ -119,8 +122,9 @@ def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> 
     finally:
         if ring is not None:
             ring.close()
-        if parent.is_gone() and not recorded:
-            clear_up(folder)
+        if parent.is_gone():
+            for gone in (*([] if recorded else [folder]), *spec.folders):
+                clear_up(gone)
 
 
 def _served(
