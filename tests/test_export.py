@@ -76,7 +76,8 @@ def test_roughness_is_the_studies_metrics_of_the_motion():
     said = columns()
     found = tool_motion.roughness(said["time"], said["tool_pose"][:, :3], band=(20.0, 400.0))
     rms = np.hypot(accelerated("x"), accelerated("z")) / np.sqrt(2.0)
-    assert found.band_rms == pytest.approx(rms, rel=0.1)
+    # A millisecond's second difference holds 0.88 of 200 Hz, the band 0.97 of both.
+    assert found.band_rms == pytest.approx(rms, rel=0.15)
     assert found.max_along == pytest.approx(accelerated("x"), rel=0.05)
     assert found.speed == pytest.approx(SPEED, rel=0.05)
     assert tool_motion.roughness(np.zeros(3), np.zeros((3, 3))) == (0.0, 0.0, 0.0)
