@@ -23,7 +23,7 @@ def rows_at(first, count, rate=RATE):
     time_ = (first + np.arange(count)) / rate
     rows = np.zeros((count, WIDTH))
     rows[:, PLACES["time"].start] = time_
-    wave = np.sin(2.0 * np.pi * FREQUENCY * time_)
+    wave = np.cos(2.0 * np.pi * FREQUENCY * time_)
     for name in ("handle_pose", "tool_pose"):
         place = PLACES[name].start
         rows[:, place] = SPEED * time_ + SHAKE * wave
@@ -52,7 +52,7 @@ class FakeLink:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def give(self, seconds):
-        rows = rows_at(self.ticks, round(seconds * RATE))
+        rows = rows_at(self.ticks, max(round(seconds * RATE), 0))
         self.ticks += len(rows)
         self.history.add(rows)
         for take in tuple(self._taps):

@@ -1,7 +1,9 @@
 """Plots of the last seconds: force, torque, acceleration, depth, and the spectrum of the shaking.
 
-Ten times a second, and only while somebody looks. Of each line the least and the largest value of
-every few milliseconds are sent, so that no spike is lost and a plot costs 300 points.
+A few times a second, one plot after the other, and only while somebody looks: a browser that draws
+without a graphics processor takes 20 ms and more for each, and what it cannot draw piles up before
+it. Of each line the least and the largest value of every few milliseconds are sent, so that no
+spike is lost and a plot costs 300 points.
 """
 
 from __future__ import annotations
@@ -22,8 +24,8 @@ if TYPE_CHECKING:
 
     from asperity.page.link import Link
 
-EVERY = 3
-"""Updates of the page to one of the plots."""
+OFTEN = {"4 a second": 7, "1 a second": 30, "once in 4 s": 120}
+"""How often plots are drawn anew, and so many updates of the page that is."""
 SPANS = ("1 s", "2 s", "5 s", "10 s")
 _POINTS = 300
 _HEIGHT = 150
@@ -45,6 +47,9 @@ class PlotsPanel:
         self._timeline = timeline
         self._shown: tuple[Any, ...] = ()
         self._plots: dict[str, Any] = {}
+        self._due: list[str] = []
+        self._length = 5.0
+        self._traces: Traces
 
     def build(self, server: viser.ViserServer, link: Link) -> None:
         """Make the plots."""
@@ -54,6 +59,10 @@ class PlotsPanel:
         self._wrench = gui.add_dropdown(
             "Force", tuple(_WRENCHES), initial_value="on the tool",
             hint="What the contact does to the tool, or what is sent to the device.",
+        )  # fmt: skip
+        self._often = gui.add_dropdown(
+            "Drawn", tuple(OFTEN), initial_value="4 a second",
+            hint="Less often where the browser is slow.",
         )  # fmt: skip
         for name, label, lines, least in (
             ("force", "force [N]", _AXES, 0.1),
@@ -78,35 +87,44 @@ class PlotsPanel:
         )  # fmt: skip
 
     def update(self, frame: Frame) -> None:
-        """Draw what there is, if it is something else than what is drawn."""
-        if frame.number % EVERY or not self._server.get_clients():
+        """Draw one plot, or none, if it shows something else than what is drawn."""
+        if not self._server.get_clients():
             return
-        span = float(self._span.value.split()[0])
-        shown = (self._timeline.version, span, self._wrench.value)
-        if shown == self._shown:
-            return
-        self._shown = shown
-        rows = self._timeline.window(span)
-        if len(rows) < 2:
-            return
-        self._draw(traces_of_rows(rows, _WRENCHES[self._wrench.value]), span)
-        if frame.number % (2 * EVERY) == 0 or not self._timeline.is_live:
-            self._draw_spectrum(traces_of_rows(self._timeline.window(2.0)))
+        turn = frame.number % OFTEN[self._often.value]
+        if turn == 0:
+            self._begin()
+        elif self._due:
+            self._draw(self._due.pop(0))
 
     def close(self) -> None:
         """Nothing is held."""
 
-    def _draw(self, shown: Traces, span: float) -> None:
-        since = shown.time - shown.time[-1]
-        for name, values in (
-            ("force", shown.force), ("torque", shown.torque * 1e3),
-            ("acceleration", shown.acceleration), ("depth", shown.depth[:, None] * 1e3),
-        ):  # fmt: skip
-            at, drawn = thinned(since, values, _POINTS)
-            plot = self._plots[name]
-            plot.data = (at, *np.ascontiguousarray(drawn.T))
-            if plot.scales["x"]["range"][0] != -span:
-                plot.scales = {**plot.scales, "x": {"time": False, "range": (-span, 0.0)}}
+    def _begin(self) -> None:
+        """Take what is to be drawn in the next updates."""
+        span = float(self._span.value.split()[0])
+        shown = (self._timeline.version, span, self._wrench.value)
+        if shown == self._shown:
+            return
+        rows = self._timeline.window(span)
+        if len(rows) < 2:
+            return
+        self._shown, self._length = shown, span
+        self._traces = traces_of_rows(rows, _WRENCHES[self._wrench.value])
+        self._due = list(self._plots)
+
+    def _draw(self, name: str) -> None:
+        if name == "spectrum":
+            self._draw_spectrum(traces_of_rows(self._timeline.window(2.0)))
+            return
+        shown, span, plot = self._traces, self._length, self._plots[name]
+        values = {
+            "force": shown.force, "torque": shown.torque * 1e3,
+            "acceleration": shown.acceleration, "depth": shown.depth[:, None] * 1e3,
+        }[name]  # fmt: skip
+        at, drawn = thinned(shown.time - shown.time[-1], values, _POINTS)
+        plot.data = (at, *np.ascontiguousarray(drawn.T))
+        if plot.scales["x"]["range"][0] != -span:
+            plot.scales = {**plot.scales, "x": {"time": False, "range": (-span, 0.0)}}
 
     def _draw_spectrum(self, shown: Traces) -> None:
         frequency, amplitude = shown.spectrum()

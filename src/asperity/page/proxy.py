@@ -247,7 +247,7 @@ class Proxy:
         here = f"127.0.0.1:{self._upstream}"
         try:
             async with connect(
-                f"ws://{here}", origin=f"http://{here}",  # type: ignore[arg-type]
+                f"ws://{here}", origin=f"http://{here}",
                 subprotocols=offered, max_size=LARGEST_OUT, max_queue=16, compression=None,
                 open_timeout=_PATIENCE, close_timeout=1.0, proxy=None,
             ) as page:  # fmt: skip

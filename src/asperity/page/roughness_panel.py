@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 WINDOW = 1.0
 """Of the motion that a number is of [s]; ours."""
-_EVERY = 8
+_EVERY = 15
 _MISSED = 0.02
 """With more of the ticks left out than this, their gaps shake the tool more than a texture may."""
 _FEWEST = 100
@@ -52,7 +52,7 @@ class RoughnessPanel:
                 server.gui.add_markdown(_WHAT)
 
     def update(self, frame: Frame) -> None:
-        """Work the numbers out anew, four times a second."""
+        """Work the numbers out anew, twice a second."""
         if frame.number % _EVERY or not self._server.get_clients():
             return
         version = self._timeline.version

@@ -101,9 +101,7 @@ class Page:
         viser = require_viser()
         # viser announces itself on standard output, which is the command's.
         with own_origin_only(), contextlib.redirect_stdout(io.StringIO()):
-            server: viser.ViserServer = viser.ViserServer(
-                host=host, port=port, label=label, verbose=False
-            )
+            server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         bound_uploads(server)
         server.gui.configure_theme(
             control_width="medium", show_logo=False, show_share_button=False,

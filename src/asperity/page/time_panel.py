@@ -34,6 +34,7 @@ class TimePanel:
     def __init__(self, timeline: Timeline, *, live: bool = True) -> None:
         self._timeline, self._has_now = timeline, live
         self._shown: tuple[Any, ...] = ()
+        self._followed = 0.0
 
     def build(self, server: viser.ViserServer, link: Link) -> None:
         """Make the controls."""
@@ -58,12 +59,16 @@ class TimePanel:
         timeline.advance(frame)
         if frame.number % _EVERY:
             return
-        if self._slider.max != max(timeline.length, 1e-3):
-            self._slider.value = 0.0
-            self._slider.max = max(timeline.length, 1e-3)
-        # What the user has moved is where the timeline stands: that is not sent back.
-        if abs(self._slider.value - timeline.at) > _STEP:
-            self._slider.value = timeline.at
+        longest = max(timeline.length, _STEP)
+        if self._slider.max != longest:
+            self._slider.value, self._followed = 0.0, 0.0
+            self._slider.max = longest
+        # Only what moved by itself is sent: what the user does to the slider is there before the
+        # timeline is told of it, and would be taken back.
+        if timeline.at != self._followed:
+            self._followed = timeline.at
+            if abs(self._slider.value - timeline.at) > _STEP:
+                self._slider.value = timeline.at
         shown = (timeline.what, timeline.is_live, timeline.playing, round(timeline.at, 3))
         if shown == self._shown:
             return
