@@ -59,7 +59,7 @@ def run_session(
     folder = growing_folder(out, overwrite=overwrite)
     recording = folder / "recording.h5"
     recording.unlink(missing_ok=True)
-    with Servo(spec, recording, _attributes(spec, source)) as servo:
+    with Servo(spec, recording, recording_attributes(spec, source)) as servo:
         try:
             on_start(servo.start())
             while not servo.wait(LOOKED_AT):
@@ -76,7 +76,8 @@ def run_session(
     return _write(spec, folder, result, figures)
 
 
-def _attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
+def recording_attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
+    """Return what is kept with the recording of a session in a scene that `source` names."""
     scene = spec.scene
     return {
         "scene": scene.name, "source": source, "trajectory": "device",
