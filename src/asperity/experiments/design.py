@@ -356,8 +356,10 @@ def _adaptive(document: Table, method: str, settings: Any) -> Any:
     made = _made(document.get(wanted, {}), wanted, _ADAPTIVE[wanted])
     starts = {"staircase": "start", "constant": "levels"}.get(wanted)
     for value in getattr(made, starts) if starts else ():
-        at(f"{wanted}.{starts}",
-           lambda v=value: require_between("a level", v, settings.low, settings.high))
+        at(
+            f"{wanted}.{starts}",
+            lambda v=value: require_between("a level", v, settings.low, settings.high),
+        )
     if wanted == "staircase" and settings.scale == "log":
         for step in made.steps:
             if step <= 1.0:

@@ -134,9 +134,7 @@ class Journal:
             os.fsync(self._file)
             return [*events, _parsed(torn) or {}], whole + len(torn) + 1
         if torn:
-            aside = os.open(
-                self.path.parent / TORN, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600
-            )
+            aside = os.open(self.path.parent / TORN, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
             try:
                 os.write(aside, torn + b"\n")
                 os.fsync(aside)

@@ -182,4 +182,3 @@ def private_files() -> Iterator[None]:
         yield
     finally:
         os.umask(before)
-

@@ -145,9 +145,7 @@ class ForcedChoice:
                 self._next = self._trial(number, self._settings.high, None, 0, rng)
             elif not self._levels.is_over:
                 intensity, track = self._levels.next(rng)
-                self._next = self._trial(
-                    number, self._settings.level_of(intensity), track, 1, rng
-                )
+                self._next = self._trial(number, self._settings.level_of(intensity), track, 1, rng)
         return self._next
 
     def answer(self, trial: Trial, answer: Answer) -> None:

@@ -106,8 +106,9 @@ def fit_psychometric(
     deviance = _deviance(hits[None, :], count, search.psi(best[None, :]))[0]
     deviances = _deviance(drawn.astype(np.float64), count, search.psi(again))
     tails = 50.0 * (1.0 - confidence)
-    spans = [Interval(*map(float, np.percentile(again[:, i], [tails, 100.0 - tails])))
-             for i in (0, 1)]
+    spans = [
+        Interval(*map(float, np.percentile(again[:, i], [tails, 100.0 - tails]))) for i in (0, 1)
+    ]
     low, high = search.bounds
     return Fit(
         fitted, spans[0], spans[1], confidence, float(deviance),

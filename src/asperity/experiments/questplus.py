@@ -97,9 +97,7 @@ class QuestPlus:
         x = np.asarray(self.intensities, dtype=np.float64)[:, None]
         right = np.clip(probability(x, *flat, self.guess, self.function), 1e-12, 1.0 - 1e-12)
         self._likelihood = np.stack([1.0 - right, right])  # (answer, intensity, parameters)
-        self._entropy_rate = -np.einsum(
-            "asp,asp->sp", self._likelihood, np.log(self._likelihood)
-        )
+        self._entropy_rate = -np.einsum("asp,asp->sp", self._likelihood, np.log(self._likelihood))
         prior = np.ones(shape) if self.prior is None else np.asarray(self.prior, dtype=np.float64)
         if prior.shape != shape or not np.all(prior >= 0.0) or not prior.sum() > 0.0:
             raise AsperityError(f"a prior must be of shape {shape}, 0 or above, and not all 0")
