@@ -88,6 +88,20 @@ class ScriptedMotion:
         if self.start is not None:
             object.__setattr__(self, "start", require_finite("start", self.start, 3))
 
+    @property
+    def stroke(self) -> float:
+        """How long the way along the line takes, once [s]."""
+        return max(self.length / self.speed - self.ramp, 0.0) + 2.0 * self.ramp
+
+    @property
+    def period(self) -> float:
+        """After how long the line is done to and fro, or the circle, or a turn [s]."""
+        if self.kind == "circle":
+            return 2.0 * math.pi * self.radius / self.speed
+        if self.kind == "rotate":
+            return 2.0 * math.pi / abs(self.turning) if self.turning else self.seconds
+        return 2.0 * self.stroke
+
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
@@ -213,10 +227,8 @@ def _to_and_fro(times: Array, motion: ScriptedMotion) -> Array:
     A stroke begins and ends smoothly; between, the speed is exactly `speed`. A line too short to
     reach it in `ramp` is done at a lower speed.
     """
-    ramp = motion.ramp
-    cruise = max(motion.length / motion.speed - ramp, 0.0)
-    speed = motion.length / (cruise + ramp)
-    stroke = cruise + 2.0 * ramp
+    ramp, stroke = motion.ramp, motion.stroke
+    speed = motion.length / (stroke - ramp)
     number = np.floor(times / stroke)
     t = times - number * stroke
     # The end of a stroke mirrors its beginning.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity.devices.protocol import Limits, Reading
-from asperity.servo.shared_file import SharedFile
+from asperity.shared_file import SharedFile
 
 LIMITS = Limits(
     max_force=3.0, max_torque=0.1, max_stiffness=2000.0, max_damping=20.0,

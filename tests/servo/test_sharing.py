@@ -16,8 +16,8 @@ from asperity.servo.contact_worker import SHOWN, Shown
 from asperity.servo.mailbox import ROOM, Mailbox
 from asperity.servo.ring import Ring
 from asperity.servo.rows import WIDTH, Row, columns
-from asperity.servo.shared_file import shared_folder
 from asperity.servo.snapshot import SnapshotReader, SnapshotWriter
+from asperity.shared_file import shared_folder
 
 
 def row(n):
@@ -100,11 +100,15 @@ def test_a_snapshot_tells_the_latest_moment(tmp_path):
     for value in (1.0, 2.0):
         one.flags[0] = value
         writer.write(
-            one.values, np.full(6, 7.0), np.full(6, 8.0), (1, 2, 3, 4, 5, 6), shown(3, value)
+            one.values,
+            np.full(6, 7.0),
+            np.full(6, 8.0),
+            (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5),
+            shown(3, value),
         )
     moment = reader.read()
     assert (moment.time, moment.flags, moment.contact_count) == (2.0, 2, 3)
-    assert moment[9:15] == (1, 2, 3, 4, 5, 6)
+    assert moment[9:18] == (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5)
     np.testing.assert_array_equal(moment.handle_pose, np.arange(7))
     np.testing.assert_array_equal(moment.point, np.full((3, 3), 2.0))
     np.testing.assert_array_equal(moment.depth, np.full(3, 2.0))
@@ -128,7 +132,7 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
             row.values[:] = n
             for part in (shown.point, shown.normal, shown.force, shown.depth):
                 part[:] = n
-            writer.write(row.values, row.values[:6], row.values[:6], (n,) * 6, shown)
+            writer.write(row.values, row.values[:6], row.values[:6], (n,) * 9, shown)
     """)
     path = tmp_path / "snapshot"
     process = subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE)

@@ -47,6 +47,7 @@ class Entry:
 
 _ENTRIES = (
     Entry("simulated", "a simulated hand", "simulated", "SimulatedDevice", steady=True),
+    Entry("mouse", "a page's pointer, in a simulated hand", "mouse", "MouseDevice", steady=True),
     Entry("replay", "a recording or a file of poses", "replayed", "ReplayedDevice", steady=True),
     Entry(
         "haply", "Haply Inverse3, by its service", "haply_service", "HaplyServiceDevice",

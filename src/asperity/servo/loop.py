@@ -189,6 +189,7 @@ class ServoLoop:
             ("publish", ended - written), ("tick", ended - begun),
         ):  # fmt: skip
             stages[name].add(seconds)
+        self.stats.recent_tick.add(ended - begun, ended)
         self.stats.finished(
             skipped=self.pace.skipped, late=self.pace.late, missed=missed, fallback=fallback
         )
@@ -215,6 +216,7 @@ class ServoLoop:
     def _taken(self) -> None:
         self._have = self._asked
         self.stats.contact.add(self.contacts.latest.seconds)
+        self.stats.recent_contact.add(self.contacts.latest.seconds, self._clock.now())
 
     def _made_passive(
         self, wrench: NDArray[np.float64], pose: NDArray[np.float64]
@@ -257,6 +259,8 @@ class ServoLoop:
             counts = (
                 self.device.reading.buttons, stats.ticks, stats.misses, stats.fallbacks,
                 stats.passivity, self.device.counts.silences,
+                self.device.counts.clamped_force + self.device.counts.clamped_torque,
+                stats.recent_tick.p99, stats.recent_contact.p99,
             )  # fmt: skip
             self._publisher.snapshot.write(
                 row.values, twist, self.tool.twist, counts, contact.shown

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import AsperityError
-from asperity.servo.shared_file import SharedFile
+from asperity.shared_file import SharedFile
 
 ROOM = 16_000
 """Bytes of text, at most."""
-_NUMBER, _LENGTH, _STOP = 0, 8, 9
+_NUMBER, _LENGTH, _STOP, _GO = 0, 8, 9, 10
 _HEADER = 16
 
 
@@ -66,6 +66,15 @@ class Mailbox:
     def stop(self) -> None:
         """Let the loop stop."""
         self._header[_STOP] = 1
+
+    def go(self) -> None:
+        """Let a loop that is held begin."""
+        self._header[_GO] = 1
+
+    @property
+    def may_go(self) -> bool:
+        """Whether a loop that is held may begin."""
+        return bool(self._header[_GO])
 
     @property
     def must_stop(self) -> bool:

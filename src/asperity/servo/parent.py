@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from asperity.servo.shared_file import PREFIX
+from asperity.shared_file import PREFIX
 
 _EVERY = 5
 """Looks between two real ones, where looking is not almost free."""

@@ -43,6 +43,8 @@ from asperity.servo.snapshot import SnapshotWriter
 
 RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
 """Names of the files in the shared folder."""
+_LOOKED = 1e-3
+"""How often a loop that is held looks whether it may go [s]."""
 _CLEARANCE = 2e-3
 """How far above the surface the tool is when a session begins [m]."""
 
@@ -60,6 +62,10 @@ class ServoSpec:
     in_scene : bool
         The device's poses are those of the scene already, as a replay's are. Otherwise the hand's
         first pose becomes the tool's, just above the surface.
+    start : tuple of 7 floats, optional
+        Where the hand's first pose is to be, unless `in_scene`. Default: just above the surface.
+    held : bool
+        Wait for `Servo.go`, with everything ready, before the device is opened.
     rate : float
         Ticks a second.
     seconds : float, optional
@@ -77,6 +83,8 @@ class ServoSpec:
     scene: Scene
     make_device: Callable[[], Device]
     in_scene: bool = False
+    start: tuple[float, ...] | None = None
+    held: bool = False
     rate: float = 1000.0
     seconds: float | None = None
     guard: float = GUARD
@@ -86,10 +94,11 @@ class ServoSpec:
     real_time: realtime.RealTime = field(default_factory=realtime.RealTime)
 
 
-def serve(spec: ServoSpec, folder: Path, report: Connection) -> None:
+def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> None:
     """Run the loop; this is what the process does.
 
-    Tells `report` ("ready", {...}) when ticking begins, then ("done", summary) or ("failed", text).
+    Tells `report` ("ready", {...}) when ticking begins, then ("done", summary) or ("failed", text);
+    before all that ("held", {}), if it is. If it is `recorded`, the recorder clears up.
     """
     stopped: list[str] = []
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -110,7 +119,7 @@ def serve(spec: ServoSpec, folder: Path, report: Connection) -> None:
     finally:
         if ring is not None:
             ring.close()
-        elif parent.is_gone():
+        if parent.is_gone() and not recorded:
             clear_up(folder)
 
 
@@ -123,6 +132,8 @@ def _served(
     told = realtime.ask(replace(spec.real_time, core=None))
     stage = ContactStage(spec.scene, dt=parameters.dt)
     start = _warmed_up(stage, spec.scene.start)
+    if spec.start is not None:
+        start = np.array(spec.start, dtype=np.float64)
     device = SafeDevice(spec.make_device(), dt=parameters.dt, settings=spec.safety)
     worker = ContactWorker(stage, clock)
     # The core is the loop's alone: the worker, begun before, may be on any other.
@@ -142,9 +153,16 @@ def _served(
             every=max(1, round(spec.rate / SHOWN_RATE)),
         ),
     )
-    between = _Between(spec, loop, Mailbox(folder / MAILBOX), why)
+    mailbox = Mailbox(folder / MAILBOX)
+    between = _Between(spec, loop, mailbox, why)
     ticks = None if spec.seconds is None else round(spec.seconds * spec.rate)
     try:
+        if spec.held:
+            _tell(report, ("held", {}))
+            while not mailbox.may_go:
+                if why() or mailbox.must_stop:
+                    raise AsperityError("the loop was told to stop before it began")
+                clock.sleep(_LOOKED)
         device.open()
         loop.begin(None if spec.in_scene else start)
         _tell(report, ("ready", {"limits": device.limits, "device": device.name}))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.servo.rows import WIDTH
-from asperity.servo.shared_file import SharedFile
+from asperity.shared_file import SharedFile
 
 SECONDS = 8.0
 """Of room."""

@@ -6,12 +6,15 @@ import multiprocessing
 import shutil
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.servo.mailbox import Mailbox
@@ -19,8 +22,9 @@ from asperity.servo.parameters import Parameters
 from asperity.servo.process import MAILBOX, RING, SNAPSHOT, ServoSpec, serve
 from asperity.servo.recorder import record
 from asperity.servo.ring import SECONDS, Ring
-from asperity.servo.shared_file import shared_folder
+from asperity.servo.rows import WIDTH
 from asperity.servo.snapshot import Moment, SnapshotReader
+from asperity.shared_file import shared_folder
 
 STARTING = 180.0
 """How long a servo process may take to begin [s]: it may have to compile."""
@@ -38,6 +42,8 @@ class Servo:
         Where to record every tick; must not exist. Default: nothing is recorded.
     attributes : mapping
         Texts and numbers to keep with the recording.
+    rows : bool
+        Where nothing is recorded: have every tick's row for `take_rows`.
 
     Examples
     --------
@@ -53,6 +59,8 @@ class Servo:
         spec: ServoSpec,
         recording: Path | None = None,
         attributes: Mapping[str, Any] | None = None,
+        *,
+        rows: bool = False,
     ) -> None:
         self.spec = spec
         self.parameters = Parameters.of(spec.scene, spec.rate)
@@ -62,8 +70,9 @@ class Servo:
         self._report, theirs = spawn.Pipe(duplex=False)
         self._ring = self._recorder = None
         self._recorded: dict[str, Any] = {"ticks": 0, "error": ""}
-        if recording is not None:
+        if recording is not None or rows:
             self._ring = Ring(self._folder / RING, int(SECONDS * spec.rate))
+        if recording is not None:
             self._recorder_report, told = spawn.Pipe(duplex=False)
             self._recorder = spawn.Process(
                 target=record, name="asperity-recorder",
@@ -71,7 +80,9 @@ class Servo:
             )  # fmt: skip
             self._recorder_end = told
         self.process = spawn.Process(
-            target=serve, name="asperity-servo", args=(spec, self._folder, theirs)
+            target=serve,
+            name="asperity-servo",
+            args=(spec, self._folder, theirs, self._recorder is not None),
         )
         self._servo_end = theirs
         self._reader: SnapshotReader | None = None
@@ -91,24 +102,41 @@ class Servo:
     def start(self) -> dict[str, Any]:
         """Start both processes; return when the loop ticks, with what the device says of itself.
 
+        If the spec says that it is `held`: when all is ready for `go`.
+
         Raises
         ------
         AsperityError
             What kept the loop from beginning.
         """
+        return self._or_finished(self._start)
+
+    def go(self) -> dict[str, Any]:
+        """Let a loop that is held open its device and tick; return as `start` does."""
+        return self._or_finished(self._go)
+
+    def _or_finished(self, begin: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         try:
-            return self._started()
+            return begin()
         except AsperityError:
             with suppress(AsperityError):
                 self.finish()
             raise
 
-    def _started(self) -> dict[str, Any]:
+    def _start(self) -> dict[str, Any]:
         if self._recorder is not None:
             self._recorder.start()
             self._recorder_end.close()
         self.process.start()
         self._servo_end.close()
+        return self._told("held" if self.spec.held else "ready")
+
+    def _go(self) -> dict[str, Any]:
+        self._mailbox.go()
+        return self._told("ready")
+
+    def _told(self, wanted: str) -> dict[str, Any]:
+        """Wait for word of the servo process that it is so far."""
         until = time.monotonic() + STARTING
         while not self._report.poll(0.05):
             if not self.process.is_alive() and not self._report.poll(0.0):
@@ -116,11 +144,11 @@ class Servo:
             if time.monotonic() > until:
                 raise AsperityError(f"the servo process did not begin within {STARTING:g} s")
         kind, what = self._receive()
-        if kind != "ready":
+        if kind != wanted:
             self._result = (kind, what)
             raise AsperityError(str(what))
-        ready: dict[str, Any] = what
-        return ready
+        told: dict[str, Any] = what
+        return told
 
     @property
     def is_alive(self) -> bool:
@@ -132,6 +160,12 @@ class Servo:
         if self._reader is None:
             self._reader = SnapshotReader(self.snapshot_path)
         return self._reader.read()
+
+    def take_rows(self) -> NDArray[np.float64]:
+        """Return the rows (n, 29) of all ticks since the last call; see `rows.FIELDS`."""
+        if self._ring is None or self.process.pid is None:
+            return np.empty((0, WIDTH))
+        return self._ring.take()
 
     def set(self, **changes: Any) -> None:
         """Change `Parameters`: all of them are swapped at once, between two ticks.

@@ -21,18 +21,20 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.servo.contact_worker import SHOWN, Shown
-from asperity.servo.shared_file import SharedFile
+from asperity.shared_file import SharedFile
 
 FIELDS = {
     "time": (1,), "handle_pose": (7,), "tool_pose": (7,), "contact_wrench": (6,),
     "device_wrench": (6,), "contact_count": (1,), "flags": (1,),
     "handle_twist": (6,), "tool_twist": (6,), "buttons": (1,),
     "ticks": (1,), "misses": (1,), "fallbacks": (1,), "interventions": (1,), "silences": (1,),
+    "clamps": (1,), "tick_p99": (1,), "contact_p99": (1,),
     "shown": (1,), "point": (SHOWN, 3), "normal": (SHOWN, 3), "force": (SHOWN, 3),
     "depth": (SHOWN,),
 }  # fmt: skip
 """Names and shapes, in order. SI units, world axes; the first seven are those of a recording."""
 _COUNT = sum(int(np.prod(shape)) for shape in FIELDS.values())
+_SECONDS = ("time", "tick_p99", "contact_p99")
 _TRIES = 1000
 
 
@@ -54,6 +56,12 @@ class Moment(NamedTuple):
     fallbacks: int
     interventions: int
     silences: int
+    clamps: int
+    """Ticks in which force or torque met a limit."""
+    tick_p99: float
+    """Of how long a tick's work took in the last second [s]; 0 before there was one."""
+    contact_p99: float
+    """The same of a contact."""
     point: NDArray[np.float64]
     """On the tool's surface (n, 3) [m]; so are `normal` and `force` [N]."""
     normal: NDArray[np.float64]
@@ -92,10 +100,10 @@ class SnapshotWriter:
         row: NDArray[np.float64],
         handle_twist: NDArray[np.float64],
         tool_twist: NDArray[np.float64],
-        counts: tuple[int, int, int, int, int, int],
+        counts: tuple[float, ...],
         shown: Shown,
     ) -> None:
-        """Overwrite the moment: the row of a recording, twists, counts from `buttons` on."""
+        """Overwrite the moment: the row of a recording, twists, numbers from `buttons` on."""
         self._number += 1
         self._sequence[0] = self._number
         self._row[:] = row
@@ -167,7 +175,7 @@ def _moment(views: dict[str, NDArray[np.float64]]) -> Moment:
             name: view[:n]
             if name in ("point", "normal", "force", "depth")
             else float(view[0])
-            if name == "time"
+            if name in _SECONDS
             else int(view[0])
             if view.shape == (1,)
             else view

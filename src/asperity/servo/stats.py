@@ -26,6 +26,7 @@ class Histogram:
 
     def __init__(self) -> None:
         self._counts = [0] * (_BINS + 1)
+        self._none = (0,) * (_BINS + 1)
         self.count = 0
         self.largest = 0.0
 
@@ -38,6 +39,11 @@ class Histogram:
             at = min(int(PER_OCTAVE * math.log2(seconds / LOWEST)) + 1, _BINS)
         self._counts[at] += 1
         self.count += 1
+
+    def clear(self) -> None:
+        """Begin anew, in the same memory."""
+        self._counts[:] = self._none
+        self.count, self.largest = 0, 0.0
 
     def quantile(self, share: float) -> float:
         """Return what `share` of the durations do not exceed [s], to half a bin; 0 of none."""
@@ -63,6 +69,26 @@ class Histogram:
         return {**told, "max": round(self.largest * 1e6, 2)}
 
 
+class Recent:
+    """The 99th percentile of durations of the last second that is over, and of each before."""
+
+    def __init__(self) -> None:
+        self.p99 = 0.0
+        """[s]; 0 before there was such a second."""
+        self._now = Histogram()
+        self._until = math.inf
+
+    def add(self, seconds: float, now: float) -> None:
+        """Count one duration [s] that ended at `now` [s]."""
+        if not now < self._until:
+            self.p99 = self._now.quantile(0.99)
+            self._now.clear()
+            self._until = now + 1.0
+        elif self._until == math.inf:
+            self._until = now + 1.0
+        self._now.add(seconds)
+
+
 class Stats:
     """Counts of a loop.
 
@@ -86,6 +112,7 @@ class Stats:
         """How late ticks began."""
         self.contact = Histogram()
         """How long contacts took to compute, wherever that was."""
+        self.recent_tick, self.recent_contact = Recent(), Recent()
 
     def finished(self, *, skipped: int, late: float, missed: bool, fallback: bool) -> None:
         """Count one tick."""
