@@ -23,6 +23,7 @@ from asperity.cli.bake import Bake
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.experiment import Analyse, Experiment
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -50,6 +51,8 @@ class Arguments:
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
+        | Annotated[Experiment, tyro.conf.subcommand("experiment")]
+        | Annotated[Analyse, tyro.conf.subcommand("analyse")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"
@@ -68,8 +71,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout:
                 sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print("asperity: interrupted; nothing was written", file=sys.stderr)
+    except KeyboardInterrupt as interruption:
+        # A command that keeps what it has says so.
+        told = str(interruption) or "interrupted; nothing was written"
+        print(f"asperity: {told}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Nobody reads on. Python will flush once more at exit: into nothing.
@@ -118,6 +123,8 @@ def _stopped_by_signals() -> Iterator[None]:
         for number in mine:
             signal.signal(number, interrupt)
         yield
+    except KeyboardInterrupt:
+        raise
     except BaseException:
         # Numba makes a SystemError of an interruption that meets it between two kernels.
         if last > -math.inf:

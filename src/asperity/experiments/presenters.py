@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from asperity.errors import AsperityError
 from asperity.experiments.stimuli import Stimuli, Stimulus
 from asperity.experiments.trials import Felt
 from asperity.headless import run_scene
@@ -31,6 +34,9 @@ _KEPT = 32
 class Presenter(Protocol):
     """Presents stimuli."""
 
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Make ready what will be presented next, with its recordings. Returns at once."""
+
     def present(
         self,
         stimulus: Stimulus,
@@ -43,6 +49,9 @@ class Presenter(Protocol):
 
         `begun` is called when it can be felt.
         """
+
+    def drop(self) -> None:
+        """Let go of what was made ready and not presented."""
 
 
 class _Scenes:
@@ -63,6 +72,9 @@ class _Scenes:
 class HeadlessPresenter:
     """Moves the tool along the scene's own trajectory in simulated time.
 
+    In simulated time a stimulus gives the same recording, to the bit, whenever it is presented; so
+    it is computed once, and each further presentation has a copy.
+
     Parameters
     ----------
     stimuli : Stimuli
@@ -73,6 +85,10 @@ class HeadlessPresenter:
     def __init__(self, stimuli: Stimuli, *, hand: bool = False) -> None:
         self._scene = _Scenes(stimuli)
         self._hand = hand
+        self._before: dict[tuple[str, float], tuple[Path, Felt]] = {}
+
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Nothing needs to be."""
 
     def present(
         self,
@@ -85,16 +101,29 @@ class HeadlessPresenter:
         """Run the scene; `done` is not asked, since nobody is there to be."""
         del done
         begun()
+        path, before = self._before.get((stimulus.name, seconds), (None, None))
+        if path is not None and before is not None and path.is_file():
+            shutil.copyfile(path, recording)
+            return replace(before, recording=recording.name)
         scene = self._scene(stimulus)
         motion = scene.motion
         if isinstance(motion, ScriptedMotion):
             motion = replace(motion, seconds=seconds)
         run = run_scene(scene, recording, motion=motion, hand=self._hand)
-        return felt(recording, read_recording(recording), {"status": run.summary["status"]})
+        told = felt(recording, read_recording(recording), {"status": run.summary["status"]})
+        self._before[stimulus.name, seconds] = recording, told
+        return told
+
+    def drop(self) -> None:
+        """Nothing was made ready."""
 
 
 class DevicePresenter:
     """Lets a scene be felt through a device, by the servo loop.
+
+    All intervals of a trial are made ready before it begins, each a servo process of its own that
+    is held, its contact engine compiled and tried. So the pause between two intervals is as long as
+    the design says, and does not depend on the stimulus. Close it when done.
 
     Parameters
     ----------
@@ -114,6 +143,13 @@ class DevicePresenter:
     ) -> None:
         self._scene, self._stimuli = _Scenes(stimuli), stimuli
         self._make_spec, self._on_servo = make_spec, on_servo
+        self._making = ThreadPoolExecutor(1, "asperity-interval")
+        self._ready: dict[Path, Future[Servo]] = {}
+
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Have servo processes made ready, one after the other, in the background."""
+        for stimulus, recording in wanted:
+            self._ready[recording] = self._making.submit(self._made, stimulus, recording, seconds)
 
     def present(
         self,
@@ -124,10 +160,10 @@ class DevicePresenter:
         done: Callable[[], bool],
     ) -> Felt:
         """Run the loop until the time is over, or `done`."""
-        spec = self._make_spec(self._scene(stimulus), seconds)
-        attributes = recording_attributes(spec, self._stimuli.source(stimulus))
-        with Servo(spec, recording, attributes) as servo:
-            servo.start()
+        if recording not in self._ready:
+            self.prepare([(stimulus, recording)], seconds)
+        with self._ready.pop(recording).result() as servo:
+            servo.go()
             self._on_servo(servo)
             begun()
             try:
@@ -139,8 +175,34 @@ class DevicePresenter:
         told = {
             "misses": result["timing"]["misses"], "fallbacks": result["timing"]["fallbacks"],
             "clamped": result["safety"]["clamped_force"], "recorder": result["recorder"]["error"],
+            "ended": result["ended"],
         }  # fmt: skip
         return felt(recording, read_recording(recording), told)
+
+    def drop(self) -> None:
+        """End what was made ready; nothing of it was felt, so its recordings go."""
+        for recording, making in self._ready.items():
+            with suppress(AsperityError), making.result():
+                pass
+            recording.unlink(missing_ok=True)
+        self._ready.clear()
+
+    def close(self) -> None:
+        """End everything."""
+        self.drop()
+        self._making.shutdown()
+
+    def _made(self, stimulus: Stimulus, recording: Path, seconds: float) -> Servo:
+        spec = replace(self._make_spec(self._scene(stimulus), seconds), held=True)
+        attributes = recording_attributes(spec, self._stimuli.source(stimulus))
+        servo = Servo(spec, recording, attributes)
+        try:
+            servo.start()
+        except BaseException:
+            with suppress(AsperityError), servo:
+                pass
+            raise
+        return servo
 
 
 def felt(path: Path, recording: Recording, told: dict[str, Any]) -> Felt:

@@ -29,6 +29,7 @@ from asperity.experiments.fronts import Front, Paused, Progress
 from asperity.experiments.journal import Journal
 from asperity.experiments.presenters import Presenter, private_files
 from asperity.experiments.procedures import Procedure, procedure
+from asperity.experiments.stimuli import Stimulus
 from asperity.experiments.tables import write_tables
 from asperity.experiments.trials import Felt, Trial
 from asperity.output import write_whole
@@ -172,17 +173,19 @@ class Session:
         sleep : callable
             Lets time go by between intervals [s].
         """
-        try:
-            trial = self.procedure.next()
-            if trial is not None:
-                front.welcome(self.design, self.progress)
-            while trial is not None:
-                front.ready(trial, self.progress)
-                self.do(trial, presenter, front, sleep)
+        with private_files():
+            try:
                 trial = self.procedure.next()
-        except Paused:
-            self.journal.append("pause", time=self._time())
-            return Outcome(self.folder, self.answers, self.procedure.most, False)
+                if trial is not None:
+                    front.welcome(self.design, self.progress)
+                while trial is not None:
+                    self.do(trial, presenter, front, sleep)
+                    trial = self.procedure.next()
+            except Paused:
+                self.journal.append("pause", time=self._time())
+                return Outcome(self.folder, self.answers, self.procedure.most, False)
+            finally:
+                presenter.drop()
         if self.journal.events[-1]["event"] != "end":
             self.journal.append("end", time=self._time(), answers=self.answers)
         front.over(f"That was the last of {self.answers} trials. Thank you.")
@@ -192,40 +195,45 @@ class Session:
         self, trial: Trial, presenter: Presenter, front: Front, sleep: Callable[[float], None]
     ) -> None:
         """Present a trial, ask, keep the answer, and go on."""
-        attempt = self._attempts[trial.number] = self._attempts.get(trial.number, 0) + 1
+        attempt = self._attempts.get(trial.number, 0) + 1
+        wanted = [
+            (stimulus, self.folder / RECORDINGS / recording_name(trial.number, i, attempt))
+            for i, stimulus in enumerate(trial.stimuli, 1)
+        ]
+        for _, recording in wanted:
+            # Of a trial that was made ready and never began: the journal does not know of it.
+            recording.unlink(missing_ok=True)
+        presenter.prepare(wanted, self.design.presentation.seconds)
+        front.ready(trial, self.progress)
         self.journal.append("trial", time=self._time(), trial=trial.plain(), attempt=attempt)
+        self._attempts[trial.number] = attempt
         felt = []
-        for interval, stimulus in enumerate(trial.stimuli, 1):
+        for interval, (stimulus, recording) in enumerate(wanted, 1):
             if interval > 1:
                 sleep(self.design.presentation.pause)
-            recording = self.folder / RECORDINGS / recording_name(trial.number, interval, attempt)
             felt.append(self._present(stimulus, recording, interval, presenter, front))
         answer, seconds = self._asked(trial, felt, front)
+        right = trial.is_right(answer)
         self.journal.append(
             "answer", time=self._time(), trial=trial.plain(), attempt=attempt, answer=answer,
-            right=trial.is_right(answer), response_seconds=round(seconds, 4), by=front.kind,
+            right=right, response_seconds=round(seconds, 4), by=front.kind,
             intervals=[interval.plain() for interval in felt],
         )  # fmt: skip
         # From here on the answer is on the disk.
         self.procedure.answer(trial, answer)
         self.answers += 1
-        with private_files():
-            write_tables(self.journal.events, self.folder)
-        right = trial.is_right(answer)
+        write_tables(self.journal.events, self.folder)
         if right is not None and getattr(self.design.settings, "feedback", False):
             front.feedback(right)
 
     def _present(
-        self, stimulus: Any, recording: Path, interval: int, presenter: Presenter, front: Front
+        self, stimulus: Stimulus, recording: Path, interval: int, presenter: Presenter, front: Front
     ) -> Felt:
-        # A recording of that name can only be there if the journal lost the trial's line.
-        recording.unlink(missing_ok=True)
-        with private_files():
-            felt = presenter.present(
-                stimulus, recording, self.design.presentation.seconds,
-                lambda: front.begun(interval),
-                front.done if self.design.presentation.self_paced else lambda: False,
-            )  # fmt: skip
+        felt = presenter.present(
+            stimulus, recording, self.design.presentation.seconds,
+            lambda: front.begun(interval),
+            front.done if self.design.presentation.self_paced else lambda: False,
+        )  # fmt: skip
         front.ended(interval)
         return felt
 
