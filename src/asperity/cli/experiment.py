@@ -95,7 +95,9 @@ class Experiment:
         design = session.design
         if self.page:
             return self._in_page(session)
-        front: Front = SimulatedFront(design) if self.simulate else TerminalFront()
+        front: Front = TerminalFront()
+        if self.simulate:
+            front = SimulatedFront(design, session.participant, session.number)
         if self.device is None:
             return self._with_progress(session, front)
         presenter = DevicePresenter(design.stimuli, functools.partial(self._spec, self.device))

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from asperity.experiments.design import Design
 from asperity.experiments.participants import SimulatedParticipant
+from asperity.experiments.procedures import seeds
 from asperity.experiments.trials import Felt, Trial
 
 
@@ -71,12 +72,14 @@ class SimulatedFront:
 
     kind = "simulated"
 
-    def __init__(self, design: Design) -> None:
+    def __init__(self, design: Design, participant: str = "", session: int = 1) -> None:
         settings = design.simulated
         threshold = 0.0
         if design.method == "forced-choice":
             threshold = design.forced_choice.intensity(settings.threshold)
-        self._participant = SimulatedParticipant(settings, threshold)
+        self._participant = SimulatedParticipant(
+            settings, threshold, seeds(design, participant, session)
+        )
 
     def welcome(self, design: Design, progress: Progress) -> None:
         """Say nothing."""

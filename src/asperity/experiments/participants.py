@@ -6,6 +6,7 @@ They are for trying out an experiment and for testing its analysis. Nothing is c
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 RATES = ("parameter", "band_rms", "largest_force")
 """What a simulated participant judges by: the stimulus's value, or what the recording says was
 felt: the RMS of the tangential force in 20 to 200 Hz, or its largest value."""
+
+_APART = 0x5EED
 
 
 @dataclass(frozen=True)
@@ -67,17 +70,23 @@ class SimulatedSettings:
 
 
 class SimulatedParticipant:
-    """Answers trials. What is random depends on the seed and the trial's number alone.
+    """Answers trials. What is random depends on the seeds and the trial's number alone.
 
     Parameters
     ----------
     settings : SimulatedSettings
-    intensity : float
-        The threshold on the scale of intensities.
+    threshold : float
+        On the scale of intensities.
+    who : sequence of int
+        Makes one participant differ from another.
     """
 
-    def __init__(self, settings: SimulatedSettings, threshold: float = 0.0) -> None:
+    def __init__(
+        self, settings: SimulatedSettings, threshold: float = 0.0, who: Sequence[int] = ()
+    ) -> None:
         self.settings = settings
+        # Apart from the random numbers of the procedure, which has the same participant.
+        self._seed = [settings.seed, _APART, *who]
         s = settings
         self.truth = Psychometric(threshold, s.width, s.lapse, 0.5, s.function)
 
@@ -90,7 +99,7 @@ class SimulatedParticipant:
         felt : list of Felt
             What the recordings of its intervals say.
         """
-        rng = np.random.default_rng([self.settings.seed, trial.number])
+        rng = np.random.default_rng([*self._seed, trial.number])
         by_parameter = self.settings.rates == "parameter"
         if by_parameter and trial.intensity is not None and trial.right is not None:
             right = rng.random() < float(self.truth(trial.intensity))

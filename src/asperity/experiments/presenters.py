@@ -83,7 +83,7 @@ class HeadlessPresenter:
     """
 
     def __init__(self, stimuli: Stimuli, *, hand: bool = False) -> None:
-        self._scene = _Scenes(stimuli)
+        self._scene, self._stimuli = _Scenes(stimuli), stimuli
         self._hand = hand
         self._before: dict[tuple[str, float], tuple[Path, Felt]] = {}
 
@@ -109,7 +109,10 @@ class HeadlessPresenter:
         motion = scene.motion
         if isinstance(motion, ScriptedMotion):
             motion = replace(motion, seconds=seconds)
-        run = run_scene(scene, recording, motion=motion, hand=self._hand)
+        run = run_scene(
+            scene, recording, motion=motion, hand=self._hand,
+            source=self._stimuli.source(stimulus),
+        )  # fmt: skip
         told = felt(recording, read_recording(recording), {"status": run.summary["status"]})
         self._before[stimulus.name, seconds] = recording, told
         return told
@@ -162,6 +165,9 @@ class DevicePresenter:
         """Run the loop until the time is over, or `done`."""
         if recording not in self._ready:
             self.prepare([(stimulus, recording)], seconds)
+        # All intervals of the trial: the pauses between them shall not depend on the making.
+        for making in self._ready.values():
+            making.result()
         with self._ready.pop(recording).result() as servo:
             servo.go()
             self._on_servo(servo)

@@ -7,6 +7,7 @@ recording is what these did. A recording of `asperity run` without a device come
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,15 @@ from asperity.contact_stage import FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
 from asperity.errors import AsperityError
 from asperity.headless import Run, run_scene
 from asperity.recording import Recording
-from asperity.scene import Scene
+from asperity.scene import Scene, scene_of
 from asperity.scenes import load_scene
 from asperity.simulation import Rollout
 from asperity.trajectory import Trajectory
 
 TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT
 """Flags of ticks in which something was done to the wrench."""
+_SECTIONS = ("bodies", "force", "coupling")
+"""Of a scene's document, as they were when it was recorded."""
 
 
 def scene_of_recording(recording: Recording, scene: str | None = None) -> Scene:
@@ -47,8 +50,14 @@ def scene_of_recording(recording: Recording, scene: str | None = None) -> Scene:
         document = json.loads(str(recording.attributes["document"]))
     except (KeyError, json.JSONDecodeError):
         return found
-    sections = {key: document[key] for key in ("force", "coupling") if key in document}
-    return found.changed(**sections) if sections and scene is None else found
+    if scene is not None:
+        return found
+    # Whole sections: another kind of texture has other keys.
+    sections = {key: document[key] for key in _SECTIONS if key in document}
+    told = {**found.document, **sections}
+    return replace(
+        scene_of(found.xml, told, name=found.name, folder=found.folder), notes=found.notes
+    )
 
 
 def replay(
