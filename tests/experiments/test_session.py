@@ -150,7 +150,7 @@ def test_a_session_that_is_paused_again_and_again_is_the_same(base, tmp_path):
             break
     assert answers_of(tmp_path / "parts") == answers_of(tmp_path / "whole")
     begun = [event["event"] for event in read_journal(tmp_path / "parts")]
-    assert begun.count("resume") == begun.count("pause") > 2
+    assert begun.count("resume") == begun.count("pause") >= 2
 
 
 def test_quest_plus_goes_on_where_it_was(tmp_path):

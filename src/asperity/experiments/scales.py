@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr
 
 from asperity.errors import AsperityError
@@ -27,7 +26,7 @@ from asperity.errors import AsperityError
 PRIOR = 0.1
 """Trials; ours."""
 _STEPS = 2000
-_CLOSE = 1e-10
+_CLOSE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -71,16 +70,15 @@ def fit_scale(
     n = len(names)
     if not orders:
         raise AsperityError("a scale needs one answer at least")
-    fit = _plackett_luce if model == "bradley-terry" else _thurstone
-    values = fit(n, list(orders))
     rng = np.random.default_rng(seed)
-    again = np.empty((samples, n))
-    for i in range(samples):
-        drawn = rng.integers(0, len(orders), len(orders))
-        again[i] = fit(n, [orders[k] for k in drawn])
+    drawn = rng.multinomial(len(orders), np.full(len(orders), 1.0 / len(orders)), samples)
+    # The first row is the answers themselves: each trial once.
+    weights = np.concatenate([np.ones((1, len(orders))), drawn])
+    fit = _plackett_luce if model == "bradley-terry" else _thurstone
+    fitted = fit(n, orders, weights)
     tails = 50.0 * (1.0 - confidence)
-    low, high = np.percentile(again, [tails, 100.0 - tails], axis=0)
-    return Scale(tuple(names), values, low, high, model, not _connected(n, orders))
+    low, high = np.percentile(fitted[1:], [tails, 100.0 - tails], axis=0)
+    return Scale(tuple(names), fitted[0], low, high, model, not _connected(n, orders))
 
 
 def wins(n: int, orders: Sequence[Sequence[int]]) -> NDArray[np.float64]:
@@ -111,52 +109,66 @@ def circular_triads(table: NDArray[np.float64]) -> tuple[int, int]:
     return circular, whole
 
 
-def _plackett_luce(n: int, orders: list[Sequence[int]]) -> NDArray[np.float64]:
-    # Each stage of a ranking: who is left, and who is taken. Padded for one product of arrays.
-    most = max(len(order) for order in orders)
-    left, taken = [], []
-    for order in orders:
-        for stage in range(len(order) - 1):
-            row = list(order[stage:]) + [n] * (most - len(order) + stage)
-            left.append(row)
-            taken.append(order[stage])
-    members = np.array(left)
-    chosen = np.bincount(taken, minlength=n).astype(np.float64) + PRIOR
-    worth = np.ones(n + 1)
-    worth[n] = 0.0
+def _plackett_luce(
+    n: int, orders: Sequence[Sequence[int]], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return scales (samples, n) of trials that count as often as `weights` (samples, trials)."""
+    # Each stage of a ranking is a choice among those that are left.
+    stages = [(t, o[i], frozenset(o[i:])) for t, o in enumerate(orders) for i in range(len(o) - 1)]
+    groups = {group: k for k, group in enumerate(dict.fromkeys(g for _, _, g in stages))}
+    members = np.zeros((len(groups), n))
+    for group, k in groups.items():
+        members[k, list(group)] = 1.0
+    asked, taken = np.zeros((len(orders), len(groups))), np.zeros((len(orders), n))
+    for trial, first, group in stages:
+        asked[trial, groups[group]] += 1.0
+        taken[trial, first] += 1.0
+    count, chosen = weights @ asked, weights @ taken + PRIOR
+    worth = np.ones((len(weights), n))
     for _ in range(_STEPS):
-        rate = np.repeat(1.0 / worth[members].sum(axis=1), most)
-        shares = np.bincount(members.ravel(), weights=rate, minlength=n + 1)[:n]
-        shares += 2.0 * PRIOR / (worth[:n] + 1.0)
+        # Hunter (2004), Eq. 30, with the prior's choices against one of worth 1.
+        shares = (count / (worth @ members.T)) @ members + 2.0 * PRIOR / (worth + 1.0)
         new = chosen / shares
-        done = np.max(np.abs(np.log(new / worth[:n]))) < _CLOSE
-        worth[:n] = new
+        done = np.max(np.abs(np.log(new / worth))) < _CLOSE
+        worth = new
         if done:
             break
-    scale = np.log(worth[:n])
-    return np.asarray(scale - scale.mean())
+    scale = np.log(worth)
+    return np.asarray(scale - scale.mean(axis=1, keepdims=True))
 
 
-def _thurstone(n: int, orders: list[Sequence[int]]) -> NDArray[np.float64]:
-    table = wins(n, orders)
-    first, second = np.nonzero(table)
-    weight = table[first, second]
-
-    def cost(s: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        apart = s[first] - s[second]
-        value = -weight @ log_ndtr(apart) - PRIOR * np.sum(log_ndtr(s) + log_ndtr(-s))
-        slope = weight * _hazard(apart)
-        gradient = np.bincount(second, slope, n) - np.bincount(first, slope, n)
-        gradient -= PRIOR * (_hazard(s) - _hazard(-s))
-        return float(value), gradient
-
-    scale = minimize(cost, np.zeros(n), jac=True, method="L-BFGS-B").x
-    return np.asarray(scale - scale.mean())
+def _thurstone(
+    n: int, orders: Sequence[Sequence[int]], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return scales (samples, n), by Newton's method on a cost that is convex."""
+    tables = np.stack([wins(n, [order]) for order in orders])
+    table = np.tensordot(weights, tables, axes=1)
+    scale = np.zeros((len(weights), n))
+    for _ in range(_STEPS):
+        apart = scale[:, :, None] - scale[:, None, :]
+        slope, bend = _hazard(apart), _bend(apart)
+        pull = table * slope
+        gradient = pull.sum(axis=1) - pull.sum(axis=2)
+        gradient -= PRIOR * (_hazard(scale) - _hazard(-scale))
+        stiff = table * bend + np.swapaxes(table * bend, 1, 2)
+        own = stiff.sum(axis=2) + PRIOR * (_bend(scale) + _bend(-scale))
+        hessian = own[:, :, None] * np.eye(n) - stiff
+        step = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
+        scale = scale - np.clip(step, -1.0, 1.0)
+        if np.max(np.abs(step)) < _CLOSE:
+            break
+    return np.asarray(scale - scale.mean(axis=1, keepdims=True))
 
 
 def _hazard(z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return phi(z) / Phi(z)."""
     return np.asarray(np.exp(-0.5 * z * z - log_ndtr(z)) / np.sqrt(2.0 * np.pi))
+
+
+def _bend(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return minus the second derivative of log Phi(z): above 0."""
+    hazard = _hazard(z)
+    return np.asarray(np.maximum(hazard * (z + hazard), 1e-12))
 
 
 def _connected(n: int, orders: Sequence[Sequence[int]]) -> bool:
