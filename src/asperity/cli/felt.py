@@ -68,7 +68,7 @@ def servo_spec(
     from asperity.servo.safety import SafetySettings
     from asperity.trajectory import Trajectory
 
-    given = dict(_key_value(text) for text in options.device_option)
+    given = key_values(options.device_option)
     in_scene = name == "simulated" or name == "replay" or name.startswith("replay:")
     make: functools.partial[Any]
     if name == "simulated":
@@ -157,6 +157,11 @@ def with_coupling(scene: Scene, coupling: str | None) -> Scene:
     """Return a scene for a hand: on a coupling, if neither scene nor option says otherwise."""
     mode = coupling or scene.document.get("coupling", {}).get("mode", "implicit")
     return replace(scene.changed(coupling={"mode": mode}), notes=scene.notes)
+
+
+def key_values(options: tuple[str, ...]) -> dict[str, Any]:
+    """Return options of a device as they are given, KEY=VALUE."""
+    return dict(_key_value(text) for text in options)
 
 
 def _key_value(text: str) -> tuple[str, Any]:

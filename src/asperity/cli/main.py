@@ -29,6 +29,7 @@ from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
 from asperity.cli.study import Study
+from asperity.cli.view import View
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -47,6 +48,7 @@ class Arguments:
         | Annotated[Run, tyro.conf.subcommand("run")]
         | Annotated[Record, tyro.conf.subcommand("record")]
         | Annotated[Replay, tyro.conf.subcommand("replay")]
+        | Annotated[View, tyro.conf.subcommand("view")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[Devices, tyro.conf.subcommand("devices")]

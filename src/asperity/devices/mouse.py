@@ -39,6 +39,9 @@ FASTEST, FASTEST_TURN = 0.5, 12.0
 REACHING = 0.02
 """A hand that shall press and touches nothing comes down so fast [m/s]; ours."""
 
+WIDE = replace(LIMITS, radius=1.0)
+"""What limits a pointer: the simulated device's force, and no workspace to speak of."""
+
 
 class Led:
     """A target that is led smoothly, tick by tick, to what is pointed at.
@@ -114,16 +117,19 @@ class ReachingHand(SimulatedHand):
     def _press(self, felt: float) -> None:
         step = REACHING * self.dt
         if self.wanted is None:
-            self.offset = max(self.offset - step, 0.0)
+            self.offset = math.copysign(max(abs(self.offset) - step, 0.0), self.offset)
         elif felt > 0.0:
-            super()._press(felt)
+            # The target may be too deep already: then it is drawn back.
+            gain = self.dt / (self._soft * self.settings.press_time)
+            self.offset += (self.wanted - felt) * gain
+            most = MOST_OFFSET + self.wanted / self._soft
+            self.offset = min(max(self.offset, -most), most)
         else:
             self.offset = min(self.offset + step, MOST_OFFSET + self.wanted / self._soft)
 
     def press_with(self, force: float | None) -> None:
         """Press with a normal force [N] from now on, or with none that is regulated."""
         self.wanted = force
-        self.settings = replace(self.settings, press_force=force)
 
 
 class MouseDevice(SimulatedDevice):
@@ -152,7 +158,7 @@ class MouseDevice(SimulatedDevice):
         dt: float = 1e-3,
         centre: tuple[float, ...] | None = None,
         settings: HandSettings | None = None,
-        limits: Limits = LIMITS,
+        limits: Limits = WIDE,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._path = None if target is None else Path(target)

@@ -17,6 +17,7 @@ from asperity.dynamics.coupling import held_body
 from asperity.scene import Scene
 from asperity.servo.in_hand import named_device
 from asperity.servo.process import ServoSpec
+from asperity.servo.realtime import RealTime
 from asperity.servo.safety import SafetySettings
 
 CLEARANCE = 3e-3
@@ -45,6 +46,7 @@ class Choice:
     mapping : dict
         Options of `Mapping`.
     safety : SafetySettings
+    real_time : RealTime
     """
 
     scene: Scene
@@ -56,6 +58,7 @@ class Choice:
     passivity: bool = True
     mapping: dict[str, Any] = field(default_factory=dict)
     safety: SafetySettings = field(default_factory=SafetySettings)
+    real_time: RealTime = field(default_factory=RealTime)
 
     @property
     def is_mouse(self) -> bool:
@@ -99,4 +102,5 @@ class Choice:
             passivity=self.passivity,
             mapping=dict(self.mapping),
             safety=self.safety,
+            real_time=self.real_time,
         )

@@ -29,6 +29,7 @@ from asperity.devices.pointed import Pointed
 from asperity.errors import AsperityError
 from asperity.page.choice import Choice
 from asperity.page.history import History
+from asperity.page.motions import Motion, motion_table
 from asperity.servo.parameters import Parameters
 from asperity.servo.rows import slices
 from asperity.servo.running import Servo
@@ -75,6 +76,7 @@ class Link:
         self._lock = threading.RLock()
         self._taps: list[Callable[[NDArray[np.float64]], None]] = []
         self._shift = 0.0
+        self._kept: dict[str, Any] = {}
         self._restarting = ThreadPoolExecutor(1, "asperity-restart")
         self._closing = threading.Event()
         self._reader = threading.Thread(target=self._read, name="asperity-rows", daemon=True)
@@ -144,6 +146,7 @@ class Link:
         if servo is None or not self.is_alive:
             raise AsperityError("no servo loop is running; restart it")
         servo.set(**changes)
+        self._kept |= changes
 
     def restart(self, choice: Choice | None = None) -> Future[None]:
         """Have another servo process made ready, and swapped for the one there is.
@@ -152,6 +155,15 @@ class Link:
         `told` says so.
         """
         return self._restarting.submit(self._replace_and_tell, choice or self.choice)
+
+    def move(self, motion: Motion, press: float | None = None) -> None:
+        """Have the mouse's hand go through a motion, from where it shall be now, and again."""
+        with self._lock:
+            table = motion_table(motion, self.target)
+            self.pointed.move(
+                table.poses, loop=table.loop, step=table.step, begun=time.perf_counter(),
+                press=press,
+            )  # fmt: skip
 
     def point(self, pose: NDArray[np.float64], press: float | None = None) -> None:
         """Have the mouse's hand go to a pose (7,), pressing with a force [N] or as it comes."""
@@ -215,6 +227,9 @@ class Link:
                 raise AsperityError("the page is being closed")
             if choice.scene.xml != self.choice.scene.xml:
                 self.point(choice.first_pose)
+                self._kept.clear()
+            elif choice.rate != self.choice.rate:
+                self._kept.pop("rate", None)
             if old is not None:
                 old.stop()
                 old.wait(2.0)
@@ -226,6 +241,9 @@ class Link:
             self._servo, self.choice = new, choice
             self.generation += 1
             self.state, self.told = "running", ""
+            if self._kept:
+                # What was changed while it ran holds on; the first tick is without, and soft.
+                new.set(**self._kept)
         if old is not None:
             self._end(old)
 
@@ -266,7 +284,3 @@ class Link:
             self.told = str(error)
         else:
             self.result, self.told = result, f"the loop ended: {result['ended']}"
-
-    def monotonic(self) -> float:
-        """Return the time that `Pointed.move` counts in [s]."""
-        return time.perf_counter()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import threading
 import time
@@ -11,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 from asperity.errors import AsperityError
 from asperity.page.frames import Frames
 from asperity.page.link import Link
+from asperity.page.origin import own_origin_only
 from asperity.page.panel import Frame, Panel
+from asperity.page.transfers import bound_uploads
 
 if TYPE_CHECKING:
     import viser
@@ -59,7 +63,7 @@ class Page:
         self.updates = 0
         """How often the panels were updated."""
         self._frames = Frames(link)
-        self._stopping = threading.Event()
+        self._stopping, self._paused = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="asperity-page", daemon=True)
         self._build()
         self._thread.start()
@@ -73,6 +77,10 @@ class Page:
         """Wait until the page is closed, at most so long [s]; return whether it is."""
         return self._stopping.wait(seconds)
 
+    def pause(self, paused: bool = True) -> None:
+        """Hold the picture as it is, or let it go on; the loop ticks either way."""
+        (self._paused.set if paused else self._paused.clear)()
+
     def close(self) -> None:
         """Take the page down; the link stays."""
         self._stopping.set()
@@ -80,7 +88,8 @@ class Page:
             self._thread.join(2.0)
         for panel in self.panels:
             panel.close()
-        self.server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
 
     def __enter__(self) -> Page:
         return self
@@ -90,7 +99,17 @@ class Page:
 
     def _served(self, host: str, port: int, label: str) -> viser.ViserServer:
         viser = require_viser()
-        return viser.ViserServer(host=host, port=port, label=label, verbose=False)
+        # viser announces itself on standard output, which is the command's.
+        with own_origin_only(), contextlib.redirect_stdout(io.StringIO()):
+            server: viser.ViserServer = viser.ViserServer(
+                host=host, port=port, label=label, verbose=False
+            )
+        bound_uploads(server)
+        server.gui.configure_theme(
+            control_width="medium", show_logo=False, show_share_button=False,
+            brand_color=(0, 114, 178),
+        )  # fmt: skip
+        return server
 
     def _build(self) -> None:
         gui = self.server.gui
@@ -110,6 +129,9 @@ class Page:
         due = time.perf_counter()
         well = list(self.panels)
         while not self._stopping.is_set():
+            if self._paused.is_set():
+                self._stopping.wait(0.05)
+                continue
             frame = self._frames.take(time.perf_counter())
             with self.server.atomic():
                 for panel in tuple(well):

@@ -67,8 +67,8 @@ class MeshRelief:
         steps = places[:, 1:] - places[:, :1]  # along p and q
         return np.asarray(np.swapaxes(steps, 1, 2) @ dual)
 
-    def displaced(self, face: Whole, weights: Array) -> tuple[Array, Array]:
-        """Return displaced points and unit normals to be lit by, (n, k, 3).
+    def displaced(self, face: Whole, weights: Array) -> tuple[Array, Array, Array | None]:
+        """Return displaced points and unit normals to be lit by, (n, k, 3), and heights (n, k).
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class MeshRelief:
         points = weights @ self.triangles[face]
         w, lit = _unit(weights @ self.normals[face]), _unit(weights @ self._lit[face])
         if self._field is None:
-            return points, lit
+            return points, lit, None
         if self._places is None:
             height, slope = self._triplanar(points, w)
         else:
@@ -89,7 +89,7 @@ class MeshRelief:
             height = found.h
             slope = np.stack([found.h_u, found.h_v], axis=-1) @ self._slopes[face]
         lit += np.einsum("ijk,ijk->ij", slope, lit)[..., None] * lit - slope
-        return points + height[..., None] * w, _unit(lit)
+        return points + height[..., None] * w, _unit(lit), height
 
     def _triplanar(self, points: Array, w: Array) -> tuple[Array, Array]:
         """Return heights and their gradients at points with unit normals w."""

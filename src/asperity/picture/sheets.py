@@ -53,7 +53,7 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
             height = _heights(body, field, geom, base, in_body, w_body)
             points, normals = np.empty(base.shape), np.empty(base.shape)
             displace(in_body, w_body, height, rotation, pose[:3], points, normals)
-            yield Sheet(points, normals)
+            yield Sheet(points, normals, height=None if field is None else height)
 
 
 def _ahead(view: View, place: Array, normal: Array) -> Array:

@@ -23,6 +23,8 @@ class Sheet(NamedTuple):
     points: Array
     normals: Array
     corners: NDArray[np.int64] | None = None
+    height: Array | None = None
+    """Of the texture at the points [m]; None: there is none."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,115 @@
+"""`asperity view`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import OmitArgPrefixes, Positional, arg
+
+from asperity.cli.felt import DeviceOptions
+from asperity.cli.ranges import Between, check_ranges
+from asperity.errors import AsperityError
+
+if TYPE_CHECKING:
+    from asperity.page.choice import Choice
+
+FIRST = "probe-plate"
+"""What is shown first if nothing is said."""
+
+
+@dataclass
+class View:
+    """Open a page in the browser on a scene that is being felt: see it, move it, change it.
+
+    Without a device, the mouse moves the tool. The page is for this computer alone. Ends with
+    Ctrl-C.
+    """
+
+    scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
+    """As for `asperity run`. Default: probe-plate; the page offers the others."""
+    device: str = "mouse"
+    """mouse, haply, touch, ...: see `asperity devices`."""
+    port: Annotated[int, Between(0, 65535)] = 8080
+    """Of the page; 0: any that is free. If it is taken, the next that is free."""
+    no_open: bool = False
+    """Do not open a browser; only say where the page is."""
+    triangles: Annotated[int, Between(1000, 2_000_000)] = 50_000
+    """Shown at most."""
+    seconds: Annotated[float | None, Between(0.1, 86400.0)] = None
+    """How long. Default: until Ctrl-C."""
+    screenshot: Path | None = None
+    """Write a picture of the page as a PNG, by a browser without a window, and end."""
+    options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
+    coupling: str | None = None
+    """direct, implicit, semi-implicit, static. Default: as the scene says, else implicit."""
+    seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
+    """Of textures that have one. Default: as the scene says."""
+
+    def run(self) -> None:
+        """Serve the page until it is over."""
+        check_ranges(self.options)
+        check_ranges(self)
+        if self.screenshot is not None and self.screenshot.suffix.lower() != ".png":
+            raise AsperityError(f"--screenshot must be a .png file, got {self.screenshot}")
+        from asperity.page.server import require_viser
+
+        require_viser()
+        choice = self._choice()
+        from asperity.page.link import Link
+        from asperity.page.panels import live_panels
+        from asperity.page.server import serve
+        from asperity.simulation import announce_compiling
+
+        announce_compiling()
+        with (
+            Link(choice) as link,
+            serve(link, lambda: live_panels(self.triangles), port=self.port) as page,
+        ):
+            if self.screenshot is not None:
+                from asperity.page.browser import take_picture
+
+                take_picture(page, self.screenshot)
+                print(f"{self.screenshot}: {link.choice.scene.name}")
+                return
+            print(f"{page.url}  ({choice.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
+            if not self.no_open:
+                import webbrowser
+
+                webbrowser.open(page.url)
+            try:
+                page.wait(math.inf if self.seconds is None else self.seconds)
+            except KeyboardInterrupt:
+                print("ended")
+
+    def _choice(self) -> Choice:
+        """Return what to begin with."""
+        from asperity.cli.felt import key_values
+        from asperity.dynamics.coupling import MODES
+        from asperity.errors import require_choice
+        from asperity.page.changes import on_coupling
+        from asperity.page.choice import Choice
+        from asperity.scenes import load_scene
+        from asperity.servo.realtime import RealTime
+        from asperity.servo.safety import SafetySettings
+
+        if self.coupling is not None:
+            require_choice("--coupling", self.coupling, MODES)
+        source = self.scene or FIRST
+        options = self.options
+        return Choice(
+            on_coupling(load_scene(source, seed=self.seed), self.coupling),
+            source,
+            self.device,
+            options=key_values(options.device_option),
+            rate=options.rate_hz,
+            passivity=not options.no_passivity,
+            mapping={
+                "scale": options.scale, "force_scale": options.force_scale,
+                "clutch_button": options.clutch_button,
+            },
+            safety=SafetySettings(max_force=options.max_force_n),
+            real_time=RealTime(options.priority, options.core, options.lock_memory),
+        )  # fmt: skip
