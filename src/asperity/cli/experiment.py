@@ -45,10 +45,8 @@ class Experiment:
     check: bool = False
     """Only check the experiment and all its stimuli, and say what there would be."""
     options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
-    host: str = "127.0.0.1"
-    """Of the page."""
     port: Annotated[int, Between(0, 65535)] = 8080
-    """Of the page; 0: any that is free."""
+    """Of the page, which is for this computer alone; 0: any that is free."""
     out: Path | None = None
     """Folder of this session. Default: out/experiment/FILE/PARTICIPANT-SESSION."""
 
@@ -129,7 +127,51 @@ class Experiment:
         return outcome
 
     def _in_page(self, session: Any) -> Outcome:
-        raise AsperityError("--page is not there yet")
+        """Run a session in the page, and tell the experimenter here."""
+        import sys
+
+        from asperity.cli.felt import key_values, with_coupling
+        from asperity.experiments.page import Desk, PageFront, TrialLink, panels, smooth
+        from asperity.experiments.presenters import DevicePresenter
+        from asperity.page.choice import Choice
+        from asperity.page.server import Page, require_viser
+        from asperity.servo.realtime import RealTime
+        from asperity.servo.safety import SafetySettings
+        from asperity.simulation import announce_compiling
+
+        require_viser()
+        announce_compiling()
+        design, options = session.design, self.options
+        scene = with_coupling(design.stimuli.scene(design.all_stimuli()[0]), None)
+        show = design.presentation.show
+        choice = Choice(
+            scene if show else smooth(scene), design.name, self.device or "mouse",
+            options=key_values(options.device_option), rate=options.rate_hz,
+            passivity=not options.no_passivity,
+            mapping={
+                "scale": options.scale, "force_scale": options.force_scale,
+                "clutch_button": options.clutch_button,
+            },
+            safety=SafetySettings(max_force=options.max_force_n),
+            real_time=RealTime(options.priority, options.core, options.lock_memory),
+        )  # fmt: skip
+        desk = Desk(design)
+
+        def spec(scene: Scene, seconds: float) -> ServoSpec:
+            return link.spec(with_coupling(scene, None), seconds)
+
+        with (
+            TrialLink(choice, show=show) as link,
+            Page(link, panels(desk, choice, show=show), port=self.port, label=design.name) as page,
+        ):
+            print(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)", flush=True)
+            presenter = DevicePresenter(design.stimuli, spec, on_servo=link.feel)
+            front = PageFront(desk, lambda line: print(line, file=sys.stderr, flush=True))
+            try:
+                outcome: Outcome = session.run(presenter, front)
+            finally:
+                presenter.close()
+        return outcome
 
     def _spec(self, device: str, scene: Scene, seconds: float) -> ServoSpec:
         from asperity.cli.felt import servo_spec, with_coupling
