@@ -2,9 +2,7 @@
 
 With a free modulus each participant uses numbers of an own size. The logarithms of a session's
 estimates are therefore shifted so that their mean is that of all sessions: every estimate is
-divided by the session's geometric mean and multiplied by the grand one (as Klatzky & Lederman
-(1999, 2002) describe it: normalised by dividing by the participant's mean and multiplying by the
-grand mean; done on logarithms here, since magnitudes scatter by factors).
+divided by the session's geometric mean and multiplied by the grand one, the usual normalisation.
 """
 
 from __future__ import annotations

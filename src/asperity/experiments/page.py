@@ -94,10 +94,10 @@ class BlindStage(Stage):
 
     def update(self, frame: Frame) -> None:
         """Move the tool to the hand."""
-        if frame.moment is not None:
-            pose = frame.moment.handle_pose
-            self._tool.position = tuple((UNITS * pose[:3]).tolist())
-            self._tool.wxyz = tuple(pose[3:].tolist())
+        moment = frame.moment
+        pose = self._link.target if moment is None else moment.handle_pose
+        self._tool.position = tuple((UNITS * pose[:3]).tolist())
+        self._tool.wxyz = tuple(pose[3:].tolist())
         self._ghost.visible = False
 
 
