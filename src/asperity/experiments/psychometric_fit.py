@@ -22,10 +22,10 @@ from asperity.errors import AsperityError
 from asperity.experiments.psychometric import Psychometric, probability
 
 HIGHEST_LAPSE = 0.06
-_ROUNDS = 14
-_SHRINK = 0.6
+_ROUNDS = 16
+_SHRINK = 0.62
 _GRID = (41, 21, 4)
-_LOCAL = (5, 5, 3)
+_LOCAL = (3, 3, 3)
 _MOST = 2_000_000
 """Probabilities that are held at once."""
 
