@@ -3,12 +3,15 @@
 import io
 import threading
 import time
+from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, design, document
 
 from asperity.errors import AsperityError
+from asperity.experiments import presenters
 from asperity.experiments.design import Design
 from asperity.experiments.fronts import Paused, SimulatedFront
 from asperity.experiments.presenters import DevicePresenter
@@ -33,6 +36,66 @@ def spec_of(scene, seconds):
     return servo_spec(with_coupling(scene, None), "simulated", DeviceOptions(), seconds, None)
 
 
+class Pretended:
+    """A servo process that is none, and says what it is told to do."""
+
+    told: ClassVar[list] = []
+
+    def __init__(self, spec, recording, attributes):
+        assert spec.held
+        self.name, self._over = recording.stem, threading.Event()
+        recording.write_bytes(b"")
+
+    def start(self):
+        time.sleep(0.02)
+        self.told.append(f"ready {self.name}")
+
+    def go(self):
+        self.told.append(f"go {self.name}")
+
+    def wait(self, seconds):
+        return self._over.wait(0.01) or self._over.set()
+
+    def finish(self):
+        return {
+            "timing": {"misses": 3, "fallbacks": 0}, "safety": {"clamped_force": 0},
+            "recorder": {"error": ""}, "ended": "its time was over",
+        }  # fmt: skip
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.told.append(f"end {self.name}")
+
+
+def test_all_intervals_are_ready_before_the_first_and_none_is_left(tmp_path, monkeypatch):
+    made, seen = design(DEVICE), []
+    nothing = SimpleNamespace(time=np.zeros(0))
+    monkeypatch.setattr(Pretended, "told", [])
+    monkeypatch.setattr(presenters, "Servo", Pretended)
+    monkeypatch.setattr(presenters, "read_recording", lambda path: nothing)
+    presenter = DevicePresenter(made.stimuli, spec_of, on_servo=seen.append)
+    recordings = [tmp_path / "0001-1.h5", tmp_path / "0001-2.h5"]
+    wanted = list(zip(made.all_stimuli(), recordings, strict=True))
+    presenter.prepare(wanted, 0.3)
+    presenter.drop()
+    assert not any(path.exists() for path in recordings)
+    assert {told for told in Pretended.told if told.startswith("go")} == set()
+    assert all(told.replace("ready", "end") in Pretended.told for told in Pretended.told)
+    Pretended.told.clear()
+    presenter.prepare(wanted, 0.3)
+    for stimulus, recording in wanted:
+        felt = presenter.present(stimulus, recording, 0.3, lambda: seen.append("felt"), lambda: 0)
+        assert felt.told["misses"] == 3
+    presenter.close()
+    assert Pretended.told == [
+        "ready 0001-1", "ready 0001-2", "go 0001-1", "end 0001-1", "go 0001-2", "end 0001-2",
+    ]  # fmt: skip
+    assert [type(one).__name__ for one in seen] == ["Pretended", "str", "NoneType"] * 2
+
+
+@pytest.mark.slow
 def test_a_trial_through_a_device_and_one_that_was_made_ready_for_nothing(tmp_path):
     made, seen = design(DEVICE), []
 
@@ -107,13 +170,15 @@ def test_the_terminal_asks_explains_and_pauses(tmp_path):
 
 def clicks(desk, stage, what):
     """Do something in the page when it has come to a stage."""
-    until = time.monotonic() + 60.0
-    while desk.stage != stage:
-        assert time.monotonic() < until, f"the page stays at {desk.stage}, not {stage}"
-        time.sleep(0.005)
+    waits(desk, lambda: desk.stage == stage)
     desk.done.put(what)
-    while desk.stage == stage and what[0] != "answer":
-        assert time.monotonic() < until
+    waits(desk, lambda: desk.stage != stage)
+
+
+def waits(desk, until):
+    end = time.monotonic() + 60.0
+    while not until():
+        assert time.monotonic() < end, f"the page stays at {desk.stage}"
         time.sleep(0.005)
 
 
@@ -160,7 +225,7 @@ def test_the_page_asks(in_page, tmp_path):
     clicks(desk, "ready", ("next", None))
     clicks(desk, "ask", ("answer", 1))
     clicks(desk, "ready", ("next", None))
-    assert desk.stage == "ask"
+    waits(desk, lambda: desk.stage == "ask" and desk._choices[0].visible)
     assert [button.visible for button in desk._choices] == [True, True]
     assert not desk._entry.visible
     clicks(desk, "ask", ("answer", 2))

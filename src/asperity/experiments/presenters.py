@@ -188,8 +188,9 @@ class DevicePresenter:
     def drop(self) -> None:
         """End what was made ready; nothing of it was felt, so its recordings go."""
         for recording, making in self._ready.items():
-            with suppress(AsperityError), making.result():
-                pass
+            if not making.cancel():
+                with suppress(AsperityError), making.result():
+                    pass
             recording.unlink(missing_ok=True)
         self._ready.clear()
 

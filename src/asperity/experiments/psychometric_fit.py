@@ -22,8 +22,8 @@ from asperity.errors import AsperityError
 from asperity.experiments.psychometric import Psychometric, probability
 
 HIGHEST_LAPSE = 0.06
-_ROUNDS = 16
-_SHRINK = 0.62
+_ROUNDS = 24
+_SHRINK = 0.72
 _GRID = (41, 21, 4)
 _LOCAL = (3, 3, 3)
 _MOST = 2_000_000
