@@ -1,13 +1,18 @@
 """Scales from paired comparisons and rankings."""
 
 import itertools
+import json
 
 import numpy as np
 import pytest
+from fakes import PAIRS, design
 from scipy.special import ndtri
 
 from asperity.errors import AsperityError
+from asperity.experiments.analysis import Options, analyse
+from asperity.experiments.results import Given, SessionResult
 from asperity.experiments.scales import circular_triads, fit_scale, predicted, wins
+from asperity.experiments.trials import Trial
 
 
 def test_two_stimuli_in_closed_form():
@@ -58,6 +63,21 @@ def test_circles():
     assert circular_triads(table) == (1, 1)
     assert circular_triads(wins(3, [(0, 1), (1, 2), (0, 2)])) == (0, 1)
     assert circular_triads(wins(3, [(0, 1), (1, 0), (1, 2), (0, 2)])) == (0, 0)
+
+
+def test_a_session_is_analysed_to_a_file_that_can_be_read(tmp_path):
+    made = design(PAIRS)
+    stimuli, given = made.all_stimuli(), []
+    for pair in list(itertools.permutations(stimuli, 2)) * 3:
+        answer = 1 if pair[0].value > pair[1].value else 2
+        trial = Trial(len(given) + 1, "choice", pair, 1)
+        given.append(Given(trial, answer, None, 1.0, ({}, {})))
+    result = SessionResult("P1", 1, made, made.mark, tuple(given), True, True)
+    analyse([result], tmp_path, Options(samples=20))
+    told = json.loads((tmp_path / "analysis.json").read_text("utf-8"))["pairs"]
+    assert (told["circular_triads"], told["triads"]) == (0, 4)
+    assert told["scales"][0]["values"] == sorted(told["scales"][0]["values"])
+    assert {"scale.png", "choices.svg"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_no_answers():

@@ -105,7 +105,7 @@ def circular_triads(table: NDArray[np.float64]) -> tuple[int, int]:
                 if 0.0 in turns:
                     continue
                 whole += 1
-                circular += abs(sum(turns)) == 3.0
+                circular += int(abs(sum(turns)) == 3.0)
     return circular, whole
 
 
