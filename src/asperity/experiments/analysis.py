@@ -42,7 +42,7 @@ class Options:
 def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
     """Return the psychometric function of a session, and what the adaptive method itself says."""
     settings, adaptive = result.design.forced_choice, result.design.adaptive
-    x = [given.trial.intensity for given in result.given]
+    x = [i for given in result.given if (i := given.trial.intensity) is not None]
     right = [bool(given.right) for given in result.given]
     told: dict[str, Any] = {
         "session": result.name, "complete": result.complete, "simulated": result.simulated,
@@ -84,7 +84,6 @@ def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
     if isinstance(adaptive, QuestPlusSettings):
         quest = quest_plus(result.design)
         for intensity, was in zip(x, right, strict=True):
-            assert intensity is not None
             quest.answer(intensity, was)
         estimate = quest.estimate()
         told["quest+"] = {

@@ -65,6 +65,9 @@ class TrialLink(Link):
     def start(self) -> None:
         """Start nothing: intervals do."""
 
+    def __enter__(self) -> TrialLink:
+        return self
+
     def spec(self, scene: Scene, seconds: float) -> ServoSpec:
         """Return what the servo process of an interval needs to know."""
         choice = replace(self.choice, scene=scene, seconds=seconds)
@@ -119,7 +122,7 @@ class Desk:
 
     def build(self, server: viser.ViserServer, link: Link) -> None:
         """Make all controls; which of them are there depends on the moment."""
-        gui = server.gui
+        gui: Any = server.gui
         self._title = gui.add_markdown(f"## {self.design.name}")
         self._text = gui.add_markdown(self.design.instructions)
         self._bar = gui.add_progress_bar(0.0)
