@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -358,7 +359,7 @@ def _adaptive(document: Table, method: str, settings: Any) -> Any:
     for value in getattr(made, starts) if starts else ():
         at(
             f"{wanted}.{starts}",
-            lambda v=value: require_between("a level", v, settings.low, settings.high),
+            partial(require_between, "a level", value, settings.low, settings.high),
         )
     if wanted == "staircase" and settings.scale == "log":
         for step in made.steps:

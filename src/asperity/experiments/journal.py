@@ -164,7 +164,7 @@ def encoded(entry: dict[str, Any]) -> bytes:
 
 def decoded(data: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     """Return the events of all lines that end, and how many bytes those are."""
-    events = []
+    events: list[dict[str, Any]] = []
     at = 0
     while (end := data.find(b"\n", at)) >= 0:
         entry = _parsed(data[at:end])

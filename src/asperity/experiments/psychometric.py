@@ -93,11 +93,13 @@ def probability(
     function: str,
 ) -> NDArray[np.float64]:
     """Return psi(x) of arrays that broadcast against each other."""
-    z = (np.asarray(intensity, dtype=np.float64) - threshold) / width
+    shift = np.asarray(intensity, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
+    z = shift / np.asarray(width, dtype=np.float64)
+    rising: NDArray[np.float64]
     if function == "logistic":
-        rising = expit(_LOGISTIC * z)
+        rising = np.asarray(expit(_LOGISTIC * z))
     elif function == "normal":
-        rising = ndtr(_NORMAL * z)
+        rising = np.asarray(ndtr(_NORMAL * z))
     else:
-        rising = -np.expm1(-math.log(2.0) * np.exp(np.minimum(_WEIBULL * z, 300.0)))
-    return np.asarray(guess + (1.0 - guess - np.asarray(lapse)) * rising)
+        rising = np.asarray(-np.expm1(-math.log(2.0) * np.exp(np.minimum(_WEIBULL * z, 300.0))))
+    return np.asarray(guess + (1.0 - guess - np.asarray(lapse, dtype=np.float64)) * rising)

@@ -91,7 +91,8 @@ def fit_psychometric(
     """
     x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
     count = np.bincount(inverse).astype(np.float64)
-    hits = np.bincount(inverse, weights=np.asarray(right, dtype=np.float64))
+    weights = np.asarray(right, dtype=np.float64)
+    hits = np.asarray(np.bincount(inverse, weights=weights), dtype=np.float64)
     trials = int(count.sum())
     if trials < 10 or x.size < 2:
         raise AsperityError(
@@ -99,7 +100,7 @@ def fit_psychometric(
         )
     search = _Search(x, count, guess, function, lapse)
     best = search.best(hits[None, :])[0]
-    fitted = Psychometric(*map(float, best), guess=guess, function=function)
+    fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
     rng = np.random.default_rng(seed)
     drawn = rng.binomial(count.astype(np.int64), np.clip(fitted(x), 0.0, 1.0), (samples, x.size))
     again = search.best(drawn.astype(np.float64))

@@ -93,9 +93,9 @@ class QuestPlus:
     def __post_init__(self) -> None:
         grid = np.meshgrid(self.thresholds, self.widths, self.lapses, indexing="ij")
         shape = grid[0].shape
-        flat = [axis.reshape(1, -1) for axis in grid]
+        t, w, lapse = (axis.reshape(1, -1) for axis in grid)
         x = np.asarray(self.intensities, dtype=np.float64)[:, None]
-        right = np.clip(probability(x, *flat, self.guess, self.function), 1e-12, 1.0 - 1e-12)
+        right = np.clip(probability(x, t, w, lapse, self.guess, self.function), 1e-12, 1.0 - 1e-12)
         self._likelihood = np.stack([1.0 - right, right])  # (answer, intensity, parameters)
         self._entropy_rate = -np.einsum("asp,asp->sp", self._likelihood, np.log(self._likelihood))
         prior = np.ones(shape) if self.prior is None else np.asarray(self.prior, dtype=np.float64)
