@@ -50,6 +50,7 @@ def run_scene(
     motion: ScriptedMotion | Trajectory | None = None,
     dt: float = 1e-3,
     hand: bool = False,
+    source: str = "",
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
     """Move the tool along a trajectory; write the recording, if any, while it moves.
@@ -66,6 +67,8 @@ def run_scene(
     hand : bool
         Whether a simulated hand holds the handle and yields to what it feels, aiming along the
         trajectory and pressing as it says; kept passive by a controller.
+    source : str
+        What `load_scene` makes the scene of, for `replay`. Default: the scene's name.
     on_tick : callable
         Called after each tick with its number and what there is so far.
     """
@@ -75,7 +78,8 @@ def run_scene(
     best = Moment.of(0.0, trajectory.poses[0], simulation.contacts)
     largest, written = -1.0, 0
     attributes = {
-        "scene": scene.name, "trajectory": trajectory.name, "dt": simulation.dt,
+        "scene": scene.name, "source": source, "trajectory": trajectory.name,
+        "dt": simulation.dt,
         "anti_alias": scene.anti_alias, "coupling": scene.coupling.mode,
         "hand": "simulated" if hand else "none", "version": __version__, "document": json.dumps(
             scene.document), "notes": "\n".join(scene.notes),

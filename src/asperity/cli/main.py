@@ -24,10 +24,11 @@ from asperity.cli.compare import Compare
 from asperity.cli.demo import Demo
 from asperity.cli.devices import Devices
 from asperity.cli.doctor import Doctor
+from asperity.cli.experiment import Analyse, Experiment
+from asperity.cli.export import Export
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import Fit
 from asperity.cli.plot import PlotCommand
-from asperity.cli.export import Export
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
 from asperity.cli.sound import SoundCommand
@@ -64,6 +65,8 @@ class Arguments:
         | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
         | Annotated[Bake, tyro.conf.subcommand("bake")]
         | Annotated[Compare, tyro.conf.subcommand("compare")]
+        | Annotated[Experiment, tyro.conf.subcommand("experiment")]
+        | Annotated[Analyse, tyro.conf.subcommand("analyse")]
         | Annotated[Doctor, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"
@@ -84,6 +87,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
     except KeyboardInterrupt as stop:
         print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
+    except KeyboardInterrupt as interruption:
+        # A command that keeps what it has says so.
+        told = str(interruption) or "interrupted; nothing was written"
+        print(f"asperity: {told}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Nobody reads on. Python will flush once more at exit: into nothing.

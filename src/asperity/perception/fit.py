@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 METRIC_ERROR = 1e-4
 """Relative numerical error of the metrics that a peak's uncertainty allows for."""
+_FARTHEST = 100.0
+"""Decades from 1 mm."""
 
 
 class QuadraticFit(NamedTuple):
@@ -19,7 +21,7 @@ class QuadraticFit(NamedTuple):
     """c0, c1, c2."""
     r_squared: float
     peak_spacing: float
-    """Where the parabola peaks [m]; NaN if it opens upwards."""
+    """Where the parabola peaks [m]; NaN if it opens upwards, or is none."""
     peak_error: float
     """Standard error of that [m], from the residuals."""
 
@@ -46,7 +48,8 @@ def fit_quadratic(spacing: NDArray[np.float64], values: NDArray[np.float64]) -> 
     residual = y - design @ c
     total = float(np.sum((y - np.mean(y)) ** 2))
     r_squared = 1.0 - float(np.sum(residual**2)) / total if total > 0.0 else 0.0
-    if c[2] >= 0.0:
+    # Of a straight line the peak is nowhere, whichever way rounding bends it.
+    if c[2] >= 0.0 or abs(c[1]) > -2.0 * _FARTHEST * c[2]:
         return QuadraticFit(c, r_squared, float("nan"), float("nan"))
     covariance = np.linalg.inv(design.T @ design) * np.sum(residual**2) / max(x.size - 3, 1)
     top = -0.5 * c[1] / c[2]

@@ -7,6 +7,7 @@ recording is what these did. A recording of `asperity run` without a device come
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from asperity.contact_stage import FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
 from asperity.errors import AsperityError
 from asperity.headless import Run, run_scene
 from asperity.recording import Recording
-from asperity.scene import Scene
+from asperity.scene import Scene, scene_of
 from asperity.scenes import load_scene
 from asperity.simulation import Rollout
 from asperity.trajectory import Trajectory
@@ -25,6 +26,8 @@ TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT
 """Flags of ticks in which something was done to the wrench."""
 SCENE_BESIDE = "scene"
 """The folder beside a recording that holds its scene, where it was changed by hand."""
+_SECTIONS = ("bodies", "force", "coupling")
+"""Of a scene's document, as they were when it was recorded."""
 
 
 def scene_of_recording(
@@ -57,8 +60,14 @@ def scene_of_recording(
         document = json.loads(str(attributes["document"]))
     except (KeyError, json.JSONDecodeError):
         return found
-    sections = {key: document[key] for key in ("force", "coupling") if key in document}
-    return found.changed(**sections) if sections and scene is None else found
+    if scene is not None:
+        return found
+    # Whole sections: another kind of texture has other keys.
+    sections = {key: document[key] for key in _SECTIONS if key in document}
+    told = {**found.document, **sections}
+    return replace(
+        scene_of(found.xml, told, name=found.name, folder=found.folder), notes=found.notes
+    )
 
 
 def replay(

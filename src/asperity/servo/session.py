@@ -59,8 +59,7 @@ def run_session(
     folder = growing_folder(out, overwrite=overwrite)
     recording = folder / "recording.h5"
     recording.unlink(missing_ok=True)
-    attributes = attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
-    with Servo(spec, recording, attributes) as servo:
+    with Servo(spec, recording, recording_attributes(spec, source)) as servo:
         try:
             on_start(servo.start())
             while not servo.wait(LOOKED_AT):
@@ -75,6 +74,11 @@ def run_session(
                 raise
         result = servo.finish()
     return _write(spec, folder, result, figures)
+
+
+def recording_attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
+    """Return what is kept with the recording of a session in a scene that `source` names."""
+    return attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
 
 
 def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:

@@ -1,0 +1,32 @@
+"""A whole experiment with a simulated participant: trials, journal, threshold, figures."""
+
+import tomllib
+from pathlib import Path
+
+from asperity.experiments.analysis import Options, analyse
+from asperity.experiments.design import design_of
+from asperity.experiments.fronts import SimulatedFront
+from asperity.experiments.presenters import HeadlessPresenter
+from asperity.experiments.results import read_results
+from asperity.experiments.session import Session
+
+file = Path(__file__).parent / "experiments" / "relief.toml"
+document = tomllib.loads(file.read_text("utf-8"))
+document["presentation"]["seconds"] = 0.1  # a person needs seconds; a simulated one does not
+document["staircase"]["trials"] = 40
+design = design_of(document)
+
+with Session(design, Path("P01-1"), "P01") as session:
+    front = SimulatedFront(design, "P01")
+    outcome = session.run(HeadlessPresenter(design.stimuli), front, sleep=lambda _: None)
+print(f"{outcome.answers} answers, complete: {outcome.complete}")
+
+figures = Path("analysis")
+figures.mkdir()
+told = analyse(read_results(Path("P01-1")), figures, Options(samples=200))
+found = told["forced-choice"][0]["psychometric"]
+print(f"true threshold {100 * design.simulated.threshold:.0f} %")
+print(
+    f"found {100 * found['threshold']:.0f} % "
+    f"({100 * found['threshold_low']:.0f} to {100 * found['threshold_high']:.0f})"
+)

@@ -1,0 +1,1 @@
+"""Experiments with people: what they are asked, how it is kept, what follows from it."""

@@ -1,0 +1,220 @@
+r"""The journal of a session: every event a line, on the disk before anything else happens.
+
+The problem: an answer is given once. Whatever happens afterwards, a power cut between any two
+writes among it, the answer has to be there.
+
+The idea: a file to which lines are only ever appended, each by one write and made sure by `fsync`
+before `append` returns. A session goes on, and the participant sees that it does, only after that.
+Each line ends in a checksum of itself:
+
+    {"event": "answer", "number": 7, "answer": 12.5, ...} #1c291ca3\n
+
+A line that was cut short by a crash can only be the last one. It lacks its end, so it is known, put
+aside into `journal.torn`, and cut off; it was never acknowledged. If only the line feed is missing
+the line is whole and is kept. A wrong checksum anywhere else is damage, not a crash: then nothing
+is touched and the journal is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from asperity.errors import AsperityError, OutputError
+
+FILE = "journal.jsonl"
+TORN = "journal.torn"
+
+
+class Journal:
+    """A journal, open for appending. A context manager.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it stands; made if need be, for the owner alone.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written, or another process has it open.
+    AsperityError
+        It is damaged.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / FILE
+        self._failed = ""
+        try:
+            _make_private(folder)
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+        except OSError as error:
+            raise OutputError(f"cannot write to {self.path}: {error.strerror or error}") from None
+        try:
+            self._lock()
+            self.events, self._size = self._recovered()
+            # The name of a new file is sure only when its folder is.
+            _sync_folder(folder)
+            _sync_folder(folder.parent)
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def append(self, event: str, **told: Any) -> dict[str, Any]:
+        """Add an event; return it when it is on the disk.
+
+        Raises
+        ------
+        OutputError
+            It could not be made sure. Nothing of it is in the journal, and no more is taken.
+        """
+        if self._failed:
+            raise OutputError(self._failed)
+        entry = {"event": event, **told}
+        line = encoded(entry)
+        try:
+            written = 0
+            while written < len(line):
+                written += os.write(self._file, line[written:])
+            os.fsync(self._file)
+        except OSError as error:
+            self._failed = f"cannot write to {self.path}: {error.strerror or error}"
+            # What is there of the line is taken back, as far as the system lets us.
+            try:
+                os.ftruncate(self._file, self._size)
+            except OSError:
+                self._failed += "; its last line may be torn"
+            raise OutputError(self._failed) from None
+        self._size += len(line)
+        self.events.append(entry)
+        return entry
+
+    def close(self) -> None:
+        """Close the file; it is whole at any time."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _lock(self) -> None:
+        """Keep other processes out, where the system can."""
+        try:
+            import fcntl
+        except ImportError:  # Windows
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise OutputError(
+                f"{self.path} is in use by another process: the session is going on there"
+            ) from None
+
+    def _recovered(self) -> tuple[list[dict[str, Any]], int]:
+        """Return the events so far and the size; put aside what is torn."""
+        data = _read_all(self._file)
+        events, whole = decoded(data, self.path)
+        torn = data[whole:]
+        if torn and _parsed(torn) is not None:
+            # Only the line feed is missing: the event is whole.
+            os.write(self._file, b"\n")
+            os.fsync(self._file)
+            return [*events, _parsed(torn) or {}], whole + len(torn) + 1
+        if torn:
+            aside = os.open(self.path.parent / TORN, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            try:
+                os.write(aside, torn + b"\n")
+                os.fsync(aside)
+            finally:
+                os.close(aside)
+            os.ftruncate(self._file, whole)
+            os.fsync(self._file)
+        return events, whole
+
+
+def read_journal(folder: Path) -> list[dict[str, Any]]:
+    """Return the events of a session without touching it; a torn end is left out."""
+    path = folder / FILE
+    if not path.is_file():
+        raise AsperityError(f"no journal of a session in {folder}; give a folder that has one")
+    data = path.read_bytes()
+    events, whole = decoded(data, path)
+    last = _parsed(data[whole:]) if data[whole:] else None
+    return events if last is None else [*events, last]
+
+
+def encoded(entry: dict[str, Any]) -> bytes:
+    """Return an event as a line."""
+    text = json.dumps(entry, allow_nan=False, ensure_ascii=True)
+    return f"{text} #{zlib.crc32(text.encode()):08x}\n".encode()
+
+
+def decoded(data: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
+    """Return the events of all lines that end, and how many bytes those are."""
+    events: list[dict[str, Any]] = []
+    at = 0
+    while (end := data.find(b"\n", at)) >= 0:
+        entry = _parsed(data[at:end])
+        if entry is None:
+            if end + 1 == len(data):
+                # A crash may leave any part of the last line unwritten, its end being there.
+                return events, at
+            raise AsperityError(
+                f"{path}: line {len(events) + 1} is damaged; nothing was changed. "
+                "Keep a copy of the folder, and restore the file"
+            )
+        events.append(entry)
+        at = end + 1
+    return events, at
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    """Return the event of a line without its end, or None if it is not whole."""
+    text, mark, check = line.rpartition(b" #")
+    if not mark or len(check) != 8:
+        return None
+    try:
+        if int(check, 16) != zlib.crc32(text):
+            return None
+        entry: dict[str, Any] = json.loads(text)
+    except ValueError:
+        return None
+    return entry if isinstance(entry, dict) else None
+
+
+def _read_all(file: int) -> bytes:
+    parts = []
+    os.lseek(file, 0, os.SEEK_SET)
+    while part := os.read(file, 1 << 20):
+        parts.append(part)
+    return b"".join(parts)
+
+
+def _make_private(folder: Path) -> None:
+    """Make a folder that only its owner can look into; one that is there is left as it is."""
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700)
+
+
+def _sync_folder(folder: Path) -> None:
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

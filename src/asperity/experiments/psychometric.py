@@ -1,0 +1,105 @@
+r"""Psychometric functions: how often an answer is right, over the intensity of the stimulus.
+
+    psi(x) = guess + (1 - guess - lapse) F(x)
+
+`F` rises from 0 to 1. All kinds have the same two parameters: the *threshold*, where `F` is a half,
+and the *width*, from where `F` is 0.05 to where it is 0.95 (as in Schuett et al. 2016, Vision Res.
+122, 105-123). In a two-interval forced choice the threshold is thus where 75 % are right, but for
+lapses. The intensity x is the level itself on a linear scale and its decimal logarithm on a
+logarithmic one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import expit, ndtr, ndtri
+
+from asperity.errors import require_between, require_choice, require_positive
+
+FUNCTIONS = {
+    "logistic": "F = 1 / (1 + exp(-2 ln 19 (x - threshold) / width))",
+    "normal": "F = Phi(2 Phi^-1(0.95) (x - threshold) / width)",
+    "weibull": "F = 1 - 2^-exp(4.067 (x - threshold) / width): Weibull's in the level, "
+    "if x is its logarithm",
+}
+_LOGISTIC = 2.0 * math.log(19.0)
+_NORMAL = 2.0 * float(ndtri(0.95))
+_WEIBULL = math.log(-math.log(0.05)) - math.log(-math.log(0.95))
+
+
+@dataclass(frozen=True)
+class Psychometric:
+    """A psychometric function.
+
+    Parameters
+    ----------
+    threshold : float
+        Intensity where F is a half.
+    width : float
+        From F = 0.05 to F = 0.95, above 0.
+    lapse : float
+        How often an answer is wrong whatever the stimulus, 0 to 0.5.
+    guess : float
+        How often it is right whatever the stimulus; 0.5 of two intervals.
+    function : {"logistic", "normal", "weibull"}
+    """
+
+    threshold: float
+    width: float
+    lapse: float = 0.0
+    guess: float = 0.5
+    function: str = "weibull"
+
+    def __post_init__(self) -> None:
+        require_positive("width", self.width)
+        require_between("lapse", self.lapse, 0.0, 0.5)
+        require_between("guess", self.guess, 0.0, 1.0)
+        require_choice("function", self.function, FUNCTIONS)
+
+    def __call__(self, intensity: ArrayLike) -> NDArray[np.float64]:
+        """Return the probability of a right answer."""
+        return probability(
+            intensity, self.threshold, self.width, self.lapse, self.guess, self.function
+        )
+
+    def at(self, right: float) -> float:
+        """Return the intensity at which so many answers are right; NaN where there is none."""
+        part = (right - self.guess) / (1.0 - self.guess - self.lapse)
+        if not 0.0 < part < 1.0:
+            return float("nan")
+        if self.function == "logistic":
+            z = math.log(part / (1.0 - part)) / _LOGISTIC
+        elif self.function == "normal":
+            z = float(ndtri(part)) / _NORMAL
+        else:
+            z = math.log(-math.log(1.0 - part) / math.log(2.0)) / _WEIBULL
+        return self.threshold + self.width * z
+
+    def with_parameters(self, threshold: float, width: float, lapse: float) -> Psychometric:
+        """Return the same function with other parameters."""
+        return replace(self, threshold=threshold, width=width, lapse=lapse)
+
+
+def probability(
+    intensity: ArrayLike,
+    threshold: ArrayLike,
+    width: ArrayLike,
+    lapse: ArrayLike,
+    guess: float,
+    function: str,
+) -> NDArray[np.float64]:
+    """Return psi(x) of arrays that broadcast against each other."""
+    shift = np.asarray(intensity, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
+    z = shift / np.asarray(width, dtype=np.float64)
+    rising: NDArray[np.float64]
+    if function == "logistic":
+        rising = np.asarray(expit(_LOGISTIC * z))
+    elif function == "normal":
+        rising = np.asarray(ndtr(_NORMAL * z))
+    else:
+        rising = np.asarray(-np.expm1(-math.log(2.0) * np.exp(np.minimum(_WEIBULL * z, 300.0))))
+    return np.asarray(guess + (1.0 - guess - np.asarray(lapse, dtype=np.float64)) * rising)
