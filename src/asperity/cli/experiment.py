@@ -70,7 +70,7 @@ class Experiment:
             try:
                 outcome = self._go_through(session)
             except KeyboardInterrupt:
-                told = f"interrupted after {session.answers} answers, all of them kept"
+                told = f"all {session.answers} answers are kept"
                 raise KeyboardInterrupt(f"{told}; the same command goes on") from None
         self._say(outcome)
 

@@ -86,11 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
         return code
     except KeyboardInterrupt as stop:
-        print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
-    except KeyboardInterrupt as interruption:
         # A command that keeps what it has says so.
-        told = str(interruption) or "interrupted; nothing was written"
-        print(f"asperity: {told}", file=sys.stderr)
+        print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Nobody reads on. Python will flush once more at exit: into nothing.
