@@ -56,7 +56,7 @@ def remember_calls() -> bool:
                 known[key] = found
         return found
 
-    BaseFunction.get_call_type = get_call_type
+    setattr(BaseFunction, find.__name__, get_call_type)
     return True
 
 
@@ -82,5 +82,5 @@ def optimise_once() -> bool:
         if not inner or any("cpython" in name or "cfunc" in name for name in own):
             optimise(self)
 
-    CPUCodeLibrary._optimize_final_module = _optimize_final_module
+    setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
     return True

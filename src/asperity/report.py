@@ -342,7 +342,7 @@ def _figures_of(summary: dict[str, Any], tick_us: tuple[float, float]) -> str:
 
 def _audio(sound: Sound) -> str:
     buffer = io.BytesIO()
-    sound.write(buffer)  # type: ignore[arg-type]
+    sound.write(buffer)
     data = base64.b64encode(buffer.getvalue()).decode()
     return (
         f"<p class='audio'><audio controls src='data:audio/wav;base64,{data}'></audio> "

@@ -209,5 +209,6 @@ def _row(
     felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
     after = follow(reference, poses[:_BESIDE]).seconds
     beside = float(np.median(np.concatenate([before, after])))
-    spectrum = Spectrum(*force_spectrum(felt.force, settings.dt))
+    frequency, level = force_spectrum(felt.force, settings.dt)
+    spectrum = Spectrum(frequency.astype(np.float64), level.astype(np.float64))
     return Row(method, None, preparing, height, felt, beside, spectrum, properties)

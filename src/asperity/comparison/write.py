@@ -81,7 +81,7 @@ def _methods_csv(result: Comparison, path: Path) -> None:
         writer.writerow([*head, *named])
         for row in result.rows:
             numbers = _row(row)
-            cells = [row.method.name, row.method.source, row.reason or ""]
+            cells: list[object] = [row.method.name, row.method.source, row.reason or ""]
             cells += [numbers.get(key, "") for key in head[3:]]
             for name in CRITERIA:
                 one = None if row.properties is None else row.properties.measured[name]

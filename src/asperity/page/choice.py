@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ class Choice:
         start : (7,) array, optional
             Where a hand on any other device begins. Default: just above the surface.
         """
-        make: functools.partial[Device]
+        make: Callable[[], Device]
         if self.is_mouse:
             body = held_body(self.scene.model, self.scene.tool)
             make = functools.partial(

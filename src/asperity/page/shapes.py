@@ -123,7 +123,8 @@ def first_contact(scene: Scene) -> Array:
         [_spread(mesh.vertices[mesh.faces], parts[name]) for name, mesh in meshes.items()]
     )
     away, _ = cKDTree(_spread(tool.vertices[tool.faces], scene.start)).query(others)
-    return np.asarray(others[away < away.min() + _NEAR].mean(axis=0))
+    near = np.asarray(away) < np.min(away) + _NEAR
+    return np.asarray(others[near].mean(axis=0))
 
 
 def _spread(triangles: Array, pose: Array) -> Array:
@@ -196,16 +197,13 @@ def _patches(
         grid = np.ix_(rows, columns)
         points, normals = sheet.points[grid], sheet.normals[grid]
         height = np.full(points.shape[:2], np.nan) if sheet.height is None else sheet.height[grid]
-        yield (*(a.reshape(-1, 3) for a in (points, normals)), height.reshape(-1),
-               _grid_faces(len(rows), len(columns)))  # fmt: skip
+        faces = _grid_faces(len(rows), len(columns))
+        yield points.reshape(-1, 3), normals.reshape(-1, 3), height.reshape(-1), faces
         return
     n, k = sheet.points.shape[:2]
     height = np.full((n, k), np.nan) if sheet.height is None else sheet.height
-    faces = sheet.corners[None] + k * np.arange(n)[:, None, None]
-    yield (
-        sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), height.reshape(-1),
-        faces.reshape(-1, 3),
-    )  # fmt: skip
+    triangles = (sheet.corners[None] + k * np.arange(n)[:, None, None]).reshape(-1, 3)
+    yield sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), height.reshape(-1), triangles
 
 
 def _kept(sheet: Sheet, axis: int) -> NDArray[np.int64]:

@@ -218,7 +218,8 @@ class Stage:
     def _show_contacts(self, moment: Moment) -> None:
         points = (UNITS * moment.point).astype(np.float32)
         self._contacts.points = points
-        pushes = self._arrows(points, moment.force, _FULL_FORCE) if len(points) else points
+        places = points.astype(np.float64)
+        pushes = self._arrows(places, moment.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
 
     def _show_wrench(self, moment: Moment) -> None:
