@@ -5,11 +5,14 @@ BIN    := $(VENV)/bin
 UV     := uv==0.13.9
 OUT    ?= out
 
-.PHONY: demo test test-slow lint bench compare docs wheel-test install clean
+.PHONY: demo view test test-slow lint bench compare docs wheel-test install clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
 	$(BIN)/asperity demo --out $(OUT) --overwrite
+
+view: $(VENV)/installed-view         ## a page in the browser on a running scene: make view SCENE=hammer-blocks
+	$(BIN)/asperity view $(SCENE)
 
 test: $(VENV)/installed-dev          ## the tests (two processes, one shared compile cache)
 	@sh .ci/browser.sh
@@ -64,6 +67,8 @@ $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[compare,haply,sweep,view])
+$(VENV)/installed-view: pyproject.toml constraints.txt | $(BIN)/python
+	$(call INSTALL,[view])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[dev])
 $(VENV)/installed-docs: pyproject.toml constraints.txt | $(BIN)/python
