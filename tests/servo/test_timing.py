@@ -11,6 +11,7 @@ from asperity.errors import AsperityError
 from asperity.servo.loop import GUARD, STALE
 from asperity.servo.pace import Pace
 from asperity.servo.publish import Publisher
+from asperity.servo.rows import slices
 
 
 class Kept(Publisher):
@@ -25,7 +26,8 @@ class Kept(Publisher):
 
     @property
     def flags(self):
-        return np.array([int(row[-1]) for row in self.rows])
+        place = slices()["flags"].start
+        return np.array([int(row[place]) for row in self.rows])
 
     @property
     def time(self):
