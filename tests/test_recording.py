@@ -56,7 +56,7 @@ def test_xarray_reads_it_with_its_dimensions_and_units(tmp_path):
     with xr.open_dataset(tmp_path / "r.h5", engine="h5netcdf") as data:
         assert data.attrs["schema"] == 1
         assert dict(data.sizes) == {"time": 30, "pose": 7, "wrench": 6}
-        assert set(VARIABLES) - {"time"} == set(data.data_vars)
+        assert {*VARIABLES, "penetration_depth"} - {"time"} == set(data.data_vars)
         for name in VARIABLES:
             assert data[name].attrs["units"]
         np.testing.assert_array_equal(data["contact_wrench"].sel(wrench="fz"),

@@ -132,7 +132,18 @@ def test_what_is_written_can_be_read_again(result, tmp_path):
     assert (docs / "images" / "comparison_traces.svg").is_file()
 
 
-def test_a_method_that_cannot_says_why_in_its_row(tmp_path, capsys):
+def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
+    scene = stimuli.foot_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.05, "length": 3e-3, "start": [-1e-3, 0.0, 2e-3]}
+    )
+    done = compare(scene, chosen(["offset-sphere"]), CompareSettings(properties=False))
+    assert done.rows[0].reason == "made for a smooth sphere, and probe is none"
+    write_comparison(done, tmp_path, "asperity compare stimulus")
+    assert "and probe is none" in (tmp_path / "comparison.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, capsys):
     out = tmp_path / "out"
     words = ["compare", "hammer-blocks", "--method", "minsky", "--seconds", "0.05"]
     assert main([*words, "--no-properties", "--out", str(out)]) == 0

@@ -18,7 +18,8 @@ def scene():
     return stimuli.ball_on_plate()
 
 
-def felt(method, scene, height=-1e-4):
+def felt(method, scene, height=-3e-4):
+    # The scene's own start is 0.2 mm above the base: here the smooth ball is 0.1 mm deep.
     renderer = method.prepare(scene)
     poses = stimuli.line(scene, 0.4)
     poses[:, 2] += height
@@ -53,6 +54,7 @@ def test_without_tolerance_it_is_asperity_and_with_all_it_is_the_low_resolution(
     full, low = (felt(METHODS[name], scene) for name in ("asperity", "low-resolution"))
     np.testing.assert_allclose(felt(LevelsMethod(tolerance=0.0), scene), full, atol=1e-9)
     np.testing.assert_allclose(felt(LevelsMethod(tolerance=1.0), scene), low, atol=1e-9)
+    np.testing.assert_allclose(low[:, 2], scene.force.stiffness * 1e-4, rtol=1e-6)
     # What filtering takes away: all that is felt along the surface.
     assert np.ptp(full[:, 0]) > 0.1
     assert np.ptp(low[:, 0]) < 1e-9

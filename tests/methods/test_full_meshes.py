@@ -41,6 +41,8 @@ def test_a_flat_foot_on_a_smooth_plate_is_as_deep_as_it_is_moved():
         felt = renderer.wrench(pose)
         assert felt.depth == pytest.approx(depth, abs=2e-6)
         np.testing.assert_allclose(felt.force, [0.0, 0.0, scene.force.stiffness * depth], atol=0.02)
+        # Felt under its middle, as well as so coarse a mesh has it: within a quarter of the foot.
+        assert np.abs(felt.torque).max() < 0.25 * stimuli.FOOT[0] * felt.force[2]
 
 
 def test_the_search_takes_up_where_it_was_and_finds_the_same():

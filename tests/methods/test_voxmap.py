@@ -76,18 +76,19 @@ def test_torque_is_about_the_centre_of_mass():
 
 
 def test_a_tick_costs_as_many_times_more_as_there_are_points():
-    def seconds(points):
-        away = renderer(np.tile([0.0, 0.0, 1.0], (points, 1)), np.tile(DOWN, (points, 1)))
-        away.wrench(at(0.0, 0.0, 0.0))
-        laps = []
-        for _ in range(12):
-            begun = time.thread_time()
-            away.wrench(at(0.0, 0.0, 0.0))
-            laps.append(time.thread_time() - begun)
-        return min(laps)
-
     # Both beyond what caches hold.
-    assert 2.0 < seconds(2_400_000) / seconds(600_000) < 8.0
+    counts = (600_000, 2_400_000)
+    away = [renderer(np.tile([0.0, 0.0, 1.0], (n, 1)), np.tile(DOWN, (n, 1))) for n in counts]
+    laps = np.empty((13, 2))
+    for lap in laps:
+        # By turns, so that a busy machine slows both.
+        for i, one in enumerate(away):
+            begun = time.thread_time()
+            one.wrench(at(0.0, 0.0, 0.0))
+            lap[i] = time.thread_time() - begun
+    few, many = laps[1:].min(axis=0)
+    # Four times as many: a cost that does not grow has 1 here, one by pairs of points 16.
+    assert 1.5 < many / few < 12.0
 
 
 def test_layers_count_from_the_surface_inwards():
@@ -114,12 +115,16 @@ def test_a_box_closes_round_its_inside_textured_or_not(textured):
     assert room == pytest.approx(6e-3 * 4e-3 * 2e-3, rel=0.06 if textured else 0.03)
 
 
-def test_the_voxmap_of_a_plate_does_not_depend_on_its_boxes():
+def test_the_voxmap_of_a_plate_has_no_walls_between_its_boxes():
     one, nine = (stimuli.ball_on_plate(boxes=boxes).bodies for boxes in (1, 9))
     maps = [voxmap.voxmap(next(b for b in bodies if b.name == "plate"), 1e-4)
             for bodies in (one, nine)]  # fmt: skip
     assert maps[0].codes.shape == maps[1].codes.shape
-    assert np.count_nonzero(maps[0].codes != maps[1].codes) < 2e-3 * maps[0].codes.size
+    # Samples lie elsewhere, so that voxels which the surface just grazes come and go (1.5 % differ,
+    # by a layer); a wall or a gap between boxes is ten layers deep.
+    off = np.abs(maps[0].codes.astype(int) - maps[1].codes)
+    assert off.max() <= 2
+    assert np.count_nonzero(off) < 0.03 * off.size
 
 
 def test_a_displaced_surface_has_the_area_and_the_height_of_its_texture():

@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 
-def wait_until(what, seconds=60.0):
+def wait_until(what, seconds=180.0):
     """Wait until something holds; fail if it does not within so long [s]."""
     end = time.monotonic() + seconds
     while not what():
@@ -45,7 +45,7 @@ def link(page):
     """Return the page's link, its hand in the air and its loop running."""
     made = page.link
     if not made.is_alive:
-        made.restart().result(timeout=120.0)
+        made.restart().result(timeout=300.0)
     made.point(made.choice.first_pose)
     return made
 

@@ -19,6 +19,7 @@ from asperity.page.changes import (
     with_texture,
 )
 from asperity.page.choice import Choice
+from asperity.page.shapes import shapes_of
 from asperity.scene_texture import body_texture
 from asperity.scenes import load_scene
 
@@ -40,6 +41,12 @@ def test_any_texture_is_made_as_high_and_as_wide_as_wanted(kind):
     assert made.relief == pytest.approx(1.3e-4, rel=1e-6)
     np.testing.assert_allclose(made.pixel_size, 1.5 * np.array(plain.pixel_size))
     assert made.samples.shape == plain.samples.shape
+
+
+@pytest.mark.parametrize("kind", ["jittered_dots", "cross_cut"])
+def test_what_is_shown_keeps_to_its_triangles(plate, kind):
+    shapes = shapes_of(with_texture(plate, "plate", kind).scene, 20_000)
+    assert 10_000 < sum(len(shape.faces) for shape in shapes) <= 20_000
 
 
 def test_a_file_of_heights_keeps_what_it_says_unless_told(tmp_path):

@@ -11,6 +11,7 @@ pytest.importorskip("viser")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from asperity.page import changes
 from asperity.page.changes import texture_of
 from asperity.page.stage import UNITS
 from page_client import ScriptedTab
@@ -39,7 +40,8 @@ def test_dragging_the_gizmo_presses_the_tool(page, link, tab, until, panel):
         tab.drag("/gizmo", place - [0.0, 0.0, 0.05 * step], mouse._gizmo.wxyz)
         time.sleep(1.0 / 60.0)
     until(lambda: link.latest().device_wrench[2] > 0.3)
-    assert link.target[2] == pytest.approx(link.choice.first_pose[2] - 0.95 / UNITS, abs=1e-6)
+    goal = link.choice.first_pose[2] - 0.95 / UNITS
+    until(lambda: link.target[2] == pytest.approx(goal, abs=1e-6))  # the last drag may come later
     tab.drag("/gizmo", place, mouse._gizmo.wxyz)
     until(lambda: link.latest().contact_count == 0)
 
@@ -110,7 +112,7 @@ def test_a_texture_is_chosen_and_a_dropped_image_is_felt(link, tab, until, panel
     until(lambda: surfaces._relief.value == 0.25)
     generation = link.generation
     tab.press(surfaces._apply)
-    until(lambda: link.generation == generation + 1, 180.0)
+    until(lambda: link.generation == generation + 1, 300.0)
     assert texture_of(link.choice.scene, "plate").relief == pytest.approx(2.5e-4)
 
     file, (i, j) = io.BytesIO(), np.mgrid[:64, :64]
@@ -123,33 +125,38 @@ def test_a_texture_is_chosen_and_a_dropped_image_is_felt(link, tab, until, panel
     tab.set(surfaces._pixel, 80.0)
     until(lambda: surfaces._pixel.value == 80.0)
     tab.press(surfaces._apply)
-    until(lambda: link.generation == generation + 2, 180.0)
+    until(lambda: link.generation == generation + 2, 300.0)
     made = texture_of(link.choice.scene, "plate")
     assert made.relief == pytest.approx(1e-4, rel=0.05)
     assert made.pixel_size[0] == pytest.approx(8e-5)
 
 
-def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(link, tab, until, panel):
+def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(
+    link, tab, until, panel, monkeypatch
+):
     surfaces, controls, generation = panel("Textures"), panel("Controls"), link.generation
     tab.upload(surfaces._drop, "bad.png", b"this is no picture")
     until(lambda: any("bad.png is not a .png file" in text for _, text in tab.notes))
     tab.upload(surfaces._drop, "big.png", b"x", size=2**40)
     until(lambda: any("valid: at most 64 MB" in text for _, text in tab.notes))
     assert not surfaces._uploads._folder.joinpath("big.png").exists()
+    # As where its package is not installed; that a device cannot be opened is in `test_link`.
+    monkeypatch.setattr(changes, "is_installed", lambda entry: False)
     tab.set(controls._device, "touch")
-    until(lambda: controls._device.value == "mouse" and len(tab.notes) >= 3, 120.0)
+    until(lambda: any("touch needs pip install" in text for _, text in tab.notes))
+    until(lambda: controls._device.value == "mouse")
     assert (link.generation, link.is_alive) == (generation, True)
 
 
 def test_a_scene_is_chosen(link, tab, until, panel):
     controls, generation = panel("Controls"), link.generation
     tab.set(controls._scene, "probe-plate-grating")
-    until(lambda: link.generation == generation + 1, 180.0)
+    until(lambda: link.generation == generation + 1, 300.0)
     assert link.choice.source == "probe-plate-grating"
     stage = panel("Stage")
     until(lambda: stage._scene is link.choice.scene)
     tab.set(controls._scene, "probe-plate")
-    until(lambda: link.generation == generation + 2, 180.0)
+    until(lambda: link.generation == generation + 2, 300.0)
 
 
 def test_a_page_of_another_origin_cannot_open_the_socket(page):

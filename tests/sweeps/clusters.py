@@ -15,11 +15,12 @@ DEADLY = 0.1234
 """A speed that kills the worker: see `_KILLER`."""
 _KILLER = f"""
 import asperity.sweeps.drags as drags, os
-plain = drags.Drags.numbers
+if not hasattr(drags, "plain_numbers"):  # Dask loads this more than once
+    drags.plain_numbers = drags.Drags.numbers
 def deadly(self, varied, keep):
     if varied.get("speed") == {DEADLY}:
         os._exit(9)
-    return plain(self, varied, keep)
+    return drags.plain_numbers(self, varied, keep)
 drags.Drags.numbers = deadly
 """
 

@@ -75,12 +75,13 @@ def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
     high, off_high = low, off_low
     while sign * off_high > 0.0:
         low, off_low = high, off_high
-        high, step = high + sign * step, 2.0 * step
-        if abs(high) > _FARTHEST:
+        if abs(high) >= _FARTHEST:
             raise AsperityError(
                 f"at no height within {1e3 * _FARTHEST:g} mm of the path is it pushed up with "
                 f"{force:.3g} N"
             )
+        # The last step would go farther than is looked: it ends there.
+        high, step = sign * min(abs(high) + step, _FARTHEST), 2.0 * step
         off_high = over(high)
     # False position (Illinois): the push is nearly a power of the depth.
     while abs(high - low) > 1e-8:

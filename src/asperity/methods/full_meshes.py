@@ -45,8 +45,10 @@ _FIRST = 2e-5
 """How far the first look goes beyond the last tick's depth, and on from there doubling [m]."""
 _DEEPEST = 1e-2
 """Beyond which a tool is not followed [m]."""
-_LAST = 64
-"""Pairs of triangles that are asked for where the meshes just touch."""
+_LAST = 10_000
+"""Most pairs of triangles that are asked for: of some of them the mean would lie to one side."""
+_FACING = 0.2
+"""Cosine to n from which a triangle that touches is no wall."""
 
 
 class Meshes:
@@ -134,7 +136,7 @@ class FullMeshRenderer:
 
     def _direction(self, i: int, other: Meshes) -> Array | None:
         """Return n: of the smooth meshes where they cross, else of the last tick."""
-        found = self._ask(self.tool.smooth, other.smooth, 10_000)
+        found = self._ask(self.tool.smooth, other.smooth, _LAST)
         if found:
             mean = -np.sum([contact.normal for contact in found], axis=0)
             size = float(np.linalg.norm(mean))
@@ -142,7 +144,7 @@ class FullMeshRenderer:
                 self._normals[i] = mean / size
         if self._normals[i] is None:
             # Only asperities meet: their own triangles have to do.
-            found = self._ask(self.tool.object, other.object, 10_000)
+            found = self._ask(self.tool.object, other.object, _LAST)
             mean = -np.sum([contact.normal for contact in found], axis=0)
             self._normals[i] = mean / max(float(np.linalg.norm(mean)), 1e-12)
         return self._normals[i]
@@ -169,7 +171,8 @@ class FullMeshRenderer:
         while high - low > self._tolerance:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if meets(middle) else (low, middle)
-        return low, meets(low, _LAST)
+        # A little deeper: flat faces that lie in each other meet in no place in particular.
+        return low, meets(max(low - 0.5 * self._tolerance, 0.0), _LAST)
 
     def _touch(
         self, other: Meshes, there: Standing, rotation: Array, n: Array, found: list[Any]
@@ -180,10 +183,16 @@ class FullMeshRenderer:
         place = np.mean([contact.pos for contact in found], axis=0)
         ours = self.tool.normals[[contact.b1 for contact in found]] @ rotation.T
         theirs = other.normals[[contact.b2 for contact in found]] @ there.rotation.T
-        across = theirs.mean(axis=0) - ours.mean(axis=0)
+        # Walls that end where the bodies touch say nothing of the way off; all may be walls.
+        across = _facing(theirs, n) + _facing(-ours, n)
         along = float(across @ n)
-        # Where the touch is on a wall its normal says nothing of the way off.
-        return (across / along if along > 0.2 * float(np.linalg.norm(across)) else n), place
+        return (across / along if along > 0.0 else n), place
+
+
+def _facing(normals: Array, n: Array) -> Array:
+    """Return the mean of the normals (k, 3) that face along n, zero if none does."""
+    those = normals[normals @ n > _FACING]
+    return np.asarray(those.mean(axis=0) if len(those) else np.zeros(3))
 
 
 @dataclass(frozen=True)

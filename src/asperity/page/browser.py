@@ -16,6 +16,7 @@ from asperity.page.server import Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SIZE = (1400, 800)
+_CLOSE = ".mantine-Notification-closeButton"
 _SLOW = 300.0
 """How long a picture may take where the processor draws it [s]."""
 _SETTLED, _SHOWN, _DRAWN = 4.0, 0.6, 2.0
@@ -60,6 +61,14 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
             browser.close()
 
 
+def close_notes(tab: Any) -> None:
+    """Close what is notified in a tab: that software draws.
+
+    Not by the pointer: a note that goes by itself would be waited for until the time is over.
+    """
+    tab.evaluate(f"document.querySelectorAll('{_CLOSE}').forEach((button) => button.click())")
+
+
 def take_picture(
     page: Page, path: Path, *, size: tuple[int, int] = SIZE, press: float = 0.9
 ) -> None:
@@ -73,8 +82,7 @@ def take_picture(
         tab.wait_for_selector("canvas", timeout=1e3 * _SLOW)
         # Software drawing takes all there is of a small computer: the loop first, then the picture.
         page.pause()
-        for close in tab.query_selector_all(".mantine-Notification-closeButton"):
-            close.click(timeout=1e3 * _SLOW)  # that software draws
+        close_notes(tab)
         if link.choice.is_mouse:
             link.move(Motion("slide", 0.02, 0.02), press=press)
         time.sleep(_SETTLED)

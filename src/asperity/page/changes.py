@@ -30,12 +30,16 @@ PATTERNS: dict[str, dict[str, Any]] = {
     "cross_cut": {"pitch": 1e-3, "height": 2e-4},
     "knurl": {"pitch": 1.5e-3, "height": 3e-4},
     "brushed": {
-        "size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 2e-4,
+        "size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4,
     },
     "rough": {"size": 0.0128, "pixel_size": 5e-5, "hurst": 0.8, "rms_slope": 0.2, "cutoff": 2e-4},
 }  # fmt: skip
 """Built-in textures, with sizes to begin with; ours."""
 SMOOTH, AS_IT_IS = "smooth", "as it is"
+MESH_SIZES: dict[str, dict[str, Any]] = {
+    "block": {"length": 0.06, "width": 0.04, "height": 0.015},
+}
+"""What a mesh that is made by a kind needs and is not told [m]; ours."""
 _HEIGHTS = ("amplitude", "height", "depth", "rms", "rms_slope", "height_range")
 """Parameters that are in proportion to the relief."""
 _LENGTHS = (
@@ -222,7 +226,13 @@ def _with_table(
 def with_meshes(
     choice: Choice, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
 ) -> Choice:
-    """Return a choice of a scene of two meshes: files, or made by a kind; see `make_scene`."""
+    """Return a choice of a scene of two meshes: files, or made by a kind; see `make_scene`.
+
+    A kind that needs sizes and is not told any has those of `MESH_SIZES`.
+    """
+    tool, target = (
+        MESH_SIZES.get(table.get("kind", ""), {}) | dict(table) for table in (tool, target)
+    )
     scene = make_scene(tool=tool, target=target, unit=unit)
     return replace(choice, scene=on_coupling(scene), source="")
 

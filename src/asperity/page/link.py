@@ -40,6 +40,8 @@ READ_RATE = 60.0
 """How often rows are fetched, a second."""
 _TIME = slices()["time"].start
 _GAP = 1e-3
+_FIRST_TICK = 30.0
+"""How long the first tick of a loop that has opened its device is waited for [s]."""
 
 
 class Link:
@@ -73,6 +75,8 @@ class Link:
         self.target = choice.first_pose
         """Where the mouse's hand shall be (7,)."""
         self._servo: Servo | None = None
+        self._seen: tuple[Servo | None, Moment | None] = None, None
+        """The last moment that was read, and whose."""
         self._lock = threading.RLock()
         self._taps: list[Callable[[NDArray[np.float64]], None]] = []
         self._shift = 0.0
@@ -88,9 +92,15 @@ class Link:
         servo = self._servo
         if servo is None or self.generation == 0:
             return None
+        moment = None
         with contextlib.suppress(AsperityError):
-            return servo.snapshot()
-        return None
+            moment = servo.snapshot()
+        if moment is None:
+            # The loop was held up while it wrote, or has been killed there: the one before.
+            of, seen = self._seen
+            return seen if of is servo else None
+        self._seen = servo, moment
+        return moment
 
     def rows_since(self, number: int) -> tuple[NDArray[np.float64], int]:
         """Return the rows (n, 30) from a number on, as far as they are kept, and the next number.
@@ -244,6 +254,7 @@ class Link:
                 old.wait(2.0)
                 self._take(old)
             ready = new.go()
+            _wait_for_a_tick(new)
             self.device = str(ready["device"])
             rows, count = self.history.since(self.history.count - 1)
             self._shift = float(rows[-1, _TIME]) + _GAP if count else 0.0
@@ -251,7 +262,7 @@ class Link:
             self.generation += 1
             self.state, self.told = "running", ""
             if self._kept:
-                # What was changed while it ran holds on; the first tick is without, and soft.
+                # What was changed while it ran holds on; the first ticks are without, and soft.
                 new.set(**self._kept)
         if old is not None:
             self._end(old)
@@ -293,3 +304,16 @@ class Link:
             self.told = str(error)
         else:
             self.result, self.told = result, f"the loop ended: {result['ended']}"
+
+
+def _wait_for_a_tick(servo: Servo) -> None:
+    """Wait until a loop that was let go has told of a tick, or has ended already.
+
+    Until then there is no latest moment, and what is to follow upon it would find none.
+    """
+    until = time.monotonic() + _FIRST_TICK
+    while time.monotonic() < until and not servo.wait(0.0):
+        with contextlib.suppress(AsperityError):
+            if servo.snapshot() is not None:
+                return
+        time.sleep(1e-3)

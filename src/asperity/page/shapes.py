@@ -30,7 +30,10 @@ _FINEST = 2e-5
 """No surface is sampled more finely [m]."""
 _WIDE = 2.5
 """A plane without end is shown so many times as far as the rest of the scene."""
-_ROUNDS = 6
+_ROUNDS, _MOST_ROUNDS = 6, 14
+"""In which the budget is to be met closely; in which it is to be met at all."""
+_COARSER = 1.2
+"""So many times as coarse is each of the rounds after those."""
 _SPREAD, _NEAR = 6000, 3e-3
 """Points of each mesh by which that place is found, and how near to the nearest counts [m]."""
 _FINE = 0.028
@@ -67,8 +70,9 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
     views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
     spacing = radius / 100.0
     best: list[Shape] = []
-    low, high = 0.0, np.inf
-    for _ in range(_ROUNDS):
+    fewest: list[Shape] = []
+    low, high, least = 0.0, np.inf, np.inf
+    for tried in range(_MOST_ROUNDS):
         shapes = [
             _shape(part, view, spacing, i)
             for i, (part, view) in enumerate(zip(parts, views, strict=True))
@@ -80,12 +84,17 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
                 break
         else:
             low = spacing
-            best = best or shapes if count > 4 * triangles else best
+            if count < least:
+                fewest, least = shapes, count
+        if tried + 1 >= _ROUNDS and best:
+            break
         wanted = spacing * np.sqrt(max(count, 1) / (0.95 * triangles))
         if low < high < np.inf:
             wanted = np.clip(wanted, low + 0.1 * (high - low), high - 0.1 * (high - low))
+        elif tried + 1 >= _ROUNDS:
+            wanted = max(wanted, _COARSER * spacing)
         spacing = float(max(wanted, _FINEST))
-    return best or shapes
+    return best or fewest
 
 
 def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:

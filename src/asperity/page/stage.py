@@ -107,7 +107,7 @@ class Stage:
 
     def _show(self, scene: Scene) -> None:
         """Show another scene."""
-        for node in self._nodes:
+        for node in reversed(self._nodes):  # what hangs on others first
             node.remove()
         self._scene = scene
         self.shapes = shapes_of(scene, self._triangles)

@@ -58,6 +58,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             cluster = LocalCluster(
                 n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
                 dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
+                preload=["asperity.sweeps.uninterrupted"],
             )  # fmt: skip
         except Exception as error:  # by what is short: time, memory, ports, processes
             line = " ".join(str(error).split())[:200] or type(error).__name__
