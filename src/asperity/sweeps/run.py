@@ -346,7 +346,8 @@ def _on_cluster(
     refill()
     for future, result in finished:
         job = waiting.pop(future.key)
-        if future.status == "finished":
+        # By now the worker may be gone and the state of the future another: the result counts.
+        if isinstance(result, Outcome):
             future.release()
             refill()
             yield job, result
