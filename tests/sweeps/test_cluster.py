@@ -74,7 +74,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing(whole, tmp_path):
     assert len([c for c in counts if c]) == len(list(path.glob("state/c/*/*/*/*")))
 
 
-# Slow: minutes on a busy machine. The kill of a worker and the store's tests guard the same, quicker.
+# Slow: minutes on a busy machine. The kill of a worker and the tests of the store guard it.
 @pytest.mark.slow
 def test_a_running_scheduler_gives_the_same_to_the_bit(scheduler, whole, tmp_path, capsys):
     address, _ = scheduler
@@ -123,7 +123,7 @@ def end(process, family):
     wait_for(lambda: not any(child.is_running() for child in family), 60.0)
 
 
-# Slow: minutes on a busy machine. The kill of a worker and the store's tests guard the same, quicker.
+# Slow: minutes on a busy machine. The kill of a worker and the tests of the store guard it.
 @pytest.mark.slow
 def test_a_client_killed_in_the_middle_goes_on_with_the_same_command(whole, tmp_path):
     study, out = tmp_path / "study.toml", tmp_path / "a.zarr"
@@ -144,7 +144,7 @@ def test_a_client_killed_in_the_middle_goes_on_with_the_same_command(whole, tmp_
     assert all(after[f] == stamp for f, stamp in before.items())
 
 
-# Slow: minutes on a busy machine. The kill of a worker and the store's tests guard the same, quicker.
+# Slow: minutes on a busy machine. The kill of a worker and the tests of the store guard it.
 @pytest.mark.slow
 def test_ctrl_c_says_how_far_it_is_and_leaves_no_process(tmp_path):
     study, out = tmp_path / "study.toml", tmp_path / "a.zarr"

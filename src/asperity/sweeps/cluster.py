@@ -105,6 +105,8 @@ def _close(thing: Any) -> None:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep Dask's remarks about workers that come and go to itself."""
+    # What tornado says of connections that end is of no use to anybody; it stays silent.
+    logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     loud = logging.getLogger("distributed")
     before = loud.level
     loud.setLevel(logging.CRITICAL)
