@@ -229,7 +229,10 @@ class Link:
         except BaseException:
             if new is not None:
                 self._end(new)
-            self.state = "running" if self._servo is not None and self._servo.is_alive else "ended"
+            # A loop that was let go has said how it ended before its process is gone.
+            servo = self._servo
+            goes_on = servo is not None and servo.is_alive and not servo.wait(0.0)
+            self.state = "running" if goes_on else "ended"
             raise
 
     def _start_of(self, choice: Choice) -> NDArray[np.float64] | None:
