@@ -406,7 +406,7 @@ def search_pair(
         LIMIT; TIES, how many; JUDGED, the bound of the last box.
     best : (23,) array
         The deepest place, as by `overlap_at`, and its pair.
-    ties : (1024, 24) array
+    ties : (1024, 30) array
         Places as deep as the deepest (and stale ones), their pairs and weights.
     nodes : (1037, 5) array
     work : (136, 28) array

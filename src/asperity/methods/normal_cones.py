@@ -188,6 +188,20 @@ def _is_least(tree, rotation, shift, one, mover, other, distance, room, near, sp
     return True
 
 
+@inner_kernel
+def _divided(a, b, i, j, leaf_i, leaf_j, stack, top):
+    """Put the halves of a pair of nodes on the stack, if there is room; return its new height."""
+    if top + 2 > stack.shape[0]:
+        return top
+    if leaf_j or (not leaf_i and a.radii[i] > b.radii[j]):
+        stack[top, 0], stack[top, 1] = 2 * i + 1, j
+        stack[top + 1, 0], stack[top + 1, 1] = 2 * i + 2, j
+    else:
+        stack[top, 0], stack[top, 1] = i, 2 * j + 1
+        stack[top + 1, 0], stack[top + 1, 1] = i, 2 * j + 2
+    return top + 2
+
+
 @kernel
 def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, counts):
     """Fill the local minimum distances of two surfaces; return how many.
@@ -239,15 +253,7 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
             continue
         leaf_i, leaf_j = i >= a.leaves - 1, j >= b.leaves - 1
         if not (leaf_i and leaf_j):
-            if top + 2 > stack.shape[0]:
-                continue
-            if leaf_j or (not leaf_i and a.radii[i] > b.radii[j]):
-                stack[top, 0], stack[top, 1] = 2 * i + 1, j
-                stack[top + 1, 0], stack[top + 1, 1] = 2 * i + 2, j
-            else:
-                stack[top, 0], stack[top, 1] = i, 2 * j + 1
-                stack[top + 1, 0], stack[top + 1, 1] = i, 2 * j + 2
-            top += 2
+            top = _divided(a, b, i, j, leaf_i, leaf_j, stack, top)
             continue
         counts[1] += 1
         s, t = i - a.leaves + 1, j - b.leaves + 1
@@ -323,15 +329,7 @@ def crossing(a, b, rotation, shift, out):
             continue
         leaf_i, leaf_j = i >= a.leaves - 1, j >= b.leaves - 1
         if not (leaf_i and leaf_j):
-            if top + 2 > stack.shape[0]:
-                continue
-            if leaf_j or (not leaf_i and a.radii[i] > b.radii[j]):
-                stack[top, 0], stack[top, 1] = 2 * i + 1, j
-                stack[top + 1, 0], stack[top + 1, 1] = 2 * i + 2, j
-            else:
-                stack[top, 0], stack[top, 1] = i, 2 * j + 1
-                stack[top + 1, 0], stack[top + 1, 1] = i, 2 * j + 2
-            top += 2
+            top = _divided(a, b, i, j, leaf_i, leaf_j, stack, top)
             continue
         s, t = i - a.leaves + 1, j - b.leaves + 1
         _placed(rotation, shift, a.triangles[s], one)
