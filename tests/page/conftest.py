@@ -11,6 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 
+def pytest_collection_modifyitems(items):
+    """Have one process do all tests that use the page: two servo loops are more than two cores."""
+    for item in items:
+        if "page" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("page"))
+
+
 def wait_until(what, seconds=180.0):
     """Wait until something holds; fail if it does not within so long [s]."""
     end = time.monotonic() + seconds

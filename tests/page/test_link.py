@@ -72,6 +72,7 @@ def test_a_motion_goes_on_in_the_loop_and_presses(link, until):
 
 
 def test_another_texture_is_swapped_in_where_the_hand_is(link, until):
+    link.change(stiffness=150.0, friction=0.4)
     link.point(link.latest().handle_pose)
     before, count = link.generation, link.history.count
     place = link.latest().handle_pose

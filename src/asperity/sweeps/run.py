@@ -323,6 +323,15 @@ def _on_cluster(
     client: Any, study: SweepStudy, todo: Sequence[_Job]
 ) -> Iterator[tuple[_Job, Outcome]]:
     """Yield jobs with what came of them, in the order in which they are ready."""
+    try:
+        yield from _from_workers(client, study, todo)
+    except OSError as error:  # of the connection: the scheduler may go away at any call
+        raise _stopped(client, (type(error), error, None)) from None
+
+
+def _from_workers(
+    client: Any, study: SweepStudy, todo: Sequence[_Job]
+) -> Iterator[tuple[_Job, Outcome]]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
@@ -398,7 +407,9 @@ def _stopped(client: Any, result: Any) -> AsperityError:
         return AsperityError(
             f"a worker cannot load asperity ({told(error)}): install it there, the same version"
         )
-    if client.status != "running" or error is None or "ancel" in type(error).__name__:
+    name = type(error).__name__
+    gone = "ancel" in name or "CommClosed" in name
+    if client.status != "running" or error is None or gone:
         return AsperityError(
             "the scheduler went away; what is done is in the store, and the same command goes on"
         )
