@@ -1,14 +1,17 @@
-"""Two things that Numba does again and again when it compiles, done once.
+"""What Numba does again and again when it compiles, done once or faster.
 
-The first force after an installation waits for about 120 kernels to be compiled. A third of that
+The first force after an installation waits for about 140 kernels to be compiled. Half of that
 went on
 
 - finding out what an operator on the same types means: asked anew at each place and in each
   round of type inference, 23,000 times in 4,000 cases;
 - optimising inner kernels as wholes: each is optimised once more within every kernel that it
-  becomes part of, up to the one that is called from Python, and only that one's code is run.
+  becomes part of, up to the one that is called from Python, and only that one's code is run;
+- making machine code of inner kernels, which for the same reason nobody runs;
+- two small functions that are called millions of times: which variables an instruction names, and
+  what the options of a kernel are.
 
-Neither changes what is computed: the wrenches are the same to the bit. Both rest on Numba's inner
+None changes what is computed: the wrenches are the same to the bit. They rest on Numba's inner
 names; where these are not as expected, nothing is done, and compiling takes longer.
 """
 
@@ -21,7 +24,8 @@ from typing import Any
 
 def speed_up() -> list[str]:
     """Make Numba compile faster from now on; return the names of what could be done."""
-    return [change.__name__ for change in (remember_calls, optimise_once) if change()]
+    changes = (remember_calls, mark_inner, optimise_once, emit_once, list_options, list_variables)
+    return [change.__name__ for change in changes if change()]
 
 
 def remember_calls() -> bool:
@@ -60,6 +64,43 @@ def remember_calls() -> bool:
     return True
 
 
+_INNER = "asperity-inner:"
+"""How the names of the code libraries of inner kernels begin; the cache on disk keeps them."""
+
+
+def mark_inner() -> bool:
+    """Have the code libraries of kernels that only other kernels of ours call be named so."""
+    try:
+        from numba.core.typed_passes import BaseNativeLowering
+
+        lower = BaseNativeLowering.run_pass
+        if list(inspect.signature(lower).parameters) != ["self", "state"]:
+            return False
+    except (ImportError, AttributeError):
+        return False
+
+    def run_pass(self: Any, state: Any) -> Any:
+        flags, ours = state.flags, state.func_id.modname.startswith("asperity")
+        if (
+            state.library is None
+            and ours
+            and flags.no_cpython_wrapper
+            and flags.no_cfunc_wrapper
+            and not flags.no_compile
+        ):
+            name = _INNER + state.func_id.func_qualname
+            state.library = state.targetctx.codegen().create_library(name)
+            state.library.enable_object_caching()
+        return lower(self, state)
+
+    setattr(BaseNativeLowering, lower.__name__, run_pass)
+    return True
+
+
+def _is_inner(library: Any) -> bool:
+    return bool(library.name.startswith(_INNER))
+
+
 def optimise_once() -> bool:
     """Leave the optimisation of a module that only other kernels of ours call to these."""
     try:
@@ -72,15 +113,126 @@ def optimise_once() -> bool:
         return False
 
     def _optimize_final_module(self: Any) -> None:
-        own = [
-            function.name
-            for function in self._final_module.functions
-            if not function.is_declaration and function.linkage.name == "external"
-        ]
-        inner = any("asperity" in name for name in own)
-        # Only what is called from elsewhere than kernels has such a wrapper.
-        if not inner or any("cpython" in name or "cfunc" in name for name in own):
+        if not _is_inner(self):
             optimise(self)
 
     setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
+    return True
+
+
+def emit_once() -> bool:
+    """Make no machine code of inner kernels; their bitcode is what others are built from.
+
+    An inner kernel's environment (what its errors are made of) is then known to no machine code
+    until a kernel that it is part of has some; so that one's are all set when it is made.
+    """
+    try:
+        from numba import _dynfunc
+        from numba.core.codegen import CPUCodeLibrary
+        from numba.core.cpu import CPUContext
+        from numba.core.environment import lookup_environment
+
+        finish = CPUCodeLibrary._finalize_final_module
+        executable = CPUContext.get_executable
+        serialised = CPUCodeLibrary.serialize_using_object_code
+        hooks = {finish: ["self"], executable: ["self", "library", "fndesc", "env"],
+                 serialised: ["self"]}  # fmt: skip
+        if any(list(inspect.signature(f).parameters) != names for f, names in hooks.items()):
+            return False
+        prepare = CPUCodeLibrary._finalize_dynamic_globals, (
+            CPUCodeLibrary._verify_declare_only_symbols
+        )
+        make, bitcode = _dynfunc.make_function, CPUCodeLibrary.serialize_using_bitcode
+    except (ImportError, AttributeError):
+        return False
+
+    def _finalize_final_module(self: Any) -> None:
+        if not _is_inner(self):
+            finish(self)
+            return
+        for step in prepare:
+            step(self)
+        self._finalized = True
+
+    def get_executable(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
+        library._ensure_finalized()
+        if _is_inner(library):
+            name = fndesc.qualname.split(".")[-1]
+            return make(fndesc.lookup_module(), name, "an inner kernel", 0, env, (library,))
+        made = executable(self, library, fndesc, env)
+        for variable in library._final_module.global_variables:
+            other = lookup_environment(variable.name)
+            if other is not None and library.codegen._engine.get_global_value_address(
+                variable.name
+            ):
+                library.codegen.set_env(variable.name, other)
+        return made
+
+    def serialize_using_object_code(self: Any) -> Any:
+        self._ensure_finalized()
+        return bitcode(self) if _is_inner(self) else serialised(self)
+
+    setattr(CPUCodeLibrary, finish.__name__, _finalize_final_module)
+    setattr(CPUContext, executable.__name__, get_executable)
+    setattr(CPUCodeLibrary, serialised.__name__, serialize_using_object_code)
+    return True
+
+
+def list_options() -> bool:
+    """Compare the options of kernels by what is set, not by asking for each by its name."""
+    try:
+        from numba.core.targetconfig import TargetConfig
+
+        values = TargetConfig.values
+        if list(inspect.signature(values).parameters) != ["self"]:
+            return False
+    except (ImportError, AttributeError):
+        return False
+    defaults: dict[type, dict[str, Any]] = {}
+
+    def of(self: Any) -> dict[str, Any]:
+        kind = type(self)
+        if kind not in defaults:
+            defaults[kind] = {name: option.default for name, option in kind.options.items()}
+        return defaults[kind] | self._values
+
+    setattr(TargetConfig, values.__name__, of)
+    return True
+
+
+def list_variables() -> bool:
+    """Find the variables that an instruction names by the types of its parts."""
+    try:
+        from numba.core.ir import Inst, Var
+
+        find = Inst._rec_list_vars
+        if list(inspect.signature(find).parameters) != ["self", "val"]:
+            return False
+    except (ImportError, AttributeError):
+        return False
+    kinds: dict[type, int] = {}
+
+    def collect(value: Any, out: list[Any]) -> None:
+        kind = kinds.get(type(value))
+        if kind is None:
+            known = (Var, Inst, (list, tuple), dict)
+            kind = next((i for i, of in enumerate(known) if isinstance(value, of)), len(known))
+            kinds[type(value)] = kind
+        if kind == 0:
+            out.append(value)
+        elif kind == 1:
+            out += value.list_vars()
+        elif kind == 2:
+            for part in value:
+                collect(part, out)
+        elif kind == 3:
+            for part in value.values():
+                collect(part, out)
+
+    def _rec_list_vars(self: Any, val: Any) -> list[Any]:
+        out: list[Any] = []
+        collect(val, out)
+        return out
+
+    setattr(Inst, find.__name__, _rec_list_vars)
     return True

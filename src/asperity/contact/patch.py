@@ -86,8 +86,8 @@ def frame_round(n, frame_out):
     frame_out[2, 0], frame_out[2, 1], frame_out[2, 2] = n[0], n[1], n[2]
 
 
-@kernel
-def depth_along(
+@inner_kernel
+def fill_depth_along(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
     tolerance, max_nodes, space, result_out,
 ):  # fmt: skip
@@ -132,6 +132,18 @@ def depth_along(
         space.looks[pair, PAIR] = pair
     search_looks(textures, made_b, made_a * made_b, gu, gv, tolerance, space)
     fill_result(textures, made_b, n, tolerance, space, result_out)
+
+
+@kernel
+def depth_along(
+    textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
+    tolerance, max_nodes, space, result_out,
+):  # fmt: skip
+    """Do what `fill_depth_along` does, called from Python."""
+    fill_depth_along(
+        textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
+        tolerance, max_nodes, space, result_out,
+    )  # fmt: skip
 
 
 @inner_kernel

@@ -18,7 +18,7 @@ from asperity.contact.deepest import (
     STATUS,
 )
 from asperity.contact.flat import Geometry
-from asperity.contact.patch import depth_along
+from asperity.contact.patch import fill_depth_along
 from asperity.engine.alternatives import advance_noise, baseline_force, depth_on_grid
 from asperity.engine.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
 from asperity.engine.pairs import (
@@ -82,7 +82,7 @@ def tick(
         out = memory.results[p]
         clear(out)
         tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
-        depth_along(
+        fill_depth_along(
             textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
             n, guess, tolerance, parameters.max_nodes, space, out,
         )  # fmt: skip
