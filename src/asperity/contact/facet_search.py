@@ -297,7 +297,7 @@ def facets_along(
     textures, table, geometry, body_a, body_b, n, highest, tolerance, max_nodes, work_space, space,
     result_out,
 ):  # fmt: skip
-    """Fill `result_out` (14,) with the depth of body 0 in body 1 along `n`, as `fill_depth_along` does.
+    """Fill `result_out` (14,) with the depth of body 0 in body 1 along `n`; see `depth_along`.
 
     Facets count whose smooth overlap is less than `highest` [m]. Returns whether there was room
     for all of them.
