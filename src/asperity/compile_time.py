@@ -139,8 +139,9 @@ def emit_once() -> bool:
                  serialised: ["self"]}  # fmt: skip
         if any(list(inspect.signature(f).parameters) != names for f, names in hooks.items()):
             return False
-        prepare = CPUCodeLibrary._finalize_dynamic_globals, (
-            CPUCodeLibrary._verify_declare_only_symbols
+        steps = (
+            CPUCodeLibrary._finalize_dynamic_globals,
+            CPUCodeLibrary._verify_declare_only_symbols,
         )
         make, bitcode = _dynfunc.make_function, CPUCodeLibrary.serialize_using_bitcode
     except (ImportError, AttributeError):
@@ -150,7 +151,7 @@ def emit_once() -> bool:
         if not _is_inner(self):
             finish(self)
             return
-        for step in prepare:
+        for step in steps:
             step(self)
         self._finalized = True
 
