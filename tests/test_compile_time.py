@@ -1,5 +1,6 @@
 """What is left out when kernels are compiled does not change what they compute."""
 
+import os
 import subprocess
 import sys
 
@@ -62,3 +63,44 @@ def test_operators_keep_to_the_types_they_are_on():
     flags = np.array([True, False, True])
     assert _of_all_kinds(whole, real, flags) == (34, -1.125, 2, 6.5, 2)
     assert _of_all_kinds(real, whole, flags)[:2] == (-1.75, 4.0)
+
+
+KERNELS = """
+from asperity.compiled import inner_kernel, kernel
+@inner_kernel
+def half(n):
+    if n % 2:
+        raise ValueError("not even", n)
+    return n // 2
+@inner_kernel
+def quarter(n):
+    return half(half(n))
+@kernel
+def {name}(n):
+    return quarter(n) + {more}
+"""
+
+
+def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them(tmp_path):
+    """Bitcode of a first program's inner kernels is what a second one's kernel is made from."""
+    inner, outer = KERNELS.split("@kernel")
+    (tmp_path / "inner_ones.py").write_text(inner)
+    head = "from inner_ones import quarter\nfrom asperity.compiled import kernel\n@kernel"
+    for name, more in (("first", 1), ("second", 2)):
+        (tmp_path / f"outer_{name}.py").write_text(head + outer.format(name=name, more=more))
+    told = []
+    for name in ("first", "second", "second"):
+        run = (
+            f"from outer_{name} import {name}\nimport inner_ones\nprint({name}(12))\n"
+            f"try:\n    {name}(6)\nexcept ValueError as e:\n    print(e.args)\n"
+            "print(sum(inner_ones.quarter._cache_hits.values()))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", run], capture_output=True, text=True, cwd=tmp_path,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        told.append(done.stdout.splitlines())
+    error = "('not even', 3)"
+    # The third finds its own kernel and asks for no inner one.
+    assert told == [["4", error, "0"], ["5", error, "1"], ["5", error, "0"]]

@@ -128,15 +128,15 @@ def emit_once() -> bool:
     """
     try:
         from numba import _dynfunc
-        from numba.core.codegen import CPUCodeLibrary
+        from numba.core.codegen import CPUCodeLibrary, JITCPUCodegen
         from numba.core.cpu import CPUContext
-        from numba.core.environment import lookup_environment
 
         finish = CPUCodeLibrary._finalize_final_module
         executable = CPUContext.get_executable
         serialised = CPUCodeLibrary.serialize_using_object_code
+        set_one = JITCPUCodegen.set_env
         hooks = {finish: ["self"], executable: ["self", "library", "fndesc", "env"],
-                 serialised: ["self"]}  # fmt: skip
+                 serialised: ["self"], set_one: ["self", "env_name", "env"]}  # fmt: skip
         if any(list(inspect.signature(f).parameters) != names for f, names in hooks.items()):
             return False
         steps = (
@@ -155,18 +155,23 @@ def emit_once() -> bool:
             step(self)
         self._finalized = True
 
+    environments: dict[str, Any] = {}
+
+    def set_env(self: Any, env_name: str, env: Any) -> None:
+        environments[env_name] = env
+        if self._engine.get_global_value_address(env_name):
+            set_one(self, env_name, env)
+
     def get_executable(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
         library._ensure_finalized()
         if _is_inner(library):
+            environments[self.get_env_name(fndesc)] = env
             name = fndesc.qualname.split(".")[-1]
             return make(fndesc.lookup_module(), name, "an inner kernel", 0, env, (library,))
         made = executable(self, library, fndesc, env)
         for variable in library._final_module.global_variables:
-            other = lookup_environment(variable.name)
-            if other is not None and library.codegen._engine.get_global_value_address(
-                variable.name
-            ):
-                library.codegen.set_env(variable.name, other)
+            if variable.name in environments:
+                library.codegen.set_env(variable.name, environments[variable.name])
         return made
 
     def serialize_using_object_code(self: Any) -> Any:
@@ -176,6 +181,7 @@ def emit_once() -> bool:
     setattr(CPUCodeLibrary, finish.__name__, _finalize_final_module)
     setattr(CPUContext, executable.__name__, get_executable)
     setattr(CPUCodeLibrary, serialised.__name__, serialize_using_object_code)
+    setattr(JITCPUCodegen, set_one.__name__, set_env)
     return True
 
 

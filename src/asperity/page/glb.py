@@ -1,7 +1,8 @@
-"""A coloured mesh as the bytes of a GLB file (glTF 2.0), with normals and a dull material."""
+"""A mesh as the bytes of a GLB file (glTF 2.0): normals, colours or an image, a dull material."""
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from collections.abc import Sequence
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 
 _ARRAYS, _INDICES = 34962, 34963
 _UINT, _FLOAT = 5125, 5126
+_QUALITY = 92
+"""Of the image in the file, as JPEG [percent]."""
 
 
 def glb(
@@ -20,6 +23,8 @@ def glb(
     colours: NDArray[np.float64],
     faces: NDArray[np.int64],
     *,
+    places: NDArray[np.float64] | None = None,
+    image: NDArray[np.uint8] | None = None,
     roughness: float = 0.6,
     metallic: float = 0.0,
 ) -> bytes:
@@ -32,14 +37,21 @@ def glb(
         sRGB, 0 to 1. The file holds them in linear light, as glTF wants it.
     faces : (m, 3) array
         Counter-clockwise, seen from outside.
+    places : (n, 2) array, optional
+        In an image, from its upper left corner, 0 to 1; the image is shown instead of the colours.
+    image : (rows, columns, 3) uint8 array, optional
+        sRGB.
     roughness, metallic : float
         Of the surface, 0 to 1.
     """
+    painted = places is not None and image is not None
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     parts: list[tuple[NDArray[Any], int, str, int]] = [
         (np.ascontiguousarray(vertices, np.float32), _ARRAYS, "VEC3", _FLOAT),
         (np.ascontiguousarray(normals, np.float32), _ARRAYS, "VEC3", _FLOAT),
-        (np.ascontiguousarray(linear, np.float32), _ARRAYS, "VEC3", _FLOAT),
+        (np.ascontiguousarray(places, np.float32), _ARRAYS, "VEC2", _FLOAT)
+        if painted
+        else (np.ascontiguousarray(linear, np.float32), _ARRAYS, "VEC3", _FLOAT),
         (np.ascontiguousarray(faces, np.uint32).reshape(-1), _INDICES, "SCALAR", _UINT),
     ]
     views: list[dict[str, Any]] = []
@@ -54,23 +66,39 @@ def glb(
             }
         )  # fmt: skip
         at += array.nbytes
-    material = {
-        "pbrMetallicRoughness": {"metallicFactor": metallic, "roughnessFactor": roughness},
-        "doubleSided": True,
-    }
-    attributes = {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}
-    told = {
+    surface: dict[str, Any] = {"metallicFactor": metallic, "roughnessFactor": roughness}
+    told: dict[str, Any] = {}
+    blocks = [array.tobytes() for array, *_ in parts]
+    if painted and image is not None:
+        surface["baseColorTexture"] = {"index": 0}
+        blocks.append(_jpeg(image))
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(blocks[-1])})
+        at += len(blocks[-1])
+        told = {
+            "images": [{"bufferView": len(views) - 1, "mimeType": "image/jpeg"}],
+            "textures": [{"source": 0}],
+        }
+    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0" if painted else "COLOR_0": 2}
+    told |= {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}],
-        "materials": [material],
+        "materials": [{"pbrMetallicRoughness": surface, "doubleSided": True}],
         "buffers": [{"byteLength": at}],
         "bufferViews": views,
         "accessors": accessors,
     }
-    return _file(json.dumps(told).encode(), b"".join(array.tobytes() for array, *_ in parts))
+    return _file(json.dumps(told).encode(), b"".join(blocks))
+
+
+def _jpeg(image: NDArray[np.uint8]) -> bytes:
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(image).save(out, "JPEG", quality=_QUALITY, subsampling=0)
+    return out.getvalue()
 
 
 def _bounds(array: NDArray[Any], wanted: bool) -> dict[str, Sequence[float]]:

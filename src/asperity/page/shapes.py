@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.flat import rotation_of
+from asperity.page.atlas import Atlas
 from asperity.page.colours import height_colours
 from asperity.picture.parts import Part, scene_parts
 from asperity.picture.view import Sheet, View
@@ -47,7 +48,8 @@ class Shape:
     """A mesh to be shown.
 
     `vertices`, `normals`, `colours` (n, 3): [m], in the frame of the tool or of the world; unit
-    length; sRGB, 0 to 1. `faces` (m, 3). `lowest`, `highest`: of the relief [m].
+    length; sRGB, 0 to 1. `faces` (m, 3). `lowest`, `highest`: of the relief [m]. `places` (n, 2):
+    in the image of its `atlas`, where it has one instead of the colours.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Shape:
     faces: NDArray[np.int64]
     lowest: float
     highest: float
+    places: Array | None = None
+    atlas: Atlas | None = None
 
 
 def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
@@ -168,7 +172,10 @@ def _shape(part: Part, view: View, spacing: float, number: int) -> Shape:
         spacing = max(spacing, _rounding(part))
     view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
     points, normals, heights, faces, count = [], [], [], [], 0
+    atlas, places = _atlas(part), []
     for sheet in part.sheets(view):
+        if atlas is not None and sheet.face is not None and sheet.weights is not None:
+            places.append(atlas.places(sheet.face, sheet.weights).reshape(-1, 2))
         for patch in _patches(sheet):
             points.append(patch[0])
             normals.append(patch[1])
@@ -188,8 +195,16 @@ def _shape(part: Part, view: View, spacing: float, number: int) -> Shape:
         f"{part.body.name}-{number}", part.is_tool, np.concatenate(points),
         np.concatenate(normals), height_colours(height, low, high, part.colour),
         _outwards(np.concatenate(points), np.concatenate(normals), np.concatenate(faces)),
-        low, high,
+        low, high, np.concatenate(places) if places else None, atlas,
     )  # fmt: skip
+
+
+def _atlas(part: Part) -> Atlas | None:
+    body = part.body
+    if body.mesh is None or body.texture is None or body.texture.lowest == body.texture.highest:
+        return None
+    every = np.ones(len(body.mesh.faces), bool)
+    return Atlas(body, every if part.faces is None else part.faces, part.colour)
 
 
 def _rounding(part: Part) -> float:

@@ -129,6 +129,7 @@ class Stage:
     def _add(self, shape: Shape, parent: str) -> None:
         data = glb(
             UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
+            places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
             roughness=0.45 if shape.is_tool else 0.65, metallic=0.25 if shape.is_tool else 0.0,
         )  # fmt: skip
         self._nodes.append(self._server.scene.add_glb(f"{parent}/{shape.name}", data))

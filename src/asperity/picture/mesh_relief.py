@@ -91,6 +91,17 @@ class MeshRelief:
         lit += np.einsum("ijk,ijk->ij", slope, lit)[..., None] * lit - slope
         return points + height[..., None] * w, _unit(lit), height
 
+    def heights(self, face: Whole, weights: Array) -> tuple[Array, Array]:
+        """Return heights (n, k) [m] at places of triangles, and cosines by which slopes turn.
+
+        What `displaced` takes; the cosine is 1 where the relief is level.
+        """
+        _, lit, height = self.displaced(face, weights)
+        if height is None:
+            return np.zeros(lit.shape[:-1]), np.ones(lit.shape[:-1])
+        smooth = _unit(weights @ self._lit[face])
+        return height, np.asarray(np.einsum("ijk,ijk->ij", lit, smooth))
+
     def _triplanar(self, points: Array, w: Array) -> tuple[Array, Array]:
         """Return heights and their gradients at points with unit normals w."""
         assert self._field is not None

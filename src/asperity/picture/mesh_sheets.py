@@ -68,8 +68,10 @@ def mesh_sheets(
     sheets = [*_patches(relief, view, np.flatnonzero(chosen))]
     if closed:
         sheets += _strips(relief, view, chosen)
-    for points, normals, corners, height in sheets:
-        yield Sheet(points @ rotation.T + pose[:3], normals @ rotation.T, corners, height)
+    for sheet in sheets:
+        yield sheet._replace(
+            points=sheet.points @ rotation.T + pose[:3], normals=sheet.normals @ rotation.T
+        )
 
 
 def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
@@ -81,7 +83,7 @@ def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
         for some in np.array_split(chosen, 1 + len(chosen) * len(template) // _AT_ONCE):
             weights = template @ parts.corners[some]
             points, normals, height = relief.displaced(parts.face[some], weights)
-            yield Sheet(points, normals, corners, height)
+            yield Sheet(points, normals, corners, height, parts.face[some], weights)
 
 
 def _parts(relief: MeshRelief, view: View, face: Whole) -> _Parts:
@@ -154,16 +156,17 @@ def _strips(relief: MeshRelief, view: View, faces: NDArray[np.bool_]) -> Iterato
     for n in np.unique(divisions):
         some = torn[divisions == n]
         share = np.linspace(0.0, 1.0, n + 1)
-        a, b = (
-            relief.displaced(
-                some[:, side, 0],
-                np.eye(3)[some[:, side, 1]][:, None] * (1.0 - share[:, None])
-                + np.eye(3)[some[:, side, 2]][:, None] * share[:, None],
-            )
+        weights = [
+            np.eye(3)[some[:, side, 1]][:, None] * (1.0 - share[:, None])
+            + np.eye(3)[some[:, side, 2]][:, None] * share[:, None]
             for side in (0, 1)
-        )
+        ]
+        a, b = (relief.displaced(some[:, side, 0], weights[side]) for side in (0, 1))
         points, normals = (np.concatenate([a[k], b[k]], axis=1) for k in (0, 1))
         height = None if a[2] is None or b[2] is None else np.concatenate([a[2], b[2]], axis=1)
         i = np.arange(n)
         corners = np.stack([i, i + 1, i + n + 1, i + 1, i + n + 2, i + n + 1], axis=1)
-        yield Sheet(points, normals, corners.reshape(-1, 3), height)
+        yield Sheet(
+            points, normals, corners.reshape(-1, 3), height, some[:, 0, 0],
+            np.tile(weights[0], (1, 2, 1)),  # one side's, or it would lie across the whole texture
+        )  # fmt: skip

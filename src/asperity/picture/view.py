@@ -25,6 +25,10 @@ class Sheet(NamedTuple):
     corners: NDArray[np.int64] | None = None
     height: Array | None = None
     """Of the texture at the points [m]; None: there is none."""
+    face: NDArray[np.int64] | None = None
+    weights: Array | None = None
+    """Of a mesh: which triangle each row of points lies on, (n,), and the weights of its corners at
+    them, (n, k, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
