@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 UV     := uv==0.13.9
 OUT    ?= out
 
-.PHONY: demo view test test-slow lint bench compare docs wheel-test install clean
+.PHONY: demo view test test-slow lint bench compare pictures docs wheel-test install clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
@@ -38,6 +38,11 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite
+
+pictures: $(VENV)/installed-dev      ## the page with each scene, for the README and the report
+	@sh .ci/browser.sh
+	for scene in probe-plate-dots hammer-blocks file-cad; do $(BIN)/asperity view $$scene --no-open \
+	  --port 0 --screenshot src/asperity/page/pictures/$$scene.jpg || exit 1; done
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

@@ -244,6 +244,14 @@ def read_attributes(path: Path) -> dict[str, Any]:
         return {key: _plain(value) for key, value in file.attrs.items()}
 
 
+def add_attribute(path: Path, name: str, value: str) -> None:
+    """Keep another text with a recording that is finished."""
+    import h5py
+
+    with h5py.File(path, "r+") as file:
+        file.attrs[name] = value
+
+
 def require_recording(path: Path) -> int:
     """Return how many whole ticks a file has; raise where it is no recording of asperity's."""
     with _opened(path) as file:

@@ -11,6 +11,7 @@ from typing import Any
 from asperity import __version__
 from asperity.demo import PROBES, SCENES, DemoScene, Results
 from asperity.headless import described
+from asperity.page.pictures import PICTURED, PICTURES
 from asperity.perception.claims import Claim
 from asperity.perception.metrics import METRICS
 from asperity.report_style import STYLE
@@ -46,6 +47,7 @@ def render(results: Results) -> str:
         _models(results),
         _surfaces(results),
         _scenes(results),
+        _page(),
         _all_claims(results.claims),
         _timing(results),
     ]
@@ -119,7 +121,7 @@ _EXTRA = {
 
 
 def _figure(path: Path, caption: str) -> str:
-    kind = "svg+xml" if path.suffix == ".svg" else "png"
+    kind = {".svg": "svg+xml", ".jpg": "jpeg"}.get(path.suffix, "png")
     data = base64.b64encode(path.read_bytes()).decode()
     alt = html.escape(caption)
     return (
@@ -291,6 +293,20 @@ def _scenes(results: Results) -> str:
         "and speeds are asperity's</b>. Tick times are those of this machine, with nothing else "
         "of the demo running beside.</p>"
         f"{body}</section>"
+    )
+
+
+def _page() -> str:
+    """Return the section on the live page, with the pictures that come with the package."""
+    pictures = "".join(
+        _figure(PICTURES / f"{name}.jpg", f"<code>asperity view {name}</code>") for name in PICTURED
+    )
+    return (
+        "<section><h2>The same scenes, live</h2><p><code>make view</code>, or <code>asperity view "
+        "SCENE</code>, opens a page on a servo loop that is running: the mouse moves the tool, the "
+        "hand's ghost shows where it wants to be, and stiffness, friction, textures, force laws "
+        "and devices are changed while it rubs. It plots, records, replays and sounds.</p>"
+        f"{pictures}</section>"
     )
 
 

@@ -1,6 +1,7 @@
 """The page as a tab without a browser sees it: every control, and what is said when it fails."""
 
 import io
+import json
 import time
 
 import numpy as np
@@ -13,7 +14,11 @@ from websockets.sync.client import connect
 
 from asperity.page import changes
 from asperity.page.changes import texture_of
+from asperity.page.frames import Frames
+from asperity.page.record_panel import RecordPanel
 from asperity.page.stage import UNITS
+from asperity.page.timeline import Timeline
+from asperity.recording import read_attributes, read_recording
 from page_client import ScriptedTab
 
 
@@ -147,6 +152,26 @@ def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(
     until(lambda: any("touch needs pip install" in text for _, text in tab.notes))
     until(lambda: controls._device.value == "mouse")
     assert (link.generation, link.is_alive) == (generation, True)
+
+
+def test_what_is_changed_while_it_records_stands_in_the_recording(page, link, until, tmp_path):
+    record, frames = RecordPanel(Timeline(link), tmp_path), Frames(link)
+    record.build(page.server, link)
+    record.start()
+    until(lambda: record._recorder.ticks > 100)
+    record.update(frames.take(0.0))  # nothing has changed yet
+    before = link.parameters.stiffness
+    link.change(stiffness=before - 21.0)
+    record.update(frames.take(0.1))
+    ticks = record._recorder.ticks
+    until(lambda: record._recorder.ticks > ticks + 100)
+    record.update(frames.take(0.2))
+    record.stop()
+    (change,) = json.loads(read_attributes(record.path)["parameter_changes"])
+    assert change["stiffness"] == before - 21.0
+    assert change["friction"] == link.parameters.friction
+    assert 0.05 < change["after"] < len(read_recording(record.path).time) / link.parameters.rate
+    link.change(stiffness=before)
 
 
 def test_a_scene_is_chosen(link, tab, until, panel):

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 FIRST = "probe-plate"
 """What is shown first if nothing is said."""
 
+_PICTURES = (".png", ".jpg", ".jpeg")
+
 
 @dataclass
 class View:
@@ -44,7 +46,7 @@ class View:
     seconds: Annotated[float | None, Between(0.1, 86400.0)] = None
     """How long. Default: until Ctrl-C."""
     screenshot: Path | None = None
-    """Write a picture of the page as a PNG, by a browser without a window, and end."""
+    """Write a picture of the page as a PNG or JPEG, by a browser without a window, and end."""
     options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
     coupling: str | None = None
     """direct, implicit, semi-implicit, static. Default: as the scene says, else implicit."""
@@ -55,8 +57,8 @@ class View:
         """Serve the page until it is over."""
         check_ranges(self.options)
         check_ranges(self)
-        if self.screenshot is not None and self.screenshot.suffix.lower() != ".png":
-            raise AsperityError(f"--screenshot must be a .png file, got {self.screenshot}")
+        if self.screenshot is not None and self.screenshot.suffix.lower() not in _PICTURES:
+            raise AsperityError(f"--screenshot must be a .png or .jpg file, got {self.screenshot}")
         from asperity.page.server import require_viser
 
         require_viser()

@@ -19,6 +19,8 @@ SIZE = (1400, 800)
 _CLOSE = ".mantine-Notification-closeButton"
 _SLOW = 300.0
 """How long a picture may take where the processor draws it [s]."""
+_QUALITY = 88
+"""Of a JPEG [percent]."""
 _SETTLED, _SHOWN, _DRAWN = 4.0, 0.6, 2.0
 """After which the tool has come down and slides, all panels show it, and that is drawn [s]."""
 _ARGUMENTS = (
@@ -72,7 +74,7 @@ def close_notes(tab: Any) -> None:
 def take_picture(
     page: Page, path: Path, *, size: tuple[int, int] = SIZE, press: float = 0.9
 ) -> None:
-    """Write a picture of the page while the tool slides, pressed with a force [N], as a PNG.
+    """Write a picture of the page while the tool slides, pressed with a force [N]; PNG or JPEG.
 
     The loop goes on; the page holds still while a browser draws it.
     """
@@ -90,5 +92,6 @@ def take_picture(
         time.sleep(_SHOWN)
         page.pause()
         tab.wait_for_timeout(1e3 * _DRAWN)
-        tab.screenshot(path=str(path), timeout=1e3 * _SLOW)
+        quality = {} if path.suffix.lower() == ".png" else {"quality": _QUALITY}
+        tab.screenshot(path=str(path), timeout=1e3 * _SLOW, **quality)
     page.pause(False)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 _ARRAYS, _INDICES = 34962, 34963
 _UINT, _FLOAT = 5125, 5126
+_LINEAR = 9729
 _QUALITY = 92
 """Of the image in the file, as JPEG [percent]."""
 
@@ -76,7 +77,10 @@ def glb(
         at += len(blocks[-1])
         told = {
             "images": [{"bufferView": len(views) - 1, "mimeType": "image/jpeg"}],
-            "textures": [{"source": 0}],
+            # Without smaller copies: a triangle is stretched into its corner of the image, and by
+            # the copy for its narrow side stripes across the wide one would vanish.
+            "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR}],
+            "textures": [{"source": 0, "sampler": 0}],
         }
     attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0" if painted else "COLOR_0": 2}
     told |= {

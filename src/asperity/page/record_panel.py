@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from asperity.page.downloads import Downloads
 from asperity.page.kept import KeptRecording
 from asperity.page.panel import Frame
 from asperity.page.timeline import Timeline
+from asperity.recording import add_attribute
 from asperity.servo.on_request import RecorderOnRequest, attributes_of
 from asperity.servo.replay import SCENE_BESIDE
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     import viser
 
     from asperity.page.link import Link
+    from asperity.servo.parameters import Parameters
 
 _EVERY = 10
 _READY = "Every tick goes into a `recording.h5`, written by a process of its own."
@@ -47,6 +50,8 @@ class RecordPanel:
         self._recorder: RecorderOnRequest | None = None
         self._untap: Callable[[], None] = lambda: None
         self._generation = 0
+        self._parameters: Parameters | None = None
+        self._changes: list[dict[str, Any]] = []
         self._replayed: tuple[KeptRecording, ContactsAgain] | None = None
         self.path: Path | None = None
         """The last recording that was finished."""
@@ -72,7 +77,10 @@ class RecordPanel:
     def update(self, frame: Frame) -> None:
         """Show how long it has been recording; end it with the scene that it is of."""
         recorder = self._recorder
-        if recorder is None or frame.number % _EVERY:
+        if recorder is None:
+            return
+        self._note(recorder)
+        if frame.number % _EVERY:
             return
         if frame.generation != self._generation:
             self.stop("the loop was begun anew, with another scene, texture or device")
@@ -80,6 +88,13 @@ class RecordPanel:
             self.stop("the recorder ended")
         else:
             self._told.content = f"Recording: **{recorder.seconds:.1f} s**, {recorder.ticks} ticks"
+
+    def _note(self, recorder: RecorderOnRequest) -> None:
+        """Remember parameters that were changed, and when, to within an update of the page."""
+        now = self._link.parameters
+        if self._link.generation == self._generation and now != self._parameters:
+            self._parameters = now
+            self._changes.append({"after": round(recorder.seconds, 3), **now.plain()})
 
     def close(self) -> None:
         """Finish a recording that goes on."""
@@ -108,6 +123,7 @@ class RecordPanel:
                 self._told.content = f"**Not recording:** {error}"
                 return
             self._recorder, self._generation = recorder, link.generation
+            self._parameters, self._changes = link.parameters, []
 
             def take(rows: Any) -> None:
                 if link.generation == self._generation:
@@ -127,6 +143,8 @@ class RecordPanel:
             self._told.content = "Finishing the recording"
             told = recorder.finish()
             self.path = recorder.path if told["ticks"] else None
+            if self.path is not None and self._changes:
+                add_attribute(self.path, "parameter_changes", json.dumps(self._changes))
             lost = f", **{told['ticks_lost']} lost**" if told["ticks_lost"] else ""
             wrong = "".join(f"\n\n**{text}**" for text in (told["error"], why) if text)
             self._told.content = (

@@ -56,7 +56,7 @@ def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
          judged(frame.interventions, 0, 0.05 * wanted)),
         ("clamped", f"{frame.clamps}", "in 1 s", judged(frame.clamps, 0, 0.05 * wanted)),
         ("silences", f"{moment.silences}", "in all", judged(moment.silences, 0, 10)),
-        ("misses", f"{moment.misses}", f"of {moment.ticks}",
+        ("misses", f"{moment.misses}", "in all",
          judged(moment.misses / max(moment.ticks, 1), 0.001, _MISSES)),
     ]  # fmt: skip
 

@@ -99,8 +99,12 @@ class MeshRelief:
         _, lit, height = self.displaced(face, weights)
         if height is None:
             return np.zeros(lit.shape[:-1]), np.ones(lit.shape[:-1])
-        smooth = _unit(weights @ self._lit[face])
+        smooth = self.smooth_normals(face, weights)
         return height, np.asarray(np.einsum("ijk,ijk->ij", lit, smooth))
+
+    def smooth_normals(self, face: Whole, weights: Array) -> Array:
+        """Return unit normals (n, k, 3) to be lit by, without the relief's slopes."""
+        return _unit(weights @ self._lit[face])
 
     def _triplanar(self, points: Array, w: Array) -> tuple[Array, Array]:
         """Return heights and their gradients at points with unit normals w."""

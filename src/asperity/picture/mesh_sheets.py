@@ -38,6 +38,8 @@ class _Parts(NamedTuple):
     """Weights of the triangle's corners at those of the part, (n, 3, 3)."""
     divisions: Whole
     """Of each side, (n,)."""
+    fine: NDArray[np.bool_]
+    """Which are in view, (n,)."""
 
 
 def mesh_sheets(
@@ -83,6 +85,10 @@ def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
         for some in np.array_split(chosen, 1 + len(chosen) * len(template) // _AT_ONCE):
             weights = template @ parts.corners[some]
             points, normals, height = relief.displaced(parts.face[some], weights)
+            if view.camera is None:
+                # Points far apart say nothing of the slopes between them.
+                coarse = ~parts.fine[some]
+                normals[coarse] = relief.smooth_normals(parts.face[some][coarse], weights[coarse])
             yield Sheet(points, normals, corners, height, parts.face[some], weights)
 
 
@@ -101,7 +107,7 @@ def _parts(relief: MeshRelief, view: View, face: Whole) -> _Parts:
         wanted = np.where(fine, np.ceil(sides.max(axis=1) / view.spacing), 1.0)
         whole = wanted <= _DIVISIONS
         divisions = np.maximum(wanted[whole], 1.0).astype(np.int64)
-        done.append(_Parts(face[whole], corners[whole], divisions))
+        done.append(_Parts(face[whole], corners[whole], divisions, fine[whole]))
         if whole.all():
             return _Parts(*(np.concatenate(column) for column in zip(*done, strict=True)))
         face, corners = _halved(face[~whole], corners[~whole], sides[~whole])
