@@ -66,12 +66,15 @@ define INSTALL
 	@touch $@
 endef
 
+# In a variable, since a comma written in a call would end its argument.
+PEERS := [compare,haply,sweep,view]
+
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 $(VENV)/installed-run: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,)
 $(VENV)/installed-compare: pyproject.toml constraints.txt | $(BIN)/python
-	$(call INSTALL,[compare,haply,sweep,view])
+	$(call INSTALL,$(PEERS))
 $(VENV)/installed-view: pyproject.toml constraints.txt | $(BIN)/python
 	$(call INSTALL,[view])
 $(VENV)/installed-dev: pyproject.toml constraints.txt | $(BIN)/python

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from asperity.errors import AsperityError
 from asperity.page.motions import Motion
 from asperity.page.server import Page
@@ -21,8 +23,10 @@ _SLOW = 300.0
 """How long a picture may take where the processor draws it [s]."""
 _QUALITY = 88
 """Of a JPEG [percent]."""
-_SETTLED, _SHOWN, _DRAWN = 4.0, 0.6, 2.0
-"""After which the tool has come down and slides, all panels show it, and that is drawn [s]."""
+_SETTLED, _WAITED = 4.0, 5.0
+"""After which the tool has come down and slides; how long a touch is waited for then [s]."""
+_DRAWN, _FOLDED = 25.0, 20.0
+"""After which all that the page holds is drawn, and what was closed is folded [s]."""
 _ARGUMENTS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
     "--hide-scrollbars", "--disable-background-networking", "--disable-component-update",
@@ -76,22 +80,37 @@ def take_picture(
 ) -> None:
     """Write a picture of the page while the tool slides, pressed with a force [N]; PNG or JPEG.
 
-    The loop goes on; the page holds still while a browser draws it.
+    The page holds still while a browser draws it: software drawing takes all there is of a small
+    computer. Shown are the surfaces' controls; the loop's numbers are those of whatever else the
+    computer did, and folded away.
     """
     link = page.link
+    if link.choice.is_mouse:
+        link.move(Motion("slide", 0.02, 0.02), press=press)
+    time.sleep(_SETTLED)
+    _wait_for_touch(page, press)
+    page.pause()
     with browser_tab(size) as tab:
         tab.goto(page.url, timeout=1e3 * _SLOW)
         tab.wait_for_selector("canvas", timeout=1e3 * _SLOW)
-        # Software drawing takes all there is of a small computer: the loop first, then the picture.
-        page.pause()
-        close_notes(tab)
-        if link.choice.is_mouse:
-            link.move(Motion("slide", 0.02, 0.02), press=press)
-        time.sleep(_SETTLED)
-        page.pause(False)
-        time.sleep(_SHOWN)
-        page.pause()
         tab.wait_for_timeout(1e3 * _DRAWN)
+        close_notes(tab)
+        # The legend of the heights is shown, and the loop's numbers of a moment are folded away.
+        tab.get_by_role("tab", name="Surfaces").click()
+        tab.get_by_text("Loop", exact=True).click()
+        tab.wait_for_timeout(1e3 * _FOLDED)
         quality = {} if path.suffix.lower() == ".png" else {"quality": _QUALITY}
         tab.screenshot(path=str(path), timeout=1e3 * _SLOW, **quality)
     page.pause(False)
+
+
+def _wait_for_touch(page: Page, press: float) -> None:
+    """Wait until the hand feels about what it presses with, for some time at most."""
+    until = time.monotonic() + _WAITED
+    while time.monotonic() < until:
+        moment = page.link.latest()
+        if moment is not None and moment.contact_count:
+            force = float(np.linalg.norm(moment.device_wrench[:3]))
+            if 0.5 * press < force < 1.5 * press:
+                return
+        time.sleep(0.01)
