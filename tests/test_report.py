@@ -5,6 +5,7 @@ import re
 import pytest
 
 from asperity.demo import PROBES, SCENES, run_demo, steps
+from asperity.page.pictures import PICTURED
 from asperity.perception.studies import StudySettings
 from asperity.real_surfaces import REAL_SURFACES
 from asperity.report import render
@@ -40,7 +41,7 @@ def test_the_page_is_self_contained_and_complete(demo):
     assert links
     assert all(link.startswith("data:") for link in links)
     assert page.count("<audio") == len(REAL_SURFACES)
-    assert page.count("<img") == 4 + len(REAL_SURFACES) + 3 * len(SCENES)
+    assert page.count("<img") == 4 + len(REAL_SURFACES) + 3 * len(SCENES) + len(PICTURED)
     for claim in results.claims:
         assert f"<code>{claim['id']}</code>" in page
     assert "How long it took" in page
