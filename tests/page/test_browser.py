@@ -66,17 +66,20 @@ def on_screen(page, point):
     )
 
 
-def test_the_scene_is_drawn(page, link, tab):
-    seen = canvas(page, tab)
-    assert seen.std(axis=(0, 1)).max() > 15.0
-    assert len(np.unique(seen.reshape(-1, 3) // 16, axis=0)) > 30
+def test_the_scene_is_drawn(page, link, tab, until):
+    def drawn():
+        seen = canvas(page, tab)
+        colours = len(np.unique(seen.reshape(-1, 3) // 16, axis=0))
+        return seen.std(axis=(0, 1)).max() > 15.0 and colours > 30
+
+    until(drawn)
 
 
 def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
     mouse = panel("Mouse")
     mouse.holder.take(None, -1e9)
     place = np.array(mouse._gizmo.position)
-    x, y = on_screen(page, np.add(place, [0.0, 0.0, 1.2]))  # on the arrow upwards
+    x, y = on_screen(page, np.add(place, [0.0, 0.0, 1.75]))  # the tip of the arrow upwards
     tab.mouse.move(x, y)
     tab.wait_for_timeout(700)
     tab.mouse.down()
@@ -92,7 +95,7 @@ def test_a_number_that_is_typed_reaches_the_loop(link, tab, until):
     tab.get_by_role("tab", name="Contact").click()
     field = tab.locator("input[type=text][value='400']").first
     field.fill("330")
-    field.press("Enter")
+    tab.keyboard.press("Enter")  # its value has changed, and with it what finds it
     until(lambda: link.parameters.stiffness == 330.0)
     link.change(stiffness=400.0)
 
