@@ -127,10 +127,10 @@ def test_held_the_page_stands_and_follows_its_slider(live, tab):
     timeline = panel(page, "TimePanel")._timeline
     held, ticks = until(lambda: timeline.length), link.ticks
     assert timeline.at == held
-    slider = tab.locator(".mantine-Slider-root:visible").first
+    slider = tab.locator(".mantine-Slider-trackContainer:visible").first
     slider.wait_for(timeout=SLOW)
     box = slider.bounding_box(timeout=SLOW)
-    tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"])
+    tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     until(lambda: 0.2 * held < timeline.at < 0.8 * held)
     # All that the page shows is of that moment: the pose, and the end of what is plotted.
     rows, at = timeline.everything(), timeline.at
@@ -186,7 +186,7 @@ def test_what_is_recorded_is_what_is_replayed(live, tab):
     )
     press(tab, "Replay")
     timeline = panel(page, "TimePanel")._timeline
-    until(lambda: not timeline.is_live)
+    until(lambda: timeline.playing)
     timeline.playing = False
     timeline.move_to(1.0)
     to(tab, "Plots")

@@ -123,6 +123,13 @@ class Comparison:
     rows: list[Row]
 
 
+def rounded(value: float) -> str:
+    """Return a number to three digits, as it is shown; below a thousandth of its unit is noise."""
+    if abs(value) < 1e-3:
+        return "0"
+    return f"{value:.3g}" if abs(value) < 999.5 else f"{float(f'{value:.3g}'):.0f}"
+
+
 def compare(
     scene: Scene,
     methods: Sequence[Method],

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.comparison.compare import BAND, Comparison, Row
+from asperity.comparison.compare import BAND, Comparison, Row, rounded
 from asperity.plots import COLOURS, style
 from asperity.plots_run import across_mean
 
@@ -67,11 +67,12 @@ def traces_figure(result: Comparison) -> Figure:
         own = _part(rows[0], direction, begin, count) if rows[0].method.name == "asperity" else None
         most = 0.0
         for axis, row in zip(axes, rows, strict=False):
-            values = _part(row, direction, begin, count)
+            shown, where = _acting(row, direction)
+            values = _part(row, shown, begin, count)
             if own is not None and row is not rows[0]:
                 axis.plot(time, own, color=_GREY, lw=1.0)
             axis.plot(time, values, color=COLOURS[0], lw=1.1)
-            axis.set_title(row.method.label)
+            axis.set_title(row.method.label + where)
             axis.set_xlim(0.0, time[-1] if count > 1 else 1.0)
             # A method that rattles must not make lines of all others.
             most = max(most, float(np.percentile(np.abs(values), 97)))
@@ -82,6 +83,17 @@ def traces_figure(result: Comparison) -> Figure:
         _named(axes, len(rows), "time [ms]", "force [N]")
         _room(figure)
     return figure
+
+
+def _acting(row: Row, direction: Array) -> tuple[Array, str]:
+    """Return along what a method's force changes (3,), and how to say so if not the motion."""
+    assert row.felt is not None
+    across = across_mean(row.felt.force)
+    change = across - across.mean(axis=0)
+    if np.square(change @ direction).sum() >= 0.01 * np.square(change).sum():
+        return direction, ""
+    _, _, axes = np.linalg.svd(change, full_matrices=False)
+    return np.asarray(axes[0]), ", across the motion"
 
 
 def _part(row: Row, direction: Array, begin: int, count: int) -> Array:
@@ -117,7 +129,7 @@ def spectra_figure(result: Comparison) -> Figure:
             amplitude = np.maximum(row.spectrum.amplitude[1:], 1e-12)
             axis.plot(row.spectrum.frequency[1:], amplitude, color=COLOURS[1], lw=0.9)
             axis.set(yscale="log", ylim=(1e-5 * top, 3.0 * top), xlim=(0.0, 500.0))
-            axis.set_title(f"{row.method.label}: {1e3 * (row.band_rms or 0.0):.3g} mN")
+            axis.set_title(f"{row.method.label}: {rounded(1e3 * (row.band_rms or 0.0))} mN")
         _named(axes, len(rows), "frequency [Hz]", "[N]")
         _room(figure)
     return figure
@@ -143,8 +155,8 @@ def cost_figure(result: Comparison) -> Figure:
         axis.axvline(1.0, color=_GREY, lw=1.0, zorder=0)
         axis.set_yticks(range(len(rows)), [row.method.label for row in rows])
         axis.set_ylim(len(rows) - 0.4, -0.75)
-        axis.set(xscale="log", xlabel="cost of a tick over asperity's median in the same run "
-                 "(point: median, bar: 99th percentile)")  # fmt: skip
+        axis.set(xscale="log", xlabel="cost of a tick over asperity's median in one run (point: "
+                 "median, bar: p99)")  # fmt: skip
         axis.set_title(f"{result.scene.name}: cost per tick")
         figure.tight_layout()
     return figure

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from asperity import __version__
-from asperity.comparison.compare import BAND, Comparison, Row
+from asperity.comparison.compare import BAND, Comparison, Row, rounded
 from asperity.comparison.properties import CRITERIA, Measured
 from asperity.report_style import STYLE
 from asperity.trajectory import ScriptedMotion
@@ -41,12 +41,12 @@ def columns(row: Row) -> list[str]:
         return ["-"] * 7
     cost, ratio = row.cost, row.ratio or 0.0
     return [
-        f"{1e6 * cost[0]:.3g}",
-        f"{1e6 * cost[1]:.3g}",
-        f"{ratio:.3g}",
-        f"{1e3 * (row.tangential or 0.0):.3g}",
-        f"{1e3 * (row.band_rms or 0.0):.3g}",
-        f"{1e3 * float(row.felt.torque.std(axis=0).max()):.3g}",
+        rounded(1e6 * cost[0]),
+        rounded(1e6 * cost[1]),
+        rounded(ratio),
+        rounded(1e3 * (row.tangential or 0.0)),
+        rounded(1e3 * (row.band_rms or 0.0)),
+        rounded(1e3 * float(row.felt.torque.std(axis=0).max())),
         f"{len(row.felt.force)}",
     ]
 
@@ -66,9 +66,7 @@ def _number(name: str, measured: Measured) -> str:
     if measured.value is None:
         return measured.detail
     unit = CRITERIA[name].unit
-    value = measured.value
-    shown = "0" if abs(value) < 1e-3 else f"{value:.3g}"
-    return f"{shown} {unit}"
+    return f"{rounded(measured.value)} {unit}"
 
 
 def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str]]]]:
@@ -108,9 +106,9 @@ def _tables(result: Comparison) -> list[tuple[str, str, list[str], list[list[str
         still = [
             [
                 row.method.label,
-                f"{1e3 * row.properties.still.buzzing:.2g}",
-                f"{1e3 * row.properties.still.aliveness:.2g}",
-                f"{1e6 * row.properties.still.motion:.2g}",
+                rounded(1e3 * row.properties.still.buzzing),
+                rounded(1e3 * row.properties.still.aliveness),
+                rounded(1e6 * row.properties.still.motion),
             ]
             for row in measured
             if row.properties is not None and row.properties.still is not None
