@@ -16,12 +16,7 @@ pytest.importorskip("playwright", reason="Playwright is not installed")
 
 from asperity.page.browser import browser_tab, chromium, close_notes
 
-# Slow: on two busy cores software takes minutes to draw what is clicked on. What a click does is
-# tested in `test_page`, without a browser; how a loop dies and begins again, in `test_link`.
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(chromium() is None, reason="no Chromium is installed"),
-]
+pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
 SLOW = 120e3
 """[ms]"""
 
@@ -80,15 +75,19 @@ def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
     mouse.holder.take(None, -1e9)
     place = np.array(mouse._gizmo.position)
     x, y = on_screen(page, np.add(place, [0.0, 0.0, 1.75]))  # the tip of the arrow upwards
-    tab.mouse.move(x, y)
-    tab.wait_for_timeout(700)
-    tab.mouse.down()
-    for step in range(1, 9):
-        tab.mouse.move(x, y + 6.0 * step)
-        tab.wait_for_timeout(60)
-    tab.mouse.up()
-    until(lambda: link.latest().device_wrench[2] > 0.1)
+    for wait in (500, 2_000, 8_000):  # longer, where the processor takes its time to draw
+        tab.mouse.move(x, y)
+        tab.wait_for_timeout(wait)
+        tab.mouse.down()
+        for step in range(1, 9):
+            tab.mouse.move(x, y + 6.0 * step)
+            tab.wait_for_timeout(wait / 10)
+        tab.mouse.up()
+        tab.wait_for_timeout(wait)
+        if link.target[2] < link.choice.first_pose[2] - 1e-3:
+            break
     assert link.target[2] < link.choice.first_pose[2] - 1e-3
+    until(lambda: link.latest().device_wrench[2] > 0.1)
 
 
 def test_a_number_that_is_typed_reaches_the_loop(link, tab, until):

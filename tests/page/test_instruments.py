@@ -56,7 +56,7 @@ def plots(tab):
     return [(labels, [np.array(line, dtype=float) for line in data]) for labels, data in said]
 
 
-def until(true, seconds=30.0):
+def until(true, seconds=120.0):
     """Wait until something is so; return it."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -119,7 +119,6 @@ def test_the_predicted_roughness_is_that_of_the_shaking(live, tab):
     assert "band metric" in text
 
 
-@pytest.mark.slow
 def test_held_the_page_stands_and_follows_its_slider(live, tab):
     link, page = live
     to(tab, "Plots")
@@ -146,7 +145,6 @@ def test_held_the_page_stands_and_follows_its_slider(live, tab):
     until(lambda: timeline.is_live)
 
 
-@pytest.mark.slow
 def test_the_sound_in_the_page_has_the_length_that_was_asked_for(live, tab):
     to(tab, "Record")
     until(lambda: live[0].ticks > 5.5 * RATE)
@@ -161,7 +159,6 @@ def test_the_sound_in_the_page_has_the_length_that_was_asked_for(live, tab):
     assert tab.evaluate("document.querySelector('audio').error") is None
 
 
-@pytest.mark.slow
 def test_what_is_recorded_is_what_is_replayed(live, tab):
     link, page = live
     to(tab, "Record")
@@ -207,7 +204,6 @@ def test_what_is_recorded_is_what_is_replayed(live, tab):
     kept.close()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("button", "kind"), [("WAV of", "wav"), ("CSV,", "csv"), ("PNG of the plots", "png")]
 )
@@ -234,7 +230,6 @@ def test_what_is_shown_can_be_taken_away(live, tab, button, kind):
         assert content[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-@pytest.mark.slow
 def test_no_other_origin_is_answered(live):
     _, page = live
     connection = http.client.HTTPConnection("127.0.0.1", page.server.get_port(), timeout=10)
