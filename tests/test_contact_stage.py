@@ -137,3 +137,19 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     assert contact.flags & BUDGET_SPENT
     free = stage.evaluate(pose + 7 * step)
     assert not free.flags & BUDGET_SPENT
+
+
+def test_what_there_was_no_room_for_is_told_without_a_contact_too():
+    stage, statuses = ContactStage(probe_plate()), np.zeros(3, np.int64)
+    stage.evaluate(np.array([0.0, 0.0, 0.1, 1, 0, 0, 0]))
+    contacts = stage.engine.contacts
+    assert contacts.count.tolist() == [0, 0]
+    stage.count_statuses(statuses)
+    assert statuses.tolist() == [0, 0, 0]
+    contacts.count[:] = 0, 7
+    stage.count_statuses(statuses)
+    assert statuses.tolist() == [0, 0, 1]
+    contacts.count[:] = 2, 7
+    contacts.status[:2] = 1, 2
+    stage.count_statuses(statuses)
+    assert statuses.tolist() == [0, 1, 2]

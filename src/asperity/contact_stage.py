@@ -223,10 +223,20 @@ class ContactStage:
 
     def _flag_contacts(self) -> None:
         contacts = self.engine.contacts
-        count = int(contacts.count[0])
-        if count:
-            worst = int(contacts.status[:count].max())
-            if worst >= 1:
-                self._flags |= NOT_CERTIFIED
-            if worst >= 2:
-                self._flags |= OVERFLOW
+        count, left_out = contacts.count.tolist()
+        if count and contacts.status[:count].max() >= 1:
+            self._flags |= NOT_CERTIFIED
+        if left_out:
+            self._flags |= OVERFLOW
+
+    def count_statuses(self, statuses: NDArray[np.int64]) -> None:
+        """Add the contacts by status to `statuses` (3,): certified, budget spent, overflow.
+
+        Where there was no room for any contact, that is one overflow.
+        """
+        contacts = self.engine.contacts
+        count, left_out = contacts.count.tolist()
+        for status in contacts.status[:count].tolist():
+            statuses[min(status, 2)] += 1
+        if left_out and not count:
+            statuses[2] += 1

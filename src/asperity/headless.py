@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity import __version__
 from asperity.anti_alias import SPAN
+from asperity.dynamics.hand import Hand
 from asperity.dynamics.passivity import PassivityController
 from asperity.picture.contact import Moment, Picture, close_picture, whole_picture
 from asperity.recording import RecordingWriter, variables_of
@@ -49,7 +50,7 @@ def run_scene(
     *,
     motion: ScriptedMotion | Trajectory | None = None,
     dt: float = 1e-3,
-    hand: bool = False,
+    hand: bool | Hand = False,
     source: str = "",
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
@@ -64,9 +65,9 @@ def run_scene(
         Default: the scene's own.
     dt : float
         Tick [s].
-    hand : bool
+    hand : bool or Hand
         Whether a simulated hand holds the handle and yields to what it feels, aiming along the
-        trajectory and pressing as it says; kept passive by a controller.
+        trajectory and pressing as it says; kept passive by a controller. A `Hand` says which.
     source : str
         What `load_scene` makes the scene of, for `replay`. Default: the scene's name.
     on_tick : callable
@@ -84,7 +85,8 @@ def run_scene(
         "hand": "simulated" if hand else "none", "version": __version__, "document": json.dumps(
             scene.document), "notes": "\n".join(scene.notes),
     }  # fmt: skip
-    held = simulation.hand(motion) if hand else None
+    which = hand if isinstance(hand, Hand) else None
+    held = simulation.hand(motion, hand=which) if hand else None
     controller = PassivityController(simulation.dt) if hand else None
     with ExitStack() as stack:
         writer = recording and stack.enter_context(RecordingWriter(recording, attributes))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from asperity.contact_stage import (
     announce_compiling,
 )
 from asperity.dynamics.coupling import DeviceLimits, held_body
+from asperity.dynamics.hand import Hand
 from asperity.dynamics.held_tool import HeldTool
 from asperity.dynamics.passivity import PassivityController
 from asperity.dynamics.simulated_hand import HandSettings, SimulatedHand
@@ -242,8 +243,8 @@ class Simulation:
             out.device_wrench[i] = wrench
             count = out.contact_count[i] = self.contact_count
             out.flags[i] = self.flags
+            self.stage.count_statuses(out.statuses)
             if count:
-                out.statuses[:] += np.bincount(self.contacts.status[:count], minlength=3)[:3]
                 depth[i] = self.contacts.depth[:count].max()
             on_tick(i, out)
         return out
@@ -253,21 +254,24 @@ class Simulation:
         motion: Trajectory | ScriptedMotion | None = None,
         settings: HandSettings | None = None,
         *,
+        hand: Hand | None = None,
         damping: float = 0.0,
     ) -> SimulatedHand:
         """Return a simulated hand that aims along a trajectory, by default the scene's.
 
         Without settings it presses with the motion's `press_force`; a motion that comes down
-        from above finds that force, one that begins on the surface begins with it.
-        `damping` is the device's own [N s/m].
+        from above finds that force, one that begins on the surface begins with it; and `hand`
+        is its mass, stiffness and damping along every axis. `damping` is the device's own
+        [N s/m].
         """
         motion = self.scene.motion if motion is None else motion
         if settings is None:
-            settings = HandSettings()
+            settings = HandSettings(hand=Hand() if hand is None else hand)
             if isinstance(motion, ScriptedMotion) and motion.press_depth is None:
-                settings = HandSettings(
-                    press_force=motion.press_force, preload=motion.kind != "press-and-slide"
-                )
+                settings = replace(
+                    settings, press_force=motion.press_force,
+                    preload=motion.kind != "press-and-slide",
+                )  # fmt: skip
         path = self.trajectory(motion)
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
 

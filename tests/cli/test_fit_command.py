@@ -50,9 +50,17 @@ def test_a_model_of_recordings_matches_their_held_out_ends(recordings, tmp_path,
     assert "fitted" not in json.loads((again / "fit.json").read_text())
 
 
+def test_a_model_is_not_judged_by_what_it_is_made_of(recordings, tmp_path, capsys):
+    options = ["--held-out", str(recordings[1]), "--out", str(tmp_path / "fit")]
+    assert main(["fit", *map(str, recordings[:2]), *options]) == 2
+    assert "--held-out: the model would be made of 1.h5 itself" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
+        ([], "give a scene"),
         (["nowhere.h5"], "no such recording: nowhere.h5"),
         (["probe-plate", "hammer-blocks"], "one scene, or recordings"),
         (["probe-plate", "--held-out", "x.h5"], "--held-out is for recordings"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,12 @@ from asperity.cli.main import main
 from asperity.comparison import stimuli
 from asperity.comparison.compare import CompareSettings, compare
 from asperity.comparison.drive import follow, mean_push, pressed_to, raised
-from asperity.comparison.properties import CRITERIA, measure_properties, tangential_rms
+from asperity.comparison.properties import (
+    CRITERIA,
+    _Bench,
+    measure_properties,
+    tangential_rms,
+)
 from asperity.comparison.write import write_comparison, write_docs
 from asperity.errors import AsperityError
 from asperity.methods import METHODS, MethodWrench, chosen
@@ -89,6 +95,30 @@ def test_asperity_and_minsky_have_the_properties_that_the_paper_says():
     for name in ("meshing", "silence"):
         assert own[name].value == pytest.approx(0.0, abs=1e-3)
     assert not own["speed"].holds
+
+
+class Turner(Spring):
+    """Turns about y as it goes, whatever is under it; `more` of it where there is texture."""
+
+    def __init__(self, scene, more=0.0):
+        super().__init__()
+        rough = any(body.texture is not None for body in scene.bodies)
+        self.size = 1e-4 + (more if rough else 0.0)
+
+    def wrench(self, pose):
+        felt = super().wrench(pose)
+        felt.torque[1] += self.size * np.sin(2e3 * np.pi * pose[0])
+        return felt
+
+
+def test_what_turns_a_foot_on_a_smooth_plate_too_is_not_the_textures():
+    alike, more = (
+        _Bench(SimpleNamespace(prepare=lambda scene, m=more: Turner(scene, m))).torque()[0]
+        for more in (0.0, 1e-4)
+    )
+    assert alike == pytest.approx(0.0, abs=1e-6)
+    # sqrt(2^2 - 1^2) of 0.1 mN m, as RMS, over 0.58 N at 3 mm.
+    assert more == pytest.approx(100.0 * np.sqrt(1.5) * 1e-4 / (0.58 * 3e-3), rel=0.03)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""One servo and one page for all tests of the page, and a tab without a browser."""
+"""One servo and one page for all tests of a module, and what finds the page's parts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def until():
     return wait_until
 
 
-@pytest.fixture(scope="package")
+# Not for longer than a module: a loop that goes on takes a core from whatever is tested next.
+@pytest.fixture(scope="module")
 def page():
     """Return a page on a plate, with few triangles, that the mouse moves."""
     pytest.importorskip("viser")

@@ -18,8 +18,9 @@ from asperity.page.server import Page
 from asperity.recording_dataset import open_recording
 from asperity.servo.rows import columns
 
-pytestmark = pytest.mark.xdist_group("browser")
-SLOW = 60_000
+# With the tests that have a loop: two browsers and a loop are more than two cores.
+pytestmark = pytest.mark.xdist_group("page")
+SLOW = 180_000
 """Software graphics on a busy machine [ms]."""
 
 

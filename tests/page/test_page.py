@@ -170,7 +170,7 @@ def test_what_is_changed_while_it_records_stands_in_the_recording(page, link, un
     (change,) = json.loads(read_attributes(record.path)["parameter_changes"])
     assert change["stiffness"] == before - 21.0
     assert change["friction"] == link.parameters.friction
-    assert 0.05 < change["after"] < len(read_recording(record.path).time) / link.parameters.rate
+    assert 0.05 < change["after"] < read_recording(record.path).time[-1]
     link.change(stiffness=before)
 
 

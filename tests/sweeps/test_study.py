@@ -125,6 +125,23 @@ def test_a_scene_is_changed_as_its_toml_would_be():
     assert texture == {"kind": "sinusoid", "wavelength": 1e-3, "amplitude": 1e-4}
 
 
+def test_probe_and_hand_of_a_scene_are_varied():
+    fixed = {"scene": "probe-plate", "trajectory.seconds": 0.1, "coupling.mode": "implicit"}
+    runs = SceneRuns(fixed, None, 0)
+
+    def felt(**told):
+        varied = {key.replace("_of_", "."): value for key, value in told.items()}
+        return runs.numbers(varied, ["vibration_rms_n", "mean_force_n"])
+
+    small, large = felt(probe_of_diameter=1e-3), felt(probe_of_diameter=4e-3)
+    assert small[0] > 1.2 * large[0]  # it reaches deeper into the waves
+    assert felt(probe_of_diameter=1e-3) == small
+    assert felt(probe_of_diameter=3e-3) == felt()  # what the scene has
+    light, heavy = felt(hand_of_mass=0.02), felt(hand_of_mass=0.5)
+    assert felt(hand=True) == felt(hand_of_mass=0.05)  # the usual one
+    assert len({felt(hand=True)[0], light[0], heavy[0], felt()[0]}) == 4
+
+
 SCENE = {"scene": "probe-plate"}
 RANGE = {"from": 1.0, "to": 2.0}
 
@@ -179,6 +196,15 @@ RANGE = {"from": 1.0, "to": 2.0}
         (study({"repeat": [0, 1]}, kind="scene", fixed=SCENE), ["vary.repeat", '"content"']),
         (study({"dt": [1e-3]}, kind="scene", fixed=SCENE, keep=["hand.energy_j"]),
          ["hand.energy_j needs fixed.hand = true"]),
+        (study({"hand": {"mass": [0.05, -1.0]}}, kind="scene", fixed=SCENE),
+         ["vary.hand.mass", "-1"]),
+        (study({"hand": {"mass": [0.05]}}, kind="scene", fixed=SCENE | {"hand": False}),
+         ["hand.mass needs hand = true"]),
+        (study({"probe": {"diameter": [1e-3, 0.1]}}, kind="scene", fixed=SCENE),
+         ["vary.probe.diameter", "0.0002 and 0.008", "0.1"]),
+        (study({"probe": {"diameter": [1e-3]}}, kind="scene", fixed={"scene": "file-cad"}),
+         ["probe.diameter", "probe-plate-dots", "'file-cad'"]),
+        (study({"dt": [1, 1.0]}, kind="scene", fixed=SCENE), ["twice"]),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named_by_its_key(document, words, tmp_path):

@@ -131,6 +131,16 @@ def test_a_run_becomes_vibration_speed_force_and_drag():
         explored(time * 50, pose, wrench, np.ones(n, int), mass=0.1)
 
 
+@pytest.mark.parametrize("rate", [1e3, 2.5e3, 3e3, 1e4])
+def test_the_rate_is_that_of_the_ticks_to_the_bit(rate):
+    """A model of the same rate shall go with it: differences of times are off in the last place."""
+    n = round(1.5 * rate)
+    time = np.arange(n) / rate
+    pose, wrench = np.zeros((n, 7)), np.zeros((n, 6))
+    pose[:, 0], pose[:, 3], wrench[:, 2] = 0.05 * time, 1.0, 0.5
+    assert explored(time, pose, wrench, np.ones(n, int), mass=0.1).rate == rate
+
+
 def test_distances_of_equal_louder_and_other_vibration():
     a, same = noise(8000, 100, 1.0, 0), noise(8000, 100, 1.0, 1)
     other = noise(8000, 300, 1.0, 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
     from asperity.scene import Scene
     from asperity.trajectory import ScriptedMotion, Trajectory
+
+_BUDGET = 60.0
 
 
 @dataclass
@@ -40,7 +43,7 @@ class Compare:
     """Of sliding."""
     force_n: Annotated[float | None, Between(1e-3, 20.0)] = None
     """That presses [N]; by default the motion's."""
-    budget_s: Annotated[float, Between(1.0, 36000.0)] = 60.0
+    budget_s: Annotated[float, Between(1.0, 36000.0)] = _BUDGET
     """Longest that one method's ticks may take; slower ones go less far."""
     no_properties: bool = False
     """Leave out the properties, which are measured on scenes of their own."""
@@ -112,13 +115,13 @@ class Compare:
 
     def _command(self) -> str:
         """Return the command that makes the page again."""
-        words = ["asperity compare", self.scene]
+        words = ["asperity compare", shlex.quote(self.scene)]
         if self.method:
             words.append(f"--method {' '.join(self.method)}")
-        for name in ("motion", "seconds", "speed_mm_s", "force_n"):
+        for name in ("motion", "seconds", "speed_mm_s", "force_n", "budget_s"):
             value = getattr(self, name)
-            if value is not None:
-                words.append(f"--{name.replace('_', '-')} {value}")
+            if value is not None and (name, value) != ("budget_s", _BUDGET):
+                words.append(f"--{name.replace('_', '-')} {shlex.quote(str(value))}")
         if self.no_properties:
             words.append("--no-properties")
         return " ".join(words)

@@ -71,6 +71,8 @@ class Fit:
         from asperity.vibration.summary import in_words, summary_of
 
         require_choice("--criterion", self.criterion, CRITERIA)
+        if not self.sources:
+            raise AsperityError("give a scene (a name, or a folder), or recordings to fit to")
         settings = FitSettings(
             order=self.order, criterion=self.criterion, bandwidth=self.bandwidth_hz
         )
@@ -125,11 +127,16 @@ class Fit:
             raise AsperityError(
                 f"no such recording: {missing[0]}; give recording.h5, or the folder it is in"
             )
-        whole = [self._read(file) for file in recordings if file is not None]
+        files = [file for file in recordings if file is not None]
+        others = [_recording_at(file) or file for file in self.held_out]
+        twice = {file.resolve() for file in files} & {file.resolve() for file in others}
+        if twice:
+            raise AsperityError(f"--held-out: the model would be made of {twice.pop().name} itself")
+        whole = [self._read(file) for file in files]
         if given is not None:
             return [], whole
         if self.held_out:
-            return whole, [self._read(_recording_at(file) or file) for file in self.held_out]
+            return whole, [self._read(file) for file in others]
         ends = [int((1.0 - _HELD) * one.vibration.size) for one in whole]
         return (
             [one.part(0, end) for one, end in zip(whole, ends, strict=True)],

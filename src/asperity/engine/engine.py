@@ -123,7 +123,7 @@ class Engine:
         self._memory.noise[:] = 0.0
         # The generator counts on from here: seeds must not begin a few steps apart.
         self._memory.noise[3] = float(np.random.default_rng(self.settings.seed).integers(2**48))
-        self.contacts.count[0] = 0
+        self.contacts.count[:] = 0
 
     def wrench(self, pose: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
         """Return the wrench on the tool at a pose.
@@ -151,7 +151,7 @@ class Engine:
             )  # fmt: skip
         else:
             self._wrench[:] = 0.0
-            self.contacts.count[0] = 0
+            self.contacts.count[:] = 0
         if self._facets is not None:
             mesh_tick(
                 self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,

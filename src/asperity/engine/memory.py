@@ -74,6 +74,8 @@ class Memory(NamedTuple):
 class Contacts(NamedTuple):
     """The contacts of one pose, in arrays allocated once; the first `count[0]` rows are valid.
 
+    `count[1]` says how much there was no room for: contacts, or facets that may be some.
+
     World axes; `point` lies on the tool's surface. `slope_normal` is m, the normal of the
     textured surfaces, with m.n = 1. `status`: 0 certified, 1 the node budget was spent before
     the gap was closed, 2 there was no room for a contact.
@@ -116,7 +118,7 @@ def memory_for(pairs: int, patches: int, geoms: int) -> Memory:
 def contacts_for(patches: int) -> Contacts:
     """Return room for so many contacts."""
     return Contacts(
-        count=np.zeros(1, np.int64),
+        count=np.zeros(2, np.int64),
         body=np.zeros(patches, np.int64),
         point=np.zeros((patches, 3)),
         normal=np.zeros((patches, 3)),

@@ -136,5 +136,6 @@ def mesh_tick(
         for i in range(3):
             for j in range(4):
                 memory.pose[i, j] = body_a[i, j]
+    contacts.count[1] += rows.count[1]
     if rows.count[1] > 0 and contacts.count[0] > 0:
         contacts.status[contacts.count[0] - 1] = NO_ROOM

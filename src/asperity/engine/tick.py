@@ -185,6 +185,7 @@ def tick(
         for i in range(3):
             for j in range(4):
                 memory.pose[i, j] = body_a[i, j]
-    if memory.counts[3] > 0 and live > 0:
+    contacts.count[1] = memory.counts[3]
+    memory.counts[3] = 0
+    if contacts.count[1] > 0 and live > 0:
         contacts.status[0] = NO_ROOM
-        memory.counts[3] = 0

@@ -21,6 +21,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "file-cad": file_cad,
 }
 """What makes each built-in scene."""
+PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
+"""Those made by `probe_plate`, whose probe has a diameter."""
 
 
 def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
@@ -55,4 +57,4 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
     return scene.changed(bodies=with_seed(scene.document.get("bodies", {}), seed))
 
 
-__all__ = ["SCENES", "file_cad", "hammer_blocks", "load_scene", "probe_plate"]
+__all__ = ["PROBE_PLATES", "SCENES", "file_cad", "hammer_blocks", "load_scene", "probe_plate"]

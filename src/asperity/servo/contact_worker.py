@@ -173,6 +173,5 @@ class ContactWorker:
             shown.normal[:n] = contacts.normal[:n]
             shown.force[:n] = contacts.force[:n]
             shown.depth[:n] = contacts.depth[:n]
-            for status in contacts.status[:count].tolist():
-                self.statuses[min(status, 2)] += 1
+        self.stage.count_statuses(self.statuses)
         out.seconds = self._clock.now() - begun

@@ -137,10 +137,16 @@ def read_variation(key: str, told: Any, folder: Path) -> Variation:
     values = _files(where, told, folder) if way == "folder" else told[way]
     if not isinstance(values, list) or not values:
         raise AsperityError(f"{where}.{way} must be a list of at least one value, got {values!r}")
-    if len({repr(value) for value in values}) != len(values):
+    if len({_same(value) for value in values}) != len(values):
         twice = next(v for v in values if values.count(v) > 1)
         raise AsperityError(f"{where} has the value {twice!r} twice")
     return Variation(key, list(values), 0.0, 1.0, False, False, way == "choose")
+
+
+def _same(value: Any) -> str:
+    """Return what two values share that are one: 1 and 1.0, but not true."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return repr(float(value) if number else value)
 
 
 def _range(key: str, told: Mapping[str, Any], where: str) -> Variation:

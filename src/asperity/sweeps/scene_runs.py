@@ -11,6 +11,7 @@ import numpy as np
 
 from asperity.anti_alias import MODES
 from asperity.dynamics.coupling import CouplingSettings
+from asperity.dynamics.hand import Hand
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.forces.settings import ForceSettings
 from asperity.headless import Run, run_scene
@@ -18,7 +19,7 @@ from asperity.perception.metrics import DEFAULT_BAND, band_rms, spectrum
 from asperity.scene import Scene
 from asperity.scene_file import arguments, at, require_keys
 from asperity.scene_texture import beside, body_texture, with_seed
-from asperity.scenes import SCENES, load_scene
+from asperity.scenes import PROBE_PLATES, SCENES, load_scene, probe_plate
 from asperity.sweeps.content import digest, flat, nested, seed_of
 from asperity.trajectory import ScriptedMotion
 
@@ -32,8 +33,13 @@ _SECTIONS: dict[str, Any] = {
     "force": ForceSettings, "coupling": CouplingSettings, "trajectory": ScriptedMotion,
 }  # fmt: skip
 _EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
+PROBE = "probe.diameter"
+"""Of the tip, in the built-in scenes that have one; other tools are scenes of their own."""
+_HAND = tuple(f"hand.{f.name}" for f in fields(Hand))
 KEYS = (
     *_OWN,
+    PROBE,
+    *_HAND,
     *(
         f"{section}.{name}"
         for section, makes in _SECTIONS.items()
@@ -43,7 +49,8 @@ KEYS = (
 """Of the keys under `bodies` a scene says which are valid."""
 _UNITS = {
     "dt": "s", "repeat": "1", "stiffness": "N/m", "bristle_stiffness": "N/m", "damping": "N s/m",
-    "rotational_stiffness": "N m/rad", "rotational_damping": "N m s/rad", "mass_scale": "1",
+    "mass": "kg", "mass_scale": "1",
+    "rotational_stiffness": "N m/rad", "rotational_damping": "N m s/rad",
     "friction": "1", "seconds": "s", "speed": "m/s", "length": "m", "direction": "rad",
     "radius": "m", "turning": "rad/s", "press_force": "N", "press_depth": "m", "ramp": "s",
     "start": "m", "step": "m", "lever": "m", "window": "m", "softness": "m", "soft_area": "m^2",
@@ -94,7 +101,7 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     for key, value in plain.items():
         section, dot, name = key.partition(".")
         place = f"{where}.{key}"
-        if not dot:
+        if not dot or key == PROBE or section == "hand":
             out[key] = _own(key, value, where, folder)
         elif key == "force.anti_alias":
             at(place, lambda value=value: require_choice("mode", value, MODES))  # type: ignore[misc]
@@ -110,7 +117,7 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
 
 def _own(key: str, value: Any, where: str, folder: Path) -> Any:
     """Return a value that no section of `scene.toml` has."""
-    place, kind = f"{where}.{key}", _OWN[key]
+    place, kind = f"{where}.{key}", _OWN.get(key, float)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
@@ -122,12 +129,25 @@ def _own(key: str, value: Any, where: str, folder: Path) -> Any:
         require_between(place, value, 1e-5, 0.1, "s")
     if key == "scene":
         at(place, lambda: _scene(value, folder))
+    if key == PROBE:
+        at(place, lambda: probe_plate(diameter=value))
+    if key in _HAND:
+        at(place, lambda: Hand(**{key.partition(".")[2]: value}))
     return value
 
 
 def _scene(name: str, folder: Path) -> Scene:
     """Return a built-in scene, or that in a folder beside the study."""
     return load_scene(name if name in SCENES else _path(name, folder))
+
+
+def _scene_with(values: Mapping[str, Any], folder: Path) -> Scene:
+    """Return the scene that values name, its probe as large as they say."""
+    scene = _scene(values["scene"], folder)
+    if PROBE not in values:
+        return scene
+    texture = scene.document["bodies"]["plate"]["texture"]
+    return probe_plate(texture, diameter=values[PROBE])
 
 
 def _path(name: str, folder: Path) -> str:
@@ -147,8 +167,16 @@ def check_whole(
         raise AsperityError(
             'vary.repeat changes seeds alone; it needs fixed.seeds = "content" beside it'
         )
+    hands = [key for key in _HAND if key in fixed or key in varied]
+    if hands and False in varied.get("hand", [fixed.get("hand", True)]):
+        raise AsperityError(f"{hands[0]} needs hand = true")
     for name in varied.get("scene", [fixed.get("scene")]):
         scene = _scene(name, folder)
+        if (PROBE in fixed or PROBE in varied) and name not in PROBE_PLATES:
+            raise AsperityError(
+                f"{PROBE} is of the scenes {', '.join(PROBE_PLATES)}, not of {name!r}; "
+                "scenes with tools of your own are listed under vary.scene"
+            )
         # The keys of a texture go with its kind: the values of kind and file come first.
         firsts = {key: values[0] for key, values in varied.items()}
         _check_bodies(scene, dict(fixed), "fixed", firsts, folder)
@@ -225,9 +253,9 @@ class SceneRuns:
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
         """Return what is kept of one combination."""
-        values = {"dt": 1e-3, "hand": False} | self.fixed | dict(varied)
+        values = {"dt": 1e-3} | self.fixed | dict(varied)
         scene = self._scene_of(values)
-        run = run_scene(scene, None, dt=values["dt"], hand=values["hand"])
+        run = run_scene(scene, None, dt=values["dt"], hand=_hand(values))
         found = {"coupling.tool_put_back": 0} | flat(run.summary) | _felt(run)
         out = []
         for name in keep:
@@ -239,7 +267,8 @@ class SceneRuns:
     def _scene_of(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of one combination; neighbours mostly share the one before changes."""
         changes = nested({k: v for k, v in values.items() if k not in _OWN})
-        told = {k: v for k, v in changes.items() if k == "bodies"} | {"scene": values["scene"]}
+        told = {k: v for k, v in values.items() if k in ("scene", PROBE)}
+        told |= {k: v for k, v in changes.items() if k == "bodies"}
         key = digest(told, values.get("repeat", 0), values.get("seeds"))
         if key not in self._scenes:
             self._scenes = {key: self._with_bodies(values, changes.get("bodies", {}))}
@@ -257,7 +286,7 @@ class SceneRuns:
         return replace(changed, notes=scene.notes)
 
     def _with_bodies(self, values: Mapping[str, Any], bodies: Mapping[str, Any]) -> Scene:
-        scene = _scene(values["scene"], self.folder)
+        scene = _scene_with(values, self.folder)
         known = scene.document.get("bodies", {})
         changes: dict[str, Any] = {}
         for name, body in bodies.items():
@@ -274,6 +303,12 @@ class SceneRuns:
                 told = body.get("texture", {})
                 seeds |= with_seed({name: body}, seed_of(told, values.get("repeat", 0), self.seed))
         return scene.changed(bodies=seeds) if seeds else scene
+
+
+def _hand(values: Mapping[str, Any]) -> bool | Hand:
+    """Return whether a hand holds the tool, or the one of which something is told."""
+    told = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
+    return Hand(**told) if told else bool(values.get("hand", False))
 
 
 def _felt(run: Run) -> dict[str, float]:

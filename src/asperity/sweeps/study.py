@@ -189,7 +189,8 @@ def _kept(names: Any, of: ModuleType) -> tuple[str, ...]:
 
 def _refuse_unfelt(keep: Iterable[str], fixed: Mapping[str, Any], told: Mapping[str, Any]) -> None:
     of_hand = [name for name in keep if name.startswith("hand.")]
-    if of_hand and "hand" not in told and not fixed.get("hand"):
+    parts = any(key.startswith("hand.") for key in (*told, *fixed))
+    if of_hand and "hand" not in told and not fixed.get("hand") and not parts:
         raise AsperityError(f"keep: {', '.join(of_hand)} needs fixed.hand = true")
 
 

@@ -76,7 +76,8 @@ def explored(
     dt = float(np.median(steps))
     if not dt > 0.0 or np.max(np.abs(steps - dt)) > 0.01 * dt:
         raise AsperityError(f"{name}: its ticks are not at equal steps of time")
-    rate = 1.0 / dt
+    # Times are whole steps, and their differences are not: 1e4 Hz would come out a little above.
+    rate = round(1.0 / dt, 6)
     if rate < 4.0 * HIGH_PASS:
         raise AsperityError(
             f"{name} has {rate:g} ticks a second; vibration above {HIGH_PASS:g} Hz needs "
