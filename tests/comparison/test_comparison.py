@@ -172,6 +172,28 @@ def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
     assert "and probe is none" in (tmp_path / "comparison.md").read_text()
 
 
+@pytest.mark.parametrize(
+    ("failure", "told"), [(AsperityError("too wide"), "too wide"), (MemoryError(), "more memory")]
+)
+def test_a_method_that_fails_on_the_way_leaves_the_others(failure, told):
+    class Failing(Spring):
+        def wrench(self, pose):
+            if self.asked > 300:
+                raise failure
+            return super().wrench(pose)
+
+    failing = SimpleNamespace(
+        name="failing", label="failing", can=lambda _: None, prepare=lambda _, dt: Failing()
+    )
+    scene = stimuli.ball_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
+    )
+    methods = [failing, METHODS["minsky"]]
+    rows = compare(scene, methods, CompareSettings(properties=False)).rows
+    assert told in rows[0].reason
+    assert [row.felt is None for row in rows] == [True, False]
+
+
 @pytest.mark.slow
 def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, capsys):
     out = tmp_path / "out"

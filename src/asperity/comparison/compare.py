@@ -196,14 +196,6 @@ def _row(
     nothing = Row(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
     if nothing.reason is not None:
         return nothing
-    begun = time.perf_counter()
-    try:
-        renderer = method.prepare(scene, dt=settings.dt)
-        preparing = time.perf_counter() - begun
-        progress(f"{method.label}: pressing", 0)
-        height = 0.0 if method is REFERENCE else pressed_to(renderer, poses, push)
-    except AsperityError as error:
-        return nothing._replace(reason=str(error))
     done = 0
 
     def tick() -> None:
@@ -213,7 +205,17 @@ def _row(
             progress(f"{method.label}: ticks", round(100 * done / len(poses)))
 
     before = follow(reference, poses[:_BESIDE]).seconds
-    felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
+    begun = time.perf_counter()
+    try:
+        renderer = method.prepare(scene, dt=settings.dt)
+        preparing = time.perf_counter() - begun
+        progress(f"{method.label}: pressing", 0)
+        height = 0.0 if method is REFERENCE else pressed_to(renderer, poses, push)
+        felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
+    except AsperityError as error:
+        return nothing._replace(reason=str(error))
+    except MemoryError:  # one method must not take the others with it
+        return nothing._replace(reason="it needs more memory than there is")
     after = follow(reference, poses[:_BESIDE]).seconds
     beside = float(np.median(np.concatenate([before, after])))
     frequency, level = force_spectrum(felt.force, settings.dt)
