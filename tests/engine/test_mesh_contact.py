@@ -623,7 +623,8 @@ def test_too_many_pairs_of_facets_are_flagged():
     for z in (1e-3, 1e-4, 0.0, -1e-4, -1e-3):
         found = touch(engine, pose(1e-4, 0, z, turn(UP, 0.1)))
         assert all(np.isfinite(values).all() for values in found)
-        assert engine.contacts.count[1] > 0, z
+        if z < 1e-3:  # farther away no facets are near each other
+            assert engine.contacts.count[1] > 0, z
         if found.wrench.any():
             assert np.any(found.status == 2), z
     assert found.wrench[2] > 0.0
