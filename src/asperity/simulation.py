@@ -266,7 +266,7 @@ class Simulation:
         """
         motion = self.scene.motion if motion is None else motion
         if settings is None:
-            settings = HandSettings(hand=Hand() if hand is None else hand)
+            settings = HandSettings(hand=hand or Hand())
             if isinstance(motion, ScriptedMotion) and motion.press_depth is None:
                 settings = replace(
                     settings, press_force=motion.press_force,

@@ -204,13 +204,14 @@ def _row(
         if done % 50 == 0:
             progress(f"{method.label}: ticks", round(100 * done / len(poses)))
 
-    before = follow(reference, poses[:_BESIDE]).seconds
     begun = time.perf_counter()
     try:
         renderer = method.prepare(scene, dt=settings.dt)
         preparing = time.perf_counter() - begun
         progress(f"{method.label}: pressing", 0)
         height = 0.0 if method is REFERENCE else pressed_to(renderer, poses, push)
+        # Just before, and not before what may take minutes: the machine is not always as fast.
+        before = follow(reference, poses[:_BESIDE]).seconds
         felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
     except AsperityError as error:
         return nothing._replace(reason=str(error))
