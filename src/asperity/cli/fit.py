@@ -128,13 +128,13 @@ class Fit:
                 f"no such recording: {missing[0]}; give recording.h5, or the folder it is in"
             )
         files = [file for file in recordings if file is not None]
+        whole = [self._read(file) for file in files]
+        if given is not None:
+            return [], whole
         others = [_recording_at(file) or file for file in self.held_out]
         twice = {file.resolve() for file in files} & {file.resolve() for file in others}
         if twice:
             raise AsperityError(f"--held-out: the model would be made of {twice.pop().name} itself")
-        whole = [self._read(file) for file in files]
-        if given is not None:
-            return [], whole
         if self.held_out:
             return whole, [self._read(file) for file in others]
         ends = [int((1.0 - _HELD) * one.vibration.size) for one in whole]
