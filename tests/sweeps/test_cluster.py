@@ -179,27 +179,22 @@ def test_a_scheduler_that_goes_away_costs_nothing_that_is_written(scheduler, who
 
 
 @pytest.mark.slow
-def test_a_client_killed_at_random_many_times_loses_and_repeats_nothing(whole, tmp_path):
+def test_a_client_killed_twenty_times_at_random_loses_and_repeats_nothing(whole, tmp_path):
     study, out = tmp_path / "study.toml", tmp_path / "a.zarr"
-    vary = STUDY["vary"] | {"spacing": SPACING | {"count": 600}}
+    vary = STUDY["vary"] | {"spacing": SPACING | {"count": 4000}}
     study.write_text(write_toml(STUDY | {"vary": vary}))
     dice, stamps = random.Random(1), {}
-    killed = 0
-    while killed < 20:
+    for _ in range(20):
         process = start(study, out, "--workers", "2")
         begun = len(blocks_done(out))
         wait_for(lambda n=begun, p=process: len(blocks_done(out)) > n or p.poll() is not None)
         time.sleep(dice.uniform(0.0, 0.3))
-        if process.poll() is not None:  # all is done
-            process.communicate()
-            break
-        killed += 1
+        assert process.poll() is None, "done before it could be killed: give it more to do"
         family = psutil.Process(process.pid).children(recursive=True)
         end(process, family)
         now = {f: t for f, t in blocks_done(out).items() if f.suffix != ".partial"}
         assert all(now[f] == stamp for f, stamp in stamps.items())
         stamps = now
-    assert killed >= 10
     process = start(study, out, "--workers", "2")
     process.communicate(timeout=300)
     assert process.returncode == 0
