@@ -18,17 +18,31 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.xdist_group("page"))
 
 
-def wait_until(what, seconds=180.0):
-    """Wait until something holds; fail if it does not within so long [s]."""
+def wait_until(what, seconds=180.0, told=lambda: ""):
+    """Wait until something holds; fail if it does not within so long [s], with what is told."""
     end = time.monotonic() + seconds
     while not what():
-        assert time.monotonic() < end
+        assert time.monotonic() < end, f"after {seconds:g} s: {told()}"
         time.sleep(0.02)
 
 
 @pytest.fixture
-def until():
-    return wait_until
+def until(request):
+    """Return `wait_until`, which tells of the page, if there is one, when it waits in vain."""
+
+    def told():
+        if "page" not in request.fixturenames:
+            return ""
+        page = request.getfixturevalue("page")
+        link, out = page.link, []
+        for panel in page.panels:
+            values = vars(panel).items()
+            out += [f"{k}={v.value!r}" for k, v in values if hasattr(v, "value")]
+        notes = request.getfixturevalue("tab").notes if "tab" in request.fixturenames else []
+        state = (link.state, link.told, link.generation, link.choice.source, link.is_alive)
+        return f"{state}, {notes}, {out}, clients {list(page.server.get_clients())}"
+
+    return lambda what, seconds=180.0: wait_until(what, seconds, told)
 
 
 # Not for longer than a module: a loop that goes on takes a core from whatever is tested next.
@@ -55,7 +69,14 @@ def link(page):
     if not made.is_alive:
         made.restart().result(timeout=300.0)
     made.point(made.choice.first_pose)
+    wait_until(lambda: is_shown(page))
     return made
+
+
+def is_shown(page):
+    """Whether every panel shows what the loop runs on now, and does not put it there later."""
+    shown = (getattr(p, "_generation", page.link.generation) for p in page.panels)
+    return all(generation == page.link.generation for generation in shown)
 
 
 @pytest.fixture

@@ -120,6 +120,7 @@ def test_a_texture_is_chosen_and_a_dropped_image_is_felt(link, tab, until, panel
     tab.press(surfaces._apply)
     until(lambda: link.generation == generation + 1, 300.0)
     assert texture_of(link.choice.scene, "plate").relief == pytest.approx(2.5e-4)
+    until(lambda: surfaces._generation == generation + 1)
 
     file, (i, j) = io.BytesIO(), np.mgrid[:64, :64]
     Image.fromarray((127 + 120 * np.sin(i / 5.0) * np.cos(j / 7.0)).astype(np.uint8)).save(
@@ -181,8 +182,11 @@ def test_a_scene_is_chosen(link, tab, until, panel):
     assert link.choice.source == "probe-plate-grating"
     stage = panel("Stage")
     until(lambda: stage._scene is link.choice.scene)
+    until(lambda: controls._generation == generation + 1)
+    assert controls._scene.value == "probe-plate-grating"
     tab.set(controls._scene, "probe-plate")
     until(lambda: link.generation == generation + 2, 300.0)
+    assert link.choice.source == "probe-plate"
 
 
 def test_a_page_of_another_origin_cannot_open_the_socket(page):

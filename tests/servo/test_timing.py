@@ -234,7 +234,7 @@ def test_the_tick_can_be_changed_on_the_way():
 
 
 def memory_of_ticks(mode):
-    """Return ticks and bytes: kept after 1000 of them, kept after 3500 and most."""
+    """Return ticks, and bytes: kept after every thousand ticks, and the most there were."""
     bench = Bench(mode=mode)
     bench.contacts.asked = type(
         "Nothing", (), {"append": lambda *_: None, "__len__": lambda _: 0}
@@ -245,23 +245,25 @@ def memory_of_ticks(mode):
     bench.device.pose = wave
     bench.loop.run(ticks=500)
     tracemalloc.start()
-    bench.loop.run(ticks=1000)
-    first, _ = tracemalloc.get_traced_memory()
-    bench.loop.run(ticks=3500)
-    return bench.stats.ticks, first, *tracemalloc.get_traced_memory()
+    kept = []
+    for ticks in range(1000, 6000, 1000):
+        bench.loop.run(ticks=ticks)
+        kept.append(tracemalloc.get_traced_memory()[0])
+    return bench.stats.ticks, kept, tracemalloc.get_traced_memory()[1]
 
 
 @pytest.mark.parametrize("mode", ["direct", "implicit"])
 def test_memory_stays_flat(mode):
     """What thousands of ticks leave behind, in bytes: nothing that grows with their number.
 
-    In a process of its own: threads that other tests leave behind allocate as well.
+    What is kept for once (free lists, a table that grew) may come in any thousand, but not in
+    each. In a process of its own: threads that other tests leave behind allocate as well.
     """
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
-        ticks, first, second, peak = alone.submit(memory_of_ticks, mode).result()
-    assert ticks == 3500
-    assert second - first < 4000
-    assert peak - second < 40_000
+        ticks, kept, peak = alone.submit(memory_of_ticks, mode).result()
+    assert ticks == 5000
+    assert min(np.diff(kept)) < 500
+    assert peak - kept[-1] < 40_000
 
 
 def test_limits_reach_the_gains():

@@ -6,6 +6,7 @@ device or scene needs another engine, which is made ready in a process beside (`
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -44,6 +45,7 @@ class Controls:
 
     def __init__(self) -> None:
         self._generation = -1
+        self._lock, self._under_way = threading.Lock(), 0
 
     def build(self, server: viser.ViserServer, link: Link) -> None:
         """Make the controls."""
@@ -94,8 +96,11 @@ class Controls:
         self._device.on_update(self._choose_device)
 
     def update(self, frame: Frame) -> None:
-        """Show the values of another scene when there is one."""
-        if frame.generation == self._generation:
+        """Show the values of another scene when there is one.
+
+        Not while something that was chosen is being made ready: it would be put back meanwhile.
+        """
+        if frame.generation == self._generation or self._under_way:
             return
         self._generation = frame.generation
         choice, parameters = self._link.choice, self._link.parameters
@@ -158,7 +163,12 @@ class Controls:
         def change() -> None:
             link.restart(make(link.choice)).result()
 
-        if not attempt(event, what, change):
+        with self._lock:
+            self._under_way += 1
+        done = attempt(event, what, change)
+        with self._lock:
+            self._under_way -= 1
+        if not done:
             self._generation = -1
 
 

@@ -12,5 +12,8 @@ from asperity.page.textures import Textures
 
 
 def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
-    """Return all panels of a page on a running loop, with at most so many triangles shown."""
-    return [Stage(triangles), Status(), Mouse(), Controls(), Textures()]
+    """Return all panels of a page on a running loop, with at most so many triangles shown.
+
+    The stage is last: another scene takes it a while, and the controls are not to wait for it.
+    """
+    return [Status(), Mouse(), Controls(), Textures(), Stage(triangles)]
