@@ -19,6 +19,8 @@ _AXES = ("x", "y", "z")
 _ARROW_SHARE = 0.30
 """Length of the longest arrow, as a part of the picture's width."""
 _DPI = 160
+_SILENT = 1e-12
+"""A tangential force whose lines are all below this [N] is rounding."""
 
 
 def force_figure(run: Rollout, title: str) -> Figure:
@@ -108,12 +110,20 @@ def spectrum_figure(run: Rollout, title: str) -> Figure:
     with style():
         figure = Figure(figsize=(7.2, 3.0), dpi=_DPI)
         axis = figure.subplots()
-        top = max(float(amplitude.max()), 1e-12)
+        top = float(amplitude.max())
         axis.plot(frequency[1:], amplitude[1:], color=COLOURS[0], lw=0.9)
         axis.set(
-            yscale="log", ylim=(top * 1e-4, top * 2.0), xlim=(0.0, max(float(frequency[-1]), 1.0)),
+            xlim=(0.0, max(float(frequency[-1]), 1.0)),
             xlabel="frequency [Hz]", ylabel="amplitude [N]", title=title,
         )  # fmt: skip
+        if top > _SILENT:
+            axis.set(yscale="log", ylim=(top * 1e-4, top * 2.0))
+        else:  # of which there is no logarithm
+            axis.set(ylim=(0.0, 1.0), yticks=[0.0])
+            axis.text(
+                0.5, 0.5, "the tangential force does not vary", ha="center", va="center",
+                transform=axis.transAxes, color="#666666",
+            )  # fmt: skip
         figure.tight_layout()
     return figure
 

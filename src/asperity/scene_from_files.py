@@ -31,6 +31,8 @@ DENSITY = 1000.0
 """Of the tool [kg/m^3]."""
 _CLEARANCE = 1e-4
 """How far above contact the tool is drawn, beside both textures' reach [m]."""
+_LEAST = 4
+"""Vertices that MuJoCo draws a mesh of."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
 
 Array = NDArray[np.float64]
@@ -39,7 +41,8 @@ File = str | Path | Mapping[str, Any]
 _XML = """<mujoco model="{name}">
   <!-- Metres and kilograms. Geoms in group 2 are the shapes, only seen; those in group 3 the
        convex pieces that may touch. Textures, force and motion stand in scene.toml. -->
-  <compiler angle="radian"/>
+  <!-- The least inertia is for tools of tenths of a millimetre, which MuJoCo would refuse. -->
+  <compiler angle="radian" boundmass="1e-12" boundinertia="2e-15"/>
   <visual>
     <map znear="0.001"/>
   </visual>
@@ -153,6 +156,10 @@ def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
     mesh = body_mesh(table, which, None)
     if mesh is None:
         raise AsperityError(f"{which} must be a file of a mesh, got {source!r}")
+    if len(mesh.vertices) < _LEAST:
+        raise AsperityError(
+            f"{which}: {mesh.name} has {len(mesh.vertices)} vertices; valid: {_LEAST} or more"
+        )
     notes: list[str] = []
     body: dict[str, Any] = {"mesh": table}
     if texture is not None:
