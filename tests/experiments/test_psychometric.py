@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
 from asperity.errors import AsperityError
 from asperity.experiments.psychometric import FUNCTIONS, Psychometric
-from asperity.experiments.psychometric_fit import HIGHEST_LAPSE, fit_psychometric
+from asperity.experiments.psychometric_fit import fit_psychometric
+from asperity.experiments.psychometric_search import HIGHEST_LAPSE, THRESHOLD, WIDTH, Search
 
 
 @pytest.mark.parametrize("function", FUNCTIONS)
@@ -94,3 +96,30 @@ def test_refuses_what_cannot_be_fitted():
 def test_answers_that_say_nothing_are_known():
     fit = fit_psychometric(np.repeat([0.0, 1.0, 2.0], 10), [True] * 30, samples=100)
     assert fit.at_bound
+
+
+@pytest.mark.parametrize("which", [THRESHOLD, WIDTH])
+@pytest.mark.parametrize("lapse", [None, 0.03])
+def test_an_interval_ends_where_the_likelihood_has_fallen(which, lapse):
+    """Beside an optimiser of SciPy's, with the parameter held at the interval's end."""
+    x, count = np.array([-1.2, -0.9, -0.6, -0.3, 0.0]), np.full(5, 90.0)
+    hits = np.array([46.0, 56.0, 72.0, 84.0, 88.0])
+    search = Search(x, count, 0.5, "logistic", lapse)
+    best = search.best(hits[None, :])[0]
+    top = search.likelihood(hits, best[None, :])[0]
+    fall = 0.5 * chi2.ppf(0.95, 1)
+    for end in search.interval(hits, best, which, fall):
+
+        def less(rest, end=end):
+            other, own = rest[0], end
+            row = [own, np.exp(other), rest[1]] if which == THRESHOLD else [other, own, rest[1]]
+            return -search.likelihood(hits, np.array([row]))[0]
+
+        low, high = search.bounds
+        bounds = [
+            (np.log(low[1]), np.log(high[1])) if which == THRESHOLD else (low[0], high[0]),
+            (low[2], high[2]),
+        ]
+        first = [np.log(best[1]) if which == THRESHOLD else best[0], best[2]]
+        found = minimize(less, first, bounds=bounds, method="Nelder-Mead", options={"xatol": 1e-9})
+        assert top + found.fun == pytest.approx(fall, abs=0.02)

@@ -215,7 +215,7 @@ class Analyse:
     function: str = "weibull"
     """logistic, normal, weibull: the psychometric function."""
     samples: Annotated[int, Between(100, 100000)] = 1000
-    """Of the bootstrap."""
+    """Of the bootstrap: of intervals of magnitudes and scales, and of a function's deviance."""
     confidence: Annotated[float, Between(0.5, 0.999)] = 0.95
     """Of the intervals."""
     seed: Annotated[int, Between(0, 2**31 - 1)] = 0
