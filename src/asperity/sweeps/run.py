@@ -33,10 +33,12 @@ from asperity.sweeps.work import (
     Batch,
     Outcome,
     machine,
+    packed,
     program,
     ready,
     told,
     work,
+    work_packed,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -342,7 +344,7 @@ def _from_workers(
     def submit(job: _Job) -> None:
         numbers = _numbers(job)
         key = f"asperity-sweep-{run}-{numbers[0]}-{numbers.size}"
-        future = client.submit(work, _batch(study, numbers), key=key, pure=False)
+        future = client.submit(work_packed, packed(_batch(study, numbers)), key=key, pure=False)
         waiting[future.key] = job
         finished.add(future)
 
@@ -387,7 +389,7 @@ def _alone(client: Any, study: SweepStudy, job: _Job, run: str) -> tuple[_Job, O
 
     numbers = _numbers(job)
     key = f"asperity-sweep-{run}-alone-{numbers[0]}"
-    future = client.submit(work, _batch(study, numbers), key=key, pure=False)
+    future = client.submit(work_packed, packed(_batch(study, numbers)), key=key, pure=False)
     try:
         return job, future.result()
     except KilledWorker:

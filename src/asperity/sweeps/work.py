@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import math
+import pickle
 import platform
 import sys
 from collections.abc import Mapping
@@ -93,6 +94,19 @@ def ready(batch: Batch | None) -> str:
     if batch is not None:
         work(batch)
     return program()
+
+
+def packed(batch: Batch) -> bytes:
+    """Return a batch as bytes: Dask looks at each element of tuples and lists, which takes longer.
+
+    Unpacked by `work_packed`.
+    """
+    return pickle.dumps(batch, protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def work_packed(batch: bytes) -> Outcome:
+    """Run the combinations of a batch that `packed` made."""
+    return work(pickle.loads(batch))
 
 
 def work(batch: Batch) -> Outcome:
