@@ -16,6 +16,16 @@ def summary_in(folder):
     return json.loads((folder / "summary.json").read_text("utf-8"))
 
 
+def given_while_late(recording):
+    """Return what the hand got out in ticks of more than a millisecond and a half [J].
+
+    A loop that other programs keep from ticking holds its wrench, and sees only then what that
+    has given. It pays that back, but it cannot help it.
+    """
+    out = (recording.device_wrench[:-1, :3] * np.diff(recording.handle_pose[:, :3], axis=0)).sum(1)
+    return np.maximum(out, 0.0)[np.diff(recording.time) > 1.5e-3].sum()
+
+
 def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
     out = tmp_path / "felt"
     options = ["--device", "simulated", "--seconds", "5", "--force-n", "0.5", "--max-force-n", "2"]
@@ -36,8 +46,7 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
     assert np.isfinite(recording.device_wrench).all()
     assert 0.2 < force.max() <= 2.0 * (1 + 1e-9)
     assert summary["safety"]["max_force_n"] == 2.0
-    # A loop that other programs keep from ticking for long sees what it has given only then.
-    assert summary["passivity"]["gained_j"] < (1e-3 if timing["misses_percent"] < 10.0 else 1e-2)
+    assert summary["passivity"]["gained_j"] < 1e-4 + 2.0 * given_while_late(recording)
     assert "5.0 s on simulated" in capsys.readouterr().out
 
     again = tmp_path / "again"
