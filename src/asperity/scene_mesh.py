@@ -23,7 +23,6 @@ from asperity.geometry.atlas import with_atlas
 from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh_files import read_mesh
-from asperity.geometry.pieces import convex_pieces
 from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.cad_part import cad_part
 from asperity.geometry.shapes.file_tool import file_tool
@@ -116,6 +115,8 @@ def body_mesh(table: Table, key: str, folder: Path | None) -> Mesh | None:
 def body_pieces(table: Table, key: str, mesh: Mesh) -> tuple[NDArray[np.float64], ...]:
     """Return the vertices (n, 3) of the convex pieces of a mesh that `body_mesh` returned."""
     if "kind" not in table:
+        from asperity.geometry.pieces import convex_pieces  # slow to import
+
         return at(key, lambda: convex_pieces(mesh))
     turn, position = _place(table, key) or (np.eye(3), np.zeros(3))
     return tuple(np.asarray(piece) @ turn.T + position for piece in _shape(table, key).pieces)

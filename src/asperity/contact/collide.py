@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from asperity.contact.flat import rotation_of
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.geometry.pieces import piece_error
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,6 +41,8 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         pieces.append(points @ rotation_of(model.geom_quat[i]).T + model.geom_pos[i])
+    from asperity.geometry.pieces import piece_error  # slow to import
+
     return piece_error(body.mesh, tuple(pieces))
 
 

@@ -16,9 +16,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
+from asperity.geometry import mesh_checks
 from asperity.geometry.polygons import convex_parts
 
 MOST_SIDES = 8
@@ -190,8 +189,7 @@ def _plane_groups(
     there = np.abs(_at_origin(single, i) - _at_origin(single, j))
     close &= np.all(there < 1e-7 * span, axis=1)
     i, j = i[close], j[close]
-    graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(faces), len(faces)))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    return mesh_checks.joined(len(faces), i, j)
 
 
 def _merged_places(places: Array) -> NDArray[np.int64]:

@@ -11,9 +11,6 @@ from typing import Any, NamedTuple, NoReturn, SupportsInt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from asperity.errors import AsperityError
 
@@ -196,6 +193,8 @@ def same_places(vertices: Array, tolerance: float) -> Indices:
 
     Files split a vertex where texture coordinates or normals differ, and STL splits all of them.
     """
+    from scipy.spatial import KDTree  # slow to import, as are others here
+
     unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     pairs = KDTree(unique).query_pairs(tolerance, output_type="ndarray")
@@ -206,6 +205,9 @@ def same_places(vertices: Array, tolerance: float) -> Indices:
 
 def joined(count: int, first: NDArray[Any], second: NDArray[Any]) -> Indices:
     """Return the number of the connected set of each of `count` things, joined in pairs."""
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
     links = sparse.coo_matrix((np.ones(len(first), dtype=bool), (first, second)), (count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 _STRAIGHT = 1e-9
@@ -26,6 +25,8 @@ def convex_parts(triangles: Array, most: int) -> list[tuple[Array, Array]]:
     list of (corners (k, 2), hard (k,))
         `hard` is 1 for each side that is on the border of the piece and 0 for a cut.
     """
+    from scipy.spatial import ConvexHull  # slow to import
+
     area = 0.5 * np.abs(
         _cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     )

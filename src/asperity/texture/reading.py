@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import linalg
 
 from asperity.errors import AsperityError, require_choice
 from asperity.texture.arrays import (
@@ -261,6 +259,9 @@ def _filled(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[n
 
     The border is insulated, so gaps that reach it level out towards it.
     """
+    from scipy import sparse  # slow to import, and seldom needed
+    from scipy.sparse import linalg
+
     unknowns = np.full(values.shape, -1)
     unknowns[absent] = np.arange(np.count_nonzero(absent))
     size = int(unknowns.max()) + 1

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 UNSEEN = 1e-3
 """Share of the slope's variance that waves below `Spectrum.shortest` may hold."""
@@ -26,6 +25,8 @@ class Spectrum(NamedTuple):
         cls, samples: NDArray[np.float64], pixel_size: tuple[float, float], *, wraps: bool
     ) -> Spectrum:
         """Return the waves of `samples` [m], repeated (`wraps`) or mirrored at the borders."""
+        from scipy import fft  # slow to import
+
         (rows, columns), (pu, pv) = samples.shape, pixel_size
         waves: NDArray[Any]
         if wraps:
@@ -51,6 +52,8 @@ class Spectrum(NamedTuple):
 
     def heights(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the map whose waves are `factors` times these."""
+        from scipy import fft
+
         if self.wraps:
             return fft.irfft2(self.waves * factors, s=self.shape)
         return fft.idctn(self.waves * factors, norm="ortho")

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 Array = NDArray[np.float64]
 TOUCHING = 1e-10
@@ -23,6 +22,8 @@ def clipped(points: Array, planes: Iterable[tuple[Array, float]]) -> Array:
     planes : iterable of (normal, offset)
         Kept is where `normal . p <= offset`.
     """
+    from scipy.spatial import ConvexHull  # slow to import
+
     for normal, offset in planes:
         above = points @ normal - offset
         beyond, within = above > TOUCHING, above < -TOUCHING

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
 
 from asperity.errors import AsperityError
 
@@ -24,6 +23,8 @@ def triangulated(loops: Sequence[Array]) -> NDArray[np.int64]:
     loops : sequence of (n, 2)
         The outline, then the holes, running either way round.
     """
+    from scipy.spatial import Delaunay  # slow to import
+
     points = np.concatenate(list(loops))
     # In units near 1, as Qhull's tolerances expect.
     scaled = (points - points.mean(axis=0)) / np.ptp(points)
