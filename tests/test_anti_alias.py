@@ -123,3 +123,32 @@ def test_a_spent_budget_is_told():
     assert len(nodes.s) == BUDGET + 1
     wild = sub_poses(lambda s: np.full(6, np.sin(1e6 * s)), np.zeros(6), 1, lever=1.0)
     assert wild.spent
+
+
+@pytest.mark.parametrize("leap", [0.0, 0.02])
+def test_what_goes_on_smoothly_is_not_halved_and_a_leap_is(leap):
+    """A wave of 40 ticks, 6 % up and down, with and without a leap of 2 % in the last tick."""
+
+    def wrench(tick):
+        up = 1.0 + 0.06 * np.sin(0.05 * np.pi * tick) + (leap if tick > 9.3 else 0.0)
+        return np.array([0.0, 0.0, up, 0.0, 0.0, 0.0])
+
+    asked = []
+
+    def evaluate(s):
+        asked.append(s)
+        return wrench(9.0 + s)
+
+    past = [wrench(8.0), wrench(7.0)]
+    options = {"lever": 0.1, "leap": 1e-3}
+    nodes = sub_poses(evaluate, wrench(9.0), 1, before=past, **options)
+    assert not nodes.spent
+    if not leap:
+        assert asked == [1.0]
+        asked.clear()
+        sub_poses(evaluate, wrench(9.0), 1, **options)
+        assert len(asked) > 0
+    else:
+        assert np.diff(nodes.s).min() < 0.1
+        at = nodes.s[np.argmax(np.diff(nodes.wrench[:, 2]))]
+        assert at == pytest.approx(0.3, abs=0.1)

@@ -7,10 +7,10 @@ are no multiple of 84 Hz.
 
 The idea: between the last pose and this one the tool moves evenly. The wrench is evaluated at
 sub-poses on the way, at least eight for the shortest wave, and more by halving around each leap,
-until its place is known well. Linear between them, it is weighted by a window in time: the tick
-itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB over the last five ticks (`"band"`), which
-passes hardly anything above half the tick's rate. The windows act exactly on the linear pieces,
-so uneven sub-poses do no harm.
+until its place is known well. What goes on as in the ticks before is no leap. Linear between them,
+it is weighted by a window in time: the tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB
+over the last five ticks (`"band"`), which passes hardly anything above half the tick's rate. The
+windows act exactly on the linear pieces, so uneven sub-poses do no harm.
 
 The price is delay: half a tick for "tick", two and a half ticks for "band". Where a tick has a
 deadline, there are as many sub-poses as there is time for: fewer of them let false tones through,
@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +61,7 @@ def sub_poses(
     lever: float,
     leap: float = LEAP["band"],
     halve: bool = True,
+    before: Sequence[NDArray[np.float64]] = (),
     in_time: Callable[[], bool] = lambda: True,
 ) -> SubPoses:
     """Evaluate the wrench on the way through a tick.
@@ -79,6 +80,8 @@ def sub_poses(
         How exactly leaps are placed: see `LEAP`.
     halve : bool
         Evaluate more around leaps. These come out of order: not for a wrench that remembers.
+    before : sequence of (6,) arrays
+        The wrenches one and two ticks before `first`, if they are known.
     in_time : callable
         Whether there is time for another one around a leap.
     """
@@ -97,7 +100,10 @@ def sub_poses(
             heapq.heappush(heap, (-error, a, b, f, g))
 
     for i in range(start):
-        push(s[i], s[i + 1], wrench[i], wrench[i + 1], _size(wrench[i + 1] - wrench[i], lever))
+        leapt = _size(wrench[i + 1] - wrench[i], lever)
+        if start == 1:
+            leapt = min([leapt, *(_size(d, lever) for d in _differences(wrench[1], first, before))])
+        push(s[i], s[i + 1], wrench[i], wrench[i + 1], leapt)
     while heap and left and in_time():
         _, a, b, f, g = heapq.heappop(heap)
         middle = 0.5 * (a + b)
@@ -107,12 +113,27 @@ def sub_poses(
         wrench.append(between)
         # What the line missed lies, for a leap, all in the half that changes more.
         missed = _size(between - 0.5 * (f + g), lever)
-        before, after = _size(between - f, lever), _size(g - between, lever)
-        share = 2.0 * missed / max(before + after, 1e-300)
-        push(a, middle, f, between, share * before)
-        push(middle, b, between, g, share * after)
+        rise, rest = _size(between - f, lever), _size(g - between, lever)
+        share = 2.0 * missed / max(rise + rest, 1e-300)
+        push(a, middle, f, between, share * rise)
+        push(middle, b, between, g, share * rest)
     order = np.argsort(s)
     return SubPoses(np.array(s)[order], np.array(wrench)[order], bool(heap) or count > BUDGET)
+
+
+def _differences(
+    last: NDArray[np.float64], first: NDArray[np.float64], before: Sequence[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Return the second and third differences of the ticks' wrenches, of those that are known.
+
+    A leap is in each of them, and at least as large; what changes smoothly is smaller in each.
+    """
+    if not before:
+        return []
+    second = last - 2.0 * first + before[0]
+    if len(before) == 1:
+        return [second]
+    return [second, second - (first - 2.0 * before[0] + before[1])]
 
 
 def _size(wrench: NDArray[np.float64], lever: float) -> float:

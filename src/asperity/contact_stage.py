@@ -92,6 +92,7 @@ class ContactStage:
             self._window.reset()
         self._last: NDArray[np.float64] | None = None
         self._last_wrench = np.zeros(6)
+        self._before: tuple[NDArray[np.float64], ...] = ()
         self._flags = 0
 
     @property
@@ -142,6 +143,7 @@ class ContactStage:
         if self._window is not None:
             self._window.reset()
         self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
+        self._before = ()
         return self._last_wrench.copy()
 
     def _stiffness(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -197,6 +199,7 @@ class ContactStage:
             lever=self._extent,
             leap=LEAP[self.scene.anti_alias],
             halve=self._halve and waves > 0,
+            before=self._before,
             in_time=in_time,
         )
         if nodes.s.size > 2:
@@ -206,6 +209,7 @@ class ContactStage:
                 self.engine.wrench(pose, 0.0)
         if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
+        self._before = (self._last_wrench, *self._before[:1])
         self._last_wrench = nodes.wrench[-1]
         return self._window.weigh(nodes)
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from asperity.contact_stage import ContactStage
 from asperity.dynamics.coupling import MODES
 from asperity.dynamics.hand import Hand
-from asperity.dynamics.simulated_hand import held_tick, moved_on
+from asperity.dynamics.simulated_hand import held_tick
 from asperity.errors import AsperityError, require_between, require_positive
 from asperity.press import pressed_pose, touching_pose
 from asperity.scene import Scene
@@ -260,8 +260,8 @@ class Wall:
         force = balance.copy()
         for i in range(TICKS):
             push, away = force - balance, here[:3] - rest[:3]
-            away[:2], velocity[:2] = moved_on(sideways, away[:2], velocity[:2], push[:2])
-            away[2], velocity[2] = moved_on(upwards, away[2], velocity[2], push[2])
+            away[:2], velocity[:2] = _moved_on(sideways, away[:2], velocity[:2], push[:2])
+            away[2], velocity[2] = _moved_on(upwards, away[2], velocity[2], push[2])
             here[:3] = rest[:3] + away
             force = stiffness * self.force(here)
             stored = stiffness * self.energy() - least
@@ -274,6 +274,12 @@ class Wall:
                 return False
         quarter = TICKS // 4
         return bool(energies[-quarter:].mean() < energies[quarter : 2 * quarter].mean())
+
+
+def _moved_on(tick: tuple[float, ...], place, velocity, force):  # type: ignore[no-untyped-def]
+    """Return place and velocity a tick later: numbers or vectors. See `held_tick`."""
+    a, b, c, d, e, f = tick
+    return a * place + b * velocity + c * force, d * place + e * velocity + f * force
 
 
 def measure_symptoms(

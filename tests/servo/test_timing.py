@@ -1,5 +1,7 @@
 """When ticks begin, what a miss is, what the deadline's guard does: all by an injected clock."""
 
+import os
+import threading
 import tracemalloc
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -13,6 +15,7 @@ from asperity.errors import AsperityError
 from asperity.servo.loop import GUARD, STALE
 from asperity.servo.pace import Pace
 from asperity.servo.publish import Publisher
+from asperity.servo.realtime import share_core
 from asperity.servo.rows import slices
 
 
@@ -269,3 +272,19 @@ def test_memory_stays_flat(mode):
 def test_limits_reach_the_gains():
     bench = Bench(mode="implicit")
     assert bench.tool.gains.stiffness <= LIMITS.max_stiffness
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="no way to ask")
+def test_threads_come_to_share_a_core_that_they_may_use():
+    allowed, held = os.sched_getaffinity(0), threading.Event()
+    thread = threading.Thread(target=held.wait)
+    thread.start()
+    try:
+        told = share_core([thread.native_id])
+        (core,) = os.sched_getaffinity(thread.native_id)
+        assert core in allowed
+        assert told == f"on core {core}, with the loop"
+        assert os.sched_getaffinity(0) == allowed
+    finally:
+        held.set()
+        thread.join()

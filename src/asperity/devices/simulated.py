@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.devices.protocol import Limits, Reading
-from asperity.dynamics.rigid import centre_of_mass, cross
+from asperity.dynamics.rigid import cross
 from asperity.dynamics.simulated_hand import SimulatedHand
 
 LIMITS = Limits(
@@ -87,9 +87,8 @@ class SimulatedDevice:
             return
         force = _within(wrench[:3], self.limits.max_force if self.limits.force_dof else 0.0)
         torque = _within(wrench[3:], self.limits.max_torque if self.limits.torque_dof else 0.0)
-        arm = centre_of_mass(self.hand.pose, self.hand.centre) - self.hand.pose[:3]
         self._wrench[:3] = force
-        self._wrench[3:] = torque - cross(arm, force)
+        self._wrench[3:] = torque - cross(self.hand.arm, force)
 
     def close(self) -> None:
         """Let go."""

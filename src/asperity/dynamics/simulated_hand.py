@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.hand import Hand
+from asperity.dynamics.hand_tick import NUMBERS, OFFSET, hand_tick
 from asperity.dynamics.rigid import centre_of_mass, cross
 from asperity.errors import (
     AsperityError,
@@ -38,7 +39,7 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.poses import turn_between, turned
+from asperity.poses import turn_between
 
 MOST_OFFSET = 0.02
 """How far a hand presses beyond its target, at most [m]."""
@@ -127,15 +128,28 @@ class SimulatedHand:
         across = self.settings.along_normal or hand
         normal = np.array(self.settings.normal, dtype=np.float64)
         self._normal = normal / np.linalg.norm(normal)
-        self._along = held_tick(hand.mass, hand.damping + damping, hand.stiffness, self.dt)
-        self._pressing = held_tick(across.mass, across.damping + damping, across.stiffness, self.dt)
-        self._turning = held_tick(
-            self.settings.moment, self.settings.rotational_damping,
-            self.settings.rotational_stiffness, self.dt,
+        self._along, self._pressing, self._turning = (
+            np.array(held_tick(*values, self.dt))
+            for values in (
+                (hand.mass, hand.damping + damping, hand.stiffness),
+                (across.mass, across.damping + damping, across.stiffness),
+                (self.settings.moment, self.settings.rotational_damping,
+                 self.settings.rotational_stiffness),
+            )
         )  # fmt: skip
         self._soft = across.stiffness
-        self._damping = hand.damping + damping
+        self._numbers = np.zeros(NUMBERS)
+        self._numbers[1:] = self.dt, hand.stiffness, hand.damping + damping, hand.mass
+        self._room = (np.zeros(6), np.zeros(6), np.zeros(6))
+        self._pose, self._acceleration = np.zeros(7), np.zeros(3)
+        self.arm = np.zeros(3)
+        """From the handle's origin to the centre of mass, world axes [m]."""
+        self._aim, self._velocity = np.zeros(7), np.zeros(6)
+        self._state = (self._aim, self._pose, self._velocity, self._acceleration, self.arm)
+        self._felt = np.zeros(6)
         self.reset()
+        # Machine code is made before any hurry.
+        self._tick(self._pose.copy(), tuple(values.copy() for values in self._state))
 
     def reset(self) -> None:
         """Begin at the target, at rest relative to it, and at time 0."""
@@ -145,57 +159,44 @@ class SimulatedHand:
         """How far the hand presses beyond its target, against the normal [m]."""
         if self.settings.press_force is not None and self.settings.preload:
             self.offset = self.settings.press_force / self._soft
-        self._aim = np.array(self._target(0.0), dtype=np.float64)
+        self._aim[:] = self._target(0.0)
         following = np.array(self._target(self.dt), dtype=np.float64)
-        self.pose = self._aim.copy()
-        """Of the handle (7,)."""
-        self._velocity = np.zeros(6)
+        self._pose[:] = self._aim
         self._velocity[:3] = (self._centre_of(following) - self._centre_of(self._aim)) / self.dt
         self._velocity[3:] = turn_between(self._aim, following) / self.dt
-        self.acceleration = np.zeros(3)
-        """Of the centre of mass, at the beginning of the last tick, just after it [m/s^2]."""
+        self._acceleration[:] = 0.0
+        self.arm[:] = self._centre_of(self._pose) - self._pose[:3]
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """Of the handle (7,)."""
+        return self._pose.copy()
+
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Of the centre of mass, at the beginning of the last tick, just after it (3,) [m/s^2]."""
+        return self._acceleration.copy()
 
     @property
     def twist(self) -> NDArray[np.float64]:
         """Velocity (6,): linear, of the frame's origin [m/s]; angular [rad/s]; world axes."""
         out = self._velocity.copy()
-        out[:3] -= cross(out[3:], self._centre_of(self.pose) - self.pose[:3])
+        out[:3] -= cross(out[3:], self.arm)
         return out
 
     def advance(self, wrench: NDArray[np.float64]) -> None:
         """Feel a wrench (6,), about the centre of mass, for a tick [N, N m]."""
-        n = self._normal
-        force = np.asarray(wrench[:3], dtype=np.float64)
-        self._press(float(force @ n))
+        self._felt[:] = wrench
+        self._press(float(self._felt[:3] @ self._normal))
         self.time += self.dt
-        last, aim = self._aim, np.array(self._target(self.time), dtype=np.float64)
-        at, there = self._centre_of(self.pose), self._centre_of(aim)
-        before = self._centre_of(last)
-        drive = np.empty(6)
-        drive[:3] = (there - before) / self.dt
-        drive[3:] = turn_between(last, aim) / self.dt
-        # Seen from the target, which is pressed in.
-        lag, slip = at - before, self._velocity[:3] - drive[:3]
-        deep = float(lag @ n) + self.offset
-        rise = float(slip @ n)
-        self._accelerate(force, lag, slip)
-        side, flank, push = lag - (lag @ n) * n, slip - rise * n, force - (force @ n) * n
-        side, flank = moved_on(self._along, side, flank, push)
-        deep, rise = moved_on(self._pressing, deep, rise, float(force @ n))
-        turn = turn_between(last, self.pose)
-        turn, spin = moved_on(self._turning, turn, self._velocity[3:] - drive[3:], wrench[3:])
-        self.pose = turned(aim, turn)
-        self._velocity[:3] = drive[:3] + flank + rise * n
-        self._velocity[3:] = drive[3:] + spin
-        moved = there + side + (deep - self.offset) * n
-        self.pose[:3] += moved - self._centre_of(self.pose)
-        self._aim = aim
+        self._numbers[OFFSET] = self.offset
+        self._tick(np.asarray(self._target(self.time), dtype=np.float64), self._state)
 
-    def _accelerate(
-        self, force: NDArray[np.float64], lag: NDArray[np.float64], slip: NDArray[np.float64]
-    ) -> None:
-        hand = self.settings.hand
-        self.acceleration = (force - hand.stiffness * lag - self._damping * slip) / hand.mass
+    def _tick(self, following: NDArray[np.float64], state: tuple[NDArray[np.float64], ...]) -> None:
+        hand_tick(
+            self._felt, following, self.centre, self._normal, self._along, self._pressing,
+            self._turning, self._numbers, state, self._room,
+        )  # fmt: skip
 
     def _press(self, felt: float) -> None:
         """Regulate the pressing force."""
@@ -210,21 +211,12 @@ class SimulatedHand:
         return centre_of_mass(pose, self.centre)
 
 
-HeldTick = tuple[tuple[float, float, float], tuple[float, float, float]]
-
-
-def held_tick(mass: float, damping: float, stiffness: float, dt: float) -> HeldTick:
-    """Return how place and velocity follow from place, velocity and force a tick before."""
+def held_tick(mass: float, damping: float, stiffness: float, dt: float) -> tuple[float, ...]:
+    """Return how place (3) and velocity (3) follow from place, velocity, force a tick before."""
     from scipy.linalg import expm  # slow to import
 
     rates = np.zeros((3, 3))
     rates[0, 1] = 1.0
     rates[1] = -stiffness / mass, -damping / mass, 1.0 / mass
     place, velocity, _ = expm(rates * dt).tolist()
-    return tuple(place), tuple(velocity)
-
-
-def moved_on(tick: HeldTick, place, velocity, force):  # type: ignore[no-untyped-def]
-    """Return place and velocity a tick later: numbers or vectors."""
-    (a, b, c), (d, e, f) = tick
-    return a * place + b * velocity + c * force, d * place + e * velocity + f * force
+    return (*place, *velocity)

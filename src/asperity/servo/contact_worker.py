@@ -31,8 +31,11 @@ from asperity.servo.pace import Clock
 
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
-WITHIN = 0.8
-"""Part of a tick that a contact's sub-poses may take; ours: what is left hands it over."""
+WITHIN, WITHIN_SHARED = 0.8, 0.5
+"""Part of a tick that a contact's sub-poses may take; ours: what is left hands it over.
+
+The second where the loop's own work is done on the same core.
+"""
 SWITCH_INTERVAL = 5e-5
 """How long a thread may hold the interpreter's lock while another wants it [s]."""
 
@@ -93,7 +96,7 @@ class ContactWorker:
 
     def __init__(self, stage: ContactStage, clock: Clock, within: float = WITHIN) -> None:
         self.stage = stage
-        self._within = within
+        self.within = within
         self.latest = Contact()
         self.busy = False
         self.statuses = np.zeros(3, np.int64)
@@ -110,6 +113,11 @@ class ContactWorker:
         sys.setswitchinterval(SWITCH_INTERVAL)
         self._thread = threading.Thread(target=self._work, name="contact", daemon=True)
         self._thread.start()
+
+    @property
+    def thread(self) -> int:
+        """The system's number of the thread."""
+        return self._thread.native_id or 0
 
     def submit(self, pose: NDArray[np.float64], now: float, *, jumped: bool = False) -> None:
         """Ask for the contact at a pose (7,). Only when not `busy`.
@@ -162,7 +170,7 @@ class ContactWorker:
 
     def _evaluate(self, out: Contact) -> None:
         begun = self._clock.now()
-        left = out.asked + self._within * self.stage.dt - begun
+        left = out.asked + self.within * self.stage.dt - begun
         out.linear = self.stage.evaluate(self._pose, jumped=self._jumped, seconds=max(left, 0.0))
         contacts, shown = self.stage.contacts, out.shown
         count = out.linear.count

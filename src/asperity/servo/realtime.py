@@ -1,7 +1,8 @@
 """What a process can ask of the operating system to be on time; each answer is reported.
 
-Only sharper timers are asked for without being told to: they need no rights and take nothing from
-others. Priority, a core of one's own and locked memory are asked for on request. Linux is what is
+Only sharper timers, and that loop and quick contacts stay on one core, are asked for without being
+told to: they need no rights and take nothing from others. Priority, a core of one's own and locked
+memory are asked for on request. Linux is what is
 tested; what is done on Windows and macOS is written from their documentation, and untested.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 PRIORITY = 40
@@ -32,11 +33,15 @@ class RealTime:
         Run on this core only.
     lock_memory : bool
         Never let memory be swapped out.
+    share_core : bool
+        Have the loop and its contacts on one core where contacts are quick, unless priority or a
+        core is asked for.
     """
 
     priority: bool = False
     core: int | None = None
     lock_memory: bool = False
+    share_core: bool = True
 
 
 def ask(wanted: RealTime) -> dict[str, str]:
@@ -50,6 +55,16 @@ def ask(wanted: RealTime) -> dict[str, str]:
     if wanted.lock_memory:
         told["memory"] = _tried(_lock_memory)
     return told
+
+
+def share_core(threads: Sequence[int]) -> str:
+    """Have threads of this process run on one core, which is any; return what came of it.
+
+    Handing over to a thread on another core wakes that core first, and finds its caches cold. On a
+    virtual machine of two cores, the same contact took 0.3 ms beside the loop and 0.1 ms alone; of
+    the probe's contacts in the hand 7 to 47 % came too late on two cores, and 0.5 to 1.4 % on one.
+    """
+    return _tried(lambda: _share_core(threads))
 
 
 def sharpen_timers() -> str:
@@ -81,6 +96,16 @@ def _stay_on(core: int) -> str:
         raise OSError(0, "this system has no way to ask")
     os.sched_setaffinity(0, {core})
     return f"core {core}"
+
+
+def _share_core(threads: Sequence[int]) -> str:
+    if not hasattr(os, "sched_setaffinity"):
+        raise OSError(0, "this system has no way to ask")
+    cores = sorted(os.sched_getaffinity(0))
+    core = cores[os.getpid() % len(cores)]  # two loops on one machine are not to meet always
+    for thread in threads:
+        os.sched_setaffinity(thread, {core})
+    return f"on core {core}, with the loop"
 
 
 def _lock_memory() -> str:
