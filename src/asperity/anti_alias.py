@@ -104,6 +104,8 @@ def sub_poses(
         if start == 1:
             leapt = min([leapt, *(_size(d, lever) for d in _differences(wrench[1], first, before))])
         push(s[i], s[i + 1], wrench[i], wrench[i + 1], leapt)
+    if not heap:  # most ticks of a slow hand
+        return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
     while heap and left and in_time():
         _, a, b, f, g = heapq.heappop(heap)
         middle = 0.5 * (a + b)
@@ -189,6 +191,8 @@ class Window:
     def weigh(self, nodes: SubPoses) -> NDArray[np.float64]:
         """Add a tick; return the weighted wrench (6,)."""
         if self.span == 1:  # even weight over the tick: trapezia
+            if nodes.s.size == 2:
+                return np.asarray(0.5 * (nodes.wrench[0] + nodes.wrench[1]))
             means = 0.5 * (nodes.wrench[:-1] + nodes.wrench[1:])
             return np.asarray(np.diff(nodes.s) @ means)
         if self._parts is None:

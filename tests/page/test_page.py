@@ -189,6 +189,17 @@ def test_a_scene_is_chosen(link, tab, until, panel):
     assert link.choice.source == "probe-plate"
 
 
+def test_what_is_being_made_ready_is_not_put_back(page, link, until, panel):
+    controls, felt = panel("Controls"), link.parameters.friction
+    controls._under_way += 1
+    controls._friction.value = felt + 0.25
+    controls._generation, before = -1, page.updates
+    until(lambda: page.updates > before + 3)
+    assert controls._friction.value == felt + 0.25
+    controls._under_way -= 1
+    until(lambda: controls._friction.value == felt)
+
+
 def test_a_page_of_another_origin_cannot_open_the_socket(page):
     import viser
 
