@@ -32,6 +32,8 @@ def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
 
 def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
     """Return how far a body's mesh reaches out of the convex pieces that MuJoCo has of it [m]."""
+    from asperity.geometry.pieces import piece_error  # slow to import
+
     assert body.mesh is not None
     pieces = []
     for i, name in touchable(model):
@@ -41,8 +43,6 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         pieces.append(points @ rotation_of(model.geom_quat[i]).T + model.geom_pos[i])
-    from asperity.geometry.pieces import piece_error  # slow to import
-
     return piece_error(body.mesh, tuple(pieces))
 
 

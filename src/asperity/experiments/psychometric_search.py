@@ -45,9 +45,8 @@ class Search:
     """
 
     def __init__(
-        self, x: Array, count: Array, guess: float, function: str,
-        lapse: float | None,
-    ) -> None:  # fmt: skip
+        self, x: Array, count: Array, guess: float, function: str, lapse: float | None
+    ) -> None:
         self._x, self._count, self._guess, self._function = x, count, guess, function
         span = float(x[-1] - x[0])
         finest = float(np.min(np.diff(x)))
@@ -56,6 +55,7 @@ class Search:
         self._low = np.array([x[0] - 0.5 * span, np.log(widths[0]), lapses[0]])
         self._high = np.array([x[-1] + 0.5 * span, np.log(widths[1]), lapses[1]])
         self._free = self._high > self._low
+        self._pitch = (self._high - self._low) / (np.array(_GRID) - 1)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -71,8 +71,7 @@ class Search:
         """Return threshold, width, lapse (n, 3) of most likelihood for hits (n, x)."""
         grid = self._lattice(_GRID, self._low, self._high)
         at = grid[np.argmax(self._of_grid(grid, hits), axis=1)]
-        reach = (self._high - self._low) / np.maximum(np.array(_GRID) - 1, 1)
-        return _plain(self._climbed(at, hits, reach))
+        return _plain(self._climbed(at, hits, self._pitch))
 
     def likelihood(self, hits: Array, parameters: Array) -> Array:
         """Return the log likelihood (n,) of parameters (n, 3), for hits (n, x) or (x,)."""
@@ -96,7 +95,7 @@ class Search:
         grid[..., which] = values[:, None]
         likely = self._of_grid(grid.reshape(-1, 3), hits[None, :])[0].reshape(grid.shape[:2])
         at = grid[np.arange(len(values)), np.argmax(likely, axis=1)]
-        reach = (self._high - self._low) / np.maximum(np.array(_GRID) - 1, 1)
+        reach = self._pitch.copy()
         reach[which] = 0.0
         found = self._climbed(at, np.repeat(hits[None, :], len(values), axis=0), reach)
         return self.likelihood(hits, _plain(found))
@@ -151,10 +150,7 @@ class Search:
             out[part] = self._refined(at[part], hits[part], offsets, reach)
         return out
 
-    def _refined(
-        self, at: Array, hits: Array, offsets: Array,
-        reach: Array,
-    ) -> Array:  # fmt: skip
+    def _refined(self, at: Array, hits: Array, offsets: Array, reach: Array) -> Array:
         for _ in range(_ROUNDS):
             near = np.clip(at[:, None, :] + offsets * reach, self._low, self._high)
             p = self.psi(_plain(near.reshape(-1, 3))).reshape(*near.shape[:2], -1)

@@ -179,7 +179,7 @@ def _served(
         alone = asked.priority or asked.core is not None
         if asked.share_core and not alone and took < _QUICK * loop.dt:
             told["contacts"] = realtime.share_core([0, worker.thread])
-            worker.within = WITHIN_SHARED
+            worker.within = min(worker.within, WITHIN_SHARED)
         device.open()
         loop.begin(None if spec.in_scene else start)
         _tell(report, ("ready", {"limits": device.limits, "device": device.name}))

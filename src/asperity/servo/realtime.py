@@ -2,8 +2,8 @@
 
 Only sharper timers, and that loop and quick contacts stay on one core, are asked for without being
 told to: they need no rights and take nothing from others. Priority, a core of one's own and locked
-memory are asked for on request. Linux is what is
-tested; what is done on Windows and macOS is written from their documentation, and untested.
+memory are asked for on request. Linux is what is tested; what is done on Windows and macOS is
+written from their documentation, and untested.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def share_core(threads: Sequence[int]) -> str:
     virtual machine of two cores, the same contact took 0.3 ms beside the loop and 0.1 ms alone; of
     the probe's contacts in the hand 7 to 47 % came too late on two cores, and 0.5 to 1.4 % on one.
     """
-    return _tried(lambda: _share_core(threads))
+    return _tried(lambda: f"on {_stay_on(None, threads)}, with the loop")
 
 
 def sharpen_timers() -> str:
@@ -91,21 +91,16 @@ def _raise_priority() -> str:
     return f"SCHED_FIFO {PRIORITY}"
 
 
-def _stay_on(core: int) -> str:
+def _stay_on(core: int | None, threads: Sequence[int] = (0,)) -> str:
+    """Keep threads, 0 being this one, on a core; on any of those that there are for None."""
     if not hasattr(os, "sched_setaffinity"):
         raise OSError(0, "this system has no way to ask")
-    os.sched_setaffinity(0, {core})
-    return f"core {core}"
-
-
-def _share_core(threads: Sequence[int]) -> str:
-    if not hasattr(os, "sched_setaffinity"):
-        raise OSError(0, "this system has no way to ask")
-    cores = sorted(os.sched_getaffinity(0))
-    core = cores[os.getpid() % len(cores)]  # two loops on one machine are not to meet always
+    if core is None:
+        cores = sorted(os.sched_getaffinity(0))
+        core = cores[os.getpid() % len(cores)]  # two loops on one machine are not to meet always
     for thread in threads:
         os.sched_setaffinity(thread, {core})
-    return f"on core {core}, with the loop"
+    return f"core {core}"
 
 
 def _lock_memory() -> str:
