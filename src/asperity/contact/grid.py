@@ -16,13 +16,14 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, inner_kernel
+from asperity.compiled import clear, lean_kernel
 from asperity.contact.chart import RECTANGLE, ROWS, C
 from asperity.contact.patch import all_charts, frame_round
 from asperity.contact.surface import POINT_SIZE, height_at, root_at
+from asperity.stack import stack_array
 
 
-@inner_kernel
+@lean_kernel
 def _within(chart, x, y):
     """Return whether a place lies within a chart's borders."""
     if x < chart[RECTANGLE] or x > chart[RECTANGLE + 1]:
@@ -38,7 +39,7 @@ def _within(chart, x, y):
     return True
 
 
-@inner_kernel
+@lean_kernel
 def _highest(textures, charts, count, u, v, work):
     """Return the height over (u, v) of the highest of some charts, and its slopes."""
     best, best_u, best_v = -np.inf, 0.0, 0.0
@@ -49,7 +50,7 @@ def _highest(textures, charts, count, u, v, work):
     return best, best_u, best_v
 
 
-@inner_kernel
+@lean_kernel
 def grid_depth(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, centre, window,
     grid, beta, area, space, result_out,
@@ -63,7 +64,7 @@ def grid_depth(
     soft maximum, mean m and, in the place's stead, mean place x m. Last the number of samples
     that counted.
     """
-    frame = np.empty((3, 3))
+    frame = stack_array((3, 3))
     frame_round(n, frame)
     made_b = all_charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
     for i in range(3):
@@ -71,13 +72,14 @@ def grid_depth(
     made_a = all_charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
     cu = frame[0, 0] * centre[0] + frame[0, 1] * centre[1] + frame[0, 2] * centre[2]
     cv = frame[1, 0] * centre[0] + frame[1, 1] * centre[1] + frame[1, 2] * centre[2]
-    work = np.empty(POINT_SIZE)
+    work = stack_array((POINT_SIZE,))
     pitch = window / grid
     clear(result_out)
     best = -np.inf
     total, count = 0.0, 0
-    p, m, moment = np.empty(3), np.empty(3), np.zeros(3)
-    mean = np.zeros(3)
+    p, m, mean, moment = stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,))
+    clear(mean)
+    clear(moment)
     for i in range(grid):
         for j in range(grid):
             u = cu + (i + 0.5) * pitch - 0.5 * window

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
+from asperity.compiled import clear, lean_kernel
+from asperity.stack import stack_array
 
-from asperity.compiled import inner_kernel
 
-
-@inner_kernel
+@lean_kernel
 def _solid_distance(kind, size, p):
     """Return a number that is negative within a geom and positive outside it, roughly [m]."""
     if kind == 0:
@@ -34,11 +33,11 @@ def _solid_distance(kind, size, p):
     return max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])
 
 
-@inner_kernel
+@lean_kernel
 def _covered(geometry, g, x, y, z):
     """Return whether a point of geom g's frame lies within another geom of its body."""
     body = geometry.body[g]
-    p, q = np.empty(3), np.empty(3)
+    p, q = stack_array((3,)), stack_array((3,))
     for i in range(3):
         r = geometry.rotation[g]
         p[i] = geometry.position[g, i] + r[i, 0] * x + r[i, 1] * y + r[i, 2] * z
@@ -54,7 +53,7 @@ def _covered(geometry, g, x, y, z):
     return False
 
 
-@inner_kernel
+@lean_kernel
 def normal_under(geometry, g, point, blend, out):
     """Fill the unit normal, in the body's frame, of geom g's smooth surface near a point.
 
@@ -68,7 +67,8 @@ def normal_under(geometry, g, point, blend, out):
         How near an edge its faces are mixed [m].
     out : (3,) array
     """
-    p, n = np.empty(3), np.zeros(3)
+    p, n = stack_array((3,)), stack_array((3,))
+    clear(n)
     rotation, size, kind = geometry.rotation[g], geometry.size[g], geometry.kind[g]
     for i in range(3):
         p[i] = 0.0
@@ -102,7 +102,7 @@ def normal_under(geometry, g, point, blend, out):
             n[2] = on_end * sign
     else:
         most = max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])
-        inside = np.empty(3)
+        inside = stack_array((3,))
         for i in range(3):
             # A hair inside the box, so that a touching neighbour is met only where it covers.
             inside[i] = min(max(p[i], 1e-6 - size[i]), size[i] - 1e-6)

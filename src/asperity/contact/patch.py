@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, inner_kernel, kernel
+from asperity.compiled import clear, kernel, lean_kernel
 from asperity.contact.chart import QINV, TEXTURE, charts_of
 from asperity.contact.deepest import (
     LOOKED,
@@ -27,16 +27,17 @@ from asperity.contact.deepest import (
     search_looks,
 )
 from asperity.contact.surface import height_on, over_base, parameters_under, root_at
+from asperity.stack import stack_array
 
 
-@inner_kernel
+@lean_kernel
 def geom_charts(geometry, g, frame, body, charts_out, first):
     """Fill the charts of a geom from `first` on, as seen along the third row of `frame`.
 
     `body` (3, 4) is the rotation of its body and its place, seen from the contact's origin.
     Returns how many charts there are then.
     """
-    place, axes = np.empty(3), np.empty((3, 3))
+    place, axes = stack_array((3,)), stack_array((3, 3))
     b = geometry.body[g]
     for i in range(3):
         place[i] = 0.0
@@ -61,7 +62,7 @@ def geom_charts(geometry, g, frame, body, charts_out, first):
     )  # fmt: skip
 
 
-@inner_kernel
+@lean_kernel
 def all_charts(geometry, geoms, count, frame, body, charts_out):
     """Fill the charts of `count` geoms of one body; see `geom_charts`."""
     made = np.int64(0)
@@ -70,7 +71,7 @@ def all_charts(geometry, geoms, count, frame, body, charts_out):
     return made
 
 
-@inner_kernel
+@lean_kernel
 def frame_round(n, frame_out):
     """Fill a right-handed frame with rows u, v, n."""
     # The axis that n is least along gives u; for n along z, u and v are x and y.
@@ -86,7 +87,7 @@ def frame_round(n, frame_out):
     frame_out[2, 0], frame_out[2, 1], frame_out[2, 2] = n[0], n[1], n[2]
 
 
-@inner_kernel
+@lean_kernel
 def fill_depth_along(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
     tolerance, max_nodes, space, result_out,
@@ -146,14 +147,14 @@ def depth_along(
     )  # fmt: skip
 
 
-@inner_kernel
+@lean_kernel
 def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space, gradient_out):
     """Return the height of B's texture at a place of its smooth surface, over its lowest [m].
 
     Fills the height's gradient (3,) across n, world axes. `place` (3,) as seen from the origin.
     """
     clear(gradient_out)
-    frame = np.empty((3, 3))
+    frame = stack_array((3, 3))
     frame_round(n, frame)
     made = all_charts(geometry, geoms, count, frame, body, space.charts_b)
     u = frame[0, 0] * place[0] + frame[0, 1] * place[1] + frame[0, 2] * place[2]

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel, lean_kernel, small_kernel
+from asperity.compiled import lean_kernel, small_kernel
 from asperity.contact.bound import beyond_rows
 from asperity.contact.chart import (
     B0,
@@ -287,7 +287,7 @@ def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
     return _beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
 
 
-@inner_kernel
+@lean_kernel
 def _look_at(textures, stride, count, guess_u, guess_v, space):
     """Climb from where the contact was, in every pair of plane charts that has the place.
 
@@ -312,7 +312,7 @@ def _look_at(textures, stride, count, guess_u, guess_v, space):
                 space.state[NODES] += 2.0
 
 
-@inner_kernel
+@lean_kernel
 def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, added):
     """Search the first `count` pairs of `space.looks`, as `search_looks` does.
 
@@ -451,7 +451,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
         room.left[0], room.left[1] = left, used
 
 
-@inner_kernel
+@lean_kernel
 def _last_climbs(textures, stride, size, space, room):
     """Climb from the middles of the most promising boxes, of which there are `size`.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import inner_kernel
+from asperity.compiled import clear, lean_kernel
 from asperity.contact.deepest import (
     DEPTH,
     M_X,
@@ -16,9 +16,10 @@ from asperity.contact.deepest import (
 from asperity.contact.grid import grid_depth
 from asperity.contact.patch import smooth_texture_under
 from asperity.forces.laws import SIIRA_PAI, filter_noise, noise_across, textured_point_force
+from asperity.stack import stack_array
 
 
-@inner_kernel
+@lean_kernel
 def _turned(body, centre, axis, angle, out):
     """Fill a body's pose turned about an axis of world through `centre` by a small angle."""
     c, s = math.cos(angle), math.sin(angle)
@@ -32,7 +33,7 @@ def _turned(body, centre, axis, angle, out):
         out[two, j] = s * p + c * q + shift_two
 
 
-@inner_kernel
+@lean_kernel
 def _differences(
     textures, geometry, geoms, count_a, count_b, body_a, body_b, n, guess, grid, space, out
 ):  # fmt: skip
@@ -41,7 +42,7 @@ def _differences(
     The first is the depth itself; two along each axis across n and about each axis give the
     gradient, and along n it is 1 (Eq. 3). The origin is the tool's centre of mass.
     """
-    sample = np.empty(8)
+    sample = stack_array((8,))
     grid_depth(
         textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
         grid.window, grid.grid, 0.0, 1.0, space, sample,
@@ -51,9 +52,9 @@ def _differences(
         return
     for k in range(3):
         out[POINT_X + k] = sample[1 + k]
-    moved = np.empty((3, 4))
-    centre = np.zeros(3)
-    gradient, turn = np.zeros(3), np.zeros(3)
+    moved = stack_array((3, 4))
+    centre, gradient, turn = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    clear(centre)
     for axis in range(6):
         difference = 0.0
         step = grid.step if axis < 3 else grid.step / grid.lever
@@ -84,14 +85,14 @@ def _differences(
         out[MOMENT + k] = -turn[k]
 
 
-@inner_kernel
+@lean_kernel
 def depth_on_grid(
     textures, geometry, geoms, count_a, count_b, body_a, body_b, n, grid, space, out
 ):  # fmt: skip
     """Replace a certified depth and its gradient by those of a grid round its place."""
     if out[DEPTH] == -np.inf:
         return
-    centre = np.empty(3)
+    centre = stack_array((3,))
     for k in range(3):
         centre[k] = out[POINT_X + k]
     if not grid.soft:
@@ -100,7 +101,7 @@ def depth_on_grid(
             out,
         )  # fmt: skip
         return
-    sample = np.empty(8)
+    sample = stack_array((8,))
     grid_depth(
         textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, centre,
         grid.window, grid.grid, grid.beta, grid.soft_area, space, sample,
@@ -110,20 +111,22 @@ def depth_on_grid(
         out[MOMENT + k], out[M_X + k] = sample[1 + k], sample[4 + k]
 
 
-@inner_kernel
+@lean_kernel
 def advance_noise(state, baseline, dt):
     """Draw the next values of Siira & Pai's noise, once a tick."""
     if baseline.law == SIIRA_PAI:
         filter_noise(state, math.exp(-2.0 * math.pi * baseline.noise_bandwidth * dt))
 
 
-@inner_kernel
+@lean_kernel
 def baseline_force(
     textures, geometry, memory, count_b, body_b, n, place, moved, push, depth, baseline,
     space, force_out,
 ):  # fmt: skip
     """Fill the force of a baseline, from B's texture under the smooth tool's deepest place."""
-    gradient, noise = np.zeros(3), np.zeros(3)
+    gradient, noise = stack_array((3,)), stack_array((3,))
+    clear(gradient)
+    clear(noise)
     height = 0.0
     if baseline.law == SIIRA_PAI:
         along = moved[0] * n[0] + moved[1] * n[1] + moved[2] * n[2]

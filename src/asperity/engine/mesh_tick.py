@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel
+from asperity.compiled import kernel, lean_kernel
 from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
@@ -26,8 +26,8 @@ _JUMP = 1e-2
 """No hand moves farther than this in a tick [m]."""
 
 
-@kernel
-def mesh_tick(
+@lean_kernel
+def _mesh_tick(
     textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
     pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
 ):  # fmt: skip
@@ -139,3 +139,15 @@ def mesh_tick(
     contacts.count[1] += rows.count[1]
     if rows.count[1] > 0 and contacts.count[0] > 0:
         contacts.status[contacts.count[0] - 1] = NO_ROOM
+
+
+@kernel
+def mesh_tick(
+    textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
+    pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
+):  # fmt: skip
+    """Do what `_mesh_tick` does, called from Python."""
+    _mesh_tick(
+        textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
+        pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
+    )  # fmt: skip

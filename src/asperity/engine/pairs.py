@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, inner_kernel
+from asperity.compiled import clear, lean_kernel
 from asperity.contact.normals import normal_under
 from asperity.engine.frames import into
+from asperity.stack import stack_array
 
 _STEADY = 0.85
 """A pair's normal that turns by more than this cosine in one tick is not believed."""
@@ -17,7 +18,7 @@ _TOGETHER = 0.9
 _LEAST_BLEND = 1e-4
 
 
-@inner_kernel
+@lean_kernel
 def _blend(geometry, textures, g, h):
     """Return how near an edge the faces are mixed: about the radius of the contact [m]."""
     reach = 2e-5
@@ -33,7 +34,7 @@ def _blend(geometry, textures, g, h):
     return max(math.sqrt(2.0 * max(least, 1e-4) * reach), _LEAST_BLEND)
 
 
-@inner_kernel
+@lean_kernel
 def held_below(geometry, textures, g, h):
     """Return the depth [m] from which a pair's normal is held: a shallower one may turn an edge."""
     least = np.inf
@@ -43,13 +44,13 @@ def held_below(geometry, textures, g, h):
     return min(_blend(geometry, textures, g, h), 0.25 * least)
 
 
-@inner_kernel
+@lean_kernel
 def collect_pairs(
     textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
 ):  # fmt: skip
     """Fill `memory.now_*` with the pairs that MuJoCo found; return how many."""
     count = 0
-    point, n = np.empty(3), np.empty(3)
+    point, n = stack_array((3,)), stack_array((3,))
     for c in range(met):
         g, h = number[geoms[c, 0]], number[geoms[c, 1]]
         if g < 0 or h < 0:
@@ -87,7 +88,7 @@ def collect_pairs(
     return count
 
 
-@inner_kernel
+@lean_kernel
 def steady_normals(memory, count):
     """Hold the normals of deep pairs to the remembered ones; take up deep pairs that are unseen."""
     for j in range(memory.counts[0]):
@@ -120,7 +121,7 @@ def steady_normals(memory, count):
     return count
 
 
-@inner_kernel
+@lean_kernel
 def group(geometry, memory, count):
     """Give every pair the number of its patch in `now_pairs[:, 3]`; return how many patches."""
     patches = 0
@@ -157,7 +158,7 @@ def group(geometry, memory, count):
     return patches
 
 
-@inner_kernel
+@lean_kernel
 def recall(memory, patch):
     """Copy deepest place and bristle of the remembered patch that this one goes on from."""
     n = memory.new_patches[patch]
@@ -173,7 +174,7 @@ def recall(memory, patch):
         n[k] = memory.patches[which, k] if which >= 0 else (np.nan if k < 6 else 0.0)
 
 
-@inner_kernel
+@lean_kernel
 def geoms_of(memory, count, patch):
     """Fill the geoms of a patch, each once; return how many of the tool and of the scene."""
     count_a = count_b = 0

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from asperity.compiled import clear, kernel
+from asperity.compiled import clear, kernel, lean_kernel
 from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
@@ -30,12 +28,13 @@ from asperity.engine.pairs import (
     steady_normals,
 )
 from asperity.forces.laws import bristle_force
+from asperity.stack import stack_array
 
 NO_ROOM = 2
 
 
-@kernel
-def tick(
+@lean_kernel
+def fill_tick(
     textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
     pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
@@ -149,11 +148,11 @@ def tick(
             into(body_b, moved, bristle)
             for k in range(3):
                 moved[k] = bristle[k] if dt > 0.0 else 0.0
-            across = np.empty(3)
+            across = stack_array((3,))
             into(body_b, contacts.slope_normal[c], across)
             size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
             held = memory.new_patches[p, 6:]
-            drag = np.empty(3)
+            drag = stack_array((3,))
             bristle_force(
                 held, moved, across, parameters.bristle_stiffness, parameters.friction * size, drag
             )
@@ -189,3 +188,15 @@ def tick(
     memory.counts[3] = 0
     if contacts.count[1] > 0 and live > 0:
         contacts.status[0] = NO_ROOM
+
+
+@kernel
+def tick(
+    textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
+    pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
+):  # fmt: skip
+    """Do what `fill_tick` does, called from Python."""
+    fill_tick(
+        textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
+        pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
+    )  # fmt: skip
