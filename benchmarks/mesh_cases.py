@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel, lean_kernel
+from asperity.compiled import inner_kernel, kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -294,7 +294,7 @@ def contact_of(engine: Engine, pose: Array) -> Where | None:
     return Where(pose.copy(), int(c.body[main]), c.normal[main].copy(), middle, spread, deepest)
 
 
-@lean_kernel
+@inner_kernel
 def _outside(chart, x, y, margin):
     """Return whether parameters lie beyond a chart's borders by more than `margin`."""
     if x < chart[RECTANGLE] - margin or x > chart[RECTANGLE + 1] + margin:
@@ -308,7 +308,7 @@ def _outside(chart, x, y, margin):
     return False
 
 
-@lean_kernel
+@inner_kernel
 def _height_over(textures, chart, u, v, margin):
     """Return the height of a plane chart over (u, v), textured through a flat map; or -inf.
 
@@ -340,7 +340,7 @@ def _height_over(textures, chart, u, v, margin):
     return chart[O + 2] + chart[PZ] * x + chart[PZ + 1] * y + t * w_z
 
 
-@lean_kernel
+@inner_kernel
 def _shift(textures, chart):
     """Return how far a chart's texture moves points sideways at most [m]."""
     if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
@@ -348,7 +348,7 @@ def _shift(textures, chart):
     return chart[SIDE] * textures.scales[int(chart[TEXTURE]), 2]
 
 
-@lean_kernel
+@inner_kernel
 def _draw(textures, chart, cu, cv, window, heights):
     """Raise `heights` (GRID, GRID) to a chart's surface where that is higher."""
     pitch = window / GRID
@@ -369,7 +369,7 @@ def _draw(textures, chart, cu, cv, window, heights):
             heights[i, j] = max(heights[i, j], z)
 
 
-@lean_kernel
+@inner_kernel
 def _into(frame, body, sign, turn, shift):
     """Fill the way from a body's frame into (u, v, sign n)."""
     for i in range(3):
@@ -382,7 +382,7 @@ def _into(frame, body, sign, turn, shift):
                 turn[i, j] += s * frame[i, k] * body[k, j]
 
 
-@lean_kernel
+@inner_kernel
 def _moved(frame, body, axis, by, out):
     """Fill a body's pose moved along axis 0, 1 of `frame`, or turned about axis 0, 1, 2 (2..4)."""
     for i in range(3):
@@ -402,7 +402,7 @@ def _moved(frame, body, axis, by, out):
             out[i, j] = c * body[i, j] + s * across + (1.0 - c) * along * e[i]
 
 
-@lean_kernel
+@inner_kernel
 def _side(textures, table, geometry, facets, turn, shift, cu, cv, window, chart, heights):
     """Draw facets of one body."""
     for i in range(GRID):

@@ -9,7 +9,8 @@ went on
   becomes part of, up to the one that is called from Python, and only that one's code is run;
 - making machine code of inner kernels, which for the same reason nobody runs;
 - two small functions that are called millions of times: which variables an instruction names, and
-  what the options of a kernel are.
+  what the options of a kernel are;
+- collecting garbage, where there is hardly any; telling what is being done to nobody who listens.
 
 None changes what is computed: the wrenches are the same to the bit. They rest on Numba's inner
 names; where these are not as expected, nothing is done, and compiling takes longer.
@@ -17,14 +18,19 @@ names; where these are not as expected, nothing is done, and compiling takes lon
 
 from __future__ import annotations
 
+import gc
 import inspect
+import logging
 from collections.abc import Callable
 from typing import Any
 
 
 def speed_up() -> list[str]:
     """Make Numba compile faster from now on; return the names of what could be done."""
-    changes = (remember_calls, mark_inner, optimise_once, emit_once, list_options, list_variables)
+    changes = (
+        remember_calls, mark_inner, optimise_once, emit_once, list_options, list_variables,
+        leave_garbage, tell_listeners,
+    )  # fmt: skip
     return [change.__name__ for change in changes if change()]
 
 
@@ -242,4 +248,67 @@ def list_variables() -> bool:
         return out
 
     setattr(Inst, find.__name__, _rec_list_vars)
+    return True
+
+
+def leave_garbage() -> bool:
+    """Collect no garbage while a kernel is compiled: of 30 s that took four."""
+    try:
+        from numba.core.dispatcher import Dispatcher
+
+        compile_one = Dispatcher.compile
+        if list(inspect.signature(compile_one).parameters) != ["self", "sig"]:
+            return False
+    except (ImportError, AttributeError):
+        return False
+
+    def compile(self: Any, sig: Any) -> Any:
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return compile_one(self, sig)
+        finally:
+            # Kernels that this one calls were compiled within it, and found it disabled.
+            if collects:
+                gc.enable()
+
+    setattr(Dispatcher, compile_one.__name__, compile)
+    return True
+
+
+class _Nobody:
+    """What stands for an event that nobody listens to."""
+
+    def __enter__(self) -> None:
+        return
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+
+def tell_listeners() -> bool:
+    """Make no events that nobody listens to, and no log lines that go nowhere."""
+    try:
+        from numba.core import event, ssa
+
+        tell = (event.trigger_event, event.start_event, event.end_event)
+        if any(list(inspect.signature(f).parameters)[:2] != ["kind", "data"] for f in tell):
+            return False
+        registered, log = event._registered, ssa._logger
+    except (ImportError, AttributeError):
+        return False
+    nobody = _Nobody()
+
+    def if_heard(make: Callable[..., Any]) -> Callable[..., Any]:
+        def event_of(kind: str, *args: Any, **named: Any) -> Any:
+            # Names without the prefix are made whole by Numba; it does not use them itself.
+            unheard = kind.startswith("numba:") and not registered.get(kind)
+            return nobody if unheard else make(kind, *args, **named)
+
+        return event_of
+
+    for make in tell:
+        setattr(event, make.__name__, if_heard(make))
+    if not log.isEnabledFor(logging.DEBUG):
+        log.disabled = True  # asked half a million times
     return True

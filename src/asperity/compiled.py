@@ -148,36 +148,30 @@ def kernel(function: F) -> F:
     return _compiled(function, **_OPTIONS)
 
 
-_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} | _OPTIONS
+_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False} | _OPTIONS
 
 
 def inner_kernel(function: F) -> F:
     """Compile `function` as `kernel` does, to be called by other kernels only.
 
     A way in from Python is left out: for arguments of many arrays it takes longer to compile
-    than the function itself. (Called from Python it crashes.)
+    than the function itself. (Called from Python it crashes.) References to arrays are not
+    counted: counting is atomic, and took a third of a tick. So such a function makes no arrays,
+    nor does it return one: it writes to what it is given, and what it needs for itself are
+    `asperity.stack.stack_array`s.
     """
     return _compiled(function, **_INNER)
 
 
-def lean_kernel(function: F) -> F:
-    """Compile `function` as `inner_kernel` does, without counting references to arrays.
-
-    Counting is atomic, and took half the time of the search. Such a function, and what it calls,
-    makes no arrays: it writes to what it is given.
-    """
-    return _compiled(function, _nrt=False, **_INNER)
-
-
 def small_kernel(function: F) -> F:
-    """Compile `function` as `lean_kernel` does, and as part of whatever calls it.
+    """Compile `function` as `inner_kernel` does, and as part of whatever calls it.
 
     For what takes less time than its call would: an array is handed over as seven numbers.
     """
-    return _compiled(function, forceinline=True, _nrt=False, **_INNER)
+    return _compiled(function, forceinline=True, **_INNER)
 
 
-@lean_kernel
+@inner_kernel
 def clear(values):  # type: ignore[no-untyped-def]
     """Set a row of numbers to zero.
 

@@ -22,15 +22,16 @@ def stack_array(typing_context: Any, shape: Any) -> Any:
     `shape` is a tuple of constants, as in `stack_array((3, 3))`. The array must not be returned,
     nor kept. For kernels only.
     """
-    if not isinstance(shape, types.BaseTuple):
+    if not hasattr(shape, "types"):
         return None
-    counts = [getattr(part, "literal_value", None) for part in shape.types]
-    if not all(isinstance(count, int) for count in counts):
+    counts: list[int] = [getattr(part, "literal_value", 0) for part in shape.types]
+    if not all(counts):
         return None
     array = types.Array(types.float64, len(counts), "C")
 
     def generate(context: Any, builder: Any, signature: Signature, _: Any) -> Any:
-        number, strides = 1, []
+        number = 1
+        strides: list[int] = []
         for count in reversed(counts):
             strides.insert(0, 8 * number)
             number *= count

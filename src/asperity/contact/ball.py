@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -65,7 +65,7 @@ def _overlap(textures, cx, cy, ax, ay, x, y):
     )
 
 
-@lean_kernel
+@inner_kernel
 def rolled_uphill(textures, cx, cy, box, x, y, stride):
     """Return a place near the local maximum uphill of (x, y), as far as Newton's steps go.
 

@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     E_LEAST,
     E_MOST,
@@ -174,7 +174,7 @@ def _point_bend(textures, chart, least, slope, size_bend, w1, w2):
     return bend
 
 
-@lean_kernel
+@inner_kernel
 def beyond_rows(chart, x, y, half_x, half_y):
     """Return whether a box round (x, y) lies beyond one of a chart's rows."""
     if chart[ROWS] == 0.0:
@@ -273,7 +273,7 @@ def _second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
     return bound, (CONCAVE if concave else BOUNDED), second, loose
 
 
-@lean_kernel
+@inner_kernel
 def sharpest_bound(
     textures, cx, cy, box, kind, bound, second, loose, best, mine, work, at
 ):  # fmt: skip
@@ -299,7 +299,7 @@ def sharpest_bound(
     return min(bound, within), there
 
 
-@lean_kernel
+@inner_kernel
 def ball_bound(textures, cx, cy, ax, ay, box, enough, at):
     """Do `node_bound` for a smooth ball over a level textured plate, in a quarter of the time.
 
@@ -314,7 +314,7 @@ def ball_bound(textures, cx, cy, ax, ay, box, enough, at):
     return _level_bound(textures, cx, cy, x0, x1, y0, y1, bound, enough, at)
 
 
-@lean_kernel
+@inner_kernel
 def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     """Do the rest of `node_bound` for any two charts; `(g1, g2)` is Y's slope in the box."""
     x0, x1, y0, y1 = box
@@ -502,7 +502,7 @@ def _third(textures, cx, cy, a, s, b, w1, w2, side, b_y, s_y, fastest):
     )  # fmt: skip
 
 
-@lean_kernel
+@inner_kernel
 def node_bound(textures, cx, cy, ax, ay, box, shift, enough, work, at):
     """Return an upper bound of the overlap over a box, and what `sharpest_bound` needs.
 
@@ -525,7 +525,7 @@ def node_bound(textures, cx, cy, ax, ay, box, shift, enough, work, at):
     return _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at)
 
 
-@lean_kernel
+@inner_kernel
 def _rise_from(cx, cy, at, x0, x1, y0, y1, loose, work):
     """Return the largest rise along the tangent plane at `at` over a box within the borders."""
     g_x, g_y = at[F_X], at[F_Y]

@@ -28,7 +28,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.stack import stack_array
 
 FLATTEST = 0.2
@@ -66,7 +66,7 @@ SIZE = EQ + 18
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
 
-@lean_kernel
+@inner_kernel
 def singular(a, b, c, d):
     """Return the smallest and the largest singular value of [[a, b], [c, d]]."""
     s = 0.5 * (a * a + b * b + c * c + d * d)
@@ -75,7 +75,7 @@ def singular(a, b, c, d):
     return math.sqrt(max(s - r, 0.0)), math.sqrt(s + r)
 
 
-@lean_kernel
+@inner_kernel
 def _finish(chart, frame, body, mapping, origin):
     """Fill what follows from a chart's geometry: inverse, extreme values, the texture's map.
 
@@ -142,14 +142,14 @@ def _finish(chart, frame, body, mapping, origin):
     chart[UV_LEAST], chart[UV_MOST] = least, most
 
 
-@lean_kernel
+@inner_kernel
 def _rectangle(chart, x0, x1, y0, y1, hard):
     chart[RECTANGLE], chart[RECTANGLE + 1] = x0, x1
     chart[RECTANGLE + 2], chart[RECTANGLE + 3] = y0, y1
     chart[RECTANGLE_HARD] = hard
 
 
-@lean_kernel
+@inner_kernel
 def _row(chart, k0, k1, k2, k3, k4, hard):
     """Add a row to the borders of a chart."""
     at = ROWS + 1 + 6 * int(chart[ROWS])
@@ -158,7 +158,7 @@ def _row(chart, k0, k1, k2, k3, k4, hard):
     chart[ROWS] += 1.0
 
 
-@lean_kernel
+@inner_kernel
 def _plane(chart, centre, x, y, f, half_x, half_y, hard):
     """Fill a flat part: centre and axes in the contact frame, normal `f`."""
     clear(chart)
@@ -172,7 +172,7 @@ def _plane(chart, centre, x, y, f, half_x, half_y, hard):
     _rectangle(chart, -half_x, half_x, -half_y, half_y, hard)
 
 
-@lean_kernel
+@inner_kernel
 def _ellipsoid(chart, centre, axes, semi):
     """Fill the upper half of an ellipsoid; `axes` (3, 3) has its axes in columns.
 
@@ -210,7 +210,7 @@ def _ellipsoid(chart, centre, axes, semi):
     _rectangle(chart, -half_u, half_u, -half_v, half_v, 0.0)
 
 
-@lean_kernel
+@inner_kernel
 def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
     """Fill the side of a cylinder or capsule round `k`; `ref_x`, `ref_y` fix its angle."""
     cosine = math.sqrt(max(1.0 - k[2] * k[2], 0.0))
@@ -244,7 +244,7 @@ def _side(chart, centre, k, radius, half, hard, ref_x, ref_y):
     return True
 
 
-@lean_kernel
+@inner_kernel
 def charts_of(
     kind, size, place, axes, frame, body, texture, mapping, origin, around, charts_out, first
 ):

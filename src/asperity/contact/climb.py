@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel
+from asperity.compiled import inner_kernel
 from asperity.contact.ball import is_ball_over_plate, rolled_uphill
 from asperity.contact.overlap import (
     BORDERS,
@@ -42,7 +42,7 @@ _LEVEL = 1e-12  # slopes below this are none
 _CORRECTIONS = 3
 
 
-@lean_kernel
+@inner_kernel
 def _level_step(g_x, g_y, h_xx, h_xy, h_yy):
     """Return the shortest step to the ridge or plateau of a quadratic that has one.
 
@@ -68,7 +68,7 @@ def _level_step(g_x, g_y, h_xx, h_xy, h_yy):
     return -step * e_y, step * e_x, True
 
 
-@lean_kernel
+@inner_kernel
 def _best_step(at, h_xx, h_xy, h_yy, lines, count):
     """Return the step (dx, dy) that maximises a quadratic where all lines allow it.
 
@@ -132,7 +132,7 @@ def _best_step(at, h_xx, h_xy, h_yy, lines, count):
     return best_x, best_y, found
 
 
-@lean_kernel
+@inner_kernel
 def _bent_along(at, borders, count):
     """Return the bend of the overlap, less that of the borders that hold it (Lagrange).
 
@@ -150,7 +150,7 @@ def _bent_along(at, borders, count):
     return h_xx, h_xy, h_yy
 
 
-@lean_kernel
+@inner_kernel
 def _over(borders, count):
     """Return how far the worst border is passed [m]."""
     worst = 0.0
@@ -159,7 +159,7 @@ def _over(borders, count):
     return worst
 
 
-@lean_kernel
+@inner_kernel
 def _back(borders, count, x, y, box):
     """Return (x, y) moved back onto the border that it passes most."""
     worst = 0
@@ -172,7 +172,7 @@ def _back(borders, count, x, y, box):
     return min(max(x - share * a, x0), x1), min(max(y - share * b, y0), y1)
 
 
-@lean_kernel
+@inner_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (28,).
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.chart import (
     LEVEL,
     RECTANGLE,
@@ -102,7 +102,7 @@ def workspace(charts: int, pairs: int) -> Workspace:
     )
 
 
-@lean_kernel
+@inner_kernel
 def begin(space, max_nodes):
     """Forget what an earlier search found."""
     state = space.state
@@ -111,7 +111,7 @@ def begin(space, max_nodes):
     space.best[OVERLAP_SIZE] = -1.0
 
 
-@lean_kernel
+@inner_kernel
 def search_looks(textures, stride, count, guess_u, guess_v, tolerance, space):
     """Search the first `count` pairs of `space.looks`, the most promising first."""
     state, looks = space.state, space.looks
@@ -141,13 +141,13 @@ def search_looks(textures, stride, count, guess_u, guess_v, tolerance, space):
         )  # fmt: skip
 
 
-@lean_kernel
+@inner_kernel
 def _hidden(chart):
     """Return whether the height over a place has to be found by iteration."""
     return chart[TEXTURE] >= 0.0 and chart[LEVEL] == 0.0
 
 
-@lean_kernel
+@inner_kernel
 def walks_on_a(a, b):
     """Return whether the search walks over A's chart: over the one that is harder to look up."""
     if _hidden(a) != _hidden(b):
@@ -159,7 +159,7 @@ def walks_on_a(a, b):
     return a[C] == 0.0
 
 
-@lean_kernel
+@inner_kernel
 def _edge(borders, count, code):
     """Return the direction across the edge of a chart that a place lies on, if it lies on one."""
     for i in range(count):
@@ -168,7 +168,7 @@ def _edge(borders, count, code):
     return False, 0.0, 0.0
 
 
-@lean_kernel
+@inner_kernel
 def _on_rectangle(chart, x, y):
     """Return whether (x, y) lies on a side of a chart's rectangle that is an edge."""
     if chart[RECTANGLE_HARD] == 0.0:
@@ -181,7 +181,7 @@ def _on_rectangle(chart, x, y):
     return False, 0.0, 0.0
 
 
-@lean_kernel
+@inner_kernel
 def _met_before(ties, t, count):
     """Return whether a deeper tie is the same place: charts share their common edge."""
     for i in range(count):
@@ -192,7 +192,7 @@ def _met_before(ties, t, count):
     return False
 
 
-@lean_kernel
+@inner_kernel
 def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
     borders, point = work[BORDERS:LINES], work[0]
@@ -232,7 +232,7 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     out[0], out[1] = -sign * at[slope], -sign * at[slope + 1]
 
 
-@lean_kernel
+@inner_kernel
 def fill_result(textures, stride, n, tolerance, space, result_out):
     """Fill `result_out` (14,) from what a search left; see `DEPTH`, ..."""
     state, frame = space.state, space.frame

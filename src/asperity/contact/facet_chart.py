@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.chart import (
     B0,
     BEND_1,
@@ -40,7 +40,7 @@ from asperity.contact.chart import (
 )
 
 
-@lean_kernel
+@inner_kernel
 def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
     """Fill `chart` (146,) with a facet.
 

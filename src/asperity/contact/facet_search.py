@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel, lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, kernel, small_kernel
 from asperity.contact.chart import COVERS, FLATTEST, ROWS, O, Q
 from asperity.contact.deepest import (
     LOOK_SIZE,
@@ -28,7 +28,7 @@ from asperity.contact.sieve import pair_bound, sieve
 _ANYWHERE = 1e3
 
 
-@lean_kernel
+@inner_kernel
 def _turn_into(frame, body, turn_out, shift_out):
     """Fill the way from a body's frame into the contact frame."""
     for i in range(3):
@@ -41,7 +41,7 @@ def _turn_into(frame, body, turn_out, shift_out):
             shift_out[i] += frame[i, j] * body[j, 3]
 
 
-@lean_kernel
+@inner_kernel
 def _slots_of(
     table, geometry, f, side, frame, body, turn, shift, made, charts, space
 ):  # fmt: skip
@@ -100,7 +100,7 @@ def _apart(textures, cx, cy):
     )
 
 
-@lean_kernel
+@inner_kernel
 def pairs_of_charts(
     textures, table, geometry, count, direction, n, frame, body_a, body_b, work_space, space
 ):  # fmt: skip
@@ -182,7 +182,7 @@ def pairs_of_charts(
     return pairs, made_a, stride, enough
 
 
-@lean_kernel
+@inner_kernel
 def patch_depths(
     textures, sums, pairs, made_a, stride, u, v, n, frame, body_a, body_b, radius, guess, tolerance,
     max_nodes, work_space, space, results_out,
@@ -248,7 +248,7 @@ def patch_depths(
     return ways_1 * ways_2
 
 
-@lean_kernel
+@inner_kernel
 def _take_all(pairs, work_space, space):
     """Fill the pairs of charts to be searched with all that were bounded."""
     for i in range(pairs):
@@ -256,7 +256,7 @@ def _take_all(pairs, work_space, space):
             work_space.looks[i, k] = space.looks[i, k]
 
 
-@lean_kernel
+@inner_kernel
 def _guess(guess, frame, body):
     """Return where in the contact frame a place of a body's frame lies."""
     at_u = at_v = 0.0
@@ -269,7 +269,7 @@ def _guess(guess, frame, body):
     return at_u, at_v
 
 
-@lean_kernel
+@inner_kernel
 def _single_place(work_space, stride, lines):
     """Return whether one place is deepest, and how far it lies from the lines [m].
 

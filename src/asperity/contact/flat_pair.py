@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel
+from asperity.compiled import inner_kernel
 from asperity.contact.chart import (
     PZ,
     Q_LEAST,
@@ -29,7 +29,7 @@ _THIN = 1e-9
 """What a line's length is worth as an area, over its length [m]."""
 
 
-@lean_kernel
+@inner_kernel
 def is_straight(chart):
     """Return whether a chart is plane and smooth with straight sides, unlike a cylinder's end."""
     if chart[C] > 0.0 or chart[TEXTURE] >= 0.0:
@@ -40,7 +40,7 @@ def is_straight(chart):
     return not bent
 
 
-@lean_kernel
+@inner_kernel
 def _clipped(polygon, size, a, b, r):
     """Cut a polygon (rows x, y, -, -) to `a x + b y <= r`; return how many corners are left."""
     kept = 0
@@ -61,7 +61,7 @@ def _clipped(polygon, size, a, b, r):
     return kept
 
 
-@lean_kernel
+@inner_kernel
 def plane_overlap(cx, cy, slack, polygon):
     """Fill `polygon` with the part of X's parameters over which two plane charts overlap.
 
@@ -104,7 +104,7 @@ def plane_overlap(cx, cy, slack, polygon):
     return size, at_zero, g_x, g_y
 
 
-@lean_kernel
+@inner_kernel
 def flat_best(textures, cx, cy, tie, work, at):
     """Fill `at` (28,) with the deepest place of two smooth plane charts.
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
 
@@ -78,7 +78,7 @@ def footprint_space(facets: int) -> FootprintSpace:
     )
 
 
-@lean_kernel
+@inner_kernel
 def between_bodies(body_a, body_b, turn_out, shift_out):
     """Fill the way from A's frame to B's, (3, 3) and (3,), from their poses (3, 4)."""
     for i in range(3):
@@ -90,7 +90,7 @@ def between_bodies(body_a, body_b, turn_out, shift_out):
                 turn_out[i, j] += body_b[k, i] * body_a[k, j]
 
 
-@lean_kernel
+@inner_kernel
 def _turn_facet(table: FacetTable, f, turn, shift, space):
     """Note a facet of A in B's frame."""
     space.stamp[f] = space.clock[0]
@@ -106,7 +106,7 @@ def _turn_facet(table: FacetTable, f, turn, shift, space):
             space.turned[f, c, i] = place
 
 
-@lean_kernel
+@inner_kernel
 def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
     """Fill `space.facings` with facets of bodies a and b that are near and face each other.
 
@@ -170,7 +170,7 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
     return count
 
 
-@lean_kernel
+@inner_kernel
 def _clip(polygon, source, count, k0, k1, k2, k3, code):
     """Cut a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`; return how many corners are left.
 
@@ -246,7 +246,7 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
     return here, count
 
 
-@lean_kernel
+@inner_kernel
 def _mix(f0, f1, f2, g0, g1, g2, h0, h1, h2):
     """Return 60 / area times the integral of a product of three linear functions of a triangle.
 
@@ -259,7 +259,7 @@ def _mix(f0, f1, f2, g0, g1, g2, h0, h1, h2):
     return sf * sg * sh + sf * gh + sg * fh + sh * fg + 2.0 * fgh
 
 
-@lean_kernel
+@inner_kernel
 def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
     """Add a piece on facet g of B to the sums of one direction, counting `share` of it.
 
@@ -303,7 +303,7 @@ def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
     return share * mass
 
 
-@lean_kernel
+@inner_kernel
 def deepest_of(space, here, count):
     """Return the largest overlap of a piece [m]."""
     most = -np.inf
@@ -312,14 +312,14 @@ def deepest_of(space, here, count):
     return most
 
 
-@lean_kernel
+@inner_kernel
 def cut_deep(space, here, count, most):
     """Clip a piece to overlaps of at most `most`; return where it is, and its corners."""
     count = _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
     return 1 - here, count
 
 
-@lean_kernel
+@inner_kernel
 def steady_normal(table: FacetTable, count, direction, space, n):
     """Turn a mean normal (3,) to the mean of those within 20 degrees of it, less towards the end.
 
@@ -339,7 +339,7 @@ def steady_normal(table: FacetTable, count, direction, space, n):
         n[0], n[1], n[2] = x / size, y / size, z / size
 
 
-@lean_kernel
+@inner_kernel
 def sliver(sums):
     """Return how thick the footprint is between an edge of A and the edge of B that it leaves.
 
@@ -355,7 +355,7 @@ def sliver(sums):
     return sums[AREA] / math.sqrt(opposed)
 
 
-@lean_kernel
+@inner_kernel
 def way_out(table: FacetTable, count, direction, n, place, space):
     """Return how far a place (3,) within B is from B's surface along n [m]; infinite if unknown.
 

@@ -16,14 +16,14 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.chart import RECTANGLE, ROWS, C
 from asperity.contact.patch import all_charts, frame_round
 from asperity.contact.surface import POINT_SIZE, height_at, root_at
 from asperity.stack import stack_array
 
 
-@lean_kernel
+@inner_kernel
 def _within(chart, x, y):
     """Return whether a place lies within a chart's borders."""
     if x < chart[RECTANGLE] or x > chart[RECTANGLE + 1]:
@@ -39,7 +39,7 @@ def _within(chart, x, y):
     return True
 
 
-@lean_kernel
+@inner_kernel
 def _highest(textures, charts, count, u, v, work):
     """Return the height over (u, v) of the highest of some charts, and its slopes."""
     best, best_u, best_v = -np.inf, 0.0, 0.0
@@ -50,7 +50,7 @@ def _highest(textures, charts, count, u, v, work):
     return best, best_u, best_v
 
 
-@lean_kernel
+@inner_kernel
 def grid_depth(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, centre, window,
     grid, beta, area, space, result_out,

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.stack import stack_array
 
 
-@lean_kernel
+@inner_kernel
 def _solid_distance(kind, size, p):
     """Return a number that is negative within a geom and positive outside it, roughly [m]."""
     if kind == 0:
@@ -33,7 +33,7 @@ def _solid_distance(kind, size, p):
     return max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])
 
 
-@lean_kernel
+@inner_kernel
 def _covered(geometry, g, x, y, z):
     """Return whether a point of geom g's frame lies within another geom of its body."""
     body = geometry.body[g]
@@ -53,7 +53,7 @@ def _covered(geometry, g, x, y, z):
     return False
 
 
-@lean_kernel
+@inner_kernel
 def normal_under(geometry, g, point, blend, out):
     """Fill the unit normal, in the body's frame, of geom g's smooth surface near a point.
 

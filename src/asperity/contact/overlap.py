@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     E_MOST,
     LEAST_ROOT,
@@ -97,7 +97,7 @@ def over_level(textures, cx, cy, x, y, out):
         out[i] = 0.0
 
 
-@lean_kernel
+@inner_kernel
 def overlap_at(textures, cx, cy, x, y, work, out):
     """Fill `out` (28,) with the overlap of two charts at (x, y) of the first; see `F`, `F_X`, ...
 
@@ -199,7 +199,7 @@ def _own_borders(chart, x, y, turn, at, hard, borders, count):
     return count
 
 
-@lean_kernel
+@inner_kernel
 def borders_at(cx, cy, at, borders_out):
     """Fill value and slope of every border at a place of `overlap_at`; return how many."""
     count = _own_borders(cx, at[X], at[Y], False, at, 1.0, borders_out, np.int64(0))
@@ -216,7 +216,7 @@ def borders_at(cx, cy, at, borders_out):
     return _own_borders(cy, x, y, True, at, 2.0, borders_out, count)
 
 
-@lean_kernel
+@inner_kernel
 def steepest_rise(g_x, g_y, x0, x1, y0, y1, borders, count, slack, polygon):
     """Return the largest `g_x dx + g_y dy` over a box within borders taken as straight lines.
 

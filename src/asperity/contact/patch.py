@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, kernel, lean_kernel
+from asperity.compiled import clear, inner_kernel, kernel
 from asperity.contact.chart import QINV, TEXTURE, charts_of
 from asperity.contact.deepest import (
     LOOKED,
@@ -30,7 +30,7 @@ from asperity.contact.surface import height_on, over_base, parameters_under, roo
 from asperity.stack import stack_array
 
 
-@lean_kernel
+@inner_kernel
 def geom_charts(geometry, g, frame, body, charts_out, first):
     """Fill the charts of a geom from `first` on, as seen along the third row of `frame`.
 
@@ -62,7 +62,7 @@ def geom_charts(geometry, g, frame, body, charts_out, first):
     )  # fmt: skip
 
 
-@lean_kernel
+@inner_kernel
 def all_charts(geometry, geoms, count, frame, body, charts_out):
     """Fill the charts of `count` geoms of one body; see `geom_charts`."""
     made = np.int64(0)
@@ -71,7 +71,7 @@ def all_charts(geometry, geoms, count, frame, body, charts_out):
     return made
 
 
-@lean_kernel
+@inner_kernel
 def frame_round(n, frame_out):
     """Fill a right-handed frame with rows u, v, n."""
     # The axis that n is least along gives u; for n along z, u and v are x and y.
@@ -87,7 +87,7 @@ def frame_round(n, frame_out):
     frame_out[2, 0], frame_out[2, 1], frame_out[2, 2] = n[0], n[1], n[2]
 
 
-@lean_kernel
+@inner_kernel
 def fill_depth_along(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
     tolerance, max_nodes, space, result_out,
@@ -147,7 +147,7 @@ def depth_along(
     )  # fmt: skip
 
 
-@lean_kernel
+@inner_kernel
 def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space, gradient_out):
     """Return the height of B's texture at a place of its smooth surface, over its lowest [m].
 

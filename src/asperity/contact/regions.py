@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import lean_kernel
+from asperity.compiled import inner_kernel
 from asperity.contact.chart import ROWS, O, Q
 from asperity.contact.footprint import MASS, MEAN, SPREAD
 
@@ -22,7 +22,7 @@ loaded one ends within 1.8 deviations.)"""
 _LEAST_SPREAD = 1e-12
 
 
-@lean_kernel
+@inner_kernel
 def split_lines(sums, u, v, radius, lines_out):
     """Fill the lines that split a footprint; return whether it is split along the first, second.
 
@@ -71,7 +71,7 @@ def split_lines(sums, u, v, radius, lines_out):
     return first, second
 
 
-@lean_kernel
+@inner_kernel
 def bound_by(chart, rows, l_u, l_v, l_0, radius):
     """Add a row to a chart that has `rows`: base points with `l . (u, v) + l_0 >= -radius`."""
     at = ROWS + 1 + 6 * rows

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.ball import is_ball_over_plate
 from asperity.contact.bound import (
     BOUNDED,
@@ -81,7 +81,7 @@ JUDGED = 5  # the bound of the box that was judged last
 STATE_SIZE = 6
 
 
-@lean_kernel
+@inner_kernel
 def _extent(chart):
     """Return the half sides in (u, v) of what a chart covers, and its middle."""
     if chart[C] == 0.0 or chart[E] == 0.0:
@@ -100,7 +100,7 @@ def _extent(chart):
     return u, v, half_u, half_v
 
 
-@lean_kernel
+@inner_kernel
 def window_of(cx, cy, shift):
     """Return the box of X's parameters that Y covers, as far as X goes."""
     u, v, half_u, half_v = _extent(cy)
@@ -129,7 +129,7 @@ def _under_ball(textures, cx, cy, ax, ay, window, enough):
     return max(x0, ax - reach), min(x1, ax + reach), max(y0, ay - reach), min(y1, ay + reach)
 
 
-@lean_kernel
+@inner_kernel
 def _blocks(textures, cx, window, boxes_out):
     """Fill start boxes that cover the window; blocks of the texture's pyramid where they fit.
 
@@ -170,7 +170,7 @@ def _blocks(textures, cx, window, boxes_out):
     return count
 
 
-@lean_kernel
+@inner_kernel
 def _keep(at, pair, weight, state, best, ties):
     """Note a place that has been climbed to: the deepest so far, or one as deep.
 
@@ -213,7 +213,7 @@ def _keep(at, pair, weight, state, best, ties):
     state[TIES] = count + 1
 
 
-@lean_kernel
+@inner_kernel
 def _clear_of_borders(cx, cy, at, box, work):
     """Return whether a box round a place touches no border, the borders being straight."""
     borders = work[BORDERS:LINES]
@@ -225,7 +225,7 @@ def _clear_of_borders(cx, cy, at, box, work):
     return True
 
 
-@lean_kernel
+@inner_kernel
 def _base_best(textures, cx, cy, window, work, at):
     """Return where on X the smooth bases overlap most, or nearly so."""
     u, v, _, _ = _extent(cy)
@@ -265,7 +265,7 @@ def _rough(textures, cx, cy):
     return rough
 
 
-@lean_kernel
+@inner_kernel
 def quick_bound(textures, cx, cy):
     """Return an upper bound of the overlap of two charts, -inf if they do not meet."""
     shift = _shift(textures, cx, cy)
@@ -279,7 +279,7 @@ def quick_bound(textures, cx, cy):
     return smooth + _rough(textures, cx, cy) * math.sqrt(1.0 + g1 * g1 + g2 * g2)
 
 
-@lean_kernel
+@inner_kernel
 def first_look(
     textures, cx, cy, pair, guess_u, guess_v, state, best, ties, work, at, out
 ):  # fmt: skip
@@ -317,7 +317,7 @@ def first_look(
         _keep(at, pair, 0.0, state, best, ties)
 
 
-@lean_kernel
+@inner_kernel
 def judge(
     textures, cx, cy, pair, ax, ay, window, box, bound, shift, ball, state, best, ties, work, at
 ):  # fmt: skip
@@ -365,7 +365,7 @@ def judge(
     return high
 
 
-@lean_kernel
+@inner_kernel
 def settle(textures, cx, cy, pair, window, box, bound, state, best, ties, work, at):
     """Look for a place as deep as the deepest in a small box that is as good as certified."""
     x0, x1, y0, y1 = box
@@ -383,7 +383,7 @@ def settle(textures, cx, cy, pair, window, box, bound, state, best, ties, work, 
         _keep(at, pair, weight, state, best, ties)
 
 
-@lean_kernel
+@inner_kernel
 def search_pair(
     textures, cx, cy, pair, ax, ay, above, tolerance, state, best, ties, nodes, work, at
 ):

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.bound import beyond_rows
 from asperity.contact.chart import (
     B0,
@@ -184,7 +184,7 @@ def _risen(textures, cx, cy, bound, on_x, on_y, flat):
     return min(bound, top)
 
 
-@lean_kernel
+@inner_kernel
 def pair_bound(textures, cx, cy, work, look_out):
     """Fill an upper bound of the overlap of two charts, -inf if they do not meet.
 
@@ -215,7 +215,7 @@ def pair_bound(textures, cx, cy, work, look_out):
     look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat)
 
 
-@lean_kernel
+@inner_kernel
 def _is_there(cx, cy, u, v):
     """Return whether a place of the contact frame lies on a chart and is not beside the other."""
     for chart in (cx, cy):
@@ -244,7 +244,7 @@ def _grain(textures, chart):
     return math.sqrt(textures.scales[k, 2] / max(textures.scales[k, 4], 1e-300)) / chart[UV_MOST]
 
 
-@lean_kernel
+@inner_kernel
 def _push(heap, keys, size, number, key):
     """Put a box into the heap, whose largest key is on top."""
     at = size
@@ -257,7 +257,7 @@ def _push(heap, keys, size, number, key):
     keys[at], heap[at] = key, number
 
 
-@lean_kernel
+@inner_kernel
 def _pop(heap, keys, size):
     """Take the top off a heap of `size` boxes."""
     key, number = keys[size - 1], heap[size - 1]
@@ -287,7 +287,7 @@ def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
     return _beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
 
 
-@lean_kernel
+@inner_kernel
 def _look_at(textures, stride, count, guess_u, guess_v, space):
     """Climb from where the contact was, in every pair of plane charts that has the place.
 
@@ -312,7 +312,7 @@ def _look_at(textures, stride, count, guess_u, guess_v, space):
                 space.state[NODES] += 2.0
 
 
-@lean_kernel
+@inner_kernel
 def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, added):
     """Search the first `count` pairs of `space.looks`, as `search_looks` does.
 
@@ -451,7 +451,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
         room.left[0], room.left[1] = left, used
 
 
-@lean_kernel
+@inner_kernel
 def _last_climbs(textures, stride, size, space, room):
     """Climb from the middles of the most promising boxes, of which there are `size`.
 

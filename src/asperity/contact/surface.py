@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -95,7 +95,7 @@ def _flat_map(textures, chart, i, j, u0, v0, x, y, root):
     )  # fmt: skip
 
 
-@lean_kernel
+@inner_kernel
 def _three_maps(textures, chart, x, y, root):
     """Triplanar: three flat maps, weighted by the fourth powers of the normal's components."""
     r, r_x, r_y = root[0], root[1], root[2]
@@ -150,7 +150,7 @@ def height_on(textures, chart, x, y, root):
     return _three_maps(textures, chart, x, y, root)
 
 
-@lean_kernel
+@inner_kernel
 def surface_at(textures, chart, x, y, out):
     """Fill a chart's point at (x, y) and all derivatives up to the second; see `P`, `P_X`, ...
 
@@ -235,7 +235,7 @@ def over_base(chart, u, v):
     return z, i * z_x + k * z_y, j * z_x + m * z_y, k11, k12, k22
 
 
-@lean_kernel
+@inner_kernel
 def height_at(textures, chart, u, v, work):
     """Return z, z_u, z_v, z_uu, z_uv, z_vv of a chart's textured surface over (u, v), and (x, y).
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel, small_kernel
+from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import (
     B0,
     B1,
@@ -69,7 +69,7 @@ def level_texture(textures, chart, x, y, half_x, half_y):
     return high, slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
 
 
-@lean_kernel
+@inner_kernel
 def texture_over(textures, chart, x0, x1, y0, y1):
     """Return bounds of a chart's texture and normal over a box of its parameters.
 

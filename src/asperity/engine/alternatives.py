@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.deepest import (
     DEPTH,
     M_X,
@@ -19,7 +19,7 @@ from asperity.forces.laws import SIIRA_PAI, filter_noise, noise_across, textured
 from asperity.stack import stack_array
 
 
-@lean_kernel
+@inner_kernel
 def _turned(body, centre, axis, angle, out):
     """Fill a body's pose turned about an axis of world through `centre` by a small angle."""
     c, s = math.cos(angle), math.sin(angle)
@@ -33,7 +33,7 @@ def _turned(body, centre, axis, angle, out):
         out[two, j] = s * p + c * q + shift_two
 
 
-@lean_kernel
+@inner_kernel
 def _differences(
     textures, geometry, geoms, count_a, count_b, body_a, body_b, n, guess, grid, space, out
 ):  # fmt: skip
@@ -85,7 +85,7 @@ def _differences(
         out[MOMENT + k] = -turn[k]
 
 
-@lean_kernel
+@inner_kernel
 def depth_on_grid(
     textures, geometry, geoms, count_a, count_b, body_a, body_b, n, grid, space, out
 ):  # fmt: skip
@@ -111,14 +111,14 @@ def depth_on_grid(
         out[MOMENT + k], out[M_X + k] = sample[1 + k], sample[4 + k]
 
 
-@lean_kernel
+@inner_kernel
 def advance_noise(state, baseline, dt):
     """Draw the next values of Siira & Pai's noise, once a tick."""
     if baseline.law == SIIRA_PAI:
         filter_noise(state, math.exp(-2.0 * math.pi * baseline.noise_bandwidth * dt))
 
 
-@lean_kernel
+@inner_kernel
 def baseline_force(
     textures, geometry, memory, count_b, body_b, n, place, moved, push, depth, baseline,
     space, force_out,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.dynamics.rigid import fill_rotation
 
 
-@lean_kernel
+@inner_kernel
 def place_tool(pose, centre, body_out, origin_out):
     """Fill the tool's rotation and position (3, 4), and its centre of mass (3,) in world axes."""
     fill_rotation(pose, body_out)
@@ -18,7 +18,7 @@ def place_tool(pose, centre, body_out, origin_out):
             origin_out[i] += body_out[i, k] * centre[k]
 
 
-@lean_kernel
+@inner_kernel
 def seen_from(origin, body, near_out):
     """Fill a body's rotation and its position as seen from a place (3, 4)."""
     for i in range(3):
@@ -27,21 +27,21 @@ def seen_from(origin, body, near_out):
         near_out[i, 3] = body[i, 3] - origin[i]
 
 
-@lean_kernel
+@inner_kernel
 def into(body, v, out):
     """Fill a direction (3,) of world axes in a body's frame."""
     for i in range(3):
         out[i] = body[0, i] * v[0] + body[1, i] * v[1] + body[2, i] * v[2]
 
 
-@lean_kernel
+@inner_kernel
 def out_of(body, v, out):
     """Fill a direction (3,) of a body's frame in world axes."""
     for i in range(3):
         out[i] = body[i, 0] * v[0] + body[i, 1] * v[1] + body[i, 2] * v[2]
 
 
-@lean_kernel
+@inner_kernel
 def tolerance_for(textures, geometry, a, b, wanted):
     """Return the gap that counts as certified: a thousandth of the overlap's rms height."""
     if wanted > 0.0:
@@ -53,7 +53,7 @@ def tolerance_for(textures, geometry, a, b, wanted):
     return max(1e-9, 1e-3 * math.sqrt(square))
 
 
-@lean_kernel
+@inner_kernel
 def slid(known, last, body_a, point, origin, moved_out):
     """Fill how far the tool's material at `point` has moved since the last tick.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import kernel, lean_kernel
+from asperity.compiled import inner_kernel, kernel
 from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
@@ -26,7 +26,7 @@ _JUMP = 1e-2
 """No hand moves farther than this in a tick [m]."""
 
 
-@lean_kernel
+@inner_kernel
 def _mesh_tick(
     textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
     pose, dt, parameters, memory, space, work_space, contacts, wrench_io,

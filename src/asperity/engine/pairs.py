@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.normals import normal_under
 from asperity.engine.frames import into
 from asperity.stack import stack_array
@@ -18,7 +18,7 @@ _TOGETHER = 0.9
 _LEAST_BLEND = 1e-4
 
 
-@lean_kernel
+@inner_kernel
 def _blend(geometry, textures, g, h):
     """Return how near an edge the faces are mixed: about the radius of the contact [m]."""
     reach = 2e-5
@@ -34,7 +34,7 @@ def _blend(geometry, textures, g, h):
     return max(math.sqrt(2.0 * max(least, 1e-4) * reach), _LEAST_BLEND)
 
 
-@lean_kernel
+@inner_kernel
 def held_below(geometry, textures, g, h):
     """Return the depth [m] from which a pair's normal is held: a shallower one may turn an edge."""
     least = np.inf
@@ -44,7 +44,7 @@ def held_below(geometry, textures, g, h):
     return min(_blend(geometry, textures, g, h), 0.25 * least)
 
 
-@lean_kernel
+@inner_kernel
 def collect_pairs(
     textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
 ):  # fmt: skip
@@ -88,7 +88,7 @@ def collect_pairs(
     return count
 
 
-@lean_kernel
+@inner_kernel
 def steady_normals(memory, count):
     """Hold the normals of deep pairs to the remembered ones; take up deep pairs that are unseen."""
     for j in range(memory.counts[0]):
@@ -121,7 +121,7 @@ def steady_normals(memory, count):
     return count
 
 
-@lean_kernel
+@inner_kernel
 def group(geometry, memory, count):
     """Give every pair the number of its patch in `now_pairs[:, 3]`; return how many patches."""
     patches = 0
@@ -158,7 +158,7 @@ def group(geometry, memory, count):
     return patches
 
 
-@lean_kernel
+@inner_kernel
 def recall(memory, patch):
     """Copy deepest place and bristle of the remembered patch that this one goes on from."""
     n = memory.new_patches[patch]
@@ -174,7 +174,7 @@ def recall(memory, patch):
         n[k] = memory.patches[which, k] if which >= 0 else (np.nan if k < 6 else 0.0)
 
 
-@lean_kernel
+@inner_kernel
 def geoms_of(memory, count, patch):
     """Fill the geoms of a patch, each once; return how many of the tool and of the scene."""
     count_a = count_b = 0

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import kernel, lean_kernel
+from asperity.compiled import inner_kernel, kernel
 
 _STICKS = 1.0 - 1e-9
 """A bristle below this part of its limit sticks."""
@@ -68,7 +68,7 @@ def contact_stiffness(
         _add(jacobian, rx, ry, rz, mx, my, mz, -held / square, out)
 
 
-@lean_kernel
+@inner_kernel
 def _add(jacobian, rx, ry, rz, mx, my, mz, stiffness, out):
     """Add `stiffness` J J^T with J = (m, r x m)."""
     jacobian[0], jacobian[1], jacobian[2] = mx, my, mz

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from asperity.compiled import clear, kernel, lean_kernel
+from asperity.compiled import clear, inner_kernel, kernel
 from asperity.contact.deepest import (
     COUNT_NODES,
     COUNT_TIES,
@@ -33,7 +33,7 @@ from asperity.stack import stack_array
 NO_ROOM = 2
 
 
-@lean_kernel
+@inner_kernel
 def fill_tick(
     textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
     pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,

@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from asperity.compiled import clear, lean_kernel
+from asperity.compiled import clear, inner_kernel
 from asperity.contact.deepest import DEPTH, POINT_X
 from asperity.contact.facet_search import pairs_of_charts, patch_depths
 from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
@@ -63,7 +63,7 @@ _ALIKE, _SAME = 0.7, 0.95
 _N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID = 0, 3, 4, 5, 6, 7, 8, 9
 
 
-@lean_kernel
+@inner_kernel
 def moved_since(memory_pose, body, size):
     """Return how far a point of the tool has moved at most since the last pose [m]."""
     turned = away = 0.0
@@ -74,7 +74,7 @@ def moved_since(memory_pose, body, size):
     return math.sqrt(away) + math.sqrt(turned) * size
 
 
-@lean_kernel
+@inner_kernel
 def _limits(memory, b, reach, moved, pressed, limit_out):
     """Fill how deep the smooth bodies may overlap in each direction; return the largest."""
     most = 0.0
@@ -89,7 +89,7 @@ def _limits(memory, b, reach, moved, pressed, limit_out):
     return most
 
 
-@lean_kernel
+@inner_kernel
 def _sum_footprint(table, count, reach, near, space):
     """Fill the sums of all directions; keep the pairs of facets that may touch, return how many."""
     sums, limit = space.sums, space.limit
@@ -123,7 +123,7 @@ def _sum_footprint(table, count, reach, near, space):
     return kept
 
 
-@lean_kernel
+@inner_kernel
 def _may_touch(memory, b, d, sums, moved, shallowest):
     """Return whether a direction is, or may become, a contact."""
     if sums[MASS] <= 0.0:
@@ -135,7 +135,7 @@ def _may_touch(memory, b, d, sums, moved, shallowest):
     return memory.depth[b, d] <= moved + _NEAR_ZERO
 
 
-@lean_kernel
+@inner_kernel
 def touch(
     textures, table, geometry, tool, b, near_a, near_b, pressed, moved, radius, fade, tolerance,
     max_nodes, memory, space, work_space,
@@ -234,7 +234,7 @@ def touch(
     _share(space)
 
 
-@lean_kernel
+@inner_kernel
 def _weigh(table, count, near_b, space):
     """Fill how much each direction counts beside the others.
 
@@ -272,7 +272,7 @@ def _weigh(table, count, near_b, space):
             way[_VALID] *= shared + (1.0 - shared) * min(max(counts, 0.0), 1.0)
 
 
-@lean_kernel
+@inner_kernel
 def _twin(space, sums, d):
     """Return an earlier direction whose footprint is the same but for its share, or -1."""
     for c in range(d):
@@ -288,7 +288,7 @@ def _twin(space, sums, d):
     return -1
 
 
-@lean_kernel
+@inner_kernel
 def _share(space):
     """Fill the weights of a body's patches, and what is remembered of its directions."""
     rows, sums = space.rows, space.footprint.sums
@@ -317,7 +317,7 @@ def _share(space):
             rows.weight[p] = way[_FADE] * way[_PART] / (total * patches) if live else 0.0
 
 
-@lean_kernel
+@inner_kernel
 def remember(memory, space, b):
     """Note what the next pose has to know of body b."""
     sums = space.footprint.sums

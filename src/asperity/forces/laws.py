@@ -25,12 +25,12 @@ import math
 
 import numpy as np
 
-from asperity.compiled import lean_kernel
+from asperity.compiled import inner_kernel
 
 OTADUY_LIN, MINSKY, HO, SIIRA_PAI = 0, 1, 2, 3
 
 
-@lean_kernel
+@inner_kernel
 def textured_point_force(law, push, n, gradient, height, depth, gain, noise, out):
     """Fill the force (3,) of a baseline.
 
@@ -53,7 +53,7 @@ def textured_point_force(law, push, n, gradient, height, depth, gain, noise, out
             out[i] = push * (n[i] + noise[i])
 
 
-@lean_kernel
+@inner_kernel
 def bristle_force(bristle, moved, across, stiffness, limit, out):
     """Move a bristle by `moved` (3,) [m]; fill its force (3,) [N], at most `limit`.
 
@@ -78,7 +78,7 @@ def bristle_force(bristle, moved, across, stiffness, limit, out):
         out[i] = -stiffness * bristle[i]
 
 
-@lean_kernel
+@inner_kernel
 def filter_noise(state, share):
     """Draw three Gaussian values of unit variance and low-pass them.
 
@@ -93,7 +93,7 @@ def filter_noise(state, share):
         state[i] = share * state[i] + fresh * value
 
 
-@lean_kernel
+@inner_kernel
 def noise_across(state, n, level, out):
     """Fill the part across n of the noise, of standard deviation `level` along each axis."""
     along = state[0] * n[0] + state[1] * n[1] + state[2] * n[2]
@@ -101,7 +101,7 @@ def noise_across(state, n, level, out):
         out[i] = level * (state[i] - along * n[i])
 
 
-@lean_kernel
+@inner_kernel
 def _uniform(state):
     """Return a number in (0, 1), and count on."""
     state[3] += 1.0

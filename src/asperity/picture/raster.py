@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.compiled import kernel, lean_kernel
+from asperity.compiled import inner_kernel, kernel
 
 
-@lean_kernel
+@inner_kernel
 def _draw_triangle(a, b, c, na, nb, nc, slack, number, depth, normal_out, number_out):
     """Draw a triangle into the buffers where it is nearer than what is there.
 

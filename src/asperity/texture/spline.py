@@ -16,16 +16,17 @@ symmetric); the mirrored map is what a clamped map looks like from the inside.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from asperity.compiled import kernel
 
 BORDERS = ("wrap", "mirror")
-_MODES = {"wrap": "grid-wrap", "mirror": "reflect"}
-_EXACT_FROM = 24
-"""SciPy's filter for mirrored ends is off by about 0.27**(2 n) of the heights, for n samples."""
+_POLE = math.sqrt(3.0) - 2.0
+_REACH = 40
+"""Samples after which what a height does to the coefficients is gone: `_POLE`**40 is 1e-23."""
 _PAD = {"wrap": "wrap", "mirror": "symmetric"}
 
 
@@ -48,12 +49,27 @@ def spline_coefficients(
     (n + 4 + 2 margin,) or (nv + 4 + 2 margin, nu + 4 + 2 margin) array
         Cell `i`, `-margin <= i <= n + margin`, uses entries `i + margin .. i + margin + 3`.
     """
-    mode, shape = _MODES[border], np.shape(heights)
-    if border == "mirror" and min(shape) < _EXACT_FROM:
-        heights, mode = np.pad(heights, [(0, n) for n in shape], mode="symmetric"), "grid-wrap"
-    coefficients = ndimage.spline_filter(heights, 3, np.float64, mode)  # type: ignore[call-overload]
-    coefficients = coefficients[tuple(slice(n) for n in shape)]
-    return np.pad(coefficients, margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
+    # What lies beyond the ends is taken from the pattern itself, so both ends are exact.
+    values = np.asarray(heights, dtype=np.float64)
+    values = np.pad(values, _REACH, mode=_PAD[border])  # type: ignore[call-overload]
+    for _ in range(values.ndim):
+        values = np.ascontiguousarray(values.T)  # the axes take turns, and are in order again
+        _filter(values)
+    inside = tuple(slice(_REACH, -_REACH) for _ in range(values.ndim))
+    return np.pad(values[inside], margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
+
+
+def _filter(values: NDArray[np.float64]) -> None:
+    """Turn heights into coefficients along the first axis, in place, but for `_REACH` at its ends.
+
+    The filter of Unser, Aldroubi & Eden (1993), forwards and backwards, a row at a time.
+    """
+    values *= 6.0
+    for i in range(1, len(values)):
+        values[i] += _POLE * values[i - 1]
+    values[-1] *= -_POLE
+    for i in range(len(values) - 2, -1, -1):
+        values[i] = _POLE * (values[i + 1] - values[i])
 
 
 @kernel
