@@ -116,6 +116,12 @@ class Scene:
         lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
         return min(lengths, default=float("inf"))
 
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that the document names, by what it calls them."""
+        names = [table["file"] for table in _tables_with_files(self.document)]
+        return {name: beside(self.folder, name) for name in names}
+
     def changed(self, **sections: Table) -> Scene:
         """Return the scene with keys of some sections of its document set, checked again.
 
@@ -130,15 +136,19 @@ class Scene:
         """Write `scene.xml`, `scene.toml` and the files that they name into a folder."""
         document = _merged(self.document, {})
         with result_folder(Path(folder), overwrite=overwrite) as fresh:
-            bodies = document.get("bodies", {}).values()
-            tables = [body[part] for body in bodies for part in BODY if part in body]
-            for table in [*tables, document.get("trajectory", {})]:
-                if "file" in table:
-                    source = beside(self.folder, table["file"])
-                    table["file"] = _free_name(fresh, source)
-                    shutil.copyfile(source, fresh / table["file"])
+            for table in _tables_with_files(document):
+                source = beside(self.folder, table["file"])
+                table["file"] = _free_name(fresh, source)
+                shutil.copyfile(source, fresh / table["file"])
             (fresh / "scene.xml").write_text(self.xml, "utf-8")
             (fresh / "scene.toml").write_text(write_toml(document), "utf-8")
+
+
+def _tables_with_files(document: Table) -> list[Any]:
+    """Return the tables of a document that name a file: textures, meshes, poses."""
+    bodies = document.get("bodies", {}).values()
+    tables = [body[part] for body in bodies for part in BODY if part in body]
+    return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
 
 
 def read_scene(path: str | Path) -> Scene:

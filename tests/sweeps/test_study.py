@@ -1,11 +1,12 @@
 """What STUDY.toml may say, which combinations that makes, and how it is refused."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
 
-from asperity import AsperityError, read_study
+from asperity import AsperityError, load_scene, read_study
 from asperity.perception.sweep import Condition
 from asperity.scene_file import write_toml
 from asperity.sweeps.blocks import block_shape, blocks
@@ -74,6 +75,39 @@ def test_a_folder_of_maps_is_a_variation(tmp_path):
     before = read.fingerprint
     np.save(tmp_path / "maps" / "a.npy", np.cos(np.arange(64.0)) * 1e-4)
     assert read_study(document, folder=tmp_path).fingerprint != before
+
+
+def test_a_folder_without_a_pattern_gives_its_maps_and_nothing_else(tmp_path):
+    (tmp_path / "maps").mkdir()
+    np.save(tmp_path / "maps" / "b.npy", np.sin(np.arange(64.0)) * 1e-4)
+    for other in ("LICENSE", "about.txt", "sizes.csv"):
+        (tmp_path / "maps" / other).write_text("not heights")
+    read = read_study(study({"surface": {"folder": "maps"}}), folder=tmp_path)
+    assert read.design.axes[0].columns["surface"] == ["maps/b.npy"]
+    (tmp_path / "maps" / "b.npy").unlink()
+    with pytest.raises(AsperityError, match=r"no file in .*maps is a map of heights"):
+        read_study(study({"surface": {"folder": "maps"}}), folder=tmp_path)
+
+
+def test_a_map_outside_its_scenes_folder_counts_for_the_study(tmp_path):
+    """A scene may name files anywhere; a study of it has to begin anew when one has changed."""
+    rows = np.sin(np.arange(64.0) / 5.0)
+    np.save(tmp_path / "heights.npy", 1e-5 * np.outer(rows, rows))
+    load_scene("probe-plate").save(tmp_path / "mine")
+    scene = tmp_path / "mine" / "scene.toml"
+    document = tomllib.loads(scene.read_text())
+    document["bodies"]["plate"]["texture"] = {"file": "../heights.npy", "pixel_size": 1e-4}
+    scene.write_text(write_toml(document))
+    told = {
+        "kind": "scene",
+        "fixed": {"scene": "mine"},
+        "vary": {"force.stiffness": [200.0, 400.0]},
+    }
+    read = read_study(told, folder=tmp_path)
+    assert set(read.files) == {"mine", "mine: ../heights.npy"}
+    assert read_study(told, folder=tmp_path).fingerprint == read.fingerprint
+    np.save(tmp_path / "heights.npy", 2e-5 * np.outer(rows, rows))
+    assert read_study(told, folder=tmp_path).fingerprint != read.fingerprint
 
 
 def test_a_drag_is_that_of_the_studies():

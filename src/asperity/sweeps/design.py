@@ -19,12 +19,17 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene_file import at, require_keys
+from asperity.texture.arrays import INSTRUMENT_SUFFIXES
+from asperity.texture.images import IMAGE_SUFFIXES
 
 DESIGNS = ("grid", "latin-hypercube", "sobol", "list")
 SCALES = ("linear", "log")
 LEAF = ("from", "to", "values", "choose", "folder")
 """Keys that tell the table of a variation from a table of variations."""
 _KEYS = ("from", "to", "count", "scale", "whole", "values", "choose", "folder", "pattern")
+_MAPS = {*INSTRUMENT_SUFFIXES, *IMAGE_SUFFIXES, ".npy", ".npz"}
+"""What a folder's files are called that are taken if no pattern is given. Text files may be maps,
+too, but are more often about them."""
 MOST = 10_000_000
 """Combinations of one study."""
 
@@ -202,8 +207,11 @@ def _files(where: str, told: Mapping[str, Any], folder: Path) -> list[str]:
     if not place.is_dir():
         raise AsperityError(f"{where}.folder: no such folder: {place}")
     files = sorted(p.name for p in place.glob(pattern) if p.is_file() and p.name[0] != ".")
+    if "pattern" not in told and not where.endswith("trajectory.file"):
+        files = [file for file in files if Path(file).suffix.lower() in _MAPS]
     if not files:
-        raise AsperityError(f"{where}: no file in {place} is called {pattern}")
+        wanted = f"is called {pattern}" if "pattern" in told else "is a map of heights"
+        raise AsperityError(f"{where}: no file in {place} {wanted}")
     return [(Path(name) / file).as_posix() for file in files]
 
 

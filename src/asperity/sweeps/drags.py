@@ -117,9 +117,10 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     return out
 
 
-def files_of(columns: Mapping[str, Iterable[Any]]) -> list[str]:
-    """Return the files and folders that values, key -> values, name."""
-    return [name for name in columns.get("surface", ()) if name not in SURFACES]
+def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+    """Return the files that values, key -> values, name, with where they lie."""
+    names = [name for name in columns.get("surface", ()) if name not in SURFACES]
+    return {name: folder / Path(name).expanduser() for name in names}
 
 
 def unit_of(key: str) -> str:

@@ -213,12 +213,19 @@ def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> di
     return table
 
 
-def files_of(columns: Mapping[str, Iterable[Any]]) -> list[str]:
-    """Return the files and folders that values, key -> values, name."""
-    out = [name for name in columns.get("scene", ()) if name not in SCENES]
+def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+    """Return the files and folders that values, key -> values, name, with where they lie.
+
+    Of a scene also those that it names itself: they may lie outside its folder.
+    """
+    out = {}
+    for name in columns.get("scene", ()):
+        if name not in SCENES:
+            out[name] = beside(folder, name)
+            out |= {f"{name}: {file}": path for file, path in _scene(name, folder).files.items()}
     for key, values in columns.items():
         if key.endswith(".file"):
-            out += list(values)
+            out |= {name: beside(folder, name) for name in values}
     return out
 
 

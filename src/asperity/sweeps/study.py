@@ -173,7 +173,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
         _refuse_unfelt(keep, fixed, told)
     design = read_design(document.get("design", {}), variations, of.INNER)
     named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
-    files = {f: file_digest(folder / Path(f).expanduser()) for f in of.files_of(named)}
+    files = {name: file_digest(path) for name, path in of.files_of(named, folder).items()}
     return SweepStudy(title, kind, keep, fixed, design, folder, text, files)
 
 
