@@ -98,11 +98,7 @@ def test_a_map_outside_its_scenes_folder_counts_for_the_study(tmp_path):
     document = tomllib.loads(scene.read_text())
     document["bodies"]["plate"]["texture"] = {"file": "../heights.npy", "pixel_size": 1e-4}
     scene.write_text(write_toml(document))
-    told = {
-        "kind": "scene",
-        "fixed": {"scene": "mine"},
-        "vary": {"force.stiffness": [200.0, 400.0]},
-    }
+    told = study({"force.stiffness": [200.0, 400.0]}, kind="scene", fixed={"scene": "mine"})
     read = read_study(told, folder=tmp_path)
     assert set(read.files) == {"mine", "mine: ../heights.npy"}
     assert read_study(told, folder=tmp_path).fingerprint == read.fingerprint
