@@ -28,6 +28,7 @@ def report() -> list[tuple[str, str]]:
         ("packages", _versions(_PACKAGES)),
         ("processor", f"{_cores()} cores usable, load {_load()}"),
         ("compiled cache", _cache()),
+        ("bytecode", _bytecode()),
         ("graphics", _graphics()),
         ("timer jitter", _jitter_line(timer_jitter())),
         ("priority", _priority()),
@@ -92,6 +93,12 @@ def _cache() -> str:
     shown = str(folder).replace(home, "~", 1) if home != os.sep else str(folder)
     state = f"{count} compiled functions" if count else "empty: the first run compiles"
     return f"{state}, in {shown}"
+
+
+def _bytecode() -> str:
+    if sys.dont_write_bytecode:
+        return "not kept (PYTHONDONTWRITEBYTECODE): every start takes about two seconds longer"
+    return "kept"
 
 
 def _graphics() -> str:

@@ -59,8 +59,8 @@ def test_a_run_becomes_a_sound_with_its_gain(tmp_path, capsys):
 def test_doctor_names_everything_it_should(capsys):
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    for subject in ("asperity", "python", "numba", "compiled cache", "graphics", "timer jitter",
-                    "priority", "devices"):  # fmt: skip
+    for subject in ("asperity", "python", "numba", "compiled cache", "bytecode", "graphics",
+                    "timer jitter", "priority", "devices"):  # fmt: skip
         assert subject in said
 
 
