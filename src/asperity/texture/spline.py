@@ -67,7 +67,7 @@ def _filter(values: NDArray[np.float64]) -> None:
     values *= 6.0
     for i in range(1, len(values)):
         values[i] += _POLE * values[i - 1]
-    values[-1] *= -_POLE
+    values[-1] *= -_POLE  # as if all beyond were zero: `_REACH` samples on, that is forgotten
     for i in range(len(values) - 2, -1, -1):
         values[i] = _POLE * (values[i + 1] - values[i])
 
