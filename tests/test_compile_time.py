@@ -5,6 +5,8 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
 
 from asperity.compiled import inner_kernel, kernel
 
@@ -63,6 +65,23 @@ def test_operators_keep_to_the_types_they_are_on():
     flags = np.array([True, False, True])
     assert _of_all_kinds(whole, real, flags) == (34, -1.125, 2, 6.5, 2)
     assert _of_all_kinds(real, whole, flags)[:2] == (-1.75, 4.0)
+
+
+@inner_kernel
+def _first_two(values):
+    return values[:2], values.size
+
+
+@kernel
+def _of_the_first_two(values):
+    part, count = _first_two(values)
+    return part[0] + part[1] + count
+
+
+def test_an_inner_kernel_that_returns_an_array_is_refused():
+    """No reference to it would have been counted, and one would be given back."""
+    with pytest.raises(TypingError, match="_first_two is an inner kernel: it must not return"):
+        _of_the_first_two(np.ones(3))
 
 
 KERNELS = """

@@ -86,14 +86,11 @@ def mark_inner() -> bool:
         return False
 
     def run_pass(self: Any, state: Any) -> Any:
-        flags, ours = state.flags, state.func_id.modname.startswith("asperity")
-        if (
-            state.library is None
-            and ours
-            and flags.no_cpython_wrapper
-            and flags.no_cfunc_wrapper
-            and not flags.no_compile
-        ):
+        flags, module = state.flags, state.func_id.modname
+        inner = flags.no_cpython_wrapper and flags.no_cfunc_wrapper and not flags.no_compile
+        if inner and not flags.nrt and not module.startswith("numba"):
+            _refuse_arrays(state)
+        if inner and state.library is None and module.startswith("asperity"):
             name = _INNER + state.func_id.func_qualname
             state.library = state.targetctx.codegen().create_library(name)
             state.library.enable_object_caching()
@@ -101,6 +98,20 @@ def mark_inner() -> bool:
 
     setattr(BaseNativeLowering, lower.__name__, run_pass)
     return True
+
+
+def _refuse_arrays(state: Any) -> None:
+    """Refuse an inner kernel that returns an array: the caller would let go what it never held."""
+    from numba.core import types
+    from numba.core.errors import TypingError
+
+    parts = [state.return_type]
+    while parts:
+        part = parts.pop()
+        parts += list(getattr(part, "types", ()))
+        if isinstance(part, types.Array):
+            name = f"{state.func_id.modname}.{state.func_id.func_qualname}"
+            raise TypingError(f"{name} is an inner kernel: it must not return an array")
 
 
 def _is_inner(library: Any) -> bool:
