@@ -146,7 +146,7 @@ def mesh_tick(
     textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
     pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
 ):  # fmt: skip
-    """Do what `_mesh_tick` does, called from Python."""
+    """Do what `_mesh_tick` does, called from Python: a way in counts references."""
     _mesh_tick(
         textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
         pose, dt, parameters, memory, space, work_space, contacts, wrench_io,

@@ -34,7 +34,7 @@ NO_ROOM = 2
 
 
 @inner_kernel
-def fill_tick(
+def _tick(
     textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
     pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
@@ -195,8 +195,8 @@ def tick(
     textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
     pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
 ):  # fmt: skip
-    """Do what `fill_tick` does, called from Python."""
-    fill_tick(
+    """Do what `_tick` does, called from Python: a way in counts references."""
+    _tick(
         textures, geometry, tool, poses, centre, number, met, geoms, places, distances, margins,
         pose, dt, parameters, grid, baseline, memory, space, contacts, wrench_out,
     )  # fmt: skip
