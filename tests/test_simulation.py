@@ -162,7 +162,8 @@ def test_the_first_force_loads_no_plots_and_no_meshes():
         "from asperity.scenes import load_scene\n"
         "from asperity.simulation import Simulation\n"
         "Simulation(load_scene('probe-plate')).step([0, 0, 1e-3, 1, 0, 0, 0])\n"
-        "print([m for m in ('matplotlib', 'rich', 'trimesh', 'xarray', 'h5py', 'tyro')"
+        "print([m for m in ('matplotlib', 'rich', 'trimesh', 'xarray', 'h5py', 'tyro',"
+        " 'scipy.ndimage')"
         " if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

@@ -53,6 +53,7 @@ from asperity.scene_file import (
     Table,
     arguments,
     at,
+    beside,
     check_document,
     read_toml,
     require_keys,
@@ -60,7 +61,7 @@ from asperity.scene_file import (
 )
 from asperity.scene_mesh import geoms_mesh
 from asperity.scene_mjcf import compiled, read_mjcf, tool_start, touchable_geoms
-from asperity.scene_texture import beside, body_texture
+from asperity.scene_texture import body_texture
 from asperity.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.trajectory_file import read_poses
 

@@ -166,6 +166,11 @@ def _wanted(kinds: set[str], sequences: bool) -> str:
     return " or ".join(words) or "something else"
 
 
+def beside(folder: Path | None, name: str) -> Path:
+    """Return the path of a file named in a scene or a study: relative ones lie in its folder."""
+    return (folder or Path()) / Path(name).expanduser()
+
+
 def at(key: str, make: Callable[[], Any]) -> Any:
     """Return `make()`; an error of it names the dotted key that it comes from."""
     try:

@@ -28,9 +28,8 @@ from asperity.geometry.shapes.cad_part import cad_part
 from asperity.geometry.shapes.file_tool import file_tool
 from asperity.geometry.shapes.hammer import hammer
 from asperity.geometry.shapes.patchwork import Shape
-from asperity.scene_file import Table, arguments, at, require_keys
+from asperity.scene_file import Table, arguments, at, beside, require_keys
 from asperity.scene_mjcf import model_mesh
-from asperity.scene_texture import beside
 
 MESHES: dict[str, Callable[..., Shape]] = {
     maker.__name__: maker for maker in (hammer, block, file_tool, cad_part)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError, require_choice
-from asperity.scene_file import PLACING, Table, arguments, at, require_keys
+from asperity.scene_file import PLACING, Table, arguments, at, beside, require_keys
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns import PATTERNS
 
@@ -51,11 +51,6 @@ def _with_placing(table: Table, key: str, makes: Any, more: tuple[str, ...]) -> 
 
 def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:
     """Say which keys place a texture, and their types."""
-
-
-def beside(folder: Path | None, name: str) -> Path:
-    """Return the path of a file named in a scene: relative ones lie in the scene's folder."""
-    return (folder or Path()) / Path(name).expanduser()
 
 
 def with_seed(bodies: Table, seed: int) -> dict[str, Any]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
-from asperity.scene_file import at, require_keys
+from asperity.scene_file import at, beside, require_keys
 from asperity.texture.arrays import INSTRUMENT_SUFFIXES
 from asperity.texture.images import IMAGE_SUFFIXES
 
@@ -203,7 +203,7 @@ def _files(where: str, told: Mapping[str, Any], folder: Path) -> list[str]:
     for key, value in (("folder", name), ("pattern", pattern)):
         if not isinstance(value, str):
             raise AsperityError(f"{where}.{key} must be a text, got {value!r}")
-    place = folder / Path(name).expanduser()
+    place = beside(folder, name)
     if not place.is_dir():
         raise AsperityError(f"{where}.folder: no such folder: {place}")
     files = sorted(p.name for p in place.glob(pattern) if p.is_file() and p.name[0] != ".")

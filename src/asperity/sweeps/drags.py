@@ -12,7 +12,7 @@ from asperity.errors import AsperityError, require_between, require_choice
 from asperity.perception.metrics import DEFAULT_BAND, METRICS
 from asperity.perception.stimuli import SURFACES, StimulusOptions
 from asperity.perception.sweep import MODELS, Condition, Sweep
-from asperity.scene_file import arguments, require_keys
+from asperity.scene_file import arguments, beside, require_keys
 from asperity.sweeps.content import nested, seed_of
 
 _RANGES = {
@@ -109,7 +109,7 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
         if out.get(key, 0) < 0:
             raise AsperityError(f"{where}.{key} must be 0 or above, got {out[key]}")
     if "surface" in out and out["surface"] not in SURFACES:
-        path = folder / Path(out["surface"]).expanduser()
+        path = beside(folder, out["surface"])
         if not Path(out["surface"]).suffix and not path.exists():
             require_choice(f"{where}.surface", out["surface"], [*SURFACES, "a file of heights"])
         if not path.is_file():
@@ -120,7 +120,7 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
 def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files that values, key -> values, name, with where they lie."""
     names = [name for name in columns.get("surface", ()) if name not in SURFACES]
-    return {name: folder / Path(name).expanduser() for name in names}
+    return {name: beside(folder, name) for name in names}
 
 
 def unit_of(key: str) -> str:
@@ -169,7 +169,7 @@ class Drags:
             options = replace(options, seed=self._seed(drag))
         surface = drag.surface
         if surface not in SURFACES:
-            surface = str(self.folder / Path(surface).expanduser())
+            surface = str(beside(self.folder, surface))
         key = (surface, options, drag.model)
         if key not in self._sweeps:
             self._sweeps[key] = Sweep(surface, options, drag.hand, drag.model, drag.band)

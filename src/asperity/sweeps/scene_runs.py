@@ -17,8 +17,8 @@ from asperity.forces.settings import ForceSettings
 from asperity.headless import Run, run_scene
 from asperity.perception.metrics import DEFAULT_BAND, band_rms, spectrum
 from asperity.scene import Scene
-from asperity.scene_file import arguments, at, require_keys
-from asperity.scene_texture import beside, body_texture, with_seed
+from asperity.scene_file import arguments, at, beside, require_keys
+from asperity.scene_texture import body_texture, with_seed
 from asperity.scenes import PROBE_PLATES, SCENES, load_scene, probe_plate
 from asperity.sweeps.content import digest, flat, nested, seed_of
 from asperity.trajectory import ScriptedMotion

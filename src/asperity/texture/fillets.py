@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from asperity.errors import AsperityError, SurfaceError, require_positive
 from asperity.texture.images import MAX_SAMPLES
@@ -120,6 +119,8 @@ def smoothed(
 
     By a Gaussian weight with the standard deviation of a moving average over `fillet`.
     """
+    from scipy import ndimage  # slow to import, and many textures have no fillets
+
     widths = [fillet / math.sqrt(12.0) / pixel for pixel in pixel_size[::-1]]
     return ndimage.gaussian_filter(sharp, widths, mode="wrap", truncate=6.0)
 
