@@ -73,6 +73,7 @@ from asperity.contact.texture_bound import level_texture, roots_over, texture_ov
 
 _HAIR = 1e-6  # boxes on an overhang are not divided below this [m]
 _NO_RISE = 1e-13  # not worth a look at the borders [m]
+_QUICK_STEPS = 2
 UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 
 
@@ -273,13 +274,35 @@ def _second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
     return bound, (CONCAVE if concave else BOUNDED), second, loose
 
 
+@small_kernel
+def _towards_maximum(at, x0, x1, y0, y1):
+    """Return a place of a box nearer to the maximum that a concave function has there.
+
+    One step of Newton's method; held by a side, along it.
+    """
+    x, y = at[X], at[Y]
+    g_x, g_y, h_xx, h_xy, h_yy = at[F_X], at[F_Y], at[F_XX], at[F_XY], at[F_YY]
+    det = h_xx * h_yy - h_xy * h_xy
+    new_x, new_y = x + (h_xy * g_y - h_yy * g_x) / det, y + (h_xy * g_x - h_xx * g_y) / det
+    if x0 <= new_x <= x1 and y0 <= new_y <= y1:
+        return new_x, new_y
+    held_x, held_y = min(max(new_x, x0), x1), min(max(new_y, y0), y1)
+    if held_x != new_x:
+        along = y - (g_y + h_xy * (held_x - x)) / h_yy
+        if y0 <= along <= y1 or held_y == new_y:
+            return held_x, min(max(along, y0), y1)
+    along = x - (g_x + h_xy * (held_y - y)) / h_xx
+    return min(max(along, x0), x1), held_y
+
+
 @inner_kernel
 def sharpest_bound(
-    textures, cx, cy, box, kind, bound, second, loose, best, mine, work, at
+    textures, cx, cy, box, kind, bound, second, loose, enough, best, mine, work, at
 ):  # fmt: skip
     """Return `node_bound`'s bound within the charts' borders, and whether `at` lies within them.
 
-    Where f is concave it is that of the tangent plane at the maximum, which is climbed to.
+    Where f is concave it is that of the tangent plane at the maximum, which is climbed to unless
+    the one at a place near it shows that the bound is below `enough`.
     """
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -291,6 +314,16 @@ def sharpest_bound(
                 at[i] = best[i]
         else:
             stride = max(x1 - x0, y1 - y0)
+            for _ in range(_QUICK_STEPS):
+                if not (at[F] <= enough and at[F_XX] * at[F_YY] > at[F_XY] * at[F_XY]):
+                    break
+                x, y = _towards_maximum(at, x0, x1, y0, y1)
+                overlap_at(textures, cx, cy, x, y, work, at)
+                g_x, g_y = at[F_X], at[F_Y]
+                high = at[F] + max(g_x * (x0 - x), g_x * (x1 - x))
+                high += max(g_y * (y0 - y), g_y * (y1 - y))
+                if at[F] > -np.inf and high <= enough:
+                    return min(bound, high), False
             there = climb(textures, cx, cy, box, x, y, stride, work, at)
             if at[F] == -np.inf:
                 return bound, False

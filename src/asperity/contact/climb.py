@@ -160,6 +160,13 @@ def _over(borders, count):
 
 
 @inner_kernel
+def is_within(cx, cy, at, work):
+    """Return whether a place of `overlap_at` lies within the borders of both charts."""
+    borders = work[BORDERS:LINES]
+    return _over(borders, borders_at(cx, cy, at, borders)) <= FEASIBLE
+
+
+@inner_kernel
 def _back(borders, count, x, y, box):
     """Return (x, y) moved back onto the border that it passes most."""
     worst = 0

@@ -70,9 +70,10 @@ class FacetTable(NamedTuple):
     """The round geom that a facet approximates, -1 if it is itself a chart."""
     slack: Array
     """Of each body: how far its facets may lie within its smooth surface [m]."""
-    low: Array
-    """Boxes of the trees in the body's frame [m], (nodes, 3)."""
-    high: Array
+    middle: Array
+    """Middles of the boxes of the trees in the body's frame [m], (nodes, 3)."""
+    reach: Array
+    """Their half sides [m], (nodes, 3)."""
     child: NDArray[np.int64]
     """First of the two children, which follow one another; of a leaf -1. (nodes,)"""
     first: NDArray[np.int64]
@@ -112,7 +113,7 @@ def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) 
         least=facets.least, place=place, spread=spread, body=owner, mapping=mapping,
         top=_tops(facets, owner, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
-        slack=np.array(slacks), low=low, high=high, child=child, first=first, last=last,
+        slack=np.array(slacks), middle=0.5 * (low + high), reach=0.5 * (high - low), child=child, first=first, last=last,
         root=np.array(roots, dtype=np.int64),
     )  # fmt: skip
 

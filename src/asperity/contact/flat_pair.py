@@ -42,8 +42,16 @@ def is_straight(chart):
 
 @inner_kernel
 def _clipped(polygon, size, a, b, r):
-    """Cut a polygon (rows x, y, -, -) to `a x + b y <= r`; return how many corners are left."""
-    kept = 0
+    """Cut a polygon (rows x, y) to `a x + b y <= r`; return how many corners are left."""
+    least, most = np.inf, -np.inf
+    for j in range(size):
+        d = a * polygon[j, 0] + b * polygon[j, 1] - r
+        least, most = min(least, d), max(most, d)
+    if most <= 0.0:
+        return size
+    if least > 0.0:
+        return np.int64(0)
+    kept = np.int64(0)
     for j in range(size):
         k = j + 1 if j + 1 < size else 0
         d0 = a * polygon[j, 0] + b * polygon[j, 1] - r

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
+from asperity.stack import stack_array
 
 MAX_FACINGS = 32768
 _STACK = 512
@@ -127,21 +128,26 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
     space.clock[0] += 1
     space.clock[1] = 0
     stack = space.stack
+    size = stack_array((3, 3))
+    for k in range(3):
+        for m in range(3):
+            size[k, m] = abs(turn[k, m])
     stack[0, 0], stack[0, 1] = table.root[a], table.root[b]
     top, count = 1, np.int64(0)
     while top > 0:
         top -= 1
         i, j = stack[top, 0], stack[top, 1]
+        m, h = table.middle[i], table.reach[i]
         apart = False
         size_a = size_b = 0.0
         for k in range(3):
-            middle, half = shift[k], 0.0
-            for m in range(3):
-                middle += turn[k, m] * 0.5 * (table.low[i, m] + table.high[i, m])
-                half += abs(turn[k, m]) * 0.5 * (table.high[i, m] - table.low[i, m])
-            low, high = table.low[j, k], table.high[j, k]
-            apart = apart or middle + half + margin < low or middle - half - margin > high
-            size_a, size_b = max(size_a, half), max(size_b, 0.5 * (high - low))
+            away = shift[k] + turn[k, 0] * m[0] + turn[k, 1] * m[1] + turn[k, 2] * m[2]
+            away = abs(away - table.middle[j, k])
+            half = size[k, 0] * h[0] + size[k, 1] * h[1] + size[k, 2] * h[2]
+            if away > half + table.reach[j, k] + margin:
+                apart = True
+                break
+            size_a, size_b = max(size_a, half), max(size_b, table.reach[j, k])
         if apart:
             continue
         split_a = table.child[i] >= 0 and (size_a >= size_b or table.child[j] < 0)
@@ -172,13 +178,21 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
 
 @inner_kernel
 def _clip(polygon, source, count, k0, k1, k2, k3, code):
-    """Cut a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`; return how many corners are left.
+    """Cut a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`.
 
-    Rows of `polygon[source]` are x, y, d and the code of the side to the next corner; the result
-    is in `polygon[1 - source]`.
+    Rows of `polygon[source]` are x, y, d and the code of the side to the next corner. Returns
+    which half the result is in, and how many corners are left.
     """
     p, q = polygon[source], polygon[1 - source]
-    kept = 0
+    least, most = np.inf, -np.inf
+    for i in range(count):
+        here = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
+        least, most = min(least, here), max(most, here)
+    if most <= 0.0:
+        return source, count
+    if least > 0.0:
+        return source, np.int64(0)
+    kept = np.int64(0)
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         here = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
@@ -194,7 +208,7 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
             # Leaving, the cut begins here; entering, the old side goes on.
             q[kept, 3] = code if here <= 0.0 else p[i, 3]
             kept += 1
-    return kept
+    return 1 - source, kept
 
 
 @small_kernel
@@ -228,9 +242,7 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
             apart = True
     if apart:
         return np.int64(0), np.int64(0)
-    here = np.int64(0)
-    count = _clip(polygon, here, count, -reach, 0.0, 0.0, -1.0, _CUT)
-    here = np.int64(1)
+    here, count = _clip(polygon, np.int64(0), count, -reach, 0.0, 0.0, -1.0, _CUT)
     rows = table.count_rows[g]
     for i in range(rows if rows > 0 else 4):
         if count == 0:
@@ -241,8 +253,7 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
             sign = 1.0 if i & 1 else -1.0
             k0 = -table.half[g, i >> 1]
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
-        count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
-        here = 1 - here
+        here, count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
     return here, count
 
 
@@ -315,8 +326,7 @@ def deepest_of(space, here, count):
 @inner_kernel
 def cut_deep(space, here, count, most):
     """Clip a piece to overlaps of at most `most`; return where it is, and its corners."""
-    count = _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
-    return 1 - here, count
+    return _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
 
 
 @inner_kernel

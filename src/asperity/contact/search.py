@@ -45,7 +45,7 @@ from asperity.contact.chart import (
     O,
     Q,
 )
-from asperity.contact.climb import climb
+from asperity.contact.climb import climb, is_within
 from asperity.contact.flat_pair import flat_best, is_straight
 from asperity.contact.overlap import (
     BORDERS,
@@ -341,15 +341,19 @@ def judge(
     seen, high = kind != UNSEEN, min(high, bound)
     if kind >= BOUNDED and high > enough:
         high, seen = sharpest_bound(
-            textures, cx, cy, box, kind, high, second, loose,
+            textures, cx, cy, box, kind, high, second, loose, enough,
             best, best[OVERLAP_SIZE] == pair, work, at,
         )  # fmt: skip
     state[JUDGED] = high
     closed = seen and kind == CONCAVE and high <= at[F] + _GRAIN
-    if seen and at[F] > state[BEST] - TIE and climb(
-        # The middle of a box, or the highest place in it: the maximum may be near.
-        textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at
-    ):  # fmt: skip
+    if (
+        # The middle of a box, or the highest place in it: the maximum may be near. One beyond a
+        # border says little of what lies within, and there may be many that are deeper there.
+        seen
+        and at[F] > state[BEST] - TIE
+        and is_within(cx, cy, at, work)
+        and climb(textures, cx, cy, window, at[X], at[Y], p1 - p0 + q1 - q0, work, at)
+    ):
         _keep(at, pair, 0.0, state, best, ties)
     if high <= state[BEST] - TIE:
         return -np.inf

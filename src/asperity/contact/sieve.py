@@ -57,7 +57,7 @@ from asperity.contact.search import (
     sideways,
 )
 from asperity.contact.surface import parameters_under
-from asperity.texture.packed import texture_bounds
+from asperity.texture.packed import texture_top
 
 MAX_BOXES = 32768
 _LAST = 16
@@ -72,18 +72,25 @@ _CHEAP = 0.1
 
 
 @small_kernel
-def _highest(textures, chart, x, y, half_x, half_y):
-    """Return the highest point of a chart's texture over a box of its parameters."""
+def _cap(textures, chart):
+    """Return the highest point of a chart's texture all over the chart."""
     if chart[TEXTURE] < 0.0:
         return 0.0
+    return min(chart[TOP], textures.scales[int(chart[TEXTURE]), 2])
+
+
+@small_kernel
+def _highest(textures, chart, x, y, half_x, half_y):
+    """Return the highest point of a chart's texture over a box of its parameters."""
+    known = _cap(textures, chart)
+    if chart[TEXTURE] < 0.0 or chart[MAPPING] != PLANAR:
+        return known
     k = int(chart[TEXTURE])
-    if chart[MAPPING] != PLANAR:
-        return min(chart[TOP], textures.scales[k, 2])
     ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
     rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
     u = chart[B0] + chart[B1] * x + chart[B2] * y
     v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
-    return texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)[0]
+    return min(known, texture_top(textures, k, u - ru, u + ru, v - rv, v + rv))
 
 
 @small_kernel
@@ -136,11 +143,11 @@ def _beyond(chart, first, x, y, half_x, half_y):
 
 
 @small_kernel
-def _flat_bound(textures, cx, cy, flat, box, moved):
+def _flat_bound(textures, cx, cy, flat, box, moved, enough):
     """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
 
     -inf where they do not meet. `moved`: how far their textures move points sideways at most, in
-    Y's parameters [m].
+    Y's parameters [m]. Once the bound falls to `enough` it is not sharpened.
     """
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
@@ -151,37 +158,59 @@ def _flat_bound(textures, cx, cy, flat, box, moved):
         return -np.inf
     if by - reach_y > cy[RECTANGLE + 3] or by + reach_y < cy[RECTANGLE + 2]:
         return -np.inf
-    if _beyond(cx, 0, x, y, half_x, half_y) or _beyond(cy, 0, bx, by, reach_x, reach_y):
-        return -np.inf
     z_x, z_y, z_0 = flat[6], flat[7], flat[8]
     bound = z_0 + z_x * x + z_y * y + abs(z_x) * half_x + abs(z_y) * half_y
-    return _risen(textures, cx, cy, bound, (x, y, half_x, half_y), on_y, flat)
+    bound = _risen(textures, cx, cy, bound, (x, y, half_x, half_y), on_y, flat, enough)
+    if bound <= enough:
+        return bound
+    if _beyond(cx, 0, x, y, half_x, half_y) or _beyond(cy, 0, bx, by, reach_x, reach_y):
+        return -np.inf
+    return bound
 
 
 @small_kernel
-def _risen(textures, cx, cy, bound, on_x, on_y, flat):
+def _lifted(cx, cy, flat, bound, top, high_x, high_y):
+    """Return the sharper of two bounds, with textures that are so high."""
+    # No point is higher than that of the base which it was, and its texture's highest.
+    if cx[UNIT] == 1.0:
+        bound, top = bound + flat[9] * high_x, top + high_x * cx[V0 + 2]
+    else:
+        bound, top = bound + flat[9] * max(high_x, 0.0), top + max(high_x, 0.0)
+    if cy[UNIT] == 1.0:
+        bound, top = bound + flat[10] * high_y, top + high_y * cy[V0 + 2]
+    else:
+        bound, top = bound + flat[10] * max(high_y, 0.0), top + max(high_y, 0.0)
+    return min(bound, top)
+
+
+@small_kernel
+def _risen(textures, cx, cy, bound, on_x, on_y, flat, enough):
     """Return a bound of the smooth overlap over a box, and what the textures add to it there.
 
-    `on_x`, `on_y`: middle and half sides of the box on either chart.
+    `on_x`, `on_y`: middle and half sides of the box on either chart. The texture that is the
+    rougher is looked up first: mostly it shows that the bound is below `enough`.
     """
     x, y, half_x, half_y = on_x
     bx, by, reach_x, reach_y = on_y
-    lift_x, lift_y = flat[9], flat[10]
-    # No point is higher than that of the base which it was, and its texture's highest.
     top = cx[O + 2] + cx[PZ] * x + cx[PZ + 1] * y
     top += abs(cx[PZ]) * half_x + abs(cx[PZ + 1]) * half_y
     base = cy[O + 2] + cy[PZ] * bx + cy[PZ + 1] * by
     base += abs(cy[PZ]) * reach_x + abs(cy[PZ + 1]) * reach_y
     top = min(top, cx[SUMMIT]) + min(base, cy[SUMMIT])
-    high = _highest(textures, cx, x, y, half_x, half_y)
-    unit = cx[UNIT] == 1.0
-    bound += lift_x * (high if unit else max(high, 0.0))
-    top += high * cx[V0 + 2] if unit else max(high, 0.0)
-    high = _highest(textures, cy, bx, by, reach_x, reach_y)
-    unit = cy[UNIT] == 1.0
-    bound += lift_y * (high if unit else max(high, 0.0))
-    top += high * cy[V0 + 2] if unit else max(high, 0.0)
-    return min(bound, top)
+    high_x, high_y = _cap(textures, cx), _cap(textures, cy)
+    x_first = high_x >= high_y
+    if x_first:
+        high_x = _highest(textures, cx, x, y, half_x, half_y)
+    else:
+        high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
+    first = _lifted(cx, cy, flat, bound, top, high_x, high_y)
+    if first <= enough:
+        return first
+    if x_first:
+        high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
+    else:
+        high_x = _highest(textures, cx, x, y, half_x, half_y)
+    return _lifted(cx, cy, flat, bound, top, high_x, high_y)
 
 
 @inner_kernel
@@ -212,7 +241,9 @@ def pair_bound(textures, cx, cy, work, look_out):
     look_out[1], look_out[2] = x, y
     flat, moved = _flat(cx, cy), shift / cy[Q_LEAST]
     on_y = _on_other(flat, x, y, half_x, half_y, moved)
-    look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat)
+    look_out[0] = _risen(
+        textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat, -np.inf
+    )
 
 
 @inner_kernel
@@ -413,24 +444,28 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
                 p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
                 q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
                 state[NODES] += _CHEAP
-                high = min(_flat_bound(textures, cx, cy, flat, (p0, p1, q0, q1), moved), above)
+                enough = state[BEST] - TIE
+                high = _flat_bound(textures, cx, cy, flat, (p0, p1, q0, q1), moved, enough)
+                high = min(high, above)
                 if high == -np.inf:
                     continue
                 boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
                 boxes[used, 4], boxes[used, 5] = row, high
                 used += 1
-                if high > state[BEST] - TIE and large <= _LEAF * grain:
+                if high > enough and large <= _LEAF * grain:
                     high = judge(
                         textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
                         (p0, p1, q0, q1), high, shift, False, state, space.best, space.ties,
                         space.work, space.at,
                     )  # fmt: skip
                     boxes[used - 1, 5] = min(boxes[used - 1, 5], state[JUDGED])
-                    if high == -np.inf:
-                        if added == 0:
-                            left = _put_by(room, left, used - 1)
-                        boxes[used - 1, 4] = -1.0 - row
-                        continue
+                elif high <= enough:
+                    high = -np.inf
+                if high == -np.inf:
+                    if added == 0:
+                        left = _put_by(room, left, used - 1)
+                    boxes[used - 1, 4] = -1.0 - row
+                    continue
                 if high > highest:
                     best, highest = used - 1, high
             # On to the best of them, until it is small: what is found there closes others.

@@ -40,7 +40,7 @@ def _mesh_tick(
     seen_from(origin, body_a, near_a)
     root, size = table.root[tool], 0.0
     for k in range(3):
-        size += max(abs(table.low[root, k]), abs(table.high[root, k])) ** 2
+        size += (abs(table.middle[root, k]) + table.reach[root, k]) ** 2
     known = memory.at[0] == 1
     moved = moved_since(memory.pose, body_a, math.sqrt(size)) if known else 0.0
     if moved > _JUMP and dt == 0.0:

@@ -253,10 +253,11 @@ def _first_and_count(low, high, cells, wraps):
 
 
 @small_kernel
-def texture_bounds(textures, k, u0, u1, v0, v1):
-    """Return (highest point, largest slope, largest second derivative) over a rectangle [m].
+def _blocks_over(textures, k, u0, u1, v0, v1):
+    """Return the level that is read for a rectangle, and the cells of it: first, number.
 
-    The largest second derivative is 0 or more where the rectangle passes a clamped border.
+    First and number of columns, of rows; level; whether the rectangle passes a clamped border. A
+    level of -1: all of the texture.
     """
     table, scales = textures.table, textures.scales
     # From here on in parts of cells.
@@ -264,7 +265,6 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
     columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
     su, sv = scales[k, 0] * parts, scales[k, 1] * parts
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
-    first = table[k, 5]
     top = table[k, 6] - 1
     size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
     level = 0
@@ -272,9 +272,7 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         level += 1
     if level == top or not (x1 - x0 < 1e9 and y1 - y0 < 1e9):
         # Also where a place is no number.
-        block = textures.levels[first + top, 0]
-        b = textures.bounds
-        return float(b[block, 0]), float(b[block, 1]), max(float(b[block, 2]), 0.0)
+        return 0, 0, 0, 0, -1, False
     outside = False
     if wraps == 0:
         # Beyond its samples the surface is as high as at the last of them.
@@ -284,15 +282,32 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
     column, wide = _first_and_count(x0, x1, float(columns), wraps)
     row, tall = _first_and_count(y0, y1, float(rows), wraps)
+    return column, wide, row, tall, level, outside
+
+
+@small_kernel
+def texture_bounds(textures, k, u0, u1, v0, v1):
+    """Return (highest point, largest slope, largest second derivative) over a rectangle [m].
+
+    The largest second derivative is 0 or more where the rectangle passes a clamped border.
+    """
+    table, bounds = textures.table, textures.bounds
+    column, wide, row, tall, level, outside = _blocks_over(textures, k, u0, u1, v0, v1)
+    first = table[k, 5]
+    if level < 0:
+        block = textures.levels[first + table[k, 6] - 1, 0]
+        high, slope, bend = bounds[block, 0], bounds[block, 1], bounds[block, 2]
+        return float(high), float(slope), max(float(bend), 0.0)
+    columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
     start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
     high, slope, bend = -np.inf, 0.0, -np.inf
     while tall > 0:
         c, left = column, wide
         while left > 0:
             block = start + (row >> level) * width + (c >> level)
-            high = max(high, float(textures.bounds[block, 0]))
-            slope = max(slope, float(textures.bounds[block, 1]))
-            bend = max(bend, float(textures.bounds[block, 2]))
+            high = max(high, float(bounds[block, 0]))
+            slope = max(slope, float(bounds[block, 1]))
+            bend = max(bend, float(bounds[block, 2]))
             after = min(((c >> level) + 1) << level, columns)
             left -= after - c
             c = 0 if after == columns else after
@@ -302,3 +317,32 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
     if outside:
         bend = max(bend, 0.0)
     return high, slope, bend
+
+
+@small_kernel
+def texture_top(textures, k, u0, u1, v0, v1):
+    """Return the highest point over a rectangle [m], the first of `texture_bounds`, sooner."""
+    table, bounds = textures.table, textures.bounds
+    column, wide, row, tall, level, _ = _blocks_over(textures, k, u0, u1, v0, v1)
+    first = table[k, 5]
+    if level < 0:
+        return float(bounds[textures.levels[first + table[k, 6] - 1, 0], 0])
+    columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
+    start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
+    high = bounds[start + (row >> level) * width + (column >> level), 0]
+    if column + wide <= columns and row + tall <= rows:
+        for r in range(row >> level, ((row + tall - 1) >> level) + 1):
+            for c in range(column >> level, ((column + wide - 1) >> level) + 1):
+                high = max(high, bounds[start + r * width + c, 0])
+        return float(high)
+    while tall > 0:
+        c, left = column, wide
+        while left > 0:
+            high = max(high, bounds[start + (row >> level) * width + (c >> level), 0])
+            after = min(((c >> level) + 1) << level, columns)
+            left -= after - c
+            c = 0 if after == columns else after
+        after = min(((row >> level) + 1) << level, rows)
+        tall -= after - row
+        row = 0 if after == rows else after
+    return float(high)
