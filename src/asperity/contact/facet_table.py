@@ -113,8 +113,8 @@ def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) 
         least=facets.least, place=place, spread=spread, body=owner, mapping=mapping,
         top=_tops(facets, owner, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
-        slack=np.array(slacks), middle=0.5 * (low + high), reach=0.5 * (high - low), child=child, first=first, last=last,
-        root=np.array(roots, dtype=np.int64),
+        slack=np.array(slacks), middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
+        first=first, last=last, root=np.array(roots, dtype=np.int64),
     )  # fmt: skip
 
 

@@ -241,9 +241,7 @@ def pair_bound(textures, cx, cy, work, look_out):
     look_out[1], look_out[2] = x, y
     flat, moved = _flat(cx, cy), shift / cy[Q_LEAST]
     on_y = _on_other(flat, x, y, half_x, half_y, moved)
-    look_out[0] = _risen(
-        textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat, -np.inf
-    )
+    look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat, -np.inf)
 
 
 @inner_kernel

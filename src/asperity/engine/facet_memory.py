@@ -19,8 +19,10 @@ class FacetMemory(NamedTuple):
     active: NDArray[np.int64]
     """Whether there was contact, (bodies, 6)."""
     depth: NDArray[np.float64]
-    """Of the textured surfaces [m]: -inf where nothing overlapped, inf where it was too deep to
-    be a contact; (bodies, 6)."""
+    """Of the textured surfaces, the patches' mean [m]: -inf where nothing overlapped, inf where it
+    was too deep to be a contact; (bodies, 6)."""
+    deepest: NDArray[np.float64]
+    """Of the deepest patch [m]; -inf where nothing overlapped; (bodies, 6)."""
     guess: NDArray[np.float64]
     """Deepest place of each patch in the tool's frame, nan if unknown; (bodies, 6, 4, 3)."""
     pose: NDArray[np.float64]
@@ -37,6 +39,7 @@ def facet_memory(bodies: int) -> FacetMemory:
         known=np.zeros(bodies, np.int64),
         active=np.zeros((bodies, BINS), np.int64),
         depth=np.full((bodies, BINS), -np.inf),
+        deepest=np.full((bodies, BINS), -np.inf),
         guess=np.full((bodies, BINS, WINDOWS, 3), np.nan),
         pose=np.zeros((3, 4)),
         at=np.zeros(1, np.int64),
@@ -50,5 +53,6 @@ def forget(memory: FacetMemory) -> None:
     memory.at[:] = 0
     memory.active[:] = 0
     memory.depth[:] = -np.inf
+    memory.deepest[:] = -np.inf
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0

@@ -60,7 +60,7 @@ _ALIKE, _SAME = 0.7, 0.95
 """Directions whose normals agree to this cosine begin to share their part, and do share it."""
 
 # Columns of `FacetSpace.directions`.
-_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID = 0, 3, 4, 5, 6, 7, 8, 9
+_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID, _MOST = 0, 3, 4, 5, 6, 7, 8, 9, 10
 
 
 @inner_kernel
@@ -75,14 +75,17 @@ def moved_since(memory_pose, body, size):
 
 
 @inner_kernel
-def _limits(memory, b, reach, moved, pressed, limit_out):
-    """Fill how deep the smooth bodies may overlap in each direction; return the largest."""
+def _limits(memory, b, reach, hollow, moved, pressed, limit_out):
+    """Fill how deep the smooth bodies may overlap in each direction; return the largest.
+
+    Where they overlap by more than the textures are hollow, the textured surfaces do.
+    """
     most = 0.0
     for d in range(BINS):
         if memory.active[b, d] == 1:
-            limit_out[d] = max(memory.depth[b, d], 0.0) + 2.0 * reach + _BIRTH + 2.0 * moved
+            limit_out[d] = max(memory.deepest[b, d], 0.0) + hollow + _BIRTH + 2.0 * moved
         elif memory.known[b] == 1:
-            limit_out[d] = reach + _BIRTH + 2.0 * moved
+            limit_out[d] = hollow + _BIRTH + 2.0 * moved
         else:
             limit_out[d] = 1.5 * max(pressed, 0.0) + reach + _BIRTH
         most = max(most, limit_out[d])
@@ -99,7 +102,7 @@ def _sum_footprint(table, count, reach, near, space):
     kept = 0
     for i in range(count):
         f, g = space.facings[i, 0], space.facings[i, 1]
-        here, corners = piece(table, f, g, reach, near, near, space)
+        here, corners = piece(table, f, g, reach, reach, near, space)
         if corners < 0:
             continue
         space.facings[kept, 0], space.facings[kept, 1] = f, g
@@ -158,16 +161,18 @@ def touch(
     rows, foot = space.rows, space.footprint
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
     between_bodies(near_a, near_b, turn, shift)
-    reach = 1e-7 + table.slack[tool] + table.slack[b]
+    reach = hollow = 1e-7 + table.slack[tool] + table.slack[b]
     for body in (tool, b):
         if geometry.texture[body] >= 0:
             reach += textures.scales[geometry.texture[body], 2]
-    most = _limits(memory, b, reach, moved, pressed, foot.limit)
+            hollow += max(-textures.scales[geometry.texture[body], 6], 0.0)
+    most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
-    count = facing_pairs(table, tool, b, turn, shift, reach + scan, foot)
+    # Sideways textures move points no farther than they rise.
+    count = facing_pairs(table, tool, b, turn, shift, math.hypot(scan, reach), foot)
     if foot.clock[1] > 0:
         rows.count[1] += 1
-    count = _sum_footprint(table, count, reach, reach + scan, foot)
+    count = _sum_footprint(table, count, reach, scan, foot)
     shallowest = np.inf
     for d in range(BINS):
         if foot.sums[d, MASS] > 0.0:
@@ -179,7 +184,7 @@ def touch(
     for d in range(BINS):
         way, sums = space.directions[d], foot.sums[d]
         way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, rows.count[0]
-        way[_PART], way[_TWIN] = 0.0, d
+        way[_MOST], way[_PART], way[_TWIN] = -np.inf, 0.0, d
         if not _may_touch(memory, b, d, sums, moved, shallowest):
             continue
         if rows.count[0] + WINDOWS > MAX_PATCHES:
@@ -195,6 +200,7 @@ def touch(
         if twin >= 0:
             # The same plane counts for two directions: what is known of the one holds for both.
             way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
+            way[_MOST] = space.directions[twin, _MOST]
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
@@ -227,7 +233,7 @@ def touch(
             # It did not begin at the surface: a side that has come into view within the other body.
             continue
         thickness = sliver(sums)
-        way[_ROWS], way[_DEPTH] = patches, depth
+        way[_ROWS], way[_DEPTH], way[_MOST] = patches, depth, deepest
         way[_FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
         rows.count[0] += patches
     _weigh(table, count, near_b, space)
@@ -327,5 +333,6 @@ def remember(memory, space, b):
         searched = way[_DEPTH] > -np.inf
         buried = not searched and sums[d, DEEPEST] > 0.0
         memory.depth[b, d] = np.inf if buried else way[_DEPTH]
+        memory.deepest[b, d] = way[_MOST]
         # What does not count is let go: it has to begin at the surface again.
         memory.active[b, d] = 1 if way[_DEPTH] > 0.0 and way[_VALID] > 0.0 else 0

@@ -330,11 +330,6 @@ def texture_top(textures, k, u0, u1, v0, v1):
     columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
     start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
     high = bounds[start + (row >> level) * width + (column >> level), 0]
-    if column + wide <= columns and row + tall <= rows:
-        for r in range(row >> level, ((row + tall - 1) >> level) + 1):
-            for c in range(column >> level, ((column + wide - 1) >> level) + 1):
-                high = max(high, bounds[start + r * width + c, 0])
-        return float(high)
     while tall > 0:
         c, left = column, wide
         while left > 0:
