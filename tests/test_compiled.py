@@ -69,3 +69,25 @@ def test_child_processes_share_the_parents_folder():
     folder = Path(os.environ["NUMBA_CACHE_DIR"])
     assert folder.name.startswith("asperity-")
     assert compiled.cache_folder() == folder
+
+
+def test_a_repeated_kernel_is_asked_for_the_types_once(monkeypatch):
+    """It does the same as the kernel, and goes on with what the first call was compiled for."""
+    import numba
+    import numpy as np
+
+    from asperity.compiled import Repeated, clear, kernel
+
+    @kernel
+    def cleared(values, step):
+        clear(values)
+        values[0] = step
+        return step + 1.0
+
+    asked, typeof = [], numba.typeof
+    monkeypatch.setattr(numba, "typeof", lambda value: asked.append(value) or typeof(value))
+    repeated, values = Repeated(cleared), np.ones(3)
+    for step in (1.0, 2.0, 3):
+        assert repeated(values, step) == step + 1.0
+        assert values.tolist() == [step, 0.0, 0.0]
+    assert len(asked) == 2

@@ -171,6 +171,30 @@ def small_kernel(function: F) -> F:
     return _compiled(function, forceinline=True, **_INNER)
 
 
+class Repeated:
+    """A kernel that is called again and again with arguments of the same types.
+
+    Numba asks for the types of all arguments in every call, of structures part by part: for those
+    of a tick that takes twice as long as its sums. Here they are asked for at the first call.
+    Whoever calls sees to it that they stay: an array of another layout would be read wrongly.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._kernel: Any = function
+        self._enter: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel."""
+        if self._enter is not None:
+            return self._enter(*arguments)
+        result = self._kernel(*arguments)
+        # Numba may be switched off, to look for an error: then it is a function of Python.
+        compiled = getattr(self._kernel, "compile", None)
+        types = tuple(numba.typeof(argument) for argument in arguments)
+        self._enter = compiled(types) if compiled is not None else self._kernel
+        return result
+
+
 @inner_kernel
 def clear(values):  # type: ignore[no-untyped-def]
     """Set a row of numbers to zero.

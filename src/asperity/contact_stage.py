@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
-from asperity.compiled import is_compiled
+from asperity.compiled import Repeated, is_compiled
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.rigid import centre_of_mass
 from asperity.engine.engine import Engine
@@ -83,6 +83,7 @@ class ContactStage:
         self._halve = getattr(scene.force, "friction", 0.0) == 0.0
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self._room = np.empty(6)
+        self._contact_stiffness = Repeated(contact_stiffness)
         self.reset()
 
     def reset(self) -> None:
@@ -151,7 +152,7 @@ class ContactStage:
         contacts, out = self.engine.contacts, np.empty((6, 6))
         force = self.scene.force
         bristle = force.stiffness if force.bristle_stiffness is None else force.bristle_stiffness
-        contact_stiffness(
+        self._contact_stiffness(
             self.contact_count, contacts.body, contacts.point, contacts.slope_normal,
             contacts.depth, contacts.weight, contacts.force,
             centre_of_mass(pose, self.engine.centre), float(force.stiffness),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.compiled import Repeated
 from asperity.contact.collide import Collider
 from asperity.contact.deepest import workspace
 from asperity.contact.facet_space import MAX_CHART_PAIRS, MAX_CHARTS, FacetSpace, facet_space
@@ -101,7 +102,8 @@ class Engine:
         most_patches = MAX_PATCHES if self._facets is None else MAX_PATCHES + FACET_PATCHES
         self.contacts: Contacts = contacts_for(most_patches)
         """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
-        self._wrench = np.zeros(6)
+        self._pose, self._wrench = np.zeros(7), np.zeros(6)
+        self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
         self._parameters = _parameters(self.settings)
         # None compiles a tick without them, in half the time.
         self._grid, self._baseline = _grid_method(self.settings), _baseline(self.settings)
@@ -141,9 +143,12 @@ class Engine:
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
             array every time.
         """
+        # Of its own, whatever the caller's is like: the kernels are told its type only once.
+        self._pose[:] = pose
+        pose = self._pose
         count, geoms, places, distances, margins = self._collider.query(pose)
         if self._by_geoms:
-            tick(
+            self._tick(
                 self._textures, self._geometry, self._tool, self._collider.poses,
                 self.centre, self._number_by_geoms, count, geoms, places, distances,
                 margins, pose, dt, self._parameters, self._grid, self._baseline, self._memory,
@@ -153,7 +158,7 @@ class Engine:
             self._wrench[:] = 0.0
             self.contacts.count[:] = 0
         if self._facets is not None:
-            mesh_tick(
+            self._mesh_tick(
                 self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,
                 self._collider.poses, self.centre, self._collider.number, count, geoms,
                 distances, pose, dt, self._parameters, self._facets.memory, self._facets.space,

@@ -245,7 +245,8 @@ def _first_and_count(low, high, cells, wraps):
     if wraps == 1:
         first = math.floor(low + _EDGE)
         count = max(math.ceil(high - _EDGE) - first, 1.0)
-        first -= cells * math.floor(first / cells)
+        if first < 0.0 or first >= cells:
+            first -= cells * math.floor(first / cells)
         return int(first), int(min(count, cells))
     first = math.floor(min(max(low + _EDGE, 0.0), cells - 1.0))
     last = math.ceil(min(max(high - _EDGE, 1.0), cells)) - 1.0
@@ -267,9 +268,9 @@ def _blocks_over(textures, k, u0, u1, v0, v1):
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
     top = table[k, 6] - 1
     size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
-    level = 0
-    while level < top and not float(1 << level) >= 0.5 * size - _EDGE:
-        level += 1
+    level, side, enough = 0, 1.0, 0.5 * size - _EDGE
+    while level < top and not side >= enough:
+        level, side = level + 1, 2.0 * side
     if level == top or not (x1 - x0 < 1e9 and y1 - y0 < 1e9):
         # Also where a place is no number.
         return 0, 0, 0, 0, -1, False
