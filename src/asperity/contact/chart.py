@@ -61,7 +61,8 @@ TOP = EQ + 11  # highest point of the texture, infinite where only the whole tex
 SIDE = EQ + 12  # largest sideways part of w
 SUMMIT = EQ + 13  # largest z of the base, infinite where it is not known
 COVERS = EQ + 14  # of a facet: least and largest u, least and largest v of its base
-SIZE = EQ + 18
+CORNERS = EQ + 18  # of a facet within rows: how many corners, then their (x, y), 8 at most
+SIZE = EQ + 35
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 

@@ -9,6 +9,7 @@ from asperity.contact.chart import (
     B0,
     BEND_1,
     BEND_2,
+    CORNERS,
     COVERS,
     LEAST_ROOT,
     LEVEL,
@@ -42,7 +43,7 @@ from asperity.contact.chart import (
 
 @inner_kernel
 def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
-    """Fill `chart` (146,) with a facet.
+    """Fill `chart` (163,) with a facet.
 
     Parameters
     ----------
@@ -95,11 +96,13 @@ def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
         row = ROWS + 1 + 6 * i
         chart[row], chart[row + 1] = table.rows[f, i, 0], table.rows[f, i, 1]
         chart[row + 2], chart[row + 5] = table.rows[f, i, 2], table.rows[f, i, 3]
+    chart[CORNERS] = rows
     summit = -math.inf
     u0 = v0 = math.inf
     u1 = v1 = -math.inf
     for i in range(table.sides[f]):
         x, y = table.corners[f, i, 0], table.corners[f, i, 1]
+        chart[CORNERS + 1 + 2 * i], chart[CORNERS + 2 + 2 * i] = x, y
         u, v = chart[O] + a * x + b * y, chart[O + 1] + c * x + d * y
         u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
         summit = max(summit, chart[PZ] * x + chart[PZ + 1] * y)

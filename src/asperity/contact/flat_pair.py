@@ -12,6 +12,7 @@ import numpy as np
 
 from asperity.compiled import inner_kernel
 from asperity.contact.chart import (
+    CORNERS,
     PZ,
     Q_LEAST,
     QINV,
@@ -85,16 +86,22 @@ def plane_overlap(cx, cy, slack, polygon):
     at_zero = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
     g_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
     g_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
-    for n in range(4):
-        polygon[n, 0] = cx[RECTANGLE] if n in (0, 3) else cx[RECTANGLE + 1]
-        polygon[n, 1] = cx[RECTANGLE + 2] if n < 2 else cx[RECTANGLE + 3]
-    size = np.int64(4)
-    for n in range(int(cx[ROWS])):
+    own = size = int(cx[CORNERS])
+    for n in range(size):
+        polygon[n, 0], polygon[n, 1] = cx[CORNERS + 1 + 2 * n], cx[CORNERS + 2 + 2 * n]
+    if own == 0:
+        size = 4
+        for n in range(4):
+            polygon[n, 0] = cx[RECTANGLE] if n in (0, 3) else cx[RECTANGLE + 1]
+            polygon[n, 1] = cx[RECTANGLE + 2] if n < 2 else cx[RECTANGLE + 3]
+    # The first rows of a facet are the sides between its corners.
+    for n in range(own, int(cx[ROWS])):
         row = ROWS + 1 + 6 * n
         if cx[row + 4] == 0.0 and size > 0:
             size = _clipped(polygon, size, cx[row + 1], cx[row + 2], -cx[row])
     slack /= cy[Q_LEAST]
-    for n in range(4):
+    # A facet within rows fills its rectangle from side to side: the rows will do.
+    for n in range(4 if cy[CORNERS] == 0.0 else 0):
         sign = 1.0 if n & 1 else -1.0
         if size > 0:
             f0, f1, f2 = (b0, b1, b2) if n < 2 else (c0, c1, c2)
