@@ -20,12 +20,15 @@ but a wrench that comes too late is not felt at all.
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from asperity.compiled import inner_kernel, kernel
 
 MODES = ("off", "tick", "band")
 SPAN = {"off": 0, "tick": 1, "band": 5}
@@ -88,10 +91,14 @@ def sub_poses(
     start = min(count, BUDGET)
     s = [i / start for i in range(start + 1)]
     wrench = [first] + [evaluate(value) for value in s[1:]]
-    left = BUDGET - start
-    if not halve or left == 0:
+    if not halve or start == BUDGET:
         return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
-    tolerance = leap * max(_size(w, lever) for w in wrench)
+    if start == 1:
+        size, *leaps = _leap(wrench[1], first, before, lever)
+    else:
+        size = max(_size(w, lever) for w in wrench)
+        leaps = [_size(g - f, lever) for f, g in itertools.pairwise(wrench)]
+    left, tolerance = BUDGET - start, leap * size
     heap: list[tuple[float, float, float, NDArray[np.float64], NDArray[np.float64]]] = []
 
     def push(a: float, b: float, f: NDArray[np.float64], g: NDArray[np.float64], e: float) -> None:
@@ -100,10 +107,7 @@ def sub_poses(
             heapq.heappush(heap, (-error, a, b, f, g))
 
     for i in range(start):
-        leapt = _size(wrench[i + 1] - wrench[i], lever)
-        if start == 1:
-            leapt = min([leapt, *(_size(d, lever) for d in _differences(wrench[1], first, before))])
-        push(s[i], s[i + 1], wrench[i], wrench[i + 1], leapt)
+        push(s[i], s[i + 1], wrench[i], wrench[i + 1], leaps[i])
     if not heap:  # most ticks of a slow hand
         return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
     while heap and left and in_time():
@@ -114,8 +118,7 @@ def sub_poses(
         s.append(middle)
         wrench.append(between)
         # What the line missed lies, for a leap, all in the half that changes more.
-        missed = _size(between - 0.5 * (f + g), lever)
-        rise, rest = _size(between - f, lever), _size(g - between, lever)
+        missed, rise, rest = _on_the_way(f, between, g, lever)
         share = 2.0 * missed / max(rise + rest, 1e-300)
         push(a, middle, f, between, share * rise)
         push(middle, b, between, g, share * rest)
@@ -123,19 +126,79 @@ def sub_poses(
     return SubPoses(np.array(s)[order], np.array(wrench)[order], bool(heap) or count > BUDGET)
 
 
-def _differences(
-    last: NDArray[np.float64], first: NDArray[np.float64], before: Sequence[NDArray[np.float64]]
-) -> list[NDArray[np.float64]]:
-    """Return the second and third differences of the ticks' wrenches, of those that are known.
+@kernel
+def moved_most(count, point, last, pose):
+    """Return how far a contact's place moves at most [m], as the tool goes from pose to pose (7,).
 
-    A leap is in each of them, and at least as large; what changes smoothly is smaller in each.
+    `count[0]` and `point` as of `engine.memory.Contacts`, at the last pose.
     """
-    if not before:
-        return []
-    second = last - 2.0 * first + before[0]
-    if len(before) == 1:
-        return [second]
-    return [second, second - (first - 2.0 * before[0] + before[1])]
+    less = more = away = lever = 0.0
+    for i in range(3, 7):
+        less += (pose[i] - last[i]) ** 2
+        more += (pose[i] + last[i]) ** 2
+    # A quaternion and its negative are one turn; between unit quaternions the chord is known.
+    turn = 4.0 * math.asin(min(0.5 * math.sqrt(min(less, more)), 1.0))
+    for i in range(3):
+        away += (pose[i] - last[i]) ** 2
+    for c in range(count[0]):
+        square = 0.0
+        for i in range(3):
+            square += (point[c, i] - last[i]) ** 2
+        lever = max(lever, square)
+    return math.sqrt(away) + turn * math.sqrt(lever)
+
+
+def _leap(
+    last: NDArray[np.float64],
+    first: NDArray[np.float64],
+    before: Sequence[NDArray[np.float64]],
+    lever: float,
+) -> tuple[float, float]:
+    """Return the larger size of two wrenches, and what may be a leap of what lies between [N].
+
+    A leap is in the differences of the ticks' wrenches of each order, and at least as large; what
+    changes smoothly is smaller in each. Those are looked at that are known `before` the `first`.
+    """
+    one = before[0] if before else first
+    two = before[1] if len(before) > 1 else one
+    return _least_difference(last, first, one, two, len(before), lever)
+
+
+@kernel
+def _least_difference(last, first, one, two, known, lever):
+    """Return the larger size of `last` and `first`, and the smallest of their differences."""
+    size = once = twice = thrice = 0.0
+    for i in range(6):
+        part = 1.0 if i < 3 else 1.0 / lever
+        d1 = last[i] - first[i]
+        d2 = d1 - (first[i] - one[i])
+        d3 = d2 - (first[i] - 2.0 * one[i] + two[i])
+        size = max(size, part * max(abs(last[i]), abs(first[i])))
+        once, twice = max(once, part * abs(d1)), max(twice, part * abs(d2))
+        thrice = max(thrice, part * abs(d3))
+    if known > 0:
+        once = min(once, twice)
+    return size, min(once, thrice) if known > 1 else once
+
+
+@kernel
+def _on_the_way(f, between, g, lever):
+    """Return how far a wrench is off the mean of those beside it, and how far from either."""
+    return (
+        _distance(between, 0.5, f, 0.5, g, lever),
+        _distance(between, 1.0, f, 0.0, g, lever),
+        _distance(between, 0.0, f, 1.0, g, lever),
+    )
+
+
+@inner_kernel
+def _distance(one, p, f, q, g, lever):
+    """Return the size of `one - p f - q g`."""
+    size = 0.0
+    for i in range(6):
+        part = 1.0 if i < 3 else 1.0 / lever
+        size = max(size, part * abs(one[i] - p * f[i] - q * g[i]))
+    return size
 
 
 def _size(wrench: NDArray[np.float64], lever: float) -> float:

@@ -17,15 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, sub_poses
+from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, moved_most, sub_poses
 from asperity.compiled import Repeated, is_compiled
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.rigid import centre_of_mass
 from asperity.engine.engine import Engine
-from asperity.engine.stiffness import contact_stiffness
 from asperity.errors import require_between
 from asperity.forces.settings import ForceSettings
-from asperity.poses import between, turn_between
+from asperity.poses import between
 from asperity.scene import Scene
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
@@ -81,9 +79,8 @@ class ContactStage:
         self._wavelength = scene.shortest_wavelength
         # Bristles remember: their wrench is asked for in the order of time.
         self._halve = getattr(scene.force, "friction", 0.0) == 0.0
+        self._moved = Repeated(moved_most)
         self._extent = max(float(scene.model.stat.extent), 1e-3)
-        self._room = np.empty(6)
-        self._contact_stiffness = Repeated(contact_stiffness)
         self.reset()
 
     def reset(self) -> None:
@@ -123,13 +120,13 @@ class ContactStage:
         is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
         there are as many as fit into `seconds`; the pose itself is always looked at.
         """
+        # Of its own: it is kept, and a kernel is told the type of it and the last only once.
+        pose = np.array(pose, dtype=np.float64)
         last = pose if self._last is None else self._last
         wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, seconds)
-        self._last = pose.copy()
+        self._last = pose
         self._flag_contacts()
-        return LinearContact(
-            self._last, wrench, self._stiffness(pose), self.contact_count, self._flags
-        )
+        return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
 
     def change(self, *, force: ForceSettings, dt: float) -> None:
         """Go on with another stiffness and friction, and another tick [s]."""
@@ -146,19 +143,6 @@ class ContactStage:
         self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
         self._before = ()
         return self._last_wrench.copy()
-
-    def _stiffness(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how the wrench of the last contacts falls with the tool's motion, (6, 6)."""
-        contacts, out = self.engine.contacts, np.empty((6, 6))
-        force = self.scene.force
-        bristle = force.stiffness if force.bristle_stiffness is None else force.bristle_stiffness
-        self._contact_stiffness(
-            self.contact_count, contacts.body, contacts.point, contacts.slope_normal,
-            contacts.depth, contacts.weight, contacts.force,
-            centre_of_mass(pose, self.engine.centre), float(force.stiffness),
-            float(force.friction), float(bristle), self.engine.by_facets, self._room, out,
-        )  # fmt: skip
-        return out
 
     def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
         """Return the engine's wrench at a pose, and note how long that took."""
@@ -187,7 +171,7 @@ class ContactStage:
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return self._timed(between(last, pose, s), piece)
+            return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
 
         def in_time() -> bool:
             # Another one, and the last pose once more.
@@ -218,18 +202,13 @@ class ContactStage:
         """Return how many of the shortest waves the tool passes in this tick, at most."""
         if self._last is None or math.isinf(self._wavelength):
             return 0.0
-        contacts, lever = self.engine.contacts, 0.0
-        count = int(contacts.count[0])
-        turn = float(np.linalg.norm(turn_between(last, pose)))
-        if turn > 0.0 and count:
-            lever = float(np.linalg.norm(contacts.point[:count] - last[:3], axis=1).max())
-        motion = math.dist(last[:3].tolist(), pose[:3].tolist()) + turn * lever
-        return motion / self._wavelength
+        contacts = self.engine.contacts
+        return float(self._moved(contacts.count, contacts.point, last, pose) / self._wavelength)
 
     def _flag_contacts(self) -> None:
         contacts = self.engine.contacts
         count, left_out = contacts.count.tolist()
-        if count and contacts.status[:count].max() >= 1:
+        if count and max(contacts.status[:count].tolist()) >= 1:
             self._flags |= NOT_CERTIFIED
         if left_out:
             self._flags |= OVERFLOW

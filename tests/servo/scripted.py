@@ -98,6 +98,7 @@ class WallContacts:
         self.latest, self._next = Contact(), Contact()
         self.busy = False
         self.asked: list[tuple[float, bool]] = []
+        self.rests = 0
 
     def submit(self, pose: np.ndarray, now: float, *, jumped: bool = False) -> None:
         assert not self.busy
@@ -119,10 +120,15 @@ class WallContacts:
         return True
 
     def wait(self, seconds: float) -> bool:
-        self.clock.time = min(
-            self.clock.time + max(seconds, 0.0), max(self._ready, self.clock.time)
-        )
+        self.rest(seconds)
         return self.take()
+
+    def rest(self, seconds: float) -> None:
+        self.rests += 1
+        if self.busy:
+            self.clock.time = min(
+                self.clock.time + max(seconds, 0.0), max(self._ready, self.clock.time)
+            )
 
 
 def body() -> RigidBody:
@@ -133,7 +139,13 @@ class Bench:
     """A loop with everything by hand."""
 
     def __init__(
-        self, *, mode: str = "direct", takes=lambda n: 1e-4, settings=QUICK, publisher=None
+        self,
+        *,
+        mode: str = "direct",
+        takes=lambda n: 1e-4,
+        settings=QUICK,
+        publisher=None,
+        **options,
     ) -> None:
         self.clock = HandClock()
         self.device = ScriptedDevice(self.clock)
@@ -143,7 +155,7 @@ class Bench:
         self.loop = ServoLoop(
             self.safe, Mapping(LIMITS), self.tool, self.contacts,
             PassivityController(DT, active=False),
-            dt=DT, clock=self.clock, publisher=publisher or Publisher(),
+            dt=DT, clock=self.clock, publisher=publisher or Publisher(), **options,
         )  # fmt: skip
 
     def run(self, ticks: int, **options) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 import tracemalloc
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -13,9 +14,9 @@ from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 from asperity.contact_stage import FALLBACK, LATE
 from asperity.errors import AsperityError
 from asperity.servo.loop import GUARD, STALE
-from asperity.servo.pace import Pace
+from asperity.servo.pace import BUSY, SPIN, Pace
 from asperity.servo.publish import Publisher
-from asperity.servo.realtime import share_core
+from asperity.servo.realtime import any_core, keep_off, share_core
 from asperity.servo.rows import slices
 
 
@@ -58,6 +59,52 @@ def test_it_sleeps_until_near_the_tick_and_then_watches_the_clock():
         pace.wait()
     assert np.allclose(clock.slept, DT - 1e-4, atol=2e-6)
     assert pace.late < 1e-6
+
+
+def test_a_busy_one_watches_the_clock_all_the_time():
+    clock = HandClock()
+    pace = Pace(DT, clock, spin=BUSY)
+    for _ in range(5):
+        pace.wait()
+        assert pace.late < 1e-6
+    assert clock.slept == []
+
+
+def test_the_contact_comes_first_where_the_core_is_shared():
+    """It has what is left of the tick; only what it leaves is slept away, or watched."""
+    clock, given = HandClock(), []
+    pace = Pace(DT, clock)
+
+    def work(seconds):
+        given.append(seconds)
+        clock.work(0.3 * DT if len(given) == 1 else seconds)
+
+    clock.work(0.2 * DT)
+    pace.wait(work)
+    assert given == [pytest.approx(0.8 * DT, abs=1e-6)]
+    assert clock.slept == [pytest.approx(0.5 * DT - SPIN, abs=1e-6)]
+    pace.wait(work)
+    assert len(clock.slept) == 1
+    assert pace.late < 1e-6
+    clock.work(1.5 * DT)
+    pace.wait(work)  # nothing is left to be given
+    assert len(given) == 2
+
+
+@pytest.mark.parametrize("shares", [False, True])
+def test_a_contact_is_asked_for_when_all_else_is_done(shares):
+    told = []
+
+    class Told(Publisher):
+        def push(self, row):
+            told.append(bench.contacts.busy)
+
+    bench = Bench(mode="implicit", publisher=Told(), shares=shares, takes=lambda n: 0.4 * DT)
+    bench.run(20)
+    assert not any(told)
+    assert len(bench.contacts.asked) == 21
+    assert bench.stats.fallbacks == 0
+    assert bench.contacts.rests == (20 if shares else 0) + 1
 
 
 def test_a_loop_that_was_held_up_leaves_ticks_out_and_falls_into_step_again():
@@ -280,11 +327,33 @@ def test_threads_come_to_share_a_core_that_they_may_use():
     thread = threading.Thread(target=held.wait)
     thread.start()
     try:
-        told = share_core([thread.native_id])
-        (core,) = os.sched_getaffinity(thread.native_id)
+        core = any_core()
         assert core in allowed
+        told = share_core(core, [thread.native_id])
+        assert os.sched_getaffinity(thread.native_id) == {core}
         assert told == f"on core {core}, with the loop"
         assert os.sched_getaffinity(0) == allowed
     finally:
         held.set()
         thread.join()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="no way to ask")
+def test_a_process_can_be_kept_off_a_core():
+    allowed = os.sched_getaffinity(0)
+    process = get_context("spawn").Process(target=time.sleep, args=(60.0,))
+    process.start()
+    try:
+        core = any_core()
+        told = keep_off(core, process.pid)
+        if len(allowed) > 1:
+            assert told == f"not on core {core}"
+            assert os.sched_getaffinity(process.pid) == allowed - {core}
+        for other in sorted(os.sched_getaffinity(process.pid)):
+            told = keep_off(other, process.pid)
+        # One has to be left.
+        assert told == "refused: there is no other core"
+        assert os.sched_getaffinity(process.pid)
+    finally:
+        process.kill()
+        process.join()

@@ -135,7 +135,6 @@ class Experiment:
         from asperity.experiments.presenters import DevicePresenter
         from asperity.page.choice import Choice
         from asperity.page.server import Page, require_viser
-        from asperity.servo.realtime import RealTime
         from asperity.servo.safety import SafetySettings
         from asperity.simulation import announce_compiling
 
@@ -153,7 +152,7 @@ class Experiment:
                 "clutch_button": options.clutch_button,
             },
             safety=SafetySettings(max_force=options.max_force_n),
-            real_time=RealTime(options.priority, options.core, options.lock_memory),
+            real_time=options.real_time,
         )  # fmt: skip
         desk = Desk(design)
 

@@ -13,6 +13,7 @@ from asperity.errors import AsperityError
 if TYPE_CHECKING:
     from asperity.scene import Scene
     from asperity.servo.process import ServoSpec
+    from asperity.servo.realtime import RealTime
     from asperity.trajectory import ScriptedMotion, Trajectory
 
 
@@ -40,6 +41,15 @@ class DeviceOptions:
     """Ask for this core."""
     lock_memory: bool = False
     """Ask for memory that is never swapped out."""
+    no_busy_wait: bool = False
+    """Sleep between ticks, rather than keep a core busy."""
+
+    @property
+    def real_time(self) -> RealTime:
+        """What is to be asked of the system."""
+        from asperity.servo.realtime import RealTime
+
+        return RealTime(self.priority, self.core, self.lock_memory, busy_wait=not self.no_busy_wait)
 
 
 def servo_spec(
@@ -64,7 +74,6 @@ def servo_spec(
     from asperity.devices.catalogue import device
     from asperity.servo.in_hand import named_device, simulated_device
     from asperity.servo.process import ServoSpec
-    from asperity.servo.realtime import RealTime
     from asperity.servo.safety import SafetySettings
     from asperity.trajectory import Trajectory
 
@@ -97,7 +106,7 @@ def servo_spec(
             "clutch_button": options.clutch_button,
         },
         safety=SafetySettings(max_force=options.max_force_n),
-        real_time=RealTime(options.priority, options.core, options.lock_memory),
+        real_time=options.real_time,
     )  # fmt: skip
 
 

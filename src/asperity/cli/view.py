@@ -96,7 +96,6 @@ class View:
         from asperity.page.changes import on_coupling
         from asperity.page.choice import Choice
         from asperity.scenes import load_scene
-        from asperity.servo.realtime import RealTime
         from asperity.servo.safety import SafetySettings
 
         if self.coupling is not None:
@@ -115,5 +114,5 @@ class View:
                 "clutch_button": options.clutch_button,
             },
             safety=SafetySettings(max_force=options.max_force_n),
-            real_time=RealTime(options.priority, options.core, options.lock_memory),
+            real_time=options.real_time,
         )  # fmt: skip

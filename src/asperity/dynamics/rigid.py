@@ -39,7 +39,9 @@ def rotation_matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def centre_of_mass(pose: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where the centre of mass is in the world (3,), `centre` (3,) in the tool's frame."""
-    return np.asarray(pose[:3] + rotation_matrix(pose) @ centre)
+    out = np.empty(3)
+    _fill_centre(pose, centre, out)
+    return out
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -52,6 +54,23 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float,
 @kernel
 def _fill_rotation(pose, out):
     fill_rotation(pose, out)
+
+
+@kernel
+def _fill_centre(pose, centre, out):
+    lever(pose, centre, out)
+    for i in range(3):
+        out[i] += pose[i]
+
+
+@kernel
+def shift_wrench(wrench, reach, out):
+    """Fill a wrench (6,) as it is about another point, from which this one is `reach` (3,) away."""
+    fx, fy, fz = wrench[0], wrench[1], wrench[2]
+    out[3] = wrench[3] + reach[1] * fz - reach[2] * fy
+    out[4] = wrench[4] + reach[2] * fx - reach[0] * fz
+    out[5] = wrench[5] + reach[0] * fy - reach[1] * fx
+    out[0], out[1], out[2] = fx, fy, fz
 
 
 @inner_kernel

@@ -38,6 +38,7 @@ from asperity.engine.memory import (
     memory_for,
 )
 from asperity.engine.mesh_tick import mesh_tick
+from asperity.engine.stiffness import contact_stiffness
 from asperity.engine.tick import tick
 from asperity.errors import AsperityError
 from asperity.forces.laws import OTADUY_LIN
@@ -104,6 +105,7 @@ class Engine:
         """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
         self._pose, self._wrench = np.zeros(7), np.zeros(6)
         self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
+        self._stiffness, self._room = Repeated(contact_stiffness), np.zeros(9)
         self._parameters = _parameters(self.settings)
         # None compiles a tick without them, in half the time.
         self._grid, self._baseline = _grid_method(self.settings), _baseline(self.settings)
@@ -165,6 +167,18 @@ class Engine:
                 self._space, self.contacts, self._wrench,
             )  # fmt: skip
         return self._wrench
+
+    def stiffness(self) -> NDArray[np.float64]:
+        """Return how the last wrench falls with the tool's motion, (6, 6): see `LinearContact`.
+
+        Without the term that grows with the depth (`engine.stiffness`).
+        """
+        out = np.empty((6, 6))
+        self._stiffness(
+            self.contacts, self._pose, self.centre, self._parameters, self.by_facets, self._room,
+            out,
+        )  # fmt: skip
+        return out
 
 
 def _refuse_for_meshes(settings: ForceSettings) -> None:

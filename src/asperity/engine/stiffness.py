@@ -15,37 +15,41 @@ from __future__ import annotations
 import math
 
 from asperity.compiled import inner_kernel, kernel
+from asperity.dynamics.rigid import lever
 
 _STICKS = 1.0 - 1e-9
 """A bristle below this part of its limit sticks."""
 
 
 @kernel
-def contact_stiffness(
-    count, body, point, slope_normal, depth, weight, force, origin, stiffness, friction, bristle,
-    weighted, jacobian, out,
-):  # fmt: skip
+def contact_stiffness(contacts, pose, centre, parameters, weighted, room, out):
     """Fill the stiffness (6, 6) of contacts, about the tool's centre of mass.
 
     Parameters
     ----------
-    count, body, point, slope_normal, depth, weight, force
-        Of `engine.memory.Contacts`.
-    origin : (3,) array
-        The tool's centre of mass, world axes.
-    stiffness, friction, bristle : float
-        Of `ForceSettings`.
+    contacts : engine.memory.Contacts
+    pose : (7,) array
+        Of the tool's frame.
+    centre : (3,) array
+        The tool's centre of mass, in its frame.
+    parameters : engine.memory.Parameters
     weighted : (bodies,) array of int
         Whether a body's bristles share its stiffness by their weights.
-    jacobian : (6,) array
+    room : (9,) array
         Room to work in.
     out : (6, 6) array
         [N/m, N/rad, N, N m/rad].
     """
+    stiffness, friction = parameters.stiffness, parameters.friction
+    point, slope_normal, weight = contacts.point, contacts.slope_normal, contacts.weight
+    origin, jacobian = room[6:], room[:6]
+    lever(pose, centre, origin)
+    for i in range(3):
+        origin[i] += pose[i]
     for i in range(6):
         for j in range(6):
             out[i, j] = 0.0
-    for c in range(count):
+    for c in range(contacts.count[0]):
         rx, ry, rz = (
             point[c, 0] - origin[0], point[c, 1] - origin[1], point[c, 2] - origin[2],
         )  # fmt: skip
@@ -53,14 +57,16 @@ def contact_stiffness(
         _add(jacobian, rx, ry, rz, mx, my, mz, stiffness * weight[c], out)
         if friction == 0.0:
             continue
-        push = stiffness * weight[c] * depth[c]
+        push = stiffness * weight[c] * contacts.depth[c]
         square = mx * mx + my * my + mz * mz
         drag = 0.0
         for i in range(3):
-            drag += (force[c, i] - push * slope_normal[c, i]) ** 2
+            drag += (contacts.force[c, i] - push * slope_normal[c, i]) ** 2
         if math.sqrt(drag) >= _STICKS * friction * push * math.sqrt(square):
             continue
-        held = bristle * weight[c] if weighted[body[c]] == 1 else bristle
+        held = parameters.bristle_stiffness
+        if weighted[contacts.body[c]] == 1:
+            held *= weight[c]
         # The plane across m: all directions, less that of m.
         _add(jacobian, rx, ry, rz, 1.0, 0.0, 0.0, held, out)
         _add(jacobian, rx, ry, rz, 0.0, 1.0, 0.0, held, out)

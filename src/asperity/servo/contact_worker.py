@@ -81,6 +81,9 @@ class Contacts(Protocol):
     def wait(self, seconds: float) -> bool:
         """Do as `take`, and wait for it at most so long."""
 
+    def rest(self, seconds: float) -> None:
+        """Do nothing until the contact is done, for at most so long; it is not taken yet."""
+
 
 class ContactWorker:
     """A thread that computes contacts.
@@ -140,6 +143,11 @@ class ContactWorker:
     def wait(self, seconds: float) -> bool:
         """Do as `take`, and wait for it at most so long [s]."""
         return self.busy and self._done.acquire(timeout=max(seconds, 0.0)) and self._collect()
+
+    def rest(self, seconds: float) -> None:
+        """Do nothing until the contact is done, for at most so long [s]; it is not taken yet."""
+        if self.busy and self._done.acquire(timeout=max(seconds, 0.0)):
+            self._done.release()
 
     def stop(self) -> None:
         """End the thread once it is done with what it does."""

@@ -2,8 +2,8 @@
 
     device --> mapping --> handle's pose and velocity
            --> tool on its coupling, pushed by the last contact --> wrench that the hand feels
-           --> passivity --> mapping --> safety --> device
-           --> contact asked for where the tool is now          --> snapshot, recorder
+           --> passivity --> mapping --> safety --> device      --> snapshot, recorder
+           --> contact asked for where the tool is now
 
 The contact is computed beside the loop (`contact_worker`). In the modes of the coupling in which
 the tool has a motion of its own, a tick takes the contact of the last one: there is a whole tick
@@ -30,7 +30,7 @@ from asperity.dynamics.passivity import PassivityController
 from asperity.dynamics.rigid import centre_of_mass, cross
 from asperity.errors import AsperityError, require_between
 from asperity.servo.contact_worker import Contacts
-from asperity.servo.pace import Clock, Pace
+from asperity.servo.pace import BUSY, SPIN, Clock, Pace
 from asperity.servo.publish import Publisher
 from asperity.servo.rows import Row
 from asperity.servo.safety import SafeDevice
@@ -64,6 +64,10 @@ class ServoLoop:
     guard : float
         Part of the tick that is kept for what comes after the contact, 0.05 to 0.9.
     publisher : Publisher
+    shares : bool
+        Loop and contacts are on one core: between ticks it is the contact's first.
+    busy : bool
+        Watch the clock until the next tick, and do not sleep.
     """
 
     def __init__(
@@ -78,12 +82,15 @@ class ServoLoop:
         clock: Clock,
         guard: float = GUARD,
         publisher: Publisher | None = None,
+        shares: bool = False,
+        busy: bool = False,
     ) -> None:
         self.device, self.mapping, self.tool = device, mapping, tool
         self.contacts, self.passivity = contacts, passivity
         self.dt = dt
         self.stats = Stats()
-        self.pace = Pace(dt, clock)
+        self.pace = Pace(dt, clock, spin=BUSY if busy else SPIN)
+        self._work = contacts.rest if shares else None
         self._clock = clock
         self._guard = require_between("guard", guard, 0.05, 0.9)
         self._publisher = publisher or Publisher()
@@ -137,7 +144,7 @@ class ServoLoop:
         """
         try:
             while ticks is None or self.stats.ticks + self.stats.skipped < ticks:
-                self.pace.wait()
+                self.pace.wait(self._work)
                 self.tick()
                 if between():
                     break
@@ -175,8 +182,6 @@ class ServoLoop:
         self._account(reach)
         written = now()
         flags = contact.linear.flags | device.flags | (FALLBACK if fallback else 0)
-        if not tool.is_direct and not self.contacts.busy:
-            self._ask(tool.pose, begun)
         self._publish(pose, twist, flags | (PASSIVITY if self._corrected else 0))
         missed = now() > self.pace.deadline
         if missed:
@@ -193,6 +198,9 @@ class ServoLoop:
         self.stats.finished(
             skipped=self.pace.skipped, late=self.pace.late, missed=missed, fallback=fallback
         )
+        if not tool.is_direct and not self.contacts.busy:
+            # Last of all: whoever computes it wants the interpreter's lock, and may want the core.
+            self._ask(tool.pose, begun)
         self._tick += 1
 
     def _contact_for(self, pose: NDArray[np.float64], now: float) -> bool:

@@ -18,17 +18,25 @@ ticks of an empty loop begin, in microseconds:
 | | 100 us before | 0 | 0 | 38 |
 
 The tails are those of other processes, which hold a core for up to 4 ms; no spinning helps there.
+
+A loop that sleeps gives more away than the time: its core halts, others come into its caches, and
+what follows takes two to three times as long. A loop with a core of its own may therefore watch
+the clock all the time (`BUSY`); see `realtime.RealTime`.
 """
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 from asperity.errors import require_between
 
 SPIN = 100e-6
 """How long before a tick sleeping ends and spinning begins [s]."""
+BUSY = math.inf
+"""Never sleep."""
 
 
 class Clock(Protocol):
@@ -57,13 +65,13 @@ class Pace:
         Tick [s], 1e-5 to 0.1.
     clock : Clock
     spin : float
-        How long before a tick to stop sleeping [s].
+        How long before a tick to stop sleeping [s]; `BUSY`: never to sleep.
     """
 
     def __init__(self, dt: float, clock: Clock, *, spin: float = SPIN) -> None:
         self._dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self._clock = clock
-        self._spin = min(spin, dt)
+        self._spin = spin
         self.restart()
 
     def restart(self, dt: float | None = None) -> None:
@@ -82,8 +90,15 @@ class Pace:
         """When the present tick has to be finished [s], on the clock."""
         return self._begin + (self._tick + 1) * self._dt
 
-    def wait(self) -> None:
-        """Sleep and spin until the next tick begins; see `skipped` and `late` for how it went."""
+    def wait(self, work: Callable[[float], object] | None = None) -> None:
+        """Sleep and spin until the next tick begins; see `skipped` and `late` for how it went.
+
+        Parameters
+        ----------
+        work : callable, optional
+            What others have to do on this core first: returns when it is done, or after the
+            seconds that it is given.
+        """
         clock, dt = self._clock, self._dt
         now = clock.now()
         following = self._tick + 1
@@ -91,6 +106,9 @@ class Pace:
         self.skipped = max(current - following, 0)
         self._tick = following + self.skipped
         start = self._begin + self._tick * dt
+        if work is not None and start > now:
+            work(start - now)
+            now = clock.now()
         if start - now > self._spin:
             clock.sleep(start - now - self._spin)
         while True:

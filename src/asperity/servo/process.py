@@ -48,11 +48,8 @@ _LOOKED = 1e-3
 """How often a loop that is held looks whether it may go [s]."""
 _CLEARANCE = 2e-3
 """How far above the surface the tool is when a session begins [m]."""
-_QUICK = 0.25
-"""Part of a tick that a contact may take to share the loop's core; ours.
-
-Between two waits it takes two to three times as long as one after the other.
-"""
+_QUICK = 0.5
+"""Part of a tick that a contact may take to share the loop's core; ours."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +147,13 @@ def _served(
     worker = ContactWorker(stage, clock, min(WITHIN, 0.9 - spec.guard) if direct else WITHIN)
     # The core is the loop's alone: the worker, begun before, may be on any other.
     told |= realtime.ask(replace(realtime.RealTime(), core=spec.real_time.core))
+    asked = spec.real_time
+    alone = asked.priority or asked.core is not None
+    core = None
+    if asked.share_core and not alone and took < _QUICK * parameters.dt:
+        core = realtime.any_core()
+    busy = core is not None and asked.busy_wait and realtime.has_other_cores()
+    told["between ticks"] = "its core is kept busy" if busy else "asleep"
     loop = ServoLoop(
         device,
         Mapping(device.limits, **spec.mapping),
@@ -164,6 +168,8 @@ def _served(
             SnapshotWriter(folder / SNAPSHOT),
             every=max(1, round(spec.rate / SHOWN_RATE)),
         ),
+        shares=core is not None,
+        busy=busy,
     )
     mailbox = Mailbox(folder / MAILBOX)
     between = _Between(spec, loop, mailbox, why)
@@ -175,14 +181,13 @@ def _served(
                 if why() or mailbox.must_stop:
                     raise AsperityError("the loop was told to stop before it began")
                 clock.sleep(_LOOKED)
-        asked = spec.real_time
-        alone = asked.priority or asked.core is not None
-        if asked.share_core and not alone and took < _QUICK * loop.dt:
-            told["contacts"] = realtime.share_core([0, worker.thread])
+        if core is not None:
+            told["contacts"] = realtime.share_core(core, [0, worker.thread])
             worker.within = min(worker.within, WITHIN_SHARED)
         device.open()
         loop.begin(None if spec.in_scene else start)
-        _tell(report, ("ready", {"limits": device.limits, "device": device.name}))
+        ready = {"limits": device.limits, "device": device.name, "core": core}
+        _tell(report, ("ready", ready))
         loop.run(ticks=ticks, between=between)
     finally:
         device.close()

@@ -20,6 +20,7 @@ from asperity.errors import AsperityError
 from asperity.servo.mailbox import Mailbox
 from asperity.servo.parameters import Parameters
 from asperity.servo.process import MAILBOX, RING, SNAPSHOT, ServoSpec, serve
+from asperity.servo.realtime import keep_off
 from asperity.servo.recorder import record
 from asperity.servo.ring import SECONDS, Ring
 from asperity.servo.rows import WIDTH
@@ -87,6 +88,8 @@ class Servo:
         self._servo_end = theirs
         self._reader: SnapshotReader | None = None
         self._result: tuple[str, Any] | None = None
+        self._asked: dict[str, str] = {}
+        """What came of what was asked for the recorder; the rest the servo process tells."""
         self._finished = False
 
     @property
@@ -148,6 +151,9 @@ class Servo:
             self._result = (kind, what)
             raise AsperityError(str(what))
         told: dict[str, Any] = what
+        core = told.get("core")
+        if core is not None and self._recorder is not None and self._recorder.pid is not None:
+            self._asked["recorder"] = keep_off(core, self._recorder.pid)
         return told
 
     @property
@@ -209,7 +215,8 @@ class Servo:
         kind, what = self._result or ("failed", f"the servo process ended ({self._exit()})")
         if kind == "failed":
             raise AsperityError(str(what))
-        return {**what, "recorder": recorded}
+        real_time = {**what["real_time"], **self._asked}
+        return {**what, "recorder": recorded, "real_time": real_time}
 
     def __enter__(self) -> Servo:
         return self
