@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, moved_most, sub_poses
+from asperity.anti_alias import BUDGET, LEAP, PER_WAVE, Window, make_ready, moved_most, sub_poses
 from asperity.compiled import Repeated, is_compiled
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.engine.engine import Engine
@@ -75,7 +75,10 @@ class ContactStage:
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
         """Asked directly it knows nothing of ticks: see `Engine.wrench`."""
-        self._window = Window(scene.anti_alias) if scene.anti_alias != "off" else None
+        self._window = None
+        if scene.anti_alias != "off":
+            self._window = Window(scene.anti_alias)
+            make_ready()
         self._wavelength = scene.shortest_wavelength
         # Bristles remember: their wrench is asked for in the order of time.
         self._halve = getattr(scene.force, "friction", 0.0) == 0.0

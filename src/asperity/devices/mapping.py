@@ -29,6 +29,18 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from asperity.compiled import Repeated
+from asperity.devices.mapped import (
+    ANCHOR,
+    HOME,
+    NUMBERS,
+    RADIUS,
+    SCALE,
+    SENSES,
+    TOOL,
+    TURN,
+    map_reading,
+)
 from asperity.devices.protocol import Limits, Reading
 from asperity.errors import AsperityError, require_finite, require_positive
 from asperity.poses import NORM_TOLERANCE
@@ -90,17 +102,23 @@ class Mapping:
         if abs(norm - 1.0) > NORM_TOLERANCE:
             raise AsperityError(f"rotation must be a unit quaternion, its norm is {norm:.9g}")
         self._turn: Quaternion = (w / norm, x / norm, y / norm, z / norm)
-        self._home = require_finite("home", home, 3)
+        numbers = self._numbers = np.zeros(NUMBERS)
+        numbers[TURN:ANCHOR] = self._turn
+        numbers[TOOL] = 1.0
+        numbers[HOME:RADIUS] = require_finite("home", home, 3)
+        numbers[RADIUS], numbers[SCALE] = limits.radius, scale
+        numbers[SENSES] = float(limits.senses_rotation)
         if clutch_button is not None and not 0 <= clutch_button < 32:
             raise AsperityError(f"clutch_button must be 0 to 31, got {clutch_button!r}")
         self._clutch = 0 if clutch_button is None else 1 << clutch_button
-        self._radius = limits.radius
         self._force_dof, self._torque_dof = limits.force_dof, limits.torque_dof
         self._senses_rotation = limits.senses_rotation
-        self._anchor = (0.0, 0.0, 0.0)
-        self._tool: Quaternion = _ONE
         self._pose, self._twist, self._wrench = np.zeros(7), np.zeros(6), np.zeros(6)
-        self._pose[3] = 1.0
+        # Of its own, whatever the device's are like: the kernel is told its types only once.
+        self._read_pose, self._read_twist = np.zeros(7), np.zeros(6)
+        self._map_reading = Repeated(map_reading)
+        self._map(Reading.empty())  # machine code is made before any hurry
+        self._pose[:], self._twist[:] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0
         self.clutched = self.outside = self.refused = False
 
     @property
@@ -135,20 +153,8 @@ class Mapping:
             x, y, z, w, i, j, k = self._pose.tolist()
             self._recentre(reading, (x, y, z), (w, i, j, k))
             self.clutched = False
-        position, velocity = self._within(reading)
-        rx, ry, rz = _rotate(self._turn, position)
-        ax, ay, az = self._anchor
-        s, pose, twist = self._scale, self._pose, self._twist
-        pose[0], pose[1], pose[2] = ax + s * rx, ay + s * ry, az + s * rz
-        vx, vy, vz = _rotate(self._turn, velocity)
-        twist[0], twist[1], twist[2] = s * vx, s * vy, s * vz
-        if self._senses_rotation:
-            pose[3], pose[4], pose[5], pose[6] = _times(self._turned(reading), self._tool)
-            wx, wy, wz = reading.twist[3:].tolist()
-            twist[3], twist[4], twist[5] = _rotate(self._turn, (wx, wy, wz))
-        else:
-            pose[3], pose[4], pose[5], pose[6] = self._tool
-        return pose, twist
+        self._map(reading)
+        return self._pose, self._twist
 
     def to_device(self, wrench: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the wrench (6,) for the device: of one about the handle's origin, scene axes.
@@ -177,45 +183,25 @@ class Mapping:
             out[3 + self._torque_dof :] = 0.0
         return out
 
-    def _within(
-        self, reading: Reading
-    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """Return position from home and velocity, both held back to the workspace, device axes."""
-        hx, hy, hz = self._home
-        x, y, z = reading.pose[:3].tolist()
-        vx, vy, vz = reading.twist[:3].tolist()
-        x, y, z = x - hx, y - hy, z - hz
-        distance = math.sqrt(x * x + y * y + z * z)
-        self.outside = distance > self._radius
-        if self.outside:
-            ux, uy, uz = x / distance, y / distance, z / distance
-            x, y, z = self._radius * ux, self._radius * uy, self._radius * uz
-            # On the border it slides: what leads outwards is taken off, and the rest shrinks.
-            outwards = vx * ux + vy * uy + vz * uz
-            shrink = self._radius / distance
-            vx = shrink * (vx - outwards * ux)
-            vy = shrink * (vy - outwards * uy)
-            vz = shrink * (vz - outwards * uz)
-        return (x, y, z), (vx, vy, vz)
-
-    def _turned(self, reading: Reading) -> Quaternion:
-        """Return the device's turn in the scene's axes: R q R^-1."""
-        w, x, y, z = reading.pose[3:].tolist()
-        turn = self._turn
-        return _times(_times(turn, (w, x, y, z)), (turn[0], -turn[1], -turn[2], -turn[3]))
-
     def _recentre(
         self, reading: Reading, position: tuple[float, float, float], orientation: Quaternion
     ) -> None:
-        rx, ry, rz = _rotate(self._turn, self._within(reading)[0])
-        s = self._scale
-        self._anchor = (position[0] - s * rx, position[1] - s * ry, position[2] - s * rz)
-        self._tool = orientation
+        # Where the reading would be without an anchor, turned by the device alone.
+        self._numbers[ANCHOR:TOOL] = 0.0
+        self._numbers[TOOL:HOME] = _ONE if self._senses_rotation else orientation
+        self._map(reading)
+        self._numbers[ANCHOR:TOOL] = np.array(position) - self._pose[:3]
         if self._senses_rotation:
-            w, x, y, z = self._turned(reading)
-            self._tool = _normalised(_times((w, -x, -y, -z), orientation))
+            w, x, y, z = self._pose[3:].tolist()
+            self._numbers[TOOL:HOME] = _normalised(_times((w, -x, -y, -z), orientation))
         self._pose[:3], self._pose[3:] = position, orientation
         self._twist[:] = 0.0
+
+    def _map(self, reading: Reading) -> None:
+        self._read_pose[:], self._read_twist[:] = reading.pose, reading.twist
+        self.outside = self._map_reading(
+            self._read_pose, self._read_twist, self._numbers, self._pose, self._twist
+        )
 
 
 def _finite(reading: Reading) -> bool:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.devices.protocol import Limits, Reading
-from asperity.dynamics.rigid import cross
 from asperity.dynamics.simulated_hand import SimulatedHand
 
 LIMITS = Limits(
@@ -83,12 +82,19 @@ class SimulatedDevice:
 
     def write(self, wrench: NDArray[np.float64]) -> None:
         """Push the hand with a force [N] and a torque about the end effector [N m] (6,)."""
-        if self._now is None or not np.isfinite(wrench).all():
+        fx, fy, fz, tx, ty, tz = wrench.tolist()
+        if self._now is None or not math.isfinite(fx + fy + fz + tx + ty + tz):
             return
-        force = _within(wrench[:3], self.limits.max_force if self.limits.force_dof else 0.0)
-        torque = _within(wrench[3:], self.limits.max_torque if self.limits.torque_dof else 0.0)
-        self._wrench[:3] = force
-        self._wrench[3:] = torque - cross(self.hand.arm, force)
+        f = _share(math.hypot(fx, fy, fz), self.limits.max_force if self.limits.force_dof else 0.0)
+        t = _share(
+            math.hypot(tx, ty, tz), self.limits.max_torque if self.limits.torque_dof else 0.0
+        )
+        fx, fy, fz = f * fx, f * fy, f * fz
+        ax, ay, az = self.hand.arm.tolist()
+        self._wrench[:] = (
+            fx, fy, fz, t * tx - ay * fz + az * fy, t * ty - az * fx + ax * fz,
+            t * tz - ax * fy + ay * fx,
+        )  # fmt: skip
 
     def close(self) -> None:
         """Let go."""
@@ -96,6 +102,6 @@ class SimulatedDevice:
         self._now = None
 
 
-def _within(vector: NDArray[np.float64], most: float) -> NDArray[np.float64]:
-    size = math.hypot(*vector.tolist())
-    return vector * min(1.0, most / size) if size > 0.0 else vector
+def _share(size: float, most: float) -> float:
+    """Return how much of a vector is let through."""
+    return min(1.0, most / size) if size > 0.0 else 1.0

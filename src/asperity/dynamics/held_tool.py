@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.compiled import Repeated
 from asperity.dynamics.coupling import (
     CouplingSettings,
     DeviceLimits,
@@ -77,7 +78,13 @@ class HeldTool:
         """Whether tool and handle are one; then look at the contact before `advance`."""
         self.resets = 0
         """How often the tool was put on the handle: it had leapt away, or was not finite."""
-        self._step = _STEPS.get(settings.mode)
+        step = _STEPS.get(settings.mode)
+        self._step = None if step is None else Repeated(step)
+        self._extrapolated = Repeated(extrapolated)
+        self._fill_port_twist = Repeated(fill_port_twist)
+        # Of its own, whatever the caller's are like: kernels are told their types only once.
+        self._handle, self._handle_before, self._drive = np.zeros(7), np.zeros(7), np.zeros(6)
+        self._contact = LinearContact(np.zeros(7), np.zeros(6), np.zeros((6, 6)), 0, 0)
         self._room = room()
         self._momentum, self._velocity = np.zeros(6), np.zeros(6)
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
@@ -89,10 +96,7 @@ class HeldTool:
         """Take the first tick, for which machine code may have to be made, before any hurry."""
         still = LinearContact(self.pose.copy(), np.zeros(6), np.zeros((6, 6)), 0, 0)
         self.advance(self.pose.copy(), np.zeros(6), still)
-        extrapolated(
-            self.pose, self.body.centre, still.pose, still.wrench, still.stiffness, self._room,
-            self._wrench,
-        )  # fmt: skip
+        self._push()
         self.port_twist(self.pose, self.pose)
         self.reset(self.pose.copy())
 
@@ -119,11 +123,20 @@ class HeldTool:
         That is what the wrench does work on: way over time of the point that the wrench is
         about, as if the handle reached as far, and turn over time.
         """
-        fill_port_twist(
-            last_handle, handle, self.pose, self.body.centre, self.dt, self._room.vector,
-            self._twist,
+        self._handle_before[:], self._handle[:] = last_handle, handle
+        self._fill_port_twist(
+            self._handle_before, self._handle, self.pose, self.body.centre, self.dt,
+            self._room.vector, self._twist,
         )  # fmt: skip
         return self._twist
+
+    def _push(self) -> None:
+        """Fill the wrench of the last contact where the tool is now."""
+        contact = self._contact
+        self._extrapolated(
+            self.pose, self.body.centre, contact.pose, contact.wrench, contact.stiffness,
+            self._room, self._wrench,
+        )  # fmt: skip
 
     def advance(
         self,
@@ -154,19 +167,26 @@ class HeldTool:
             if np.array_equal(contact.pose, handle_pose):
                 self._wrench[:] = contact.wrench
             else:
-                extrapolated(
-                    self.pose, self.body.centre, contact.pose, contact.wrench, contact.stiffness,
-                    self._room, self._wrench,
-                )  # fmt: skip
+                self._keep(contact)
+                self._push()
             return self._wrench
+        self._keep(contact)
+        self._handle[:], self._drive[:] = handle_pose, handle_twist
+        kept = self._contact
         well = self._step(
             self.body, self.gains, self.dt, self.pose, self._momentum, self._velocity,
-            handle_pose, handle_twist, contact.pose, contact.wrench, contact.stiffness,
+            self._handle, self._drive, kept.pose, kept.wrench, kept.stiffness,
             self._room, self._wrench,
         )  # fmt: skip
-        x, y, z = self._room.pull[0], self._room.pull[1], self._room.pull[2]
+        x, y, z = self._room.pull[:3].tolist()
         if not (well and x * x + y * y + z * z <= REACH * REACH):
             self.resets += 1
             self.reset(handle_pose)
             self._wrench[:] = 0.0
         return self._wrench
+
+    def _keep(self, contact: LinearContact) -> None:
+        """Take over a contact's numbers."""
+        kept = self._contact
+        kept.pose[:], kept.wrench[:] = contact.pose, contact.wrench
+        kept.stiffness[:] = contact.stiffness

@@ -28,6 +28,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.compiled import Repeated
 from asperity.dynamics.damping import (
     DISSIPATED,
     ENERGY,
@@ -98,6 +99,9 @@ class PassivityController:
         six = [np.zeros(6) for _ in range(4)]
         self._account = Account(np.zeros(NUMBERS), *six)
         self._out = np.zeros(6)
+        # Of its own, whatever the caller's are like: the kernel is told its types only once.
+        self._wrench, self._twist = np.zeros(6), np.zeros(6)
+        self._step = Repeated(passive_step)
         self.correct(self._out.copy(), np.zeros(6))  # machine code is made before any hurry
         self.reset()
 
@@ -152,9 +156,10 @@ class PassivityController:
         (6,) array
             The same array every time.
         """
-        passive_step(
-            wrench, twist, self.dt if dt is None else dt, self.dt, self.active, self._terms,
-            self._account, self._out,
+        self._wrench[:], self._twist[:] = wrench, twist
+        self._step(
+            self._wrench, self._twist, float(self.dt if dt is None else dt), float(self.dt),
+            self.active, self._terms, self._account, self._out,
         )  # fmt: skip
         return self._out
 

@@ -23,11 +23,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.compiled import Repeated
 from asperity.contact_stage import FALLBACK, LATE, PASSIVITY
 from asperity.devices.mapping import Mapping
 from asperity.dynamics.held_tool import HeldTool
 from asperity.dynamics.passivity import PassivityController
-from asperity.dynamics.rigid import centre_of_mass, cross
+from asperity.dynamics.rigid import centre_of_mass, shift_wrench
 from asperity.errors import AsperityError, require_between
 from asperity.servo.contact_worker import Contacts
 from asperity.servo.pace import BUSY, SPIN, Clock, Pace
@@ -98,6 +99,8 @@ class ServoLoop:
         self._felt, self._sent, self._handle = np.zeros(6), np.zeros(6), np.zeros(7)
         self._corrected = False
         self._to_scene = _back(mapping)
+        self._shift = Repeated(shift_wrench)
+        self._shift(self._felt, np.zeros(3), self._felt)  # machine code is made before any hurry
         self._time = -dt
         self._tick = 0
         self._asked = self._have = -1
@@ -176,7 +179,7 @@ class ServoLoop:
         reach = centre_of_mass(tool.pose, tool.body.centre) - pose[:3]
         moved = now()
         felt = self._made_passive(wrench, pose)
-        felt[3:] += cross(reach, felt)
+        self._shift(felt, reach, felt)
         passive = now()
         device.write(self.mapping.to_device(felt), begun, known=known)
         self._account(reach)
@@ -245,7 +248,7 @@ class ServoLoop:
         """Work out what was sent, as the scene sees it, about the centre of mass."""
         sent = self._sent
         np.matmul(self._to_scene, self.device.sent, out=sent)
-        sent[3:] -= cross(reach, sent)
+        self._shift(sent, -reach, sent)
         self.passivity.sent(sent)
 
     def _publish(
