@@ -240,6 +240,14 @@ def test_a_pose_may_lie_in_memory_as_it_likes(wrap):
         assert np.array_equal(engine.wrench(wrap(place), 1e-3), first)
 
 
+def test_a_time_may_be_a_whole_number():
+    one, other = (engine_for(ball(), plate(thick=3e-3), friction=0.5) for _ in range(2))
+    for step in range(3):
+        place = pose(1e-5 * step, 0.0, RADIUS - 2e-4)
+        dt = (0, 1e-3, 1)[step]
+        np.testing.assert_array_equal(one.wrench(place, dt), other.wrench(place, float(dt)))
+
+
 def corner(texture=None):
     """Return a floor, top at z = 0, and a wall, face at x = 0."""
     floor = Geom("box", (8e-3, 8e-3, 2e-3), (0, 0, -2e-3))

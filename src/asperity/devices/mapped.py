@@ -1,4 +1,4 @@
-"""From a reading to the handle's pose and velocity, compiled; see `mapping`."""
+"""Between the device's axes and the scene's, compiled; see `mapping`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from asperity.compiled import inner_kernel, kernel
 
 # Places in `numbers`: the rotation from the device's axes to the scene's; where the workspace's
 # middle lies in the scene; the orientation that comes after the device's; that middle in the
-# device's axes; its radius; metres of the scene for one of the device; whether it senses rotation.
-TURN, ANCHOR, TOOL, HOME, RADIUS, SCALE, SENSES, NUMBERS = 0, 4, 7, 11, 14, 15, 16, 17
+# device's axes; its radius; metres of the scene for one of the device; whether it senses rotation;
+# newtons, and newton metres, at the device for one of the scene; how many axes it can push, turn.
+TURN, ANCHOR, TOOL, HOME, RADIUS, SCALE, SENSES = 0, 4, 7, 11, 14, 15, 16
+FORCE_SCALE, TORQUE_SCALE, FORCE_DOF, TORQUE_DOF, NUMBERS = 17, 18, 19, 20, 21
 
 
 @kernel
@@ -46,6 +48,38 @@ def map_reading(pose, twist, numbers, pose_out, twist_out):
         twist_out[3], twist_out[4], twist_out[5] = spin
     pose_out[3], pose_out[4], pose_out[5], pose_out[6] = tool
     return outside
+
+
+@kernel
+def anchor_at(wanted, numbers, pose):
+    """Change `numbers` so that what is mapped to `pose` (7,) now will be mapped to `wanted` (7,).
+
+    `pose` becomes that.
+    """
+    for i in range(3):
+        numbers[ANCHOR + i] += wanted[i] - pose[i]
+    tool = (wanted[3], wanted[4], wanted[5], wanted[6])
+    if numbers[SENSES] == 1.0:
+        # The device turns by pose * tool^-1; the new tool is what wanted is after that.
+        old = (numbers[TOOL], numbers[TOOL + 1], numbers[TOOL + 2], numbers[TOOL + 3])
+        back = _times(old, (pose[3], -pose[4], -pose[5], -pose[6]))
+        tool = _times(back, tool)
+    norm = math.sqrt(tool[0] ** 2 + tool[1] ** 2 + tool[2] ** 2 + tool[3] ** 2)
+    for i in range(4):
+        numbers[TOOL + i] = tool[i] / norm
+    for i in range(7):
+        pose[i] = wanted[i]
+
+
+@kernel
+def map_wrench(wrench, numbers, out):
+    """Fill the wrench (6,) for the device: what it cannot push is left out."""
+    back = (numbers[TURN], -numbers[TURN + 1], -numbers[TURN + 2], -numbers[TURN + 3])
+    force = _rotated(back, wrench[0], wrench[1], wrench[2])
+    torque = _rotated(back, wrench[3], wrench[4], wrench[5])
+    for i in range(3):
+        out[i] = numbers[FORCE_SCALE] * force[i] if i < numbers[FORCE_DOF] else 0.0
+        out[3 + i] = numbers[TORQUE_SCALE] * torque[i] if i < numbers[TORQUE_DOF] else 0.0
 
 
 @inner_kernel

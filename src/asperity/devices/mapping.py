@@ -32,21 +32,27 @@ from numpy.typing import ArrayLike, NDArray
 from asperity.compiled import Repeated
 from asperity.devices.mapped import (
     ANCHOR,
+    FORCE_DOF,
+    FORCE_SCALE,
     HOME,
     NUMBERS,
     RADIUS,
     SCALE,
     SENSES,
     TOOL,
+    TORQUE_DOF,
+    TORQUE_SCALE,
     TURN,
+    anchor_at,
     map_reading,
+    map_wrench,
 )
 from asperity.devices.protocol import Limits, Reading
 from asperity.errors import AsperityError, require_finite, require_positive
 from asperity.poses import NORM_TOLERANCE
 
-Quaternion = tuple[float, float, float, float]
-_ONE: Quaternion = (1.0, 0.0, 0.0, 0.0)
+_ONE = (1.0, 0.0, 0.0, 0.0)
+_NOWHERE = (0.0, 0.0, 0.0, *_ONE)
 
 
 class Mapping:
@@ -92,33 +98,33 @@ class Mapping:
     ) -> None:
         self._scale = require_positive("scale", scale)
         self._force_scale = require_positive("force_scale", force_scale)
-        self._torque_scale = (
-            force_scale / scale
-            if torque_scale is None
-            else require_positive("torque_scale", torque_scale)
-        )
+        if torque_scale is None:
+            torque_scale = force_scale / scale
         w, x, y, z = require_finite("rotation", rotation, 4)
         norm = math.sqrt(w * w + x * x + y * y + z * z)
         if abs(norm - 1.0) > NORM_TOLERANCE:
             raise AsperityError(f"rotation must be a unit quaternion, its norm is {norm:.9g}")
-        self._turn: Quaternion = (w / norm, x / norm, y / norm, z / norm)
         numbers = self._numbers = np.zeros(NUMBERS)
-        numbers[TURN:ANCHOR] = self._turn
+        numbers[TURN:ANCHOR] = w / norm, x / norm, y / norm, z / norm
         numbers[TOOL] = 1.0
         numbers[HOME:RADIUS] = require_finite("home", home, 3)
         numbers[RADIUS], numbers[SCALE] = limits.radius, scale
         numbers[SENSES] = float(limits.senses_rotation)
+        numbers[FORCE_SCALE] = force_scale
+        numbers[TORQUE_SCALE] = require_positive("torque_scale", torque_scale)
+        numbers[FORCE_DOF], numbers[TORQUE_DOF] = limits.force_dof, limits.torque_dof
         if clutch_button is not None and not 0 <= clutch_button < 32:
             raise AsperityError(f"clutch_button must be 0 to 31, got {clutch_button!r}")
         self._clutch = 0 if clutch_button is None else 1 << clutch_button
-        self._force_dof, self._torque_dof = limits.force_dof, limits.torque_dof
-        self._senses_rotation = limits.senses_rotation
         self._pose, self._twist, self._wrench = np.zeros(7), np.zeros(6), np.zeros(6)
-        # Of its own, whatever the device's are like: the kernel is told its types only once.
-        self._read_pose, self._read_twist = np.zeros(7), np.zeros(6)
-        self._map_reading = Repeated(map_reading)
-        self._map(Reading.empty())  # machine code is made before any hurry
-        self._pose[:], self._twist[:] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0
+        # Of its own, whatever the device's are like: kernels are told their types only once.
+        self._read_pose, self._read_twist, self._of_scene = np.zeros(7), np.zeros(6), np.zeros(6)
+        self._map_reading, self._map_wrench = Repeated(map_reading), Repeated(map_wrench)
+        # Machine code is made before any hurry.
+        self.clutched = False
+        self._recentre(Reading.empty(), np.array(_NOWHERE))
+        self.to_device(self._wrench.copy())
+        numbers[ANCHOR:HOME] = _NOWHERE
         self.clutched = self.outside = self.refused = False
 
     @property
@@ -128,11 +134,10 @@ class Mapping:
 
     def begin_at(self, reading: Reading, pose: ArrayLike) -> None:
         """Choose the anchor so that the device's present pose is `pose` (7,) of the handle."""
-        x, y, z, *tool = require_finite("handle pose", pose, 7)
-        w, i, j, k = tool
+        wanted = np.array(require_finite("handle pose", pose, 7))
         if not _finite(reading):
             raise AsperityError(f"the device's pose is not finite numbers: {reading.pose}")
-        self._recentre(reading, (x, y, z), (w, i, j, k))
+        self._recentre(reading, wanted)
         self.clutched = False
 
     def to_scene(self, reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -150,8 +155,7 @@ class Mapping:
             self._twist[:] = 0.0
             return self._pose, self._twist
         if self.clutched:
-            x, y, z, w, i, j, k = self._pose.tolist()
-            self._recentre(reading, (x, y, z), (w, i, j, k))
+            self._recentre(reading, self._pose.copy())
             self.clutched = False
         self._map(reading)
         return self._pose, self._twist
@@ -165,36 +169,13 @@ class Mapping:
         if self.clutched:
             out[:] = 0.0
             return out
-        fx, fy, fz, tx, ty, tz = wrench.tolist()
-        w, x, y, z = self._turn
-        back = (w, -x, -y, -z)
-        c = self._force_scale
-        fx, fy, fz = _rotate(back, (fx, fy, fz))
-        out[0], out[1], out[2] = c * fx, c * fy, c * fz
-        if self._force_dof < 3:
-            out[self._force_dof : 3] = 0.0
-        if self._torque_dof == 0:
-            out[3:] = 0.0
-            return out
-        c = self._torque_scale
-        tx, ty, tz = _rotate(back, (tx, ty, tz))
-        out[3], out[4], out[5] = c * tx, c * ty, c * tz
-        if self._torque_dof < 3:
-            out[3 + self._torque_dof :] = 0.0
+        self._of_scene[:] = wrench
+        self._map_wrench(self._of_scene, self._numbers, out)
         return out
 
-    def _recentre(
-        self, reading: Reading, position: tuple[float, float, float], orientation: Quaternion
-    ) -> None:
-        # Where the reading would be without an anchor, turned by the device alone.
-        self._numbers[ANCHOR:TOOL] = 0.0
-        self._numbers[TOOL:HOME] = _ONE if self._senses_rotation else orientation
+    def _recentre(self, reading: Reading, wanted: NDArray[np.float64]) -> None:
         self._map(reading)
-        self._numbers[ANCHOR:TOOL] = np.array(position) - self._pose[:3]
-        if self._senses_rotation:
-            w, x, y, z = self._pose[3:].tolist()
-            self._numbers[TOOL:HOME] = _normalised(_times((w, -x, -y, -z), orientation))
-        self._pose[:3], self._pose[3:] = position, orientation
+        anchor_at(wanted, self._numbers, self._pose)
         self._twist[:] = 0.0
 
     def _map(self, reading: Reading) -> None:
@@ -206,32 +187,3 @@ class Mapping:
 
 def _finite(reading: Reading) -> bool:
     return math.isfinite(sum(reading.pose.tolist()) + sum(reading.twist.tolist()))
-
-
-def _times(a: Quaternion, b: Quaternion) -> Quaternion:
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
-
-
-def _normalised(q: Quaternion) -> Quaternion:
-    w, x, y, z = q
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    return w / norm, x / norm, y / norm, z / norm
-
-
-def _rotate(q: Quaternion, v: tuple[float, float, float]) -> tuple[float, float, float]:
-    w, x, y, z = q
-    a, b, c = v
-    # v + 2 w (q x v) + 2 q x (q x v)
-    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return (
-        a + w * tx + y * tz - z * ty,
-        b + w * ty + z * tx - x * tz,
-        c + w * tz + x * ty - y * tx,
-    )

@@ -145,9 +145,9 @@ class Engine:
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
             array every time.
         """
-        # Of its own, whatever the caller's is like: the kernels are told its type only once.
+        # Of its own, whatever the caller's are like: the kernels are told their types only once.
         self._pose[:] = pose
-        pose = self._pose
+        pose, dt = self._pose, float(dt)
         count, geoms, places, distances, margins = self._collider.query(pose)
         if self._by_geoms:
             self._tick(
