@@ -13,6 +13,7 @@ from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 
 from asperity.contact_stage import FALLBACK, LATE
 from asperity.errors import AsperityError
+from asperity.servo import realtime
 from asperity.servo.loop import GUARD, STALE
 from asperity.servo.pace import BUSY, SPIN, Pace
 from asperity.servo.publish import Publisher
@@ -336,6 +337,25 @@ def test_threads_come_to_share_a_core_that_they_may_use():
     finally:
         held.set()
         thread.join()
+
+
+@pytest.mark.parametrize(
+    ("told", "others"),
+    [("max 100000", True), ("200000 100000", True), ("150000 100000", False), ("-1", True),
+     ("50000", False), ("", True), ("no number", True)],
+)  # fmt: skip
+def test_a_container_with_the_time_of_one_core_is_not_kept_busy(
+    tmp_path, monkeypatch, told, others
+):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
+    (tmp_path / "quota").write_text(told)
+    (tmp_path / "period").write_text("100000")
+    one = " " in told  # both numbers are in one file
+    places = ((tmp_path / "quota", None if one else tmp_path / "period"), (tmp_path / "no", None))
+    monkeypatch.setattr(realtime, "_QUOTAS", places)
+    assert realtime.has_other_cores() == others
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
+    assert not realtime.has_other_cores()
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="no way to ask")

@@ -13,9 +13,16 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 PRIORITY = 40
 """Of SCHED_FIFO, 1 to 99: above ordinary work, below what the kernel itself needs."""
+_GROUPS = Path("/sys/fs/cgroup")
+_QUOTAS: tuple[tuple[Path, Path | None], ...] = (
+    (_GROUPS / "cpu.max", None),
+    (_GROUPS / "cpu" / "cpu.cfs_quota_us", _GROUPS / "cpu" / "cpu.cfs_period_us"),
+)
+"""Where Linux tells how much of a period a container may compute, of version 2 and of 1 [us]."""
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _WINDOWS_HIGH_PRIORITY = 0x80
@@ -70,8 +77,18 @@ def any_core() -> int | None:
 
 
 def has_other_cores() -> bool:
-    """Return whether there is more than one core that this process may use."""
-    return hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1
+    """Return whether this process may use more than one core, all of the time of two."""
+    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
+        return False
+    # A container may have many cores and the time of one: who is busy then stops all others.
+    for quota, period in _QUOTAS:
+        try:
+            given = [*quota.read_text().split(), *(period.read_text().split() if period else ())]
+            if float(given[0]) > 0.0 and float(given[0]) < 2.0 * float(given[1]):
+                return False
+        except (OSError, ValueError, IndexError):
+            continue  # not there, or "max": no limit
+    return True
 
 
 def keep_off(core: int, process: int) -> str:
