@@ -53,7 +53,7 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
     # On a machine that is busy with others contacts may have looked too slow to share a core.
     assert ("recorder" in asked) == ("contacts" in asked)
     busy = "contacts" in asked and has_other_cores()
-    assert asked["between ticks"] == ("its core is kept busy" if busy else "asleep")
+    assert asked["between_ticks"] == ("its core is kept busy" if busy else "asleep")
 
     again = tmp_path / "again"
     assert main(["replay", str(out), "--out", str(again)]) == 0
@@ -72,7 +72,7 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
 def test_a_loop_can_be_told_to_sleep(tmp_path):
     options = ["--device", "simulated", "--seconds", "0.5", "--no-busy-wait"]
     assert main(["run", "probe-plate", *options, "--out", str(tmp_path / "felt")]) == 0
-    assert summary_in(tmp_path / "felt")["real_time"]["between ticks"] == "asleep"
+    assert summary_in(tmp_path / "felt")["real_time"]["between_ticks"] == "asleep"
 
 
 @pytest.fixture(scope="module")

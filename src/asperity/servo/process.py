@@ -153,7 +153,7 @@ def _served(
     if asked.share_core and not alone and took < _QUICK * parameters.dt:
         core = realtime.any_core()
     busy = core is not None and asked.busy_wait and realtime.has_other_cores()
-    told["between ticks"] = "its core is kept busy" if busy else "asleep"
+    told["between_ticks"] = "its core is kept busy" if busy else "asleep"
     loop = ServoLoop(
         device,
         Mapping(device.limits, **spec.mapping),
