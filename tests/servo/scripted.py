@@ -34,6 +34,7 @@ class HandClock:
     def __init__(self) -> None:
         self.time = 100.0
         self.slept: list[float] = []
+        self.given_way = 0
 
     def now(self) -> float:
         # Looking takes a little, so that waiting by looking ends.
@@ -44,6 +45,10 @@ class HandClock:
         assert seconds > 0.0
         self.slept.append(seconds)
         self.time += seconds
+
+    def give_way(self) -> None:
+        self.given_way += 1
+        self.time += 1e-6
 
     def work(self, seconds: float) -> None:
         self.time += seconds

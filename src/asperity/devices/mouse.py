@@ -154,6 +154,7 @@ class MouseDevice(SimulatedDevice):
     """
 
     name = "mouse"
+    in_loop = True
 
     def __init__(
         self,

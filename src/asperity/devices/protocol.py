@@ -84,7 +84,11 @@ class Reading:
 
 
 class Device(Protocol):
-    """A haptic device. `limits` and `name` are known before it is opened."""
+    """A haptic device. `limits` and `name` are known before it is opened.
+
+    One with an attribute `in_loop` that is true has no thread, process or service working for it:
+    where there are two cores, the loop may keep one of them busy.
+    """
 
     name: str
     limits: Limits

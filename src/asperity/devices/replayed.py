@@ -48,6 +48,7 @@ class ReplayedDevice:
     """
 
     name = "replay"
+    in_loop = True
 
     def __init__(
         self,

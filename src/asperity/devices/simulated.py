@@ -42,6 +42,7 @@ class SimulatedDevice:
     """
 
     name = "simulated"
+    in_loop = True
 
     def __init__(
         self,

@@ -31,10 +31,15 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from asperity.compiled import kernel
 from asperity.errors import require_between
 
 SPIN = 100e-6
 """How long before a tick sleeping ends and spinning begins [s]."""
+_LAST = 5e-5
+"""A busy loop leaves the interpreter to others until then [s]."""
+_BURNT, _TRIED = 1e-5, 10_000
+"""For how long at a time [s]; loops of which it is told how many that are."""
 BUSY = math.inf
 """Never sleep."""
 
@@ -48,12 +53,35 @@ class Clock(Protocol):
     def sleep(self, seconds: float) -> None:
         """Let others have the processor for so long."""
 
+    def give_way(self) -> None:
+        """Keep the processor for a moment, and leave the interpreter to other threads."""
+
 
 class SystemClock:
     """The machine's own."""
 
     now = staticmethod(time.perf_counter)
     sleep = staticmethod(time.sleep)
+
+    def __init__(self) -> None:
+        begun = self.now()
+        burn(_TRIED)
+        begun = self.now()  # the first time it may have been compiled
+        burn(_TRIED)
+        self._loops = max(int(_TRIED * _BURNT / max(self.now() - begun, 1e-9)), 1)
+
+    def give_way(self) -> None:
+        """Keep the processor for a moment, and leave the interpreter to other threads."""
+        burn(self._loops)
+
+
+@kernel
+def burn(loops):  # type: ignore[no-untyped-def]
+    """Compute, without the interpreter's lock; return what nobody needs."""
+    value = 1.0
+    for _ in range(loops):
+        value = 1.0 / (1.0 + value)
+    return value
 
 
 class Pace:
@@ -109,7 +137,12 @@ class Pace:
         if work is not None and start > now:
             work(start - now)
             now = clock.now()
-        if start - now > self._spin:
+        if self._spin == BUSY:
+            # A device's thread wants the interpreter, and would have to have it taken from us.
+            while start - now > _LAST:
+                clock.give_way()
+                now = clock.now()
+        elif start - now > self._spin:
             clock.sleep(start - now - self._spin)
         while True:
             now = clock.now()

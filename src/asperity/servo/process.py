@@ -141,7 +141,8 @@ def _served(
     start, took = _warmed_up(stage, spec.scene.start)
     if spec.start is not None:
         start = np.array(spec.start, dtype=np.float64)
-    device = SafeDevice(spec.make_device(), dt=parameters.dt, settings=spec.safety)
+    made = spec.make_device()
+    device = SafeDevice(made, dt=parameters.dt, settings=spec.safety)
     # In the direct mode the loop waits for the contact, but for `guard`; a tenth hands it over.
     direct = spec.scene.coupling.mode == "direct"
     worker = ContactWorker(stage, clock, min(WITHIN, 0.9 - spec.guard) if direct else WITHIN)
@@ -152,7 +153,9 @@ def _served(
     core = None
     if asked.share_core and not alone and took < _QUICK * parameters.dt:
         core = realtime.any_core()
-    busy = core is not None and asked.busy_wait and realtime.has_other_cores()
+    # The recorder needs a core, and so does who else works for the device.
+    needed = 2 if getattr(made, "in_loop", False) else 3
+    busy = core is not None and asked.busy_wait and realtime.usable_cores() >= needed
     told["between_ticks"] = "its core is kept busy" if busy else "asleep"
     loop = ServoLoop(
         device,
@@ -181,10 +184,11 @@ def _served(
                 if why() or mailbox.must_stop:
                     raise AsperityError("the loop was told to stop before it began")
                 clock.sleep(_LOOKED)
+        device.open()
         if core is not None:
+            # After the device: its threads are not to be where the loop is busy.
             told["contacts"] = realtime.share_core(core, [0, worker.thread])
             worker.within = min(worker.within, WITHIN_SHARED)
-        device.open()
         loop.begin(None if spec.in_scene else start)
         ready = {"limits": device.limits, "device": device.name, "core": core}
         _tell(report, ("ready", ready))

@@ -45,7 +45,7 @@ class RealTime:
         core is asked for; and the recorder on another one.
     busy_wait : bool
         Keep such a core busy: the loop watches the clock between ticks and does not sleep. Only
-        where there is another core.
+        where there is another core, and one more for devices that others work for.
     """
 
     priority: bool = False
@@ -76,19 +76,22 @@ def any_core() -> int | None:
     return cores[os.getpid() % len(cores)]  # two loops on one machine are not to meet always
 
 
-def has_other_cores() -> bool:
-    """Return whether this process may use more than one core, all of the time of two."""
-    if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
-        return False
-    # A container may have many cores and the time of one: who is busy then stops all others.
+def usable_cores() -> int:
+    """Return how many cores this process may use, all of their time; 1 if the system has no word.
+
+    A container may have many cores and the time of one: who is busy then stops all others.
+    """
+    if not hasattr(os, "sched_getaffinity"):
+        return 1
+    cores = float(len(os.sched_getaffinity(0)))
     for quota, period in _QUOTAS:
         try:
             given = [*quota.read_text().split(), *(period.read_text().split() if period else ())]
-            if float(given[0]) > 0.0 and float(given[0]) < 2.0 * float(given[1]):
-                return False
-        except (OSError, ValueError, IndexError):
+            if float(given[0]) > 0.0:
+                cores = min(cores, float(given[0]) / float(given[1]))
+        except (OSError, ValueError, IndexError, ZeroDivisionError):
             continue  # not there, or "max": no limit
-    return True
+    return max(int(cores), 1)
 
 
 def keep_off(core: int, process: int) -> str:
