@@ -184,11 +184,13 @@ def _served(
                 if why() or mailbox.must_stop:
                     raise AsperityError("the loop was told to stop before it began")
                 clock.sleep(_LOOKED)
-        device.open()
+        if busy:
+            device.open()  # any threads of its stay off the core that the loop keeps busy
         if core is not None:
-            # After the device: its threads are not to be where the loop is busy.
             told["contacts"] = realtime.share_core(core, [0, worker.thread])
             worker.within = min(worker.within, WITHIN_SHARED)
+        if not busy:
+            device.open()  # they are on the loop's core too: handing over wakes no other
         loop.begin(None if spec.in_scene else start)
         ready = {"limits": device.limits, "device": device.name, "core": core}
         _tell(report, ("ready", ready))
