@@ -12,8 +12,9 @@ went on
   what the options of a kernel are;
 - collecting garbage, where there is hardly any; telling what is being done to nobody who listens.
 
-None changes what is computed: the wrenches are the same to the bit. They rest on Numba's inner
-names; where these are not as expected, nothing is done, and compiling takes longer.
+None changes what is computed: the wrenches are the same to the bit. One more does, in the last bits,
+and saves a fifth of the tick instead of time to compile: `own_parts`. They rest on Numba's inner
+names; where these are not as expected, nothing is done, and compiling, or a tick, takes longer.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from typing import Any
 def speed_up() -> list[str]:
     """Make Numba compile faster from now on; return the names of what could be done."""
     changes = (
-        remember_calls, mark_inner, optimise_once, emit_once, list_options, list_variables,
-        leave_garbage, tell_listeners,
+        remember_calls, mark_inner, optimise_once, own_parts, emit_once, list_options,
+        list_variables, leave_garbage, tell_listeners,
     )  # fmt: skip
     return [change.__name__ for change in changes if change()]
 
@@ -72,6 +73,8 @@ def remember_calls() -> bool:
 
 _INNER = "asperity-inner:"
 """How the names of the code libraries of inner kernels begin; the cache on disk keeps them."""
+_OURS = "_ZN8asperity"
+"""How the names of compiled functions of this package begin."""
 
 
 def mark_inner() -> bool:
@@ -132,6 +135,36 @@ def optimise_once() -> bool:
     def _optimize_final_module(self: Any) -> None:
         if not _is_inner(self):
             optimise(self)
+
+    setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
+    return True
+
+
+def own_parts() -> bool:
+    """Have all that a kernel of ours is made of be its own.
+
+    Numba leaves inner kernels visible to others. So LLVM has to keep each as it is, with all its arguments:
+    seven numbers for every array of a structure, of which most need a few. What is a kernel's own
+    can lose arguments that are not needed or always the same, and becomes part of its only caller.
+    """
+    try:
+        from llvmlite.binding import Linkage
+        from numba.core.codegen import CPUCodeLibrary
+
+        optimise: Callable[[Any], None] = CPUCodeLibrary._optimize_final_module
+        shared, own = Linkage.linkonce_odr, Linkage.internal
+        if list(inspect.signature(optimise).parameters) != ["self"]:
+            return False
+    except (ImportError, AttributeError):
+        return False
+
+    def _optimize_final_module(self: Any) -> None:
+        functions = [f for f in self._final_module.functions if not f.is_declaration]
+        if not _is_inner(self) and any(f.name.startswith(_OURS) for f in functions):
+            for function in functions:
+                if function.linkage == shared:
+                    function.linkage = own
+        optimise(self)
 
     setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
     return True

@@ -108,6 +108,9 @@ class Collider:
         mujoco.mj_kinematics(self._model, self._data)
         self._qpos = self._data.qpos[self._place : self._place + 7]
         self._room_for(64)
+        self._left_out = b""
+        self._body_bits = (self._model.body_contype.copy(), self._model.body_conaffinity.copy())
+        self._bodies = np.array([self._model.body(name).id for name in names])
         self.centre = np.array(self._model.body_ipos[self._tool])
         """The tool's centre of mass in its own frame [m]."""
         self.poses = np.zeros((len(bodies), 3, 4))
@@ -118,15 +121,19 @@ class Collider:
             self.poses[i, :, 3] = body.xpos
 
     def query(
-        self, pose: NDArray[np.float64]
+        self, pose: NDArray[np.float64], without: NDArray[np.bool_] | None = None
     ) -> tuple[
         int, NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
     ]:
         """Return how many contacts there may be, and for each of them what MuJoCo knows.
 
         That is the model's geoms (n, 2), place (n, 3), distance (n,) and margin (n,), in arrays
-        that are used again.
+        that are used again. Contacts with the bodies that are marked in `without` (bodies,) are
+        not looked for.
         """
+        left_out = b"" if without is None else without.tobytes()
+        if left_out != self._left_out:
+            self._leave_out(left_out)
         self._qpos[:] = pose
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
@@ -137,6 +144,13 @@ class Collider:
         self._geoms[:count], self._places[:count] = contact.geom, contact.pos
         self._distances[:count], self._margins[:count] = contact.dist, contact.includemargin
         return count, self._geoms, self._places, self._distances, self._margins
+
+    def _leave_out(self, bodies: bytes) -> None:
+        """Have contacts with some bodies not be looked for."""
+        self._left_out = bodies
+        self._model.body_contype[:], self._model.body_conaffinity[:] = self._body_bits
+        out = self._bodies[: len(bodies)][np.frombuffer(bodies, np.bool_)]
+        self._model.body_contype[out] = self._model.body_conaffinity[out] = 0
 
     def _room_for(self, count: int) -> None:
         self._geoms = np.zeros((count, 2), np.int32)

@@ -305,7 +305,7 @@ def facets_along(
     foot, frame = space.footprint, work_space.frame
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
     between_bodies(body_a, body_b, turn, shift)
-    count = facing_pairs(table, 0, 1, turn, shift, highest, foot)
+    count = facing_pairs(table, 0, 1, turn, shift, highest, _ANYWHERE, foot)
     kept = 0
     for i in range(count):
         f, g = foot.facings[i, 0], foot.facings[i, 1]

@@ -49,7 +49,7 @@ class FootprintSpace(NamedTuple):
     turned: NDArray[np.float64]
     """Corners of A's facets in B's frame, (facets, 8, 3)."""
     normals: NDArray[np.float64]
-    """Normals of A's facets in B's frame, (facets, 3)."""
+    """Of A's facets in B's frame: normal, middle, how far the corners are from it; (facets, 7)."""
     stamp: NDArray[np.int64]
     """When a facet was turned, (facets,)."""
     clock: NDArray[np.int64]
@@ -69,7 +69,7 @@ def footprint_space(facets: int) -> FootprintSpace:
         np.zeros((MAX_FACINGS, 2), np.int64),
         np.zeros((_STACK, 2), np.int64),
         np.zeros((facets, 8, 3)),
-        np.zeros((facets, 3)),
+        np.zeros((facets, 7)),
         np.zeros(facets, np.int64),
         np.zeros(2, np.int64),
         np.zeros((2, _CORNERS, 4)),
@@ -96,19 +96,39 @@ def _turn_facet(table: FacetTable, f, turn, shift, space):
     """Note a facet of A in B's frame."""
     space.stamp[f] = space.clock[0]
     for i in range(3):
-        total = 0.0
+        total, middle = 0.0, shift[i]
         for k in range(3):
             total += turn[i, k] * table.axes[f, 2, k]
-        space.normals[f, i] = total
+            middle += turn[i, k] * table.origin[f, k]
+        space.normals[f, i], space.normals[f, 3 + i] = total, middle
         for c in range(table.sides[f]):
             place = shift[i]
             for k in range(3):
                 place += turn[i, k] * table.points[f, c, k]
             space.turned[f, c, i] = place
+    half_x, half_y = table.half[f, 0], table.half[f, 1]
+    space.normals[f, 6] = math.sqrt(half_x * half_x + half_y * half_y)
+
+
+@small_kernel
+def _far(table: FacetTable, f, g, near, beside, space):
+    """Return whether facets are farther apart than `near` [m], or `beside` sideways.
+
+    By the middle of A's, whatever way it is turned; most are.
+    """
+    m, o = space.normals[f], table.origin[g]
+    x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
+    round_f = m[6] + beside
+    return (
+        abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) > table.half[g, 0] + round_f
+        or abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) > table.half[g, 1] + round_f
+        or abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) > near + m[6]
+    )
 
 
 @inner_kernel
-def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
+def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, space):
     """Fill `space.facings` with facets of bodies a and b that are near and face each other.
 
     Parameters
@@ -117,8 +137,8 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
         Numbers of the bodies.
     turn, shift : (3, 3), (3,) arrays
         From A's frame to B's.
-    margin : float
-        How near [m].
+    margin, beside : float
+        How near [m]; sideways.
 
     Returns
     -------
@@ -167,6 +187,8 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, space):
             for g in range(table.first[j], table.last[j]):
                 other = table.axes[g, 2]
                 if n[0] * other[0] + n[1] * other[1] + n[2] * other[2] > -FLATTEST:
+                    continue
+                if _far(table, f, g, margin, beside, space):
                     continue
                 if count == MAX_FACINGS:
                     space.clock[1] += 1

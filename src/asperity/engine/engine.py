@@ -148,7 +148,8 @@ class Engine:
         # Of its own, whatever the caller's are like: the kernels are told their types only once.
         self._pose[:] = pose
         pose, dt = self._pose, float(dt)
-        count, geoms, places, distances, margins = self._collider.query(pose)
+        held = None if self._facets is None else self._facets.memory.held
+        count, geoms, places, distances, margins = self._collider.query(pose, held)
         if self._by_geoms:
             self._tick(
                 self._textures, self._geometry, self._tool, self._collider.poses,
@@ -159,14 +160,23 @@ class Engine:
         else:
             self._wrench[:] = 0.0
             self.contacts.count[:] = 0
-        if self._facets is not None:
-            self._mesh_tick(
-                self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,
-                self._collider.poses, self.centre, self._collider.number, count, geoms,
-                distances, pose, dt, self._parameters, self._facets.memory, self._facets.space,
-                self._space, self.contacts, self._wrench,
-            )  # fmt: skip
+        if self._facets is not None and self._touch(count, geoms, distances, dt):
+            count, geoms, _, distances, _ = self._collider.query(pose)
+            self._touch(count, geoms, distances, dt)
         return self._wrench
+
+    def _touch(
+        self, count: int, geoms: NDArray[np.int32], distances: NDArray[np.float64], dt: float
+    ) -> bool:
+        """Add what the tool meets facet by facet; return whether all contacts are needed first."""
+        assert self._facets is not None
+        missing: bool = self._mesh_tick(
+            self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,
+            self._collider.poses, self.centre, self._collider.number, count, geoms,
+            distances, self._pose, dt, self._parameters, self._facets.memory, self._facets.space,
+            self._space, self.contacts, self._wrench,
+        )  # fmt: skip
+        return missing
 
     def stiffness(self) -> NDArray[np.float64]:
         """Return how the last wrench falls with the tool's motion, (6, 6): see `LinearContact`.

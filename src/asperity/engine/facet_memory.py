@@ -31,6 +31,8 @@ class FacetMemory(NamedTuple):
     """and whether there was one, (1,)."""
     bristle: NDArray[np.float64]
     """Deflection of each patch's bristle in the body's frame [m], (bodies, 6, 4, 3)."""
+    held: NDArray[np.bool_]
+    """Whether a body is in contact, of which MuJoCo need not be asked; (bodies,)."""
 
 
 def facet_memory(bodies: int) -> FacetMemory:
@@ -44,6 +46,7 @@ def facet_memory(bodies: int) -> FacetMemory:
         pose=np.zeros((3, 4)),
         at=np.zeros(1, np.int64),
         bristle=np.zeros((bodies, BINS, WINDOWS, 3)),
+        held=np.zeros(bodies, np.bool_),
     )
 
 
@@ -56,3 +59,4 @@ def forget(memory: FacetMemory) -> None:
     memory.deepest[:] = -np.inf
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0
+    memory.held[:] = False

@@ -31,7 +31,11 @@ def _mesh_tick(
     textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
     pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
 ):  # fmt: skip
-    """Add contacts and wrench (6,) of the tool with the bodies that `by_facets` marks."""
+    """Add contacts and wrench (6,) of the tool with the bodies that `by_facets` marks.
+
+    Of bodies that are `memory.held` MuJoCo's contacts need not be there. Returns whether they are
+    needed after all, as the tool is somewhere else; then nothing has been done.
+    """
     body_a = poses[tool]
     vectors = work_space.vectors
     origin = vectors[3]
@@ -47,7 +51,11 @@ def _mesh_tick(
         moved = _JUMP  # only looking: what is known is kept
     if moved > _JUMP:
         # The tool is somewhere else: what was known of its contacts does not hold there.
-        known, moved = False, 0.0
+        known, moved, missing = False, 0.0, False
+        for b in range(by_facets.size):
+            missing, memory.held[b] = missing or memory.held[b], False
+        if missing:
+            return True
         for b in range(by_facets.size):
             memory.known[b] = 0
             for d in range(memory.active.shape[1]):
@@ -139,6 +147,7 @@ def _mesh_tick(
     contacts.count[1] += rows.count[1]
     if rows.count[1] > 0 and contacts.count[0] > 0:
         contacts.status[contacts.count[0] - 1] = NO_ROOM
+    return False
 
 
 @kernel
@@ -147,7 +156,7 @@ def mesh_tick(
     pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
 ):  # fmt: skip
     """Do what `_mesh_tick` does, called from Python: a way in counts references."""
-    _mesh_tick(
+    return _mesh_tick(
         textures, table, geometry, by_facets, tool, poses, centre, number, met, geoms, distances,
         pose, dt, parameters, memory, space, work_space, contacts, wrench_io,
     )  # fmt: skip

@@ -169,7 +169,7 @@ def touch(
     most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
     # Sideways textures move points no farther than they rise.
-    count = facing_pairs(table, tool, b, turn, shift, math.hypot(scan, reach), foot)
+    count = facing_pairs(table, tool, b, turn, shift, math.hypot(scan, reach), reach, foot)
     if foot.clock[1] > 0:
         rows.count[1] += 1
     count = _sum_footprint(table, count, reach, scan, foot)
@@ -328,6 +328,7 @@ def remember(memory, space, b):
     """Note what the next pose has to know of body b."""
     sums = space.footprint.sums
     memory.known[b] = 1
+    memory.held[b] = False
     for d in range(BINS):
         way = space.directions[d]
         searched = way[_DEPTH] > -np.inf
@@ -336,3 +337,4 @@ def remember(memory, space, b):
         memory.deepest[b, d] = way[_MOST]
         # What does not count is let go: it has to begin at the surface again.
         memory.active[b, d] = 1 if way[_DEPTH] > 0.0 and way[_VALID] > 0.0 else 0
+        memory.held[b] = memory.held[b] or memory.active[b, d] == 1
