@@ -57,13 +57,13 @@ from asperity.contact.search import (
     sideways,
 )
 from asperity.contact.surface import parameters_under
-from asperity.texture.packed import texture_top
+from asperity.texture.highest import texture_top
 
 MAX_BOXES = 32768
 _LAST = 16
 """Boxes that are climbed in when the budget is spent."""
 BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
-_LEAF = 2.0
+_LEAF = 1.0
 """Boxes are searched that are this large [grains of the finer texture]."""
 _SETTLED = 1.5
 """Boxes that are as good as certified are not divided below this [grains]."""

@@ -118,6 +118,16 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     side_v = chart[V0 + 1] + chart[V1 + 1] * wx + chart[V2 + 1] * wy + chart[V3 + 1] * root
     up = chart[V0 + 2] + chart[V1 + 2] * wx + chart[V2 + 2] * wy + chart[V3 + 2] * root
     size = math.sqrt(side_u * side_u + side_v * side_v + up * up)
+    if not curved and turning:
+        slopes = 0.0
+        for i in range(3):
+            slopes += chart[V1 + i] * chart[V1 + i] + chart[V2 + i] * chart[V2 + i]
+        slopes = math.sqrt(slopes)
+        # Before it is made a unit vector w is linear: in the box not much shorter than here.
+        shortest = size - slopes * radius
+        if slopes < w1 * shortest:
+            w1 = slopes / shortest
+            w2 = 3.0 * w1 * w1
     change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
     side_u, side_v, up = side_u / size, side_v / size, up / size
     if mapping == CYLINDRICAL:

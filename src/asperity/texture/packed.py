@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 
 from asperity.compiled import small_kernel
 from asperity.texture.height_field import HeightField
+from asperity.texture.highest import cells_between, texture_top, windows
 
 _MOST_BLOCKS = 512**2
 """Cells are not cut into more blocks than this."""
 _EDGE = 1e-6
-"""Rectangles that end this close to a cell's border end there [cells]."""
+"""Rectangles this little larger than a block count as its size [cells]."""
 
 
 class Textures(NamedTuple):
@@ -37,52 +38,71 @@ class Textures(NamedTuple):
     coefficients: NDArray[np.float64]
     """Spline coefficients of all textures, each row-major."""
     bounds: NDArray[np.float32]
-    """For every block: highest point, largest slope, largest second derivative; shape (n, 3)."""
+    """For every block: largest slope, largest second derivative; shape (n, 2)."""
     levels: NDArray[np.int64]
     """For every level of every texture: first block, rows, columns; shape (n, 3)."""
     table: NDArray[np.int64]
     """First coefficient, rows, columns of coefficients; rows, columns of cells; first level,
-    number of levels, whether it wraps; parts of a cell's side with bounds of their own; shape
-    (textures, 9)."""
+    number of levels, whether it wraps; parts of a cell's side with bounds of their own; first
+    level of windows; shape (textures, 10)."""
     scales: NDArray[np.float64]
     """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
-    rms height; lowest height; largest size of a third derivative; shape (textures, 8)."""
+    rms height; lowest height; largest size of a third derivative; highest point; shape
+    (textures, 9)."""
+    tops: NDArray[np.float32]
+    """Highest points of windows: see `highest`."""
+    windows: NDArray[np.int64]
+    """For every level of windows of every texture: first of `tops`, columns, by which power of two
+    cells they are apart; shape (n, 3)."""
 
 
 def pack(fields: Sequence[HeightField]) -> Textures:
     """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
     levels: list[list[int]] = []
     coefficients, bounds, table, scales = [], [], [], []
-    first_coefficient = first_block = first_level = 0
+    tops: list[NDArray[np.float32]] = []
+    windowed: list[list[int]] = []
+    first_coefficient = first_block = first_level = first_top = 0
     for field in fields:
         c = np.ascontiguousarray(field.coefficients)
         wraps = field.border == "wrap"
         rows, columns = (n - 4 if wraps else n - 3 for n in c.shape)
         parts = _parts(rows * columns)
         # A wrapped texture's last cell is its first once more.
-        pyramid = _pyramid(
-            c[:-1, :-1] if wraps else c, field.pixel_size, levels, first_block, parts
-        )
+        cells = c[:-1, :-1] if wraps else c
+        pyramid = _pyramid(cells, field.pixel_size, levels, first_block, parts)
+        highest, more = windows(_up(_most(cells, 0, 0, parts=parts)), wraps)
         count = len(levels) - first_level
-        table.append([first_coefficient, *c.shape, rows, columns, first_level, count, wraps, parts])
+        table.append([
+            first_coefficient, *c.shape, rows, columns, first_level, count, wraps, parts,
+            len(windowed),
+        ])  # fmt: skip
+        windowed += [[first_top + first, *rest] for first, *rest in more]
         size = float(np.max(np.abs(c)))
         top = pyramid[-1]
         pu, pv = field.pixel_size
         bend = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
         bend += _largest(c, 1, 1) / (pu * pv)
         third = _third(c, pu, pv)
-        scales.append([1.0 / pu, 1.0 / pv, size, top[1], bend, field.rms, field.lowest, third])
+        scales.append([
+            1.0 / pu, 1.0 / pv, size, top[0], bend, field.rms, field.lowest, third,
+            float(highest.max()),
+        ])  # fmt: skip
         coefficients.append(c.ravel())
         bounds.append(pyramid)
+        tops.append(highest)
+        first_top += len(highest)
         first_coefficient += c.size
         first_block += len(pyramid)
         first_level = len(levels)
     return Textures(
         np.concatenate([np.zeros(0), *coefficients]),
-        np.concatenate([np.zeros((0, 3), np.float32), *bounds]),
+        np.concatenate([np.zeros((0, 2), np.float32), *bounds]),
         np.array(levels, dtype=np.int64).reshape(-1, 3),
-        np.array(table, dtype=np.int64).reshape(-1, 9),
-        np.array(scales, dtype=np.float64).reshape(-1, 8),
+        np.array(table, dtype=np.int64).reshape(-1, 10),
+        np.array(scales, dtype=np.float64).reshape(-1, 9),
+        np.concatenate([np.zeros(0, np.float32), *tops]),
+        np.array(windowed, dtype=np.int64).reshape(-1, 3),
     )
 
 
@@ -101,7 +121,7 @@ def _pyramid(
     first: int,
     parts: int,
 ) -> NDArray[np.float32]:
-    """Return bounds of all blocks of all levels, and add each level to `levels`."""
+    """Return bounds of slope and bend of all blocks, and add each level to `levels`."""
     pu, pv = pixel_size
     most = functools.partial(_most, c, parts=parts)
     slope = np.hypot(most(1, 0, True) / pu, most(0, 1, True) / pv)
@@ -109,10 +129,10 @@ def _pyramid(
     bend = np.maximum(most(2, 0) / pu**2, most(0, 2) / pv**2)
     bend += most(1, 1, True) / (pu * pv)
     # Rounded up: a bound in single precision is a bound still.
-    level = np.stack([_up(most(0, 0)), _up(slope), _up(bend)], axis=-1)
+    level = np.stack([_up(slope), _up(bend)], axis=-1)
     blocks = []
     while True:
-        blocks.append(level.reshape(-1, 3))
+        blocks.append(level.reshape(-1, 2))
         levels.append([first, level.shape[0], level.shape[1]])
         first += len(blocks[-1])
         if max(level.shape[:2]) == 1:
@@ -240,20 +260,6 @@ def texture_at(textures, k, u, v):
 
 
 @small_kernel
-def _first_and_count(low, high, cells, wraps):
-    """Return first cell and number of cells of [low, high] (in cells), brought into the map."""
-    if wraps == 1:
-        first = math.floor(low + _EDGE)
-        count = max(math.ceil(high - _EDGE) - first, 1.0)
-        if first < 0.0 or first >= cells:
-            first -= cells * math.floor(first / cells)
-        return int(first), int(min(count, cells))
-    first = math.floor(min(max(low + _EDGE, 0.0), cells - 1.0))
-    last = math.ceil(min(max(high - _EDGE, 1.0), cells)) - 1.0
-    return int(first), int(max(last - first, 0.0)) + 1
-
-
-@small_kernel
 def _blocks_over(textures, k, u0, u1, v0, v1):
     """Return the level that is read for a rectangle, and the cells of it: first, number.
 
@@ -281,8 +287,8 @@ def _blocks_over(textures, k, u0, u1, v0, v1):
         outside = x0 < half or y0 < half or x1 > last_x or y1 > last_y
         x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
         y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
-    column, wide = _first_and_count(x0, x1, float(columns), wraps)
-    row, tall = _first_and_count(y0, y1, float(rows), wraps)
+    column, wide = cells_between(x0, x1, float(columns), wraps)
+    row, tall = cells_between(y0, y1, float(rows), wraps)
     return column, wide, row, tall, level, outside
 
 
@@ -292,23 +298,21 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
 
     The largest second derivative is 0 or more where the rectangle passes a clamped border.
     """
-    table, bounds = textures.table, textures.bounds
+    table, bounds, scales = textures.table, textures.bounds, textures.scales
     column, wide, row, tall, level, outside = _blocks_over(textures, k, u0, u1, v0, v1)
     first = table[k, 5]
     if level < 0:
         block = textures.levels[first + table[k, 6] - 1, 0]
-        high, slope, bend = bounds[block, 0], bounds[block, 1], bounds[block, 2]
-        return float(high), float(slope), max(float(bend), 0.0)
+        return scales[k, 8], float(bounds[block, 0]), max(float(bounds[block, 1]), 0.0)
     columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
     start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
-    high, slope, bend = -np.inf, 0.0, -np.inf
+    slope, bend = 0.0, -np.inf
     while tall > 0:
         c, left = column, wide
         while left > 0:
             block = start + (row >> level) * width + (c >> level)
-            high = max(high, float(bounds[block, 0]))
-            slope = max(slope, float(bounds[block, 1]))
-            bend = max(bend, float(bounds[block, 2]))
+            slope = max(slope, float(bounds[block, 0]))
+            bend = max(bend, float(bounds[block, 1]))
             after = min(((c >> level) + 1) << level, columns)
             left -= after - c
             c = 0 if after == columns else after
@@ -317,28 +321,4 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         row = 0 if after == rows else after
     if outside:
         bend = max(bend, 0.0)
-    return high, slope, bend
-
-
-@small_kernel
-def texture_top(textures, k, u0, u1, v0, v1):
-    """Return the highest point over a rectangle [m], the first of `texture_bounds`, sooner."""
-    table, bounds = textures.table, textures.bounds
-    column, wide, row, tall, level, _ = _blocks_over(textures, k, u0, u1, v0, v1)
-    first = table[k, 5]
-    if level < 0:
-        return float(bounds[textures.levels[first + table[k, 6] - 1, 0], 0])
-    columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
-    start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
-    high = bounds[start + (row >> level) * width + (column >> level), 0]
-    while tall > 0:
-        c, left = column, wide
-        while left > 0:
-            high = max(high, bounds[start + (row >> level) * width + (c >> level), 0])
-            after = min(((c >> level) + 1) << level, columns)
-            left -= after - c
-            c = 0 if after == columns else after
-        after = min(((row >> level) + 1) << level, rows)
-        tall -= after - row
-        row = 0 if after == rows else after
-    return float(high)
+    return texture_top(textures, k, u0, u1, v0, v1), slope, bend
