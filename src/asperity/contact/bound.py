@@ -46,7 +46,7 @@ from asperity.contact.chart import (
     O,
     Q,
 )
-from asperity.contact.climb import climb
+from asperity.contact.climb import climb, step_within
 from asperity.contact.overlap import (
     BORDERS,
     F_X,
@@ -296,6 +296,16 @@ def _towards_maximum(at, x0, x1, y0, y1):
 
 
 @inner_kernel
+def _held_step(cx, cy, at, x, y, box, stride, work):
+    """Return a place of a box nearer to the maximum within the borders, if there is any of it."""
+    borders, lines = work[BORDERS:LINES], work[LINES:POLYGON]
+    count = borders_at(cx, cy, at, borders)
+    dx, dy, found = step_within(at, x, y, box, stride, borders, count, lines)
+    x0, x1, y0, y1 = box
+    return min(max(x + dx, x0), x1), min(max(y + dy, y0), y1), found
+
+
+@inner_kernel
 def sharpest_bound(
     textures, cx, cy, box, kind, bound, second, loose, enough, best, mine, work, at
 ):  # fmt: skip
@@ -308,6 +318,7 @@ def sharpest_bound(
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     there = True
     if kind == CONCAVE:
+        loose *= 4.0  # seen from anywhere in the box, not from its middle
         if mine and x0 <= best[X] <= x1 and y0 <= best[Y] <= y1:
             # Climbed to before, and the only maximum of a concave box.
             for i in range(OVERLAP_SIZE):
@@ -315,14 +326,33 @@ def sharpest_bound(
         else:
             stride = max(x1 - x0, y1 - y0)
             for _ in range(_QUICK_STEPS):
-                if not (at[F] <= enough and at[F_XX] * at[F_YY] > at[F_XY] * at[F_XY]):
+                if not at[F_XX] * at[F_YY] > at[F_XY] * at[F_XY]:
                     break
-                x, y = _towards_maximum(at, x0, x1, y0, y1)
+                # Too deep to be closed as it is: it may lie beyond a border, as may the maximum.
+                borders = at[F] > enough
+                if borders:
+                    high = at[F] + _rise_from(
+                        cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work
+                    )
+                    if high <= enough:
+                        return min(bound, high), False
+                    x, y, found = _held_step(cx, cy, at, x, y, box, stride, work)
+                    if not found:
+                        break
+                else:
+                    x, y = _towards_maximum(at, x0, x1, y0, y1)
                 overlap_at(textures, cx, cy, x, y, work, at)
-                g_x, g_y = at[F_X], at[F_Y]
-                high = at[F] + max(g_x * (x0 - x), g_x * (x1 - x))
-                high += max(g_y * (y0 - y), g_y * (y1 - y))
-                if at[F] > -np.inf and high <= enough:
+                if at[F] == -np.inf:
+                    break
+                if not borders:
+                    g_x, g_y = at[F_X], at[F_Y]
+                    high = at[F] + max(g_x * (x0 - x), g_x * (x1 - x))
+                    high += max(g_y * (y0 - y), g_y * (y1 - y))
+                elif at[F] <= enough:
+                    high = at[F] + _rise_from(
+                        cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work
+                    )
+                if high <= enough:
                     return min(bound, high), False
             there = climb(textures, cx, cy, box, x, y, stride, work, at)
             if at[F] == -np.inf:

@@ -180,6 +180,32 @@ def _back(borders, count, x, y, box):
 
 
 @inner_kernel
+def step_within(at, x, y, box, stride, borders, count, lines):
+    """Return the best step (dx, dy) from (x, y) within a box and `count` borders, if there is one.
+
+    No part of it is longer than `stride`.
+    """
+    x0, x1, y0, y1 = box
+    near = np.int64(0)
+    for i in range(count):
+        # Lines that no step of this length can reach are left out.
+        if stride * (abs(borders[i, 1]) + abs(borders[i, 2])) > -borders[i, 0]:
+            lines[near, 0] = -borders[i, 0]
+            lines[near, 1], lines[near, 2] = borders[i, 1], borders[i, 2]
+            near += 1
+    for side in range(4):
+        lines[near, 1], lines[near, 2] = 0.0, 0.0
+        lines[near, 1 + (side >> 1)] = 1.0 if side & 1 else -1.0
+        near += 1
+    lines[near - 4, 0] = min(x - x0, stride)
+    lines[near - 3, 0] = min(x1 - x, stride)
+    lines[near - 2, 0] = min(y - y0, stride)
+    lines[near - 1, 0] = min(y1 - y, stride)
+    h_xx, h_xy, h_yy = _bent_along(at, borders, count)
+    return _best_step(at, h_xx, h_xy, h_yy, lines, near)
+
+
+@inner_kernel
 def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     """Climb from (x, y) to a local maximum within `box` and the borders; fill `at_out` (28,).
 
@@ -199,23 +225,7 @@ def climb(textures, cx, cy, box, x, y, stride, work, at_out):
     over = _over(borders, count)
     length = np.inf
     for _ in range(_STEPS):
-        near = np.int64(0)
-        for i in range(count):
-            # Lines that no step of this length can reach are left out.
-            if stride * (abs(borders[i, 1]) + abs(borders[i, 2])) > -borders[i, 0]:
-                lines[near, 0] = -borders[i, 0]
-                lines[near, 1], lines[near, 2] = borders[i, 1], borders[i, 2]
-                near += 1
-        for side in range(4):
-            lines[near, 1], lines[near, 2] = 0.0, 0.0
-            lines[near, 1 + (side >> 1)] = 1.0 if side & 1 else -1.0
-            near += 1
-        lines[near - 4, 0] = min(x - x0, stride)
-        lines[near - 3, 0] = min(x1 - x, stride)
-        lines[near - 2, 0] = min(y - y0, stride)
-        lines[near - 1, 0] = min(y1 - y, stride)
-        h_xx, h_xy, h_yy = _bent_along(at, borders, count)
-        dx, dy, found = _best_step(at, h_xx, h_xy, h_yy, lines, near)
+        dx, dy, found = step_within(at, x, y, box, stride, borders, count, lines)
         if not found:
             # Out of reach of the borders: what can be gained is a shorter way over them.
             return over <= FEASIBLE
