@@ -166,11 +166,14 @@ def _shape_bend(
 
 
 @small_kernel
-def _point_bend(textures, chart, least, slope, size_bend, w1, w2):
-    """Return a bound of |p''|, the bend of a chart's surface as its parameters are walked over."""
+def _point_bend(textures, chart, least, slope, size_bend, w1, w2, side):
+    """Return a bound of |p''|, the bend of a chart's surface as its parameters are walked over.
+
+    `side` is how much of the normal is looked at: 1, or its part in (u, v).
+    """
     bend = _row_bend(chart, least)
     if chart[TEXTURE] >= 0.0:
-        bend += size_bend + 2.0 * slope * w1
+        bend += size_bend * side + 2.0 * slope * w1
         bend += textures.scales[int(chart[TEXTURE]), 2] * w2
     return bend
 
@@ -484,7 +487,8 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
         if closest == 0.0:
             return (bound if radius > _HAIR else at[F]), SEEN, bound, 0.0
         turn_y = (
-            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * radius * fastest
+            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y, 1.0)
+            * radius * fastest
         )
         turn_y *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn_y
@@ -520,11 +524,13 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     # How much the borders, taken as straight lines, may be off.
     loose = _row_bend(cx, least) + _row_bend(cy, least_y)
     if side > 0.0:
-        loose += _point_bend(textures, cx, least, slope_x, size_bend, w1, w2) / cy[Q_LEAST]
+        bend = _point_bend(textures, cx, least, slope_x, size_bend, w1, w2, side)
+        loose += bend / cy[Q_LEAST]
     if side_y > 0.0:
         ratio = fastest / closest
         loose += (
-            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y) * ratio * ratio
+            _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y, side_y)
+            * ratio * ratio
         )
     loose *= 0.5 * radius * radius
     found = _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
