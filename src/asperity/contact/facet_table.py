@@ -21,7 +21,8 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.placing import places_on_texture
 from asperity.geometry.tessellate import geom_triangles, is_round
-from asperity.texture.packed import Textures, texture_bounds
+from asperity.texture.highest import texture_top
+from asperity.texture.packed import Textures
 
 _LEAF = 2
 BINS = 6
@@ -236,9 +237,9 @@ def _tops(
 def _highest(textures, which, box, out):  # type: ignore[no-untyped-def]
     for i in range(which.size):
         if which[i] >= 0:
-            out[i] = texture_bounds(
+            out[i] = texture_top(
                 textures, which[i], box[i, 0, 0], box[i, 1, 0], box[i, 0, 1], box[i, 1, 1]
-            )[0]
+            )
 
 
 def _tree(

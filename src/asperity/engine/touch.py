@@ -56,7 +56,7 @@ _BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
 _EXPLAINED, _OWN = 1.2, 2.0
 """A place is out, and surely not, after this many depths of the other direction."""
-_ALIKE, _SAME = 0.7, 0.95
+_ALIKE, _SAME = 0.75, 0.95
 """Directions whose normals agree to this cosine begin to share their part, and do share it."""
 
 # Columns of `FacetSpace.directions`.
