@@ -12,9 +12,11 @@ went on
   what the options of a kernel are;
 - collecting garbage, where there is hardly any; telling what is being done to nobody who listens.
 
-None changes what is computed: the wrenches are the same to the bit. One more does, in the last bits,
-and saves a fifth of the tick instead of time to compile: `own_parts`. They rest on Numba's inner
-names; where these are not as expected, nothing is done, and compiling, or a tick, takes longer.
+None changes what is computed: the wrenches are the same to the bit. One more, `own_parts`, may in
+the last bits, and saves a fifth of a tick instead of time to compile.
+
+All rest on Numba's inner names; where these are not as expected, nothing is done, and compiling, or
+a tick, takes longer.
 """
 
 from __future__ import annotations
@@ -143,9 +145,10 @@ def optimise_once() -> bool:
 def own_parts() -> bool:
     """Have all that a kernel of ours is made of be its own.
 
-    Numba leaves inner kernels visible to others. So LLVM has to keep each as it is, with all its arguments:
-    seven numbers for every array of a structure, of which most need a few. What is a kernel's own
-    can lose arguments that are not needed or always the same, and becomes part of its only caller.
+    Numba leaves inner kernels visible to others. So LLVM has to keep each as it is, with all its
+    arguments: seven numbers for every array of a structure, of which most need a few. What is a
+    kernel's own can lose arguments that are not needed or always the same, and becomes part of its
+    only caller.
     """
     try:
         from llvmlite.binding import Linkage

@@ -488,7 +488,8 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
             return (bound if radius > _HAIR else at[F]), SEEN, bound, 0.0
         turn_y = (
             _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y, 1.0)
-            * radius * fastest
+            * radius
+            * fastest
         )
         turn_y *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
     steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn_y
@@ -530,7 +531,8 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
         ratio = fastest / closest
         loose += (
             _point_bend(textures, cy, least_y, slope_y, size_bend_y, w1_y, w2_y, side_y)
-            * ratio * ratio
+            * ratio
+            * ratio
         )
     loose *= 0.5 * radius * radius
     found = _second_order(m11, m12, m22, half_x, half_y, bound, loose, at)

@@ -103,10 +103,10 @@ def workspace(charts: int, pairs: int) -> Workspace:
 
 
 @inner_kernel
-def begin(space, max_nodes):
-    """Forget what an earlier search found."""
+def begin(space, max_nodes, floor):
+    """Forget what an earlier search found; look for places deeper than `floor` [m] only."""
     state = space.state
-    state[BEST], state[UPPER], state[NODES] = -np.inf, -np.inf, 0.0
+    state[BEST], state[UPPER], state[NODES] = floor, -np.inf, 0.0
     state[LIMIT], state[TIES] = max_nodes, 0.0
     space.best[OVERLAP_SIZE] = -1.0
 
@@ -237,6 +237,8 @@ def fill_result(textures, stride, n, tolerance, space, result_out):
     """Fill `result_out` (14,) from what a search left; see `DEPTH`, ..."""
     state, frame = space.state, space.frame
     clear(result_out)
+    if space.best[OVERLAP_SIZE] < 0.0:
+        state[BEST] = -np.inf  # nothing was found, whatever was looked for
     result_out[DEPTH] = state[BEST]
     result_out[COUNT_NODES] = state[NODES]
     if state[BEST] == -np.inf:

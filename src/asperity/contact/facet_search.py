@@ -9,6 +9,7 @@ import numpy as np
 from asperity.compiled import inner_kernel, kernel, small_kernel
 from asperity.contact.chart import COVERS, FLATTEST, ROWS, O, Q
 from asperity.contact.deepest import (
+    DEPTH,
     LOOK_SIZE,
     LOOKED,
     PAIR,
@@ -189,7 +190,7 @@ def patch_depths(
 ):  # fmt: skip
     """Search the patches of one direction; fill a row of `results_out` for each.
 
-    Returns how many patches there are: 1, 2 or 4.
+    Returns how many patches there are: 1, 2 or 4. One that does not touch has a depth of -inf.
 
     Parameters
     ----------
@@ -212,10 +213,10 @@ def patch_depths(
     # The deepest place of all is that of every part that it lies in.
     gu, gv = _guess(guess[0], frame, body_a)
     _take_all(pairs, work_space, space)
-    begin(work_space, max_nodes)
+    begin(work_space, max_nodes, 0.0)
     sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, np.int64(0))
     fill_result(textures, stride, n, tolerance, work_space, results_out[0])
-    if ways_1 * ways_2 == 1:
+    if ways_1 * ways_2 == 1 or results_out[0, DEPTH] == -math.inf:
         return 1
     single, at_1, at_2 = _single_place(work_space, stride, lines)
     for which in range(ways_1 * ways_2 - 1, -1, -1):
@@ -240,7 +241,7 @@ def patch_depths(
                     )  # fmt: skip
                 added += 1
         gu, gv = _guess(guess[which], frame, body_a)
-        begin(work_space, max_nodes / 2)
+        begin(work_space, max_nodes / 2, 0.0)
         sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, added)
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
@@ -323,7 +324,7 @@ def facets_along(
         space,
     )  # fmt: skip
     _take_all(pairs, work_space, space)
-    begin(work_space, max_nodes)
+    begin(work_space, max_nodes, -math.inf)
     nowhere = np.nan
     sieve(textures, stride, pairs, nowhere, nowhere, tolerance, work_space, space, np.int64(0))
     fill_result(textures, stride, n, tolerance, work_space, result_out)

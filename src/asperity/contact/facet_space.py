@@ -79,7 +79,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         slots=np.zeros((4, facets), np.int64),
         geom_slots=np.zeros((3, geoms), np.int64),
         clock=np.zeros(1, np.int64),
-        directions=np.zeros((BINS, 11)),
+        directions=np.zeros((BINS, 13)),
         looks=np.zeros((MAX_CHART_PAIRS, LOOK_SIZE)),
         boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
         heap=np.zeros(MAX_BOXES, np.int64),

@@ -30,8 +30,8 @@ _CORNERS = 24
 # Sums of one direction; one row of numbers.
 AREA, MASS, MEAN, SPREAD, NORMAL = 0, 1, 2, 5, 11  # weighted by how deep, (1, 1, 3, 6, 3)
 EDGE_A, EDGE_B = 14, 17  # outward normals of the border, times its length: A's edges, and B's
-DEEPEST = 20  # smooth overlap [m]
-SUMS_SIZE = 21
+DEEPEST, WHERE = 20, 21  # smooth overlap [m], and on B where it is (1, 3)
+SUMS_SIZE = 24
 
 _ON = 1e-6  # a place this far beyond a facet is still on it [m]
 _ASTRAY = math.cos(math.radians(20.0))
@@ -56,7 +56,7 @@ class FootprintSpace(NamedTuple):
     """Counts the poses; and how often there was no room for all pairs at this one. (2,)"""
     polygon: NDArray[np.float64]
     sums: NDArray[np.float64]
-    """(6, 21)"""
+    """(6, 24)"""
     limit: NDArray[np.float64]
     """Deepest overlap of each direction [m], (6,)."""
     masses: NDArray[np.float64]
@@ -338,11 +338,12 @@ def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
 
 @inner_kernel
 def deepest_of(space, here, count):
-    """Return the largest overlap of a piece [m]."""
-    most = -np.inf
+    """Return the largest overlap of a piece [m], and its corner."""
+    most, corner = -np.inf, 0
     for i in range(count):
-        most = max(most, space.polygon[here, i, 2])
-    return most
+        if space.polygon[here, i, 2] > most:
+            most, corner = space.polygon[here, i, 2], i
+    return most, corner
 
 
 @inner_kernel

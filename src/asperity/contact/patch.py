@@ -126,7 +126,7 @@ def fill_depth_along(
     for i in range(3):
         frame[2, i] = -n[i]
     made_a = all_charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
-    begin(space, max_nodes)
+    begin(space, max_nodes, -np.inf)
     for pair in range(made_a * made_b):
         # To be looked at before any is searched.
         space.looks[pair, 0], space.looks[pair, LOOKED] = np.inf, 0.0

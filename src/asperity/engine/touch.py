@@ -35,6 +35,7 @@ from asperity.contact.footprint import (
     MASS,
     MEAN,
     NORMAL,
+    WHERE,
     add_piece,
     between_bodies,
     cut_deep,
@@ -56,11 +57,14 @@ _BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
 _EXPLAINED, _OWN = 1.2, 2.0
 """A place is out, and surely not, after this many depths of the other direction."""
+_ON_SURFACE = 1e-6
+"""A place this deep is on the surface [m]."""
 _ALIKE, _SAME = 0.75, 0.95
 """Directions whose normals agree to this cosine begin to share their part, and do share it."""
 
 # Columns of `FacetSpace.directions`.
 _N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID, _MOST = 0, 3, 4, 5, 6, 7, 8, 9, 10
+_IS_EXPLAINED, _SEEN = 11, 12  # by another direction, and so not searched; had its turn
 
 
 @inner_kernel
@@ -111,12 +115,17 @@ def _sum_footprint(table, count, reach, near, space):
         clear(masses)
         if corners < 3:
             continue
-        most = deepest_of(space, here, corners)
+        most, corner = deepest_of(space, here, corners)
         for d in range(BINS):
             share = table.shares[g, d]
             if share == 0.0:
                 continue
-            sums[d, DEEPEST] = max(sums[d, DEEPEST], most)
+            if most > sums[d, DEEPEST]:
+                sums[d, DEEPEST] = most
+                p = space.polygon[here, corner]
+                for k in range(3):
+                    place = table.origin[g, k] + p[0] * table.axes[g, 0, k]
+                    sums[d, WHERE + k] = place + p[1] * table.axes[g, 1, k]
             if most <= limit[d]:
                 masses[d] = add_piece(table, g, here, corners, reach, share, space, sums[d])
             else:
@@ -182,9 +191,15 @@ def touch(
     local = space.frames[6, :, :3]
     u, v = local[0], local[1]
     for d in range(BINS):
-        way, sums = space.directions[d], foot.sums[d]
-        way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, rows.count[0]
+        way = space.directions[d]
+        way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, 0.0
         way[_MOST], way[_PART], way[_TWIN] = -np.inf, 0.0, d
+        way[_IS_EXPLAINED], way[_SEEN] = 0.0, 0.0
+    for _ in range(BINS):
+        d = _next(memory, b, space)
+        beginning = memory.known[b] == 1 and memory.active[b, d] == 0
+        way, sums = space.directions[d], foot.sums[d]
+        way[_FIRST] = rows.count[0]
         if not _may_touch(memory, b, d, sums, moved, shallowest):
             continue
         if rows.count[0] + WINDOWS > MAX_PATCHES:
@@ -201,6 +216,9 @@ def touch(
             # The same plane counts for two directions: what is known of the one holds for both.
             way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
             way[_MOST] = space.directions[twin, _MOST]
+            continue
+        if beginning and _is_explained(table, count, d, space):
+            way[_IS_EXPLAINED] = 1.0
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
@@ -219,7 +237,7 @@ def touch(
             textures, sums, pairs, made_a, stride, u, v, world, frame, near_a, near_b, radius,
             memory.guess[b, d], tolerance, max_nodes, work_space, space, rows.result[start:],
         )  # fmt: skip
-        total, deepest = 0.0, -np.inf
+        total = deepest = 0.0
         for p in range(patches):
             depth = rows.result[start + p, DEPTH]
             total += max(depth, 0.0)
@@ -228,7 +246,7 @@ def touch(
             rows.where[start + p, 2] = p
             for k in range(3):
                 rows.normal[start + p, k] = world[k]
-        depth = total / patches if total > 0.0 else deepest
+        depth = total / patches
         if memory.known[b] == 1 and memory.active[b, d] == 0 and depth > _NEAR_ZERO + 2.0 * moved:
             # It did not begin at the surface: a side that has come into view within the other body.
             continue
@@ -279,10 +297,50 @@ def _weigh(table, count, near_b, space):
 
 
 @inner_kernel
+def _next(memory, b, space):
+    """Return the direction whose turn it is: those in contact first, then by their footprint."""
+    sums, ways, first = space.footprint.sums, space.directions, -1
+    for d in range(BINS):
+        if ways[d, _SEEN] == 1.0:
+            continue
+        ahead = first < 0 or memory.active[b, d] > memory.active[b, first]
+        if ahead or (
+            memory.active[b, d] == memory.active[b, first] and sums[d, MASS] > sums[first, MASS]
+        ):
+            first = d
+    ways[first, _SEEN] = 1.0
+    return first
+
+
+@inner_kernel
+def _is_explained(table, count, d, space):
+    """Return whether another direction accounts for one that might become a contact.
+
+    That is `_weigh`'s rule before anything is searched. Contact begins near B's surface, so where
+    the smooth bodies overlap most is near the deepest place. And where what counts for both does
+    not touch along the one, it does not along the other.
+    """
+    sums, place = space.footprint.sums, space.frames[7, 0, :3]
+    way = space.directions[d]
+    for k in range(3):
+        place[k] = sums[d, WHERE + k]
+    for c in range(BINS):
+        other = space.directions[c]
+        if other[_ROWS] == 0.0 or sums[c, MASS] < sums[d, MASS]:
+            continue
+        if way[0] * other[0] + way[1] * other[1] + way[2] * other[2] > _ALIKE:
+            continue
+        depth = _EXPLAINED * max(other[_DEPTH], 0.0) + _ON_SURFACE
+        if way_out(table, count, c, other, place, space.footprint) <= depth:
+            return True
+    return False
+
+
+@inner_kernel
 def _twin(space, sums, d):
-    """Return an earlier direction whose footprint is the same but for its share, or -1."""
-    for c in range(d):
-        if space.directions[c, _ROWS] == 0.0:
+    """Return a direction that was searched whose footprint is the same but for its share, or -1."""
+    for c in range(BINS):
+        if c == d or space.directions[c, _ROWS] == 0.0:
             continue
         same = True
         for k in range(3):
@@ -334,6 +392,8 @@ def remember(memory, space, b):
         searched = way[_DEPTH] > -np.inf
         buried = not searched and sums[d, DEEPEST] > 0.0
         memory.depth[b, d] = np.inf if buried else way[_DEPTH]
+        if way[_IS_EXPLAINED] == 1.0:
+            memory.depth[b, d] = max(sums[d, DEEPEST], 0.0)
         memory.deepest[b, d] = way[_MOST]
         # What does not count is let go: it has to begin at the surface again.
         memory.active[b, d] = 1 if way[_DEPTH] > 0.0 and way[_VALID] > 0.0 else 0
