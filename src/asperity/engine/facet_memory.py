@@ -19,8 +19,8 @@ class FacetMemory(NamedTuple):
     active: NDArray[np.int64]
     """Whether there was contact, (bodies, 6)."""
     depth: NDArray[np.float64]
-    """Of the textured surfaces, the patches' mean [m]: 0 where they do not touch, -inf where nothing
-    overlapped, inf where it was too deep to be one; (bodies, 6)."""
+    """Of the textured surfaces, the patches' mean [m]: 0 where they do not touch, -inf where
+    nothing overlapped, inf where it was too deep to be a contact; (bodies, 6)."""
     deepest: NDArray[np.float64]
     """Of the deepest patch [m]; -inf where nothing overlapped; (bodies, 6)."""
     guess: NDArray[np.float64]
