@@ -21,7 +21,8 @@ import asperity.compiled
 from asperity.contact.patch import frame_round
 import asperity.dynamics.rigid as rigid
 import numpy as np
-print(CPUCodeLibrary._optimize_final_module.__module__, BaseFunction.get_call_type.__module__)
+print(CPUCodeLibrary._optimize_final_module.__qualname__.split(".")[0],
+      CPUCodeLibrary._finalize_final_module.__module__, BaseFunction.get_call_type.__module__)
 rng = np.random.default_rng(3)
 pose = np.concatenate([rng.standard_normal(3), [0.5, 0.5, -0.5, 0.5]])
 print(rigid.centre_of_mass(pose, rng.standard_normal(3)).tobytes().hex())
@@ -37,8 +38,8 @@ def test_numba_is_as_expected():
             capture_output=True, text=True, check=True,
         )  # fmt: skip
         told.append(done.stdout.splitlines())
-    assert told[0][0] == "asperity.compile_time asperity.compile_time"
-    assert told[1][0] == "numba.core.codegen numba.core.types.functions"
+    assert told[0][0] == "own_parts asperity.compile_time asperity.compile_time"
+    assert told[1][0] == "CPUCodeLibrary numba.core.codegen numba.core.types.functions"
     assert told[0][1] == told[1][1]
 
 

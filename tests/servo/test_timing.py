@@ -110,6 +110,19 @@ def test_a_contact_is_asked_for_when_all_else_is_done(shares):
     assert bench.contacts.rests == (20 if shares else 0) + 1
 
 
+@pytest.mark.parametrize("shares", [False, True])
+def test_after_a_late_contact_the_next_is_asked_for_at_once(shares):
+    """On a core of one's own the tick that found none ends with the next one asked for."""
+    bench = Bench(mode="implicit", shares=shares, takes=lambda n: 1.3 * DT if n == 5 else 0.1 * DT)
+    bench.run(20)
+    asked = [round((now - bench.device.begin) / DT, 3) for now, _ in bench.contacts.asked[1:]]
+    late = [t for t in asked if t % 1.0 > 0.05]
+    # Without sharing nobody looks between two ticks.
+    assert bench.stats.fallbacks == (1 if shares else 2)
+    assert len(late) == (1 if shares else 0)
+    assert any(jumped for _, jumped in bench.contacts.asked[1:]) != shares
+
+
 def test_a_loop_that_was_held_up_leaves_ticks_out_and_falls_into_step_again():
     clock = HandClock()
     pace = Pace(DT, clock)

@@ -356,20 +356,28 @@ def cut_deep(space, here, count, most):
 def steady_normal(table: FacetTable, count, direction, space, n):
     """Turn a mean normal (3,) to the mean of those within 20 degrees of it, less towards the end.
 
-    So a chamfer beside a wide face does not tilt the normal of the face.
+    So a chamfer beside a wide face does not tilt the normal of the face. As less of the footprint
+    is that near the mean, the more the mean itself counts: between two faces that are both astray
+    it is all there is, and a tool that goes round the edge between them must not feel it come in.
     """
-    x = y = z = 0.0
+    x = y = z = near = total = 0.0
     for i in range(count):
         mass = space.masses[i, direction]
         if mass == 0.0:
             continue
         f = table.axes[space.facings[i, 1], 2]
         along = f[0] * n[0] + f[1] * n[1] + f[2] * n[2]
+        total += mass
         mass *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        near += mass
         x, y, z = x + mass * f[0], y + mass * f[1], z + mass * f[2]
     size = math.sqrt(x * x + y * y + z * z)
     if size > 0.0:
-        n[0], n[1], n[2] = x / size, y / size, z / size
+        share = near / total
+        for k in range(3):
+            n[k] = (1.0 - share) * n[k] + share * (x, y, z)[k] / size
+        size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        n[0], n[1], n[2] = n[0] / size, n[1] / size, n[2] / size
 
 
 @inner_kernel

@@ -91,7 +91,7 @@ class ServoLoop:
         self.dt = dt
         self.stats = Stats()
         self.pace = Pace(dt, clock, spin=BUSY if busy else SPIN)
-        self._work = contacts.rest if shares else None
+        self._work = self._rest if shares else None
         self._clock = clock
         self._guard = require_between("guard", guard, 0.05, 0.9)
         self._publisher = publisher or Publisher()
@@ -201,10 +201,28 @@ class ServoLoop:
         self.stats.finished(
             skipped=self.pace.skipped, late=self.pace.late, missed=missed, fallback=fallback
         )
-        if not tool.is_direct and not self.contacts.busy:
-            # Last of all: whoever computes it wants the interpreter's lock, and may want the core.
-            self._ask(tool.pose, begun)
+        if not tool.is_direct:
+            if self.contacts.take():  # late by less than this tick
+                self._taken()
+            if not self.contacts.busy:
+                # Last of all: who computes it wants the interpreter's lock, and may want the core.
+                self._ask(tool.pose, begun)
         self._tick += 1
+
+    def _rest(self, seconds: float) -> None:
+        """Leave the core to the contact for at most so long [s].
+
+        After one that was late the next is asked for as soon as it is done: else this tick would
+        end without, and the one after it would be a fallback too.
+        """
+        clock, contacts = self._clock, self.contacts
+        until = clock.now() + seconds
+        contacts.rest(seconds)
+        if self._asked < self._tick - 1 and not self.tool.is_direct and contacts.take():
+            self._taken()
+            now = clock.now()
+            self._ask(self.tool.pose, now, self._tick - 1)
+            contacts.rest(until - now)
 
     def _contact_for(self, pose: NDArray[np.float64], now: float) -> bool:
         """Have the newest contact be `contacts.latest`; return whether it is this tick's."""
@@ -219,9 +237,11 @@ class ServoLoop:
                 self._taken()
         return self._have == self._tick
 
-    def _ask(self, pose: NDArray[np.float64], now: float) -> None:
-        jumped = self._tick > self._asked + 1
-        self._asked = self._tick
+    def _ask(self, pose: NDArray[np.float64], now: float, tick: int | None = None) -> None:
+        """Ask for the contact at a pose of this tick, or of the one given."""
+        tick = self._tick if tick is None else tick
+        jumped = tick > self._asked + 1
+        self._asked = tick
         self.contacts.submit(pose, now, jumped=jumped)
 
     def _taken(self) -> None:
