@@ -44,9 +44,12 @@ FLAGS = {
 
 
 @functools.cache
-def announce_compiling() -> None:
-    """Say, once, that the first force takes a while, if no machine code of it is kept yet."""
-    if not is_compiled("engine.tick", "tick"):
+def announce_compiling(tick: str = "tick") -> None:
+    """Say, once, that the first force takes a while, if no machine code of it is kept yet.
+
+    `tick`: of which there is to be some; where meshes touch, "mesh_tick".
+    """
+    if not is_compiled(f"engine.{tick}", tick):
         logging.getLogger(__name__).warning(
             "compiling the contact engine, once after an installation: takes less than a minute"
         )
@@ -67,7 +70,8 @@ class ContactStage:
     def __init__(
         self, scene: Scene, *, dt: float = 1e-3, now: Callable[[], float] = time.perf_counter
     ) -> None:
-        announce_compiling()
+        meshes = any(body.mesh is not None for body in scene.bodies)
+        announce_compiling("mesh_tick" if meshes else "tick")
         self.scene = scene
         self._now = now
         self._cost = 0.0

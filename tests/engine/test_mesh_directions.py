@@ -5,6 +5,7 @@ import pytest
 from naive_engine import pose
 
 from asperity.contact_stage import ContactStage
+from asperity.engine.directions import ROWS
 from asperity.geometry.mesh import mesh_from_arrays
 from asperity.scenes import load_scene
 from contact.naive_meshes import STIFFNESS, ball_mesh, engine_of, slab, thing
@@ -65,7 +66,7 @@ def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
         contacts = engine.contacts
         count = contacts.count[0]
         ways = engine._facets.space.directions
-        searched.append(int(np.sum(ways[:, 5] > 0.0)))
+        searched.append(int(np.sum(ways[:, ROWS] > 0.0)))
         if count:
             assert (contacts.normal[:count, 2] > 0.99).all()
     assert count == 4

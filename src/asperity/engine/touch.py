@@ -14,9 +14,9 @@ and delta their mean, a patch has the weight
     w_p = W s v delta / (m sum of s v delta over directions),
 
 s the part that a direction has of those with about the same normal, so that a plane that counts
-for two directions counts once. Where a tool lies across an edge of B, the
-same overlap is seen from two sides: v is 0 where another direction accounts for it (`_weigh`). And
-W fades from 1 to 0 over the last of a footprint that slides off an edge.
+for two directions counts once. Where a tool lies across an edge of B, the same overlap is seen from
+two sides: v is 0 where another direction accounts for it (`directions`). And W fades from 1 to 0
+over the last of a footprint that slides off an edge.
 """
 
 from __future__ import annotations
@@ -26,14 +26,13 @@ import math
 import numpy as np
 
 from asperity.compiled import clear, inner_kernel
-from asperity.contact.deepest import DEPTH, POINT_X
+from asperity.contact.deepest import DEPTH
 from asperity.contact.facet_search import pairs_of_charts, patch_depths
 from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
 from asperity.contact.facet_table import BINS
 from asperity.contact.footprint import (
     DEEPEST,
     MASS,
-    MEAN,
     NORMAL,
     WHERE,
     add_piece,
@@ -44,9 +43,26 @@ from asperity.contact.footprint import (
     piece,
     sliver,
     steady_normal,
-    way_out,
 )
 from asperity.contact.patch import frame_round
+from asperity.engine.directions import (
+    DEPTH_OF,
+    FADE,
+    FIRST,
+    IS_EXPLAINED,
+    MOST,
+    PART,
+    ROWS,
+    SEEN,
+    TWIN,
+    VALID,
+    N,
+    is_explained,
+    next_direction,
+    share_stiffness,
+    twin_of,
+    weigh,
+)
 from asperity.engine.frames import out_of
 
 _BIRTH = 2e-4
@@ -55,16 +71,6 @@ _NEAR_ZERO = 1e-4
 """A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
 _BESIDE = 2e-4
 """How much deeper than a contact may be facets are looked for [m]."""
-_EXPLAINED, _OWN = 1.2, 2.0
-"""A place is out, and surely not, after this many depths of the other direction."""
-_ON_SURFACE = 1e-6
-"""A place this deep is on the surface [m]."""
-_ALIKE, _SAME = 0.75, 0.95
-"""Directions whose normals agree to this cosine begin to share their part, and do share it."""
-
-# Columns of `FacetSpace.directions`.
-_N, _FADE, _DEPTH, _ROWS, _FIRST, _PART, _TWIN, _VALID, _MOST = 0, 3, 4, 5, 6, 7, 8, 9, 10
-_IS_EXPLAINED, _SEEN = 11, 12  # by another direction, and so not searched; had its turn
 
 
 @inner_kernel
@@ -192,14 +198,14 @@ def touch(
     u, v = local[0], local[1]
     for d in range(BINS):
         way = space.directions[d]
-        way[_DEPTH], way[_ROWS], way[_FIRST] = -np.inf, 0.0, 0.0
-        way[_MOST], way[_PART], way[_TWIN] = -np.inf, 0.0, d
-        way[_IS_EXPLAINED], way[_SEEN] = 0.0, 0.0
+        way[DEPTH_OF], way[ROWS], way[FIRST] = -np.inf, 0.0, 0.0
+        way[MOST], way[PART], way[TWIN] = -np.inf, 0.0, d
+        way[IS_EXPLAINED], way[SEEN] = 0.0, 0.0
     for _ in range(BINS):
-        d = _next(memory, b, space)
+        d = next_direction(memory, b, space)
         beginning = memory.known[b] == 1 and memory.active[b, d] == 0
         way, sums = space.directions[d], foot.sums[d]
-        way[_FIRST] = rows.count[0]
+        way[FIRST] = rows.count[0]
         if not _may_touch(memory, b, d, sums, moved, shallowest):
             continue
         if rows.count[0] + WINDOWS > MAX_PATCHES:
@@ -210,15 +216,15 @@ def touch(
             n[k] = sums[NORMAL + k] / size
         steady_normal(table, count, d, foot, n)
         for k in range(3):
-            way[_N + k] = n[k]
-        twin = _twin(space, foot.sums, d)
+            way[N + k] = n[k]
+        twin = twin_of(space, foot.sums, d)
         if twin >= 0:
             # The same plane counts for two directions: what is known of the one holds for both.
-            way[_DEPTH], way[_TWIN] = space.directions[twin, _DEPTH], twin
-            way[_MOST] = space.directions[twin, _MOST]
+            way[DEPTH_OF], way[TWIN] = space.directions[twin, DEPTH_OF], twin
+            way[MOST] = space.directions[twin, MOST]
             continue
-        if beginning and _is_explained(table, count, d, space):
-            way[_IS_EXPLAINED] = 1.0
+        if beginning and is_explained(table, count, d, space):
+            way[IS_EXPLAINED] = 1.0
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
@@ -251,134 +257,11 @@ def touch(
             # It did not begin at the surface: a side that has come into view within the other body.
             continue
         thickness = sliver(sums)
-        way[_ROWS], way[_DEPTH], way[_MOST] = patches, depth, deepest
-        way[_FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
+        way[ROWS], way[DEPTH_OF], way[MOST] = patches, depth, deepest
+        way[FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
         rows.count[0] += patches
-    _weigh(table, count, near_b, space)
-    _share(space)
-
-
-@inner_kernel
-def _weigh(table, count, near_b, space):
-    """Fill how much each direction counts beside the others.
-
-    Across a convex edge the same overlap is seen from two sides. A direction does not count whose
-    deepest place would be out of B if the tool were moved out along another, with a larger
-    footprint, by that one's depth.
-    """
-    rows, sums = space.rows, space.footprint.sums
-    place = space.frames[7, 0, :3]
-    for d in range(BINS):
-        way = space.directions[d]
-        way[_VALID] = 1.0
-        if way[_DEPTH] <= 0.0 or way[_ROWS] == 0.0:
-            continue
-        deepest = int(way[_FIRST])
-        for p in range(deepest, int(way[_FIRST] + way[_ROWS])):
-            if rows.result[p, DEPTH] > rows.result[deepest, DEPTH]:
-                deepest = p
-        for i in range(3):
-            place[i] = 0.0
-            for k in range(3):
-                place[i] += near_b[k, i] * (rows.result[deepest, POINT_X + k] - near_b[k, 3])
-        for c in range(BINS):
-            other = space.directions[c]
-            if c == d or other[_DEPTH] <= 0.0 or other[_ROWS] == 0.0:
-                continue
-            if sums[c, MASS] < sums[d, MASS] or (sums[c, MASS] == sums[d, MASS] and c > d):
-                continue
-            along = way[0] * other[0] + way[1] * other[1] + way[2] * other[2]
-            if along > _SAME:
-                continue  # they share their part already
-            out = way_out(table, count, c, other, place, space.footprint)
-            counts = (out / other[_DEPTH] - _EXPLAINED) / (_OWN - _EXPLAINED)
-            shared = max((along - _ALIKE) / (_SAME - _ALIKE), 0.0)
-            way[_VALID] *= shared + (1.0 - shared) * min(max(counts, 0.0), 1.0)
-
-
-@inner_kernel
-def _next(memory, b, space):
-    """Return the direction whose turn it is: those in contact first, then by their footprint."""
-    sums, ways, first = space.footprint.sums, space.directions, -1
-    for d in range(BINS):
-        if ways[d, _SEEN] == 1.0:
-            continue
-        ahead = first < 0 or memory.active[b, d] > memory.active[b, first]
-        if ahead or (
-            memory.active[b, d] == memory.active[b, first] and sums[d, MASS] > sums[first, MASS]
-        ):
-            first = d
-    ways[first, _SEEN] = 1.0
-    return first
-
-
-@inner_kernel
-def _is_explained(table, count, d, space):
-    """Return whether another direction accounts for one that might become a contact.
-
-    That is `_weigh`'s rule before anything is searched. Contact begins near B's surface, so where
-    the smooth bodies overlap most is near the deepest place. And where what counts for both does
-    not touch along the one, it does not along the other.
-    """
-    sums, place = space.footprint.sums, space.frames[7, 0, :3]
-    way = space.directions[d]
-    for k in range(3):
-        place[k] = sums[d, WHERE + k]
-    for c in range(BINS):
-        other = space.directions[c]
-        if other[_ROWS] == 0.0 or sums[c, MASS] < sums[d, MASS]:
-            continue
-        if way[0] * other[0] + way[1] * other[1] + way[2] * other[2] > _ALIKE:
-            continue
-        depth = _EXPLAINED * max(other[_DEPTH], 0.0) + _ON_SURFACE
-        if way_out(table, count, c, other, place, space.footprint) <= depth:
-            return True
-    return False
-
-
-@inner_kernel
-def _twin(space, sums, d):
-    """Return a direction that was searched whose footprint is the same but for its share, or -1."""
-    for c in range(BINS):
-        if c == d or space.directions[c, _ROWS] == 0.0:
-            continue
-        same = True
-        for k in range(3):
-            same = same and abs(space.directions[c, _N + k] - space.directions[d, _N + k]) < 1e-12
-            one, two = sums[c, MEAN + k] / sums[c, MASS], sums[d, MEAN + k] / sums[d, MASS]
-            same = same and abs(one - two) < 1e-12
-        if same:
-            return c
-    return -1
-
-
-@inner_kernel
-def _share(space):
-    """Fill the weights of a body's patches, and what is remembered of its directions."""
-    rows, sums = space.rows, space.footprint.sums
-    total = 0.0
-    for d in range(BINS):
-        way = space.directions[d]
-        if way[_DEPTH] <= 0.0:
-            continue
-        way[_VALID] = space.directions[int(way[_TWIN]), _VALID]
-        alike = 0.0
-        for c in range(BINS):
-            other = space.directions[c]
-            if other[_DEPTH] > 0.0:
-                along = way[0] * other[0] + way[1] * other[1] + way[2] * other[2]
-                alike += sums[c, MASS] * max((along - _ALIKE) / (1.0 - _ALIKE), 0.0)
-        part = way[_VALID] * way[_DEPTH] * sums[d, MASS] / alike
-        space.directions[int(way[_TWIN]), _PART] += part
-        total += part
-    if total == 0.0:
-        total = 1.0
-    for d in range(BINS):
-        way = space.directions[d]
-        first, patches = int(way[_FIRST]), int(way[_ROWS])
-        for p in range(first, first + patches):
-            live = rows.result[p, DEPTH] > 0.0
-            rows.weight[p] = way[_FADE] * way[_PART] / (total * patches) if live else 0.0
+    weigh(table, count, near_b, space)
+    share_stiffness(space)
 
 
 @inner_kernel
@@ -389,12 +272,12 @@ def remember(memory, space, b):
     memory.held[b] = False
     for d in range(BINS):
         way = space.directions[d]
-        searched = way[_DEPTH] > -np.inf
+        searched = way[DEPTH_OF] > -np.inf
         buried = not searched and sums[d, DEEPEST] > 0.0
-        memory.depth[b, d] = np.inf if buried else way[_DEPTH]
-        if way[_IS_EXPLAINED] == 1.0:
+        memory.depth[b, d] = np.inf if buried else way[DEPTH_OF]
+        if way[IS_EXPLAINED] == 1.0:
             memory.depth[b, d] = max(sums[d, DEEPEST], 0.0)
-        memory.deepest[b, d] = way[_MOST]
+        memory.deepest[b, d] = way[MOST]
         # What does not count is let go: it has to begin at the surface again.
-        memory.active[b, d] = 1 if way[_DEPTH] > 0.0 and way[_VALID] > 0.0 else 0
+        memory.active[b, d] = 1 if way[DEPTH_OF] > 0.0 and way[VALID] > 0.0 else 0
         memory.held[b] = memory.held[b] or memory.active[b, d] == 1
