@@ -2,9 +2,10 @@
 
 A texture is asked for two things: its height with all derivatives up to the second at a place,
 and bounds over a rectangle: no point of the texture there is higher, no slope is larger in size,
-no second derivative is larger. Both cost the same whatever the resolution: the bounds come from
-pyramids over the spline's coefficients (a B-spline lies in their convex hull), read at the level
-whose blocks are as large as the rectangle.
+no second derivative is larger. Both cost the same whatever the resolution: bounds of slopes and
+second derivatives come from pyramids over the cells' Bezier points (in whose hull a spline lies),
+read at the level whose blocks are as large as the rectangle; highest points from windows that
+overlap (`highest`).
 
 A place is counted in cells: cell `i` is the stretch between the samples `i - 1` and `i`, and
 depends on the coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat;
