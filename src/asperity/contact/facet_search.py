@@ -19,7 +19,8 @@ from asperity.contact.deepest import (
     walks_on_a,
 )
 from asperity.contact.facet_chart import facet_chart
-from asperity.contact.footprint import between_bodies, facing_pairs, piece
+from asperity.contact.facing import between_bodies, facing_pairs
+from asperity.contact.footprint import piece
 from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
@@ -82,7 +83,7 @@ def _seen(table, facings, i, n, space):
     along_a = along_b = 0.0
     for k in range(3):
         along_b += table.axes[g, 2, k] * n[k]
-        along_a -= space.footprint.normals[f, k] * n[k]
+        along_a -= space.footprint.facing.normals[f, k] * n[k]
     # Exact charts of round geoms decide for themselves.
     return (along_b >= FLATTEST or table.geom[g] >= 0) and (
         along_a >= FLATTEST or table.geom[f] >= 0
@@ -113,7 +114,7 @@ def pairs_of_charts(
     Parameters
     ----------
     count : int
-        How many rows of `space.footprint.facings` there are.
+        How many rows of `space.footprint.facing.pairs` there are.
     direction : int
         Facets of B count that count for this direction; -1: all.
     n : (3,) array
@@ -134,7 +135,7 @@ def pairs_of_charts(
     _turn_into(frame, body_b, turn_b, shift_b)
     made_a = made_b = pairs = 0
     enough = True
-    facings = space.footprint.facings
+    facings = space.footprint.facing.pairs
     for i in range(count):
         if not _seen(table, facings, i, n, space):
             continue
@@ -306,12 +307,14 @@ def facets_along(
     foot, frame = space.footprint, work_space.frame
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
     between_bodies(body_a, body_b, turn, shift)
-    count = facing_pairs(table, 0, 1, turn, shift, highest, _ANYWHERE, foot)
+    count = facing_pairs(
+        table, 0, 1, turn, shift, highest, _ANYWHERE, FLATTEST, foot.facing
+    )
     kept = 0
     for i in range(count):
-        f, g = foot.facings[i, 0], foot.facings[i, 1]
+        f, g = foot.facing.pairs[i, 0], foot.facing.pairs[i, 1]
         if piece(table, f, g, highest, _ANYWHERE, highest, foot)[1] >= 0:
-            foot.facings[kept, 0], foot.facings[kept, 1] = f, g
+            foot.facing.pairs[kept, 0], foot.facing.pairs[kept, 1] = f, g
             kept += 1
     local = space.frames[4, 0, :3]
     for i in range(3):
@@ -328,4 +331,4 @@ def facets_along(
     nowhere = np.nan
     sieve(textures, stride, pairs, nowhere, nowhere, tolerance, work_space, space, np.int64(0))
     fill_result(textures, stride, n, tolerance, work_space, result_out)
-    return enough and foot.clock[1] == 0
+    return enough and foot.facing.clock[1] == 0

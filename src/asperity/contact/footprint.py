@@ -21,10 +21,8 @@ from numpy.typing import NDArray
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
-from asperity.stack import stack_array
+from asperity.contact.facing import MAX_FACINGS, Facing, facing_space
 
-MAX_FACINGS = 32768
-_STACK = 512
 _CORNERS = 24
 
 # Sums of one direction; one row of numbers.
@@ -43,17 +41,7 @@ _CUT, _OF_A, _OF_B = 0.0, 1.0, 2.0
 class FootprintSpace(NamedTuple):
     """What the footprint writes to, allocated once."""
 
-    facings: NDArray[np.int64]
-    """Pairs of facets that face each other: of A, of B; (n, 2)."""
-    stack: NDArray[np.int64]
-    turned: NDArray[np.float64]
-    """Corners of A's facets in B's frame, (facets, 8, 3)."""
-    normals: NDArray[np.float64]
-    """Of A's facets in B's frame: normal, middle, how far the corners are from it; (facets, 7)."""
-    stamp: NDArray[np.int64]
-    """When a facet was turned, (facets,)."""
-    clock: NDArray[np.int64]
-    """Counts the poses; and how often there was no room for all pairs at this one. (2,)"""
+    facing: Facing
     polygon: NDArray[np.float64]
     sums: NDArray[np.float64]
     """(6, 24)"""
@@ -66,136 +54,12 @@ class FootprintSpace(NamedTuple):
 def footprint_space(facets: int) -> FootprintSpace:
     """Return room for the footprints of bodies with so many facets in all."""
     return FootprintSpace(
-        np.zeros((MAX_FACINGS, 2), np.int64),
-        np.zeros((_STACK, 2), np.int64),
-        np.zeros((facets, 8, 3)),
-        np.zeros((facets, 7)),
-        np.zeros(facets, np.int64),
-        np.zeros(2, np.int64),
+        facing_space(facets),
         np.zeros((2, _CORNERS, 4)),
         np.zeros((BINS, SUMS_SIZE)),
         np.zeros(BINS),
         np.zeros((MAX_FACINGS, BINS)),
     )
-
-
-@inner_kernel
-def between_bodies(body_a, body_b, turn_out, shift_out):
-    """Fill the way from A's frame to B's, (3, 3) and (3,), from their poses (3, 4)."""
-    for i in range(3):
-        shift_out[i] = 0.0
-        for j in range(3):
-            shift_out[i] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
-            turn_out[i, j] = 0.0
-            for k in range(3):
-                turn_out[i, j] += body_b[k, i] * body_a[k, j]
-
-
-@inner_kernel
-def _turn_facet(table: FacetTable, f, turn, shift, space):
-    """Note a facet of A in B's frame."""
-    space.stamp[f] = space.clock[0]
-    for i in range(3):
-        total, middle = 0.0, shift[i]
-        for k in range(3):
-            total += turn[i, k] * table.axes[f, 2, k]
-            middle += turn[i, k] * table.origin[f, k]
-        space.normals[f, i], space.normals[f, 3 + i] = total, middle
-        for c in range(table.sides[f]):
-            place = shift[i]
-            for k in range(3):
-                place += turn[i, k] * table.points[f, c, k]
-            space.turned[f, c, i] = place
-    half_x, half_y = table.half[f, 0], table.half[f, 1]
-    space.normals[f, 6] = math.sqrt(half_x * half_x + half_y * half_y)
-
-
-@small_kernel
-def _far(table: FacetTable, f, g, near, beside, space):
-    """Return whether facets are farther apart than `near` [m], or `beside` sideways.
-
-    By the middle of A's, whatever way it is turned; most are.
-    """
-    m, o = space.normals[f], table.origin[g]
-    x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
-    round_f = m[6] + beside
-    return (
-        abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) > table.half[g, 0] + round_f
-        or abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) > table.half[g, 1] + round_f
-        or abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) > near + m[6]
-    )
-
-
-@inner_kernel
-def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, space):
-    """Fill `space.facings` with facets of bodies a and b that are near and face each other.
-
-    Parameters
-    ----------
-    a, b : int
-        Numbers of the bodies.
-    turn, shift : (3, 3), (3,) arrays
-        From A's frame to B's.
-    margin, beside : float
-        How near [m]; sideways.
-
-    Returns
-    -------
-    int
-        How many. Those that there is no room for are left out, and counted in `space.clock[1]`.
-    """
-    space.clock[0] += 1
-    space.clock[1] = 0
-    stack = space.stack
-    size = stack_array((3, 3))
-    for k in range(3):
-        for m in range(3):
-            size[k, m] = abs(turn[k, m])
-    stack[0, 0], stack[0, 1] = table.root[a], table.root[b]
-    top, count = 1, np.int64(0)
-    while top > 0:
-        top -= 1
-        i, j = stack[top, 0], stack[top, 1]
-        m, h = table.middle[i], table.reach[i]
-        apart = False
-        size_a = size_b = 0.0
-        for k in range(3):
-            away = shift[k] + turn[k, 0] * m[0] + turn[k, 1] * m[1] + turn[k, 2] * m[2]
-            away = abs(away - table.middle[j, k])
-            half = size[k, 0] * h[0] + size[k, 1] * h[1] + size[k, 2] * h[2]
-            if away > half + table.reach[j, k] + margin:
-                apart = True
-                break
-            size_a, size_b = max(size_a, half), max(size_b, table.reach[j, k])
-        if apart:
-            continue
-        split_a = table.child[i] >= 0 and (size_a >= size_b or table.child[j] < 0)
-        if split_a or table.child[j] >= 0:
-            if top + 2 > _STACK:
-                space.clock[1] += 1
-                continue
-            for c in range(2):
-                stack[top, 0] = table.child[i] + c if split_a else i
-                stack[top, 1] = j if split_a else table.child[j] + c
-                top += 1
-            continue
-        for f in range(table.first[i], table.last[i]):
-            if space.stamp[f] != space.clock[0]:
-                _turn_facet(table, f, turn, shift, space)
-            n = space.normals[f]
-            for g in range(table.first[j], table.last[j]):
-                other = table.axes[g, 2]
-                if n[0] * other[0] + n[1] * other[1] + n[2] * other[2] > -FLATTEST:
-                    continue
-                if _far(table, f, g, margin, beside, space):
-                    continue
-                if count == MAX_FACINGS:
-                    space.clock[1] += 1
-                    continue
-                space.facings[count, 0], space.facings[count, 1] = f, g
-                count += 1
-    return count
 
 
 @inner_kernel
@@ -246,7 +110,7 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
     count = table.sides[f]
     for c in range(count):
         # Seen from B's side A's facet runs round the other way.
-        p = space.turned[f, count - 1 - c]
+        p = space.facing.turned[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
@@ -365,7 +229,7 @@ def steady_normal(table: FacetTable, count, direction, space, n):
         mass = space.masses[i, direction]
         if mass == 0.0:
             continue
-        f = table.axes[space.facings[i, 1], 2]
+        f = table.axes[space.facing.pairs[i, 1], 2]
         along = f[0] * n[0] + f[1] * n[1] + f[2] * n[2]
         total += mass
         mass *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
@@ -404,7 +268,7 @@ def way_out(table: FacetTable, count, direction, n, place, space):
     """
     nearest = np.inf
     for i in range(count):
-        g = space.facings[i, 1]
+        g = space.facing.pairs[i, 1]
         if table.shares[g, direction] == 0.0:
             continue
         o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]

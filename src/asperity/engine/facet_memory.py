@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from asperity.contact.facet_space import WINDOWS
 from asperity.contact.facet_table import BINS
+from asperity.contact.facing import NotedFacets, note_nothing, noted_facets
 
 
 class FacetMemory(NamedTuple):
@@ -33,6 +34,8 @@ class FacetMemory(NamedTuple):
     """Deflection of each patch's bristle in the body's frame [m], (bodies, 6, 4, 3)."""
     held: NDArray[np.bool_]
     """Whether a body is in contact, of which MuJoCo need not be asked; (bodies,)."""
+    noted: NotedFacets
+    """What facets were near each body."""
 
 
 def facet_memory(bodies: int) -> FacetMemory:
@@ -47,6 +50,7 @@ def facet_memory(bodies: int) -> FacetMemory:
         at=np.zeros(1, np.int64),
         bristle=np.zeros((bodies, BINS, WINDOWS, 3)),
         held=np.zeros(bodies, np.bool_),
+        noted=noted_facets(bodies),
     )
 
 
@@ -60,3 +64,4 @@ def forget(memory: FacetMemory) -> None:
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0
     memory.held[:] = False
+    note_nothing(memory.noted)

@@ -30,16 +30,15 @@ from asperity.contact.deepest import DEPTH
 from asperity.contact.facet_search import pairs_of_charts, patch_depths
 from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
 from asperity.contact.facet_table import BINS
+from asperity.contact.facing import between_bodies, near_pairs
 from asperity.contact.footprint import (
     DEEPEST,
     MASS,
     NORMAL,
     WHERE,
     add_piece,
-    between_bodies,
     cut_deep,
     deepest_of,
-    facing_pairs,
     piece,
     sliver,
     steady_normal,
@@ -111,11 +110,11 @@ def _sum_footprint(table, count, reach, near, space):
         sums[d, DEEPEST] = -np.inf
     kept = 0
     for i in range(count):
-        f, g = space.facings[i, 0], space.facings[i, 1]
+        f, g = space.facing.pairs[i, 0], space.facing.pairs[i, 1]
         here, corners = piece(table, f, g, reach, reach, near, space)
         if corners < 0:
             continue
-        space.facings[kept, 0], space.facings[kept, 1] = f, g
+        space.facing.pairs[kept, 0], space.facing.pairs[kept, 1] = f, g
         kept += 1
         masses = space.masses[kept - 1]
         clear(masses)
@@ -155,8 +154,8 @@ def _may_touch(memory, b, d, sums, moved, shallowest):
 
 @inner_kernel
 def touch(
-    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, radius, fade, tolerance,
-    max_nodes, memory, space, work_space,
+    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, size, radius, fade,
+    tolerance, max_nodes, memory, space, work_space,
 ):  # fmt: skip
     """Add the patches between the tool and body b to `space.rows`, with their weights.
 
@@ -168,6 +167,8 @@ def touch(
         How deep MuJoCo finds the two [m].
     moved : float
         How far the tool has moved since the last pose [m].
+    size : float
+        How far its points are from its frame's origin at most [m].
     radius : float
         How far patches reach over the middle of the footprint [m].
     fade : float
@@ -183,9 +184,10 @@ def touch(
             hollow += max(-textures.scales[geometry.texture[body], 6], 0.0)
     most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
-    # Sideways textures move points no farther than they rise.
-    count = facing_pairs(table, tool, b, turn, shift, math.hypot(scan, reach), reach, foot)
-    if foot.clock[1] > 0:
+    count = near_pairs(
+        table, tool, b, turn, shift, scan, reach, size, moved, memory.noted, foot.facing
+    )
+    if foot.facing.clock[1] > 0:
         rows.count[1] += 1
     count = _sum_footprint(table, count, reach, scan, foot)
     shallowest = np.inf
