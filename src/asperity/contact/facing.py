@@ -42,7 +42,8 @@ class Facing(NamedTuple):
     turned: NDArray[np.float64]
     """Corners of A's facets in B's frame, (facets, 8, 3)."""
     normals: NDArray[np.float64]
-    """Of A's facets in B's frame: normal, middle, how far the corners are from it; (facets, 7)."""
+    """Of A's facets in B's frame: normal, middle, how far the corners are from it, and the axes
+    in its plane; (facets, 13)."""
     stamp: NDArray[np.int64]
     """When a facet was turned, (facets,)."""
     clock: NDArray[np.int64]
@@ -67,7 +68,7 @@ def facing_space(facets: int) -> Facing:
         pairs=np.zeros((MAX_FACINGS, 2), np.int64),
         stack=np.zeros((_STACK, 2), np.int64),
         turned=np.zeros((facets, 8, 3)),
-        normals=np.zeros((facets, 7)),
+        normals=np.zeros((facets, 13)),
         stamp=np.zeros(facets, np.int64),
         clock=np.zeros(2, np.int64),
     )
@@ -111,6 +112,11 @@ def _turn_facet(table: FacetTable, f, turn, shift, facing):
             total += turn[i, k] * table.axes[f, 2, k]
             middle += turn[i, k] * table.origin[f, k]
         facing.normals[f, i], facing.normals[f, 3 + i] = total, middle
+        for axis in range(2):
+            total = 0.0
+            for k in range(3):
+                total += turn[i, k] * table.axes[f, axis, k]
+            facing.normals[f, 7 + 3 * axis + i] = total
         for c in range(table.sides[f]):
             place = shift[i]
             for k in range(3):
@@ -130,11 +136,10 @@ def _far(table: FacetTable, f, g, near, beside, facing):
     x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
     round_f = m[6] + beside
-    return (
-        abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) > table.half[g, 0] + round_f
-        or abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) > table.half[g, 1] + round_f
-        or abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) > near + m[6]
-    )
+    off_x = abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) > table.half[g, 0] + round_f
+    off_y = abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) > table.half[g, 1] + round_f
+    off_z = abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) > near + m[6]
+    return off_x | off_y | off_z
 
 
 @small_kernel
@@ -176,43 +181,58 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, flattest,
     while top > 0:
         top -= 1
         i, j = stack[top, 0], stack[top, 1]
-        m, h = table.middle[i], table.reach[i]
-        apart = False
-        size_a = size_b = 0.0
-        for k in range(3):
-            away = shift[k] + turn[k, 0] * m[0] + turn[k, 1] * m[1] + turn[k, 2] * m[2]
-            away = abs(away - table.middle[j, k])
-            half = size[k, 0] * h[0] + size[k, 1] * h[1] + size[k, 2] * h[2]
-            if away > half + table.reach[j, k] + margin:
-                apart = True
-                break
-            size_a, size_b = max(size_a, half), max(size_b, table.reach[j, k])
-        if apart:
-            continue
-        split_a = table.child[i] >= 0 and (size_a >= size_b or table.child[j] < 0)
-        if split_a or table.child[j] >= 0:
-            if top + 2 > _STACK:
+        inner_a, inner_b = table.child[i] >= 0, table.child[j] >= 0
+        if inner_a or inner_b:
+            if top + 4 > _STACK:
                 facing.clock[1] += 1
                 continue
-            for c in range(2):
-                stack[top, 0] = table.child[i] + c if split_a else i
-                stack[top, 1] = j if split_a else table.child[j] + c
-                top += 1
+            # Without branches: which boxes are apart no processor can foretell.
+            first_a, last_a = (table.child[i], table.child[i] + 2) if inner_a else (i, i + 1)
+            first_b, last_b = (table.child[j], table.child[j] + 2) if inner_b else (j, j + 1)
+            for c in range(first_a, last_a):
+                m, h = table.middle[c], table.reach[c]
+                x = shift[0] + turn[0, 0] * m[0] + turn[0, 1] * m[1] + turn[0, 2] * m[2]
+                y = shift[1] + turn[1, 0] * m[0] + turn[1, 1] * m[1] + turn[1, 2] * m[2]
+                z = shift[2] + turn[2, 0] * m[0] + turn[2, 1] * m[1] + turn[2, 2] * m[2]
+                wide_x = size[0, 0] * h[0] + size[0, 1] * h[1] + size[0, 2] * h[2] + margin
+                wide_y = size[1, 0] * h[0] + size[1, 1] * h[1] + size[1, 2] * h[2] + margin
+                wide_z = size[2, 0] * h[0] + size[2, 1] * h[1] + size[2, 2] * h[2] + margin
+                for d in range(first_b, last_b):
+                    near_x = abs(x - table.middle[d, 0]) <= wide_x + table.reach[d, 0]
+                    near_y = abs(y - table.middle[d, 1]) <= wide_y + table.reach[d, 1]
+                    near_z = abs(z - table.middle[d, 2]) <= wide_z + table.reach[d, 2]
+                    stack[top, 0], stack[top, 1] = c, d
+                    top += np.int64(near_x & near_y & near_z)
             continue
         for f in range(table.first[i], table.last[i]):
             if facing.stamp[f] != facing.clock[0]:
                 _turn_facet(table, f, turn, shift, facing)
             for g in range(table.first[j], table.last[j]):
-                if _faces(table, f, g, facing) < flattest:
-                    continue
-                if _far(table, f, g, margin, beside, facing):
-                    continue
                 if count == MAX_FACINGS:
                     facing.clock[1] += 1
                     continue
+                faces = _faces(table, f, g, facing) >= flattest
+                far = _far(table, f, g, margin, beside, facing)
                 facing.pairs[count, 0], facing.pairs[count, 1] = f, g
-                count += 1
+                count += np.int64(faces & ~far)
     return count
+
+
+@small_kernel
+def _off_sides(table: FacetTable, f, g, near, reach, facing):
+    """Return whether g is beside a facet of A by more than `reach`, by the rectangle round it."""
+    m, o = facing.normals[f], table.origin[g]
+    x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
+    for axis in range(2):
+        a0, a1, a2 = m[7 + 3 * axis], m[8 + 3 * axis], m[9 + 3 * axis]
+        wide = table.half[g, 0] * abs(a0 * x[0] + a1 * x[1] + a2 * x[2])
+        wide += table.half[g, 1] * abs(a0 * y[0] + a1 * y[1] + a2 * y[2])
+        # What is seen along z may lie this much higher or lower.
+        wide += max(near, reach) * abs(a0 * z[0] + a1 * z[1] + a2 * z[2])
+        if abs(a0 * d0 + a1 * d1 + a2 * d2) > table.half[f, axis] + wide + reach:
+            return True
+    return False
 
 
 @inner_kernel
@@ -288,6 +308,8 @@ def _note(table: FacetTable, a, b, turn, shift, near, reach, spare, size, noted,
     kept = np.int64(0)
     for i in range(count):
         f, g = facing.pairs[i, 0], facing.pairs[i, 1]
+        if _off_sides(table, f, g, near, reach, facing):
+            continue
         if _beside_each_other(table, f, g, near, reach, facing):
             continue
         if kept < MAX_NOTED:
