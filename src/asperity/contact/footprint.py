@@ -22,6 +22,7 @@ from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_table import BINS, FacetTable
 from asperity.contact.facing import MAX_FACINGS, Facing, facing_space
+from asperity.stack import stack_array
 
 _CORNERS = 24
 
@@ -70,10 +71,11 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
     which half the result is in, and how many corners are left.
     """
     p, q = polygon[source], polygon[1 - source]
+    over = stack_array((_CORNERS,))
     least, most = np.inf, -np.inf
     for i in range(count):
-        here = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
-        least, most = min(least, here), max(most, here)
+        over[i] = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
+        least, most = min(least, over[i]), max(most, over[i])
     if most <= 0.0:
         return source, count
     if least > 0.0:
@@ -81,8 +83,7 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
     kept = np.int64(0)
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
-        here = k0 + k1 * p[i, 0] + k2 * p[i, 1] + k3 * p[i, 2]
-        there = k0 + k1 * p[j, 0] + k2 * p[j, 1] + k3 * p[j, 2]
+        here, there = over[i], over[j]
         if here <= 0.0:
             for k in range(4):
                 q[kept, k] = p[i, k]
