@@ -29,6 +29,7 @@ from asperity.texture.highest import cells_between, texture_top, windows
 
 _MOST_BLOCKS = 512**2
 """Cells are not cut into more blocks than this."""
+_SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
 _EDGE = 1e-6
 """Rectangles this little larger than a block count as its size [cells]."""
 
@@ -206,14 +207,18 @@ def _up(values: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 @small_kernel
-def texture_at(textures, k, u, v):
-    """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
+def _cell_at(textures, k, u, v):
+    """Return the place of a cell's first coefficient, and where (u, v) lies in the cell.
+
+    And what slopes there count along u and v: 0 beyond a clamped border, where the surface is
+    level. The place is -1 where (u, v) is no number.
+    """
     table, scales = textures.table, textures.scales
     x, y = u * scales[k, 0], v * scales[k, 1]
     if not (x - x == 0.0 and y - y == 0.0):
         # Beyond a round body: no number is no index either.
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    along, across = 1.0, 1.0  # zero beyond a clamped border, where the surface is level
+        return np.int64(-1), 0.0, 0.0, 0.0, 0.0
+    along, across = 1.0, 1.0
     columns, rows = float(table[k, 4]), float(table[k, 3])
     if table[k, 7] == 1:
         x, y = x + 0.5, y + 0.5
@@ -227,24 +232,40 @@ def texture_at(textures, k, u, v):
         x, y = x + 0.5, y + 0.5
     column = min(int(x), int(table[k, 4]) - 1)
     row = min(int(y), int(table[k, 3]) - 1)
-    t, q = x - column, y - row
-    r, p = 1.0 - t, 1.0 - q
-    a0, a1 = r * r * r / 6.0, (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0
-    a2, a3 = (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0, t * t * t / 6.0
-    b0, b1, b2, b3 = -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
-    c1, c2 = 3.0 * t - 2.0, 3.0 * r - 2.0
-    w = (
-        p * p * p / 6.0,
-        (4.0 - 6.0 * q * q + 3.0 * q * q * q) / 6.0,
-        (4.0 - 6.0 * p * p + 3.0 * p * p * p) / 6.0,
-        q * q * q / 6.0,
-    )
-    dw = (-0.5 * p * p, 1.5 * q * q - 2.0 * q, 2.0 * p - 1.5 * p * p, 0.5 * q * q)
-    ddw = (p, 3.0 * q - 2.0, 3.0 * p - 2.0, q)
+    return table[k, 0] + row * table[k, 2] + column, x - column, y - row, along, across
+
+
+@small_kernel
+def _blend(t):
+    """Return the weights of four coefficients at t of [0, 1] of a cell."""
+    r = 1.0 - t
+    t2, r2 = t * t, r * r
+    return (
+        r2 * r * _SIXTH, _TWO_THIRDS - t2 + 0.5 * t2 * t, _TWO_THIRDS - r2 + 0.5 * r2 * r,
+        t2 * t * _SIXTH,
+    )  # fmt: skip
+
+
+@small_kernel
+def _blend_slope(t):
+    """Return the derivatives of `_blend`."""
+    r = 1.0 - t
+    return -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
+
+
+@small_kernel
+def texture_at(textures, k, u, v):
+    """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
+    place, t, q, along, across = _cell_at(textures, k, u, v)
+    if place < 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    a0, a1, a2, a3 = _blend(t)
+    b0, b1, b2, b3 = _blend_slope(t)
+    c0, c1, c2, c3 = 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
+    w, dw = _blend(q), _blend_slope(q)
+    ddw = (1.0 - q, 3.0 * q - 2.0, 1.0 - 3.0 * q, q)
     h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
-    width = table[k, 2]
-    place = table[k, 0] + row * width + column
-    c = textures.coefficients
+    c, width = textures.coefficients, textures.table[k, 2]
     for i in range(4):
         k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
         value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
@@ -254,10 +275,31 @@ def texture_at(textures, k, u, v):
         h_vv += ddw[i] * value
         h_u += w[i] * slope
         h_uv += dw[i] * slope
-        h_uu += w[i] * (r * k0 + c1 * k1 + c2 * k2 + t * k3)
+        h_uu += w[i] * (c0 * k0 + c1 * k1 + c2 * k2 + c3 * k3)
         place += width
-    su, sv = scales[k, 0] * along, scales[k, 1] * across
+    su, sv = textures.scales[k, 0] * along, textures.scales[k, 1] * across
     return h, h_u * su, h_v * sv, h_uu * su * su, h_uv * su * sv, h_vv * sv * sv
+
+
+@small_kernel
+def texture_slope(textures, k, u, v):
+    """Return the first three of `texture_at`: h, h_u, h_v."""
+    place, t, q, along, across = _cell_at(textures, k, u, v)
+    if place < 0:
+        return 0.0, 0.0, 0.0
+    a0, a1, a2, a3 = _blend(t)
+    b0, b1, b2, b3 = _blend_slope(t)
+    w, dw = _blend(q), _blend_slope(q)
+    h = h_u = h_v = 0.0
+    c, width = textures.coefficients, textures.table[k, 2]
+    for i in range(4):
+        k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
+        value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
+        h += w[i] * value
+        h_v += dw[i] * value
+        h_u += w[i] * (b0 * k0 + b1 * k1 + b2 * k2 + b3 * k3)
+        place += width
+    return h, h_u * textures.scales[k, 0] * along, h_v * textures.scales[k, 1] * across
 
 
 @small_kernel
