@@ -42,12 +42,22 @@ from asperity.contact.chart import (
     O,
     Q,
 )
+from asperity.contact.plane_surface import (
+    P_X,
+    P_XX,
+    P_XY,
+    P_Y,
+    P_YY,
+    POINT_SIZE,
+    P,
+    lift_plane,
+    place_on_plane,
+)
 from asperity.texture.packed import texture_at
 
-P, P_X, P_Y, P_XX, P_XY, P_YY = 0, 3, 6, 9, 12, 15
-"""Where `surface_at` leaves a point and its derivatives."""
-POINT_SIZE = 18
 _NEWTON_STEPS = 20
+_NEAR_ENOUGH = 1e-16
+"""A place this near is found [m]."""
 
 
 @small_kernel
@@ -157,8 +167,11 @@ def surface_at(textures, chart, x, y, out):
     The point is nan beyond the chart's ellipse.
     """
     root = root_at(chart, x, y)
-    r, r_x, r_y, r_xx, r_xy, r_yy = root
     c = chart[C]
+    if c == 0.0 and chart[TEXTURE] >= 0.0:
+        lift_plane(chart, x, y, height_on(textures, chart, x, y, root), out)
+        return
+    r, r_x, r_y, r_xx, r_xy, r_yy = root
     out[P], out[P + 1] = (
         chart[O] + chart[Q] * x + chart[Q + 1] * y,
         chart[O + 1] + chart[Q + 2] * x + chart[Q + 3] * y,
@@ -267,6 +280,8 @@ def height_at(textures, chart, u, v, work):
         if inside > most:
             scale = math.sqrt(most / inside)
             x, y = x * scale, y * scale
+    elif chart[MAPPING] == PLANAR:
+        x, y = place_on_plane(textures, chart, u, v)
     error = np.inf
     a = b = c = d = det = 0.0
     for _ in range(_NEWTON_STEPS):
@@ -275,7 +290,7 @@ def height_at(textures, chart, u, v, work):
         before, error = error, abs(off_u) + abs(off_v)
         a, b, c, d = work[P_X], work[P_Y], work[P_X + 1], work[P_Y + 1]
         det = a * d - b * c
-        if error <= 1e-17 or (error < 1e-13 and error >= before):
+        if error <= _NEAR_ENOUGH or (error < 1e-13 and error >= before):
             break
         if det == 0.0 or not error < 1e3:
             return nothing
