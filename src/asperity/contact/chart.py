@@ -62,7 +62,8 @@ SIDE = EQ + 12  # largest sideways part of w
 SUMMIT = EQ + 13  # largest z of the base, infinite where it is not known
 COVERS = EQ + 14  # of a facet: least and largest u, least and largest v of its base
 CORNERS = EQ + 18  # of a facet within rows: how many corners, then their (x, y), 8 at most
-SIZE = EQ + 35
+LEAST_W, RISE = EQ + 35, EQ + 36  # of a facet: least length of w as it stands; largest z of w
+SIZE = EQ + 37
 
 PLANAR, CYLINDRICAL, TRIPLANAR = 0.0, 1.0, 2.0
 
@@ -105,6 +106,7 @@ def _finish(chart, frame, body, mapping, origin):
     chart[LEVEL] = 1.0 if level else 0.0
     chart[MAPPING] = mapping
     chart[TOP], chart[SIDE], chart[SUMMIT] = np.inf, 1.0, np.inf
+    chart[LEAST_W], chart[RISE] = 1.0, 1.0
     if flat:
         chart[SIDE] = math.hypot(chart[V0], chart[V0 + 1])
     if chart[TEXTURE] < 0.0:

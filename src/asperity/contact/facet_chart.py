@@ -12,6 +12,7 @@ from asperity.contact.chart import (
     CORNERS,
     COVERS,
     LEAST_ROOT,
+    LEAST_W,
     LEVEL,
     MAPPING,
     PZ,
@@ -20,6 +21,7 @@ from asperity.contact.chart import (
     QINV,
     RECTANGLE,
     RECTANGLE_HARD,
+    RISE,
     ROUND,
     ROWS,
     SIDE,
@@ -43,7 +45,7 @@ from asperity.contact.chart import (
 
 @inner_kernel
 def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
-    """Fill `chart` (163,) with a facet.
+    """Fill `chart` (165,) with a facet.
 
     Parameters
     ----------
@@ -108,14 +110,17 @@ def facet_chart(table, f, turn, shift, texture, mapping, origin, chart):
         summit = max(summit, chart[PZ] * x + chart[PZ + 1] * y)
     chart[SUMMIT] = chart[O + 2] + summit
     chart[COVERS], chart[COVERS + 1], chart[COVERS + 2], chart[COVERS + 3] = u0, u1, v0, v1
-    # Over the rectangle w, before it is made a unit vector, is largest sideways in a corner.
-    side = 0.0
+    # Over the rectangle w, before it is made a unit vector, is largest in a corner: sideways, and
+    # along z.
+    side, rise = 0.0, 0.0
     for i in range(4):
         x, y = (half_x if i & 1 else -half_x), (half_y if i & 2 else -half_y)
         w_u = chart[V0] + chart[V1] * x + chart[V2] * y
         w_v = chart[V0 + 1] + chart[V1 + 1] * x + chart[V2 + 1] * y
         side = max(side, math.sqrt(w_u * w_u + w_v * w_v))
-    chart[SIDE] = min(side / table.least[f], 1.0)
+        rise = max(rise, chart[V0 + 2] + chart[V1 + 2] * x + chart[V2 + 2] * y)
+    chart[LEAST_W] = table.least[f]
+    chart[SIDE], chart[RISE] = min(side / table.least[f], 1.0), min(rise / table.least[f], 1.0)
     chart[TEXTURE], chart[MAPPING] = texture, mapping
     if texture < 0:
         return

@@ -395,7 +395,7 @@ def search_pair(
 
     Parameters
     ----------
-    cx, cy : (163,) arrays
+    cx, cy : (165,) arrays
         Charts; the search walks over the parameters of `cx`.
     pair : int
         Noted with every place.

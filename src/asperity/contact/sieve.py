@@ -20,6 +20,7 @@ from asperity.contact.chart import (
     B1,
     B2,
     COVERS,
+    LEAST_W,
     MAPPING,
     PLANAR,
     PZ,
@@ -27,6 +28,7 @@ from asperity.contact.chart import (
     Q_MOST,
     QINV,
     RECTANGLE,
+    RISE,
     ROWS,
     SUMMIT,
     TEXTURE,
@@ -34,6 +36,8 @@ from asperity.contact.chart import (
     UNIT,
     UV_MOST,
     V0,
+    V1,
+    V2,
     C,
     O,
     Q,
@@ -108,11 +112,21 @@ def _flat(cx, cy):
     z_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
     z_0 = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
     g1, g2 = i * cy[PZ] + k * cy[PZ + 1], j * cy[PZ] + m * cy[PZ + 1]
-    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2)
-    # The height over a place of a plane that is moved along its normal, where that is constant.
-    lift_x = cx[V0 + 2] + g1 * cx[V0] + g2 * cx[V0 + 1] if cx[UNIT] == 1.0 else steepness
-    lift_y = cy[V0 + 2] - g1 * cy[V0] - g2 * cy[V0 + 1] if cy[UNIT] == 1.0 else steepness
+    lift_x, lift_y = _lift(cx, g1, g2), _lift(cy, -g1, -g2)
     return b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, lift_x, lift_y
+
+
+@small_kernel
+def _lift(chart, g1, g2):
+    """Return how much higher a plane is over a place, moved by 1 along its normal, at most."""
+    lift = chart[V0 + 2] + g1 * chart[V0] + g2 * chart[V0 + 1]
+    if chart[UNIT] == 1.0:
+        return lift
+    # Before w is made a unit vector it is linear.
+    x = chart[V1 + 2] + g1 * chart[V1] + g2 * chart[V1 + 1]
+    y = chart[V2 + 2] + g1 * chart[V2] + g2 * chart[V2 + 1]
+    lift += abs(x) * chart[RECTANGLE + 1] + abs(y) * chart[RECTANGLE + 3]
+    return min(max(lift, 0.0) / chart[LEAST_W], math.sqrt(1.0 + g1 * g1 + g2 * g2))
 
 
 @small_kernel
@@ -175,11 +189,13 @@ def _lifted(cx, cy, flat, bound, top, high_x, high_y):
     if cx[UNIT] == 1.0:
         bound, top = bound + flat[9] * high_x, top + high_x * cx[V0 + 2]
     else:
-        bound, top = bound + flat[9] * max(high_x, 0.0), top + max(high_x, 0.0)
+        high_x = max(high_x, 0.0)
+        bound, top = bound + flat[9] * high_x, top + high_x * cx[RISE]
     if cy[UNIT] == 1.0:
         bound, top = bound + flat[10] * high_y, top + high_y * cy[V0 + 2]
     else:
-        bound, top = bound + flat[10] * max(high_y, 0.0), top + max(high_y, 0.0)
+        high_y = max(high_y, 0.0)
+        bound, top = bound + flat[10] * high_y, top + high_y * cy[RISE]
     return min(bound, top)
 
 
