@@ -307,9 +307,7 @@ def facets_along(
     foot, frame = space.footprint, work_space.frame
     turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
     between_bodies(body_a, body_b, turn, shift)
-    count = facing_pairs(
-        table, 0, 1, turn, shift, highest, _ANYWHERE, FLATTEST, foot.facing
-    )
+    count = facing_pairs(table, 0, 1, turn, shift, highest, _ANYWHERE, FLATTEST, foot.facing)
     kept = 0
     for i in range(count):
         f, g = foot.facing.pairs[i, 0], foot.facing.pairs[i, 1]

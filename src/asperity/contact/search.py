@@ -17,16 +17,8 @@ import numpy as np
 
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.ball import is_ball_over_plate
-from asperity.contact.bound import (
-    BOUNDED,
-    CONCAVE,
-    UNSEEN,
-    ball_bound,
-    base_bound,
-    beyond_rows,
-    node_bound,
-    sharpest_bound,
-)
+from asperity.contact.borders import beyond_rows
+from asperity.contact.bound import ball_bound, base_bound, node_bound
 from asperity.contact.chart import (
     B0,
     B1,
@@ -46,6 +38,7 @@ from asperity.contact.chart import (
     Q,
 )
 from asperity.contact.climb import climb, is_within
+from asperity.contact.closing import sharpest_bound
 from asperity.contact.flat_pair import flat_best, is_straight
 from asperity.contact.overlap import (
     BORDERS,
@@ -62,6 +55,8 @@ from asperity.contact.overlap import (
     borders_at,
     overlap_at,
 )
+from asperity.contact.plane_bound import plane_bound
+from asperity.contact.second_order import BOUNDED, CONCAVE, UNSEEN
 from asperity.contact.surface import parameters_under
 
 TIE = 1e-9
@@ -71,6 +66,8 @@ SAME = 1e-6
 """Places closer than this are one [m]."""
 FINEST_TIE = 1.0 / 20.0
 _STACK = 1024
+ANY, BALL, PLANES = 0, 1, 2
+"""What charts are judged: any, a ball over a level plate, two planes."""
 _PLATEAU = 1e-7  # slopes below this are none
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
 SMALLEST = 1e-10  # boxes are not divided below this [m]
@@ -319,11 +316,12 @@ def first_look(
 
 @inner_kernel
 def judge(
-    textures, cx, cy, pair, ax, ay, window, box, bound, shift, ball, state, best, ties, work, at
+    textures, cx, cy, pair, ax, ay, window, box, bound, shift, how, state, best, ties, work, at
 ):  # fmt: skip
     """Return a bound of the overlap over a box that has to be divided further, else -inf.
 
-    `bound` is that of the box it comes from. What is found on the way is kept.
+    `bound` is that of the box it comes from, or of `PLANES` its own. What is found on the way is
+    kept.
     """
     p0, p1, q0, q1 = box
     state[NODES] += 1.0
@@ -332,8 +330,10 @@ def judge(
     state[JUDGED] = -np.inf
     if beyond_rows(cx, middle_x, middle_y, p1 - middle_x, q1 - middle_y):
         return -np.inf
-    if ball:
+    if how == BALL:
         high, kind, second, loose = ball_bound(textures, cx, cy, ax, ay, box, enough, at)
+    elif how == PLANES:
+        high, kind, second, loose = plane_bound(textures, cx, cy, box, bound, enough, work, at)
     else:
         high, kind, second, loose = node_bound(
             textures, cx, cy, ax, ay, box, shift, enough, work, at
@@ -422,6 +422,7 @@ def search_pair(
     x0, x1, y0, y1 = window
     span = max(x1 - x0, y1 - y0)
     ball = is_ball_over_plate(cx, cy)
+    how = BALL if ball else ANY
     part = window
     if ball:
         ax, ay = parameters_under(cx, cy[O], cy[O + 1])
@@ -431,7 +432,7 @@ def search_pair(
     for i in range(_blocks(textures, cx, part, boxes)):
         box = (boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3])
         high = judge(
-            textures, cx, cy, pair, ax, ay, window, box, above, shift, ball, state, best, ties,
+            textures, cx, cy, pair, ax, ay, window, box, above, shift, how, state, best, ties,
             work, at,
         )  # fmt: skip
         if high > -np.inf:
@@ -463,7 +464,7 @@ def search_pair(
             p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
             q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
             high = judge(
-                textures, cx, cy, pair, ax, ay, window, (p0, p1, q0, q1), bound, shift, ball,
+                textures, cx, cy, pair, ax, ay, window, (p0, p1, q0, q1), bound, shift, how,
                 state, best, ties, work, at,
             )  # fmt: skip
             if high == -np.inf:

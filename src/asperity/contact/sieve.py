@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, small_kernel
-from asperity.contact.bound import beyond_rows
+from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import (
     B0,
     B1,
@@ -50,6 +50,7 @@ from asperity.contact.search import (
     JUDGED,
     LIMIT,
     NODES,
+    PLANES,
     SMALLEST,
     TIE,
     UPPER,
@@ -469,7 +470,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
                 if high > enough and large <= _LEAF * grain:
                     high = judge(
                         textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
-                        (p0, p1, q0, q1), high, shift, False, state, space.best, space.ties,
+                        (p0, p1, q0, q1), high, shift, PLANES, state, space.best, space.ties,
                         space.work, space.at,
                     )  # fmt: skip
                     boxes[used - 1, 5] = min(boxes[used - 1, 5], state[JUDGED])

@@ -303,15 +303,14 @@ def texture_slope(textures, k, u, v):
 
 
 @small_kernel
-def _blocks_over(textures, k, u0, u1, v0, v1):
-    """Return the level that is read for a rectangle, and the cells of it: first, number.
+def slope_bounds(textures, k, u0, u1, v0, v1):
+    """Return (largest slope, largest second derivative) over a rectangle [m].
 
-    First and number of columns, of rows; level; whether the rectangle passes a clamped border. A
-    level of -1: all of the texture.
+    The largest second derivative is 0 or more where the rectangle passes a clamped border.
     """
-    table, scales = textures.table, textures.scales
+    table, scales, bounds = textures.table, textures.scales, textures.bounds
     # From here on in parts of cells.
-    parts, wraps = table[k, 8], table[k, 7]
+    parts, wraps, first = table[k, 8], table[k, 7], table[k, 5]
     columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
     su, sv = scales[k, 0] * parts, scales[k, 1] * parts
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
@@ -321,8 +320,9 @@ def _blocks_over(textures, k, u0, u1, v0, v1):
     while level < top and not side >= enough:
         level, side = level + 1, 2.0 * side
     if level == top or not (x1 - x0 < 1e9 and y1 - y0 < 1e9):
-        # Also where a place is no number.
-        return 0, 0, 0, 0, -1, False
+        # All of the texture; also where a place is no number.
+        block = textures.levels[first + top, 0]
+        return float(bounds[block, 0]), max(float(bounds[block, 1]), 0.0)
     outside = False
     if wraps == 0:
         # Beyond its samples the surface is as high as at the last of them.
@@ -332,22 +332,6 @@ def _blocks_over(textures, k, u0, u1, v0, v1):
         y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
     column, wide = cells_between(x0, x1, float(columns), wraps)
     row, tall = cells_between(y0, y1, float(rows), wraps)
-    return column, wide, row, tall, level, outside
-
-
-@small_kernel
-def texture_bounds(textures, k, u0, u1, v0, v1):
-    """Return (highest point, largest slope, largest second derivative) over a rectangle [m].
-
-    The largest second derivative is 0 or more where the rectangle passes a clamped border.
-    """
-    table, bounds, scales = textures.table, textures.bounds, textures.scales
-    column, wide, row, tall, level, outside = _blocks_over(textures, k, u0, u1, v0, v1)
-    first = table[k, 5]
-    if level < 0:
-        block = textures.levels[first + table[k, 6] - 1, 0]
-        return scales[k, 8], float(bounds[block, 0]), max(float(bounds[block, 1]), 0.0)
-    columns, rows = table[k, 4] * table[k, 8], table[k, 3] * table[k, 8]
     start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
     slope, bend = 0.0, -np.inf
     while tall > 0:
@@ -362,6 +346,11 @@ def texture_bounds(textures, k, u0, u1, v0, v1):
         after = min(((row >> level) + 1) << level, rows)
         tall -= after - row
         row = 0 if after == rows else after
-    if outside:
-        bend = max(bend, 0.0)
+    return slope, max(bend, 0.0) if outside else bend
+
+
+@small_kernel
+def texture_bounds(textures, k, u0, u1, v0, v1):
+    """Return (highest point, largest slope, largest second derivative) over a rectangle [m]."""
+    slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
     return texture_top(textures, k, u0, u1, v0, v1), slope, bend

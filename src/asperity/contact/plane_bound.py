@@ -1,0 +1,197 @@
+"""Upper bounds of the overlap of two plane charts over a small box: `bound` without curvature.
+
+The sieve has bounded the overlap to order zero before it asks for this, so the middle of the box
+is looked at right away, and only slopes and bends of the textures are looked up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from asperity.compiled import inner_kernel, small_kernel
+from asperity.contact.borders import HAIR, beside
+from asperity.contact.chart import (
+    B0,
+    B1,
+    B2,
+    BEND_1,
+    BEND_2,
+    LEVEL,
+    MAPPING,
+    PLANAR,
+    Q_LEAST,
+    Q_MOST,
+    QINV,
+    SIDE,
+    TEXTURE,
+    UNIT,
+    UV_LEAST,
+    UV_MOST,
+    V0,
+    V1,
+    V2,
+    Q,
+)
+from asperity.contact.overlap import F_XX, F_XY, F_YY, ON_X, ON_Y, POINT, SLOPE_Y, F, overlap_at
+from asperity.contact.second_order import (
+    SEEN,
+    UNSEEN,
+    point_bend,
+    second_order,
+    shape_bend,
+    third_order,
+)
+from asperity.contact.surface import parameters_under
+from asperity.contact.texture_bound import texture_over
+from asperity.texture.packed import slope_bounds
+
+
+@small_kernel
+def _normal_over(chart, x, y, radius):
+    """Return the unit normal at (x, y), how much it changes within `radius`, sizes of w', w''."""
+    v_u, v_v, v_z = chart[V0], chart[V0 + 1], chart[V0 + 2]
+    if chart[UNIT] == 1.0:
+        return v_u, v_v, v_z, 0.0, 0.0, 0.0
+    slopes = 0.0
+    for i in range(3):
+        slopes += chart[V1 + i] * chart[V1 + i] + chart[V2 + i] * chart[V2 + i]
+    slopes = math.sqrt(slopes)
+    v_u += chart[V1] * x + chart[V2] * y
+    v_v += chart[V1 + 1] * x + chart[V2 + 1] * y
+    v_z += chart[V1 + 2] * x + chart[V2 + 2] * y
+    size = math.sqrt(v_u * v_u + v_v * v_v + v_z * v_z)
+    w1, w2 = chart[BEND_1], chart[BEND_2]
+    # Before it is made a unit vector w is linear: in the box not much shorter than here.
+    shortest = size - slopes * radius
+    if slopes < w1 * shortest:
+        w1 = slopes / shortest
+        w2 = 3.0 * w1 * w1
+    over = 1.0 / size
+    return v_u * over, v_v * over, v_z * over, w1 * radius, w1, w2
+
+
+@small_kernel
+def _slopes_over(textures, chart, x, y, half_x, half_y):
+    """Return the largest slope, the largest bend and its size, of a texture over a box."""
+    if chart[MAPPING] != PLANAR:
+        over = texture_over(textures, chart, x - half_x, x + half_x, y - half_y, y + half_y)
+        return over[1], over[2], over[3]
+    k = int(chart[TEXTURE])
+    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
+    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
+    u = chart[B0] + chart[B1] * x + chart[B2] * y
+    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
+    slope, bend = slope_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
+    speed = chart[UV_MOST]
+    bend *= speed * speed if bend > 0.0 else chart[UV_LEAST] * chart[UV_LEAST]
+    return slope * speed, bend, textures.scales[k, 4] * speed * speed
+
+
+@inner_kernel
+def plane_bound(textures, cx, cy, box, bound, enough, work, at):
+    """Do `node_bound` for two plane charts, of which `bound` is known."""
+    x0, x1, y0, y1 = box
+    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    rough_x, rough_y = cx[TEXTURE] >= 0.0, cy[TEXTURE] >= 0.0
+    level_y = cy[LEVEL] == 1.0 or not rough_y
+    size_x = textures.scales[int(cx[TEXTURE]), 2] if rough_x else 0.0
+    size_y = textures.scales[int(cy[TEXTURE]), 2] if rough_y else 0.0
+    slope_x = bend_x = size_bend = wu = wv = change = w1 = w2 = side = 0.0
+    wz = 1.0
+    if rough_x:
+        wu, wv, wz, change, w1, w2 = _normal_over(cx, x, y, radius)
+        slope_x, bend_x, size_bend = _slopes_over(textures, cx, x, y, half_x, half_y)
+        side = min(math.sqrt(wu * wu + wv * wv) + change, 1.0)
+    # How fast the place in (u, v) moves, at most and at least, along a unit direction of X.
+    drift = slope_x * side + size_x * w1
+    fastest, slowest = cx[Q_MOST] + drift, max(cx[Q_LEAST] - drift, 0.0)
+    overlap_at(textures, cx, cy, x, y, work, at)
+    # The middle's place on Y's base, round which are those of all points over the box.
+    base_x, base_y = at[ON_X], at[ON_Y]
+    if not level_y and at[F] > -np.inf:
+        base_x, base_y = parameters_under(cy, at[POINT], at[POINT + 1])
+    shift_y = 0.0 if level_y else size_y * cy[SIDE]
+    if beside(cy, base_x, base_y, (radius * fastest + shift_y) / cy[Q_LEAST]):
+        return -np.inf, UNSEEN, 0.0, 0.0
+    if at[F] == -np.inf:
+        # Y's surface hangs over there, as seen along n: it is not rendered.
+        return (bound if radius > HAIR else -np.inf), UNSEEN, bound, 0.0
+    slope_y = bend_y = size_bend_y = yu = yv = side_y = change_y = w1_y = w2_y = 0.0
+    yz = 1.0
+    if rough_y:
+        i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
+        astray = drift * radius / cy[Q_LEAST]
+        bx, by = base_x, base_y
+        reach_x = abs(i * cx[Q] + j * cx[Q + 2]) * half_x
+        reach_x += abs(i * cx[Q + 1] + j * cx[Q + 3]) * half_y + astray
+        reach_y = abs(k * cx[Q] + m * cx[Q + 2]) * half_x
+        reach_y += abs(k * cx[Q + 1] + m * cx[Q + 3]) * half_y + astray
+        if not level_y:
+            # Y's own texture moves its points too. With the slopes of where they may be at most
+            # that is a narrower part.
+            reach_x, reach_y = reach_x + size_y / cy[Q_LEAST], reach_y + size_y / cy[Q_LEAST]
+            far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
+            yu, yv, yz, change_y, w1_y, w2_y = _normal_over(cy, bx, by, far)
+            side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
+            slope_y, bend_y, size_bend_y = _slopes_over(textures, cy, bx, by, reach_x, reach_y)
+            closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
+            narrow = radius * fastest / closest if closest > 0.0 else np.inf
+            if narrow < far:
+                bx, by, reach_x, reach_y = at[ON_X], at[ON_Y], narrow, narrow
+        yu, yv, yz, change_y, w1_y, w2_y = _normal_over(
+            cy, bx, by, math.sqrt(reach_x * reach_x + reach_y * reach_y)
+        )
+        side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
+        slope_y, bend_y, size_bend_y = _slopes_over(textures, cy, bx, by, reach_x, reach_y)
+    # f'' <= d^T M d.
+    kappa = 0.0
+    drift_y = slope_y * side_y + size_y * w1_y
+    closest, widest = max(cy[Q_LEAST] - drift_y, 0.0), cy[Q_MOST] + drift_y
+    g1, g2 = at[SLOPE_Y], at[SLOPE_Y + 1]
+    # How much Y's slope changes over the box.
+    turn_y = 0.0
+    if side > 0.0 or side_y > 0.0:
+        if closest == 0.0:
+            return (bound if radius > HAIR else at[F]), SEEN, bound, 0.0
+        turn_y = point_bend(textures, cy, 1.0, slope_y, size_bend_y, w1_y, w2_y, 1.0)
+        turn_y *= radius * fastest * (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
+    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn_y
+    if rough_x:
+        facing, spread = wz + g1 * wu + g2 * wv, steepness * change + turn_y * side
+        kappa = shape_bend(
+            textures, cx, bend_x, size_bend, slope_x, w1, w2, facing, spread, steepness
+        )
+    if rough_y:
+        facing, spread = yz - g1 * yu - g2 * yv, steepness * change_y + turn_y * side_y
+        bend = shape_bend(
+            textures, cy, bend_y, size_bend_y, slope_y, w1_y, w2_y, facing, spread, steepness
+        )
+        ratio = fastest / closest if bend > 0.0 else slowest / widest
+        kappa += bend * ratio * ratio
+    # How much the borders, taken as straight lines, may be off.
+    loose = 0.0
+    if side > 0.0:
+        loose += point_bend(textures, cx, 1.0, slope_x, size_bend, w1, w2, side) / cy[Q_LEAST]
+    if side_y > 0.0:
+        ratio = fastest / closest
+        loose += (
+            point_bend(textures, cy, 1.0, slope_y, size_bend_y, w1_y, w2_y, side_y) * ratio * ratio
+        )
+    loose *= 0.5 * radius * radius
+    found = second_order(kappa, 0.0, kappa, half_x, half_y, bound, loose, at)
+    if not level_y:
+        return found
+    # The bend at the middle, and how much it changes: sharper on ridges, and in small boxes.
+    third = radius * third_order(
+        textures, cx, cy, size_x, slope_x, size_bend, w1, w2, side, size_bend_y, slope_y, fastest
+    )
+    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
+    other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
+    least = min(found[0], other[0])
+    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
+        return least, other[1], other[2], other[3]
+    return least, found[1], found[2], found[3]

@@ -1,0 +1,124 @@
+r"""Bounds of the overlap's second derivatives over a box, and what they bound.
+
+Along a unit direction of X's parameters, with `G = (slope of Y, 1)`,
+
+    f'' = G.base'' + t'' (G.w) + 2 t' (G.w') + t (G.w'') + K[q', q'],
+
+K the curvature of Y's height over (u, v), for which the same expression holds with Y's own
+parameters and `(-slope, 1)`. The bases' parts are concave and kept as matrices; every texture's
+t, t', t'' are bounded by its pyramid, w' and w'' by the base's curvature. The sum is a matrix M
+with `f <= f(c) + f'(c) d + d^T M d / 2` all over the box.
+"""
+
+from __future__ import annotations
+
+import math
+
+from asperity.compiled import small_kernel
+from asperity.contact.chart import (
+    E_MOST,
+    EQ,
+    LEAST_ROOT,
+    PZ,
+    Q_LEAST,
+    TEXTURE,
+    UV_MOST,
+    C,
+)
+from asperity.contact.overlap import F_X, F_Y, F
+
+UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
+"""How f was bounded over a box: without its middle, by it, to the second order, and concave."""
+
+
+@small_kernel
+def row_bend(chart, least):
+    """Return how much a border that is not convex bends within a box."""
+    if chart[C] == 0.0:
+        return 0.0
+    low = max(least, 0.5 * chart[LEAST_ROOT])
+    return chart[C] * chart[E_MOST] / (low * low * low)
+
+
+@small_kernel
+def shape_bend(
+    textures, chart, bend_t, size_bend, slope_t, w1, w2, facing, spread, steepness
+):  # fmt: skip
+    """Return the part of f'' that a texture makes.
+
+    `facing` is G.w at the middle, and `spread` how much it changes over the box.
+    """
+    most, least = facing + spread, facing - spread
+    bend = bend_t * max(most if bend_t >= 0.0 else least, 0.0)
+    if least < 0.0:
+        # Seen from behind: there the texture's hollows bend outwards.
+        bend = max(bend, 0.0) - least * size_bend
+    size = textures.scales[int(chart[TEXTURE]), 2]
+    return bend + (2.0 * slope_t * w1 + size * w2) * steepness
+
+
+@small_kernel
+def point_bend(textures, chart, least, slope, size_bend, w1, w2, side):
+    """Return a bound of |p''|, the bend of a chart's surface as its parameters are walked over.
+
+    `side` is how much of the normal is looked at: 1, or its part in (u, v).
+    """
+    bend = row_bend(chart, least)
+    if chart[TEXTURE] >= 0.0:
+        bend += size_bend * side + 2.0 * slope * w1
+        bend += textures.scales[int(chart[TEXTURE]), 2] * w2
+    return bend
+
+
+@small_kernel
+def less_base(chart, m11, m12, m22, most, q):
+    """Return M less the curvature of Y's smooth base; `q` are the sides of X's map to (u, v)."""
+    c = chart[C] / most
+    e11, e12, e22 = c * chart[EQ], c * chart[EQ + 1], c * chart[EQ + 2]
+    a, b, d, e = q
+    m11 -= a * (e11 * a + e12 * d) + d * (e12 * a + e22 * d)
+    m12 -= a * (e11 * b + e12 * e) + d * (e12 * b + e22 * e)
+    m22 -= b * (e11 * b + e12 * e) + e * (e12 * b + e22 * e)
+    return m11, m12, m22
+
+
+@small_kernel
+def _rise(slope, bend, half):
+    """Return the largest of `slope d + bend d^2 / 2` over |d| <= half; `slope` is 0 or more."""
+    if slope < -bend * half:
+        return -0.5 * slope * slope / bend
+    return slope * half + 0.5 * bend * half * half
+
+
+@small_kernel
+def second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
+    """Return the sharper of `bound` and that of f'' <= M; see `node_bound`."""
+    square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
+    second = at[F] + 0.5 * square + abs(m12) * half_x * half_y
+    rise = _rise(abs(at[F_X]), m11, half_x) + _rise(abs(at[F_Y]), m22, half_y)
+    bound = min(bound, at[F] + rise + abs(m12) * half_x * half_y)
+    concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
+    return bound, (CONCAVE if concave else BOUNDED), second, loose
+
+
+@small_kernel
+def third_order(textures, cx, cy, a, s, b, w1, w2, side, b_y, s_y, fastest):
+    """Return a bound of the third derivative of f for two plane charts, Y's level or smooth.
+
+    `a`, `s`, `b`: sizes of X's height, slope and bend; `s_y`, `b_y`: of Y's; by each one's own
+    parameters. The product rule for t w, the chain rule for Y's height over X's place.
+    """
+    t = t_y = 0.0
+    if cx[TEXTURE] >= 0.0:
+        t = textures.scales[int(cx[TEXTURE]), 7] * cx[UV_MOST] ** 3
+    if cy[TEXTURE] >= 0.0:
+        t_y = textures.scales[int(cy[TEXTURE]), 7] * cy[UV_MOST] ** 3
+    w3 = 5.0 * w1 * w2  # of v / |v| with v linear: 15 w1^3, and w2 is 3 w1^2
+    more = 3.0 * b * w1 + 3.0 * s * w2 + a * w3
+    turn = b * side + 2.0 * s * w1 + a * w2  # how much X's place bends in (u, v)
+    over = 1.0 / cy[Q_LEAST]
+    flat = math.sqrt(cy[PZ] ** 2 + cy[PZ + 1] ** 2)
+    return (
+        t + more + (s_y + flat) * over * (t * side + more)
+        + 3.0 * b_y * over * over * fastest * turn + t_y * (over * fastest) ** 3
+    )  # fmt: skip
