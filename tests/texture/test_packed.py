@@ -5,7 +5,7 @@ import pytest
 
 from asperity.compiled import kernel
 from asperity.texture.height_field import HeightField
-from asperity.texture.packed import pack, texture_at, texture_bounds
+from asperity.texture.packed import pack, texture_at, texture_bounds, texture_slope
 
 PIXEL = 1e-4
 
@@ -97,3 +97,21 @@ def test_a_place_that_is_no_number_is_no_index(border):
     whole = np.empty((1, 3))
     bounds_of(textures, np.array([[-1.0, 1.0, -1.0, 1.0]]), whole)
     assert (bounds == whole).all()
+
+
+@kernel
+def slopes_at(textures, places, out):
+    for i in range(len(places)):
+        out[i] = texture_slope(textures, 0, places[i, 0], places[i, 1])
+
+
+@pytest.mark.parametrize("border", ["wrap", "clamp"])
+def test_height_and_slope_are_the_same_without_the_bends(border):
+    """Within the map, beyond its border, and where a place is no number."""
+    textures = pack([rough(12, 17, border)])
+    places = np.random.default_rng(8).uniform(-1.0, 2.0, (400, 2)) * [17 * PIXEL, 12 * PIXEL]
+    places[0] = np.nan, 1e-4
+    all_of_it, found = np.full((len(places), 6), -1.0), np.full((len(places), 3), -1.0)
+    heights_at(textures, places, all_of_it)
+    slopes_at(textures, places, found)
+    np.testing.assert_allclose(found, all_of_it[:, :3], rtol=1e-12, atol=1e-18)

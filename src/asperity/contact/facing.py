@@ -177,7 +177,7 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, flattest,
         for m in range(3):
             size[k, m] = abs(turn[k, m])
     stack[0, 0], stack[0, 1] = table.root[a], table.root[b]
-    top, count = 1, np.int64(0)
+    top, count = np.int64(1), np.int64(0)
     while top > 0:
         top -= 1
         i, j = stack[top, 0], stack[top, 1]

@@ -36,7 +36,7 @@ P, P_X, P_Y, P_XX, P_XY, P_YY = 0, 3, 6, 9, 12, 15
 """Where `surface_at` leaves a point and its derivatives."""
 POINT_SIZE = 18
 _STEPS = 12
-_LAST = 1e-8
+_LAST = 3e-10
 """A place this near is found by one more of Newton's steps [m]."""
 
 

@@ -374,8 +374,11 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
         for row in range(count):
             # A box that is no number stands for all of a pair.
             boxes[used, 4], boxes[used, 5], boxes[used, 0] = row, looks[row, 0], np.nan
-            _push(heap, keys, size, used, looks[row, 0])
-            size += 1
+            if looks[row, 0] <= state[BEST] - TIE:
+                left = _put_by(room, left, used)
+            else:
+                _push(heap, keys, size, used, looks[row, 0])
+                size += 1
             used += 1
     else:
         used = room.left[1]

@@ -1,0 +1,58 @@
+"""What facets are near is noted for some ticks: a tool feels as if they were looked for in each."""
+
+import numpy as np
+import pytest
+from naive_engine import pose
+
+from asperity.contact.facing import note_nothing
+from asperity.contact_stage import ContactStage
+from asperity.poses import turned
+from asperity.press import touching_pose
+from asperity.scenes import load_scene
+from contact.naive_meshes import ball_mesh, engine_of, slab, thing
+
+DT = 1e-3
+
+
+def felt(engine, path, anew):
+    """Return the wrench at each pose; with nothing noted before, if `anew`."""
+    engine.reset()
+    out = []
+    for there in path:
+        if anew:
+            note_nothing(engine._facets.memory.noted)
+        out.append(engine.wrench(there, DT).copy())
+    return np.array(out)
+
+
+def assert_noted_is_as_good_as_new(engine, path):
+    noted, anew = felt(engine, path, False), felt(engine, path, True)
+    size = np.abs(anew).max()
+    assert size > 0.0
+    np.testing.assert_allclose(noted, anew, rtol=0.0, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize(("scene", "count"), [("file-cad", 120), ("hammer-blocks", 240)])
+@pytest.mark.parametrize("speed", [0.01, 0.1, 0.6])
+def test_a_tool_of_a_scene_that_slides_and_tilts(scene, count, speed):
+    """Slowly, as a hand does, and so fast that what is noted holds for no tick."""
+    scene = load_scene(scene).changed(force={"anti_alias": "off"})
+    engine = ContactStage(scene).engine
+    start = touching_pose(engine, scene.start)
+    start[2] -= 5e-4
+    s = np.linspace(0.0, 1.0, count)[:, None]
+    way = speed * DT * count * s * [0.8, 0.6, 0.0] - 2e-4 * np.sin(9.0 * s) * [0.0, 0.0, 1.0]
+    tilt = 0.5 * speed * np.sin(7.0 * s) * [0.7, 0.4, 1.0]
+    path = np.array([turned(start, turn) for turn in tilt])
+    path[:, :3] += way
+    assert_noted_is_as_good_as_new(engine, path)
+
+
+def test_a_ball_that_rolls_and_jumps():
+    """Every facet of the ball comes round; and a jump leaves nothing of what was noted."""
+    radius = 3e-3
+    engine = engine_of(thing("tool", ball_mesh(radius, 3)), slab(half=10e-3))
+    x = np.concatenate([np.linspace(-6e-3, 6e-3, 150), np.linspace(0.0, 3e-3, 50)])
+    out = radius - 1e-4
+    path = [turned(pose(a, 1e-3, out), np.array([0.0, a / radius, 0.3 * a / radius])) for a in x]
+    assert_noted_is_as_good_as_new(engine, path)
