@@ -323,12 +323,13 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
         )
     loose *= 0.5 * radius * radius
     found = second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
-    if cx[C] > 0.0 or cy[C] > 0.0 or not level_y:
+    if cx[C] > 0.0 or cy[C] > 0.0 or closest == 0.0:
         return found
     # The bend at the middle, and how much it changes: sharper on ridges, and in small boxes.
     third = radius * third_order(
-        textures, cx, cy, size_x, slope_x, size_bend, w1, w2, side, size_bend_y, slope_y, fastest
-    )
+        textures, cx, cy, (size_x, slope_x, size_bend, w1, w2),
+        (size_y, slope_y, size_bend_y, w1_y, w2_y), side, side_y, fastest, closest,
+    )  # fmt: skip
     bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
     other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
     least = min(found[0], other[0])

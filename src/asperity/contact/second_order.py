@@ -20,7 +20,6 @@ from asperity.contact.chart import (
     EQ,
     LEAST_ROOT,
     PZ,
-    Q_LEAST,
     TEXTURE,
     UV_MOST,
     C,
@@ -102,12 +101,15 @@ def second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
 
 
 @small_kernel
-def third_order(textures, cx, cy, a, s, b, w1, w2, side, b_y, s_y, fastest):
-    """Return a bound of the third derivative of f for two plane charts, Y's level or smooth.
+def third_order(textures, cx, cy, x, y, side, side_y, fastest, closest):
+    """Return a bound of the third derivative of f for two plane charts.
 
-    `a`, `s`, `b`: sizes of X's height, slope and bend; `s_y`, `b_y`: of Y's; by each one's own
-    parameters. The product rule for t w, the chain rule for Y's height over X's place.
+    `x` and `y` are the sizes of height, slope and bend of the texture, of w' and of w'', of X and
+    of Y, by each one's own parameters. Of X the product rule for t w; of Y's height over a place
+    the rules for a function z of parameters psi that are the inverse of a map: `closest` is how
+    fast that goes at least.
     """
+    a, s, b, w1, w2 = x
     t = t_y = 0.0
     if cx[TEXTURE] >= 0.0:
         t = textures.scales[int(cx[TEXTURE]), 7] * cx[UV_MOST] ** 3
@@ -116,9 +118,14 @@ def third_order(textures, cx, cy, a, s, b, w1, w2, side, b_y, s_y, fastest):
     w3 = 5.0 * w1 * w2  # of v / |v| with v linear: 15 w1^3, and w2 is 3 w1^2
     more = 3.0 * b * w1 + 3.0 * s * w2 + a * w3
     turn = b * side + 2.0 * s * w1 + a * w2  # how much X's place bends in (u, v)
-    over = 1.0 / cy[Q_LEAST]
-    flat = math.sqrt(cy[PZ] ** 2 + cy[PZ + 1] ** 2)
-    return (
-        t + more + (s_y + flat) * over * (t * side + more)
-        + 3.0 * b_y * over * over * fastest * turn + t_y * (over * fastest) ** 3
-    )  # fmt: skip
+    a, s, b, w1, w2 = y
+    more_y = 3.0 * b * w1 + 3.0 * s * w2 + 5.0 * a * w1 * w2
+    turn_y = b * side_y + 2.0 * s * w1 + a * w2
+    z1 = s + a * w1 + math.sqrt(cy[PZ] ** 2 + cy[PZ + 1] ** 2)
+    z2, z3 = b + 2.0 * s * w1 + a * w2, t_y + more_y
+    over = 1.0 / closest
+    psi2 = turn_y * over**3
+    psi3 = (3.0 * turn_y * turn_y * over + t_y * side_y + more_y) * over**4
+    h1, h2 = z1 * over, z2 * over * over + z1 * psi2
+    h3 = z3 * over**3 + 3.0 * z2 * over * psi2 + z1 * psi3
+    return t + more + h1 * (t * side + more) + 3.0 * h2 * fastest * turn + h3 * fastest**3
