@@ -5,11 +5,11 @@
 
 A machine that is not a real-time one wakes even a loop that does nothing late now and then. So for
 each scene the servo, in its process with its recorder, and an empty loop, in a process with the
-same pace and sharpened timers, take turns in blocks of 5 s (a hundredth of longer times); a
-simulated hand moves the tool. Told are the ticks that were finished late or left out (misses),
-those whose contact was an older one (fallbacks), their sum beside that of the empty loop, the tail
-of how long a tick took and how late it began, and how much the servo's resident memory grew from a
-quarter of a block to its end.
+same pace and sharpened timers, take turns in blocks of 5 s (a hundredth of longer times; `--block`,
+and `--empty` for a shorter turn of the empty loop); a simulated hand moves the tool. Told are the
+ticks that were finished late or left out (misses), those whose contact was an older one
+(fallbacks), their sum beside that of the empty loop, the tail of how long a tick took and how late
+it began, and how much the servo's resident memory grew from a quarter of a block to its end.
 
 The bar: misses and fallbacks at most 0.1 percentage points above the misses of the empty loop. It
 is meant for a machine that does nothing else.
@@ -95,15 +95,17 @@ def spec_of(
     return ServoSpec(scene, make, in_scene=True, real_time=real_time)
 
 
-def measured(spec: ServoSpec, seconds: float, folder: Path) -> dict[str, Any]:
+def measured(
+    spec: ServoSpec, seconds: float, folder: Path, block: float, empty: float
+) -> dict[str, Any]:
     """Let sessions of a servo and of an empty loop take turns; return the sums of both."""
     sums = {"due": 0, "misses": 0, "fallbacks": 0, "empty_due": 0, "empty_misses": 0}
     worst: dict[str, float] = {}
     grown, done, kept = 0.0, 0.0, {}
     while done < seconds:
-        length = min(block_of(seconds), seconds - done)
+        length = min(block, seconds - done)
         done += length
-        nothing = beside_nothing(length)
+        nothing = beside_nothing(empty * length)
         sums["empty_due"] += nothing["ticks_due"]
         sums["empty_misses"] += nothing["misses"]
         _most(worst, "empty_late", nothing["start_late_us"])
@@ -169,6 +171,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=20.0, help="of servo, for each scene")
     parser.add_argument("--scenes", nargs="*", default=list(SCENES))
+    parser.add_argument("--block", type=float, help="seconds of servo in one turn")
+    parser.add_argument("--empty", type=float, default=1.0, help="turn of the empty loop, in such")
     parser.add_argument("--mode", default="implicit", help="of the coupling")
     parser.add_argument("--anti-alias", help="off, tick or band; default: as the scene says")
     parser.add_argument("--priority", action="store_true", help="ask for real-time priority")
@@ -179,9 +183,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for scene in given.scenes:
-            real_time, block = RealTime(priority=given.priority), block_of(given.seconds)
+            real_time = RealTime(priority=given.priority)
+            block = given.block or block_of(given.seconds)
             spec = spec_of(scene, given.mode, given.anti_alias, real_time, block)
-            got = results[scene] = measured(spec, given.seconds, folder)
+            got = results[scene] = measured(spec, given.seconds, folder, block, given.empty)
             told(scene, got)
         if given.kills:
             got = results["kills"] = kills(given.kills, folder)
