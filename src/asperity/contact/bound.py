@@ -38,9 +38,6 @@ from asperity.contact.chart import (
     Q,
 )
 from asperity.contact.overlap import (
-    F_XX,
-    F_XY,
-    F_YY,
     ON_X,
     ON_Y,
     SLOPE_Y,
@@ -58,6 +55,7 @@ from asperity.contact.second_order import (
     second_order,
     shape_bend,
     third_order,
+    with_third,
 )
 from asperity.contact.surface import parameters_under, root_at
 from asperity.contact.texture_bound import level_texture, roots_over, texture_over
@@ -325,17 +323,11 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     found = second_order(m11, m12, m22, half_x, half_y, bound, loose, at)
     if cx[C] > 0.0 or cy[C] > 0.0 or closest == 0.0:
         return found
-    # The bend at the middle, and how much it changes: sharper on ridges, and in small boxes.
     third = radius * third_order(
         textures, cx, cy, (size_x, slope_x, size_bend, w1, w2),
         (size_y, slope_y, size_bend_y, w1_y, w2_y), side, side_y, fastest, closest,
     )  # fmt: skip
-    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
-    other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
-    least = min(found[0], other[0])
-    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
-        return least, other[1], other[2], other[3]
-    return least, found[1], found[2], found[3]
+    return with_third(found, third, half_x, half_y, bound, loose, at)
 
 
 @inner_kernel

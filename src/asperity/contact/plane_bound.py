@@ -34,7 +34,7 @@ from asperity.contact.chart import (
     V2,
     Q,
 )
-from asperity.contact.overlap import F_XX, F_XY, F_YY, ON_X, ON_Y, POINT, SLOPE_Y, F, overlap_at
+from asperity.contact.overlap import ON_X, ON_Y, POINT, SLOPE_Y, F, overlap_at
 from asperity.contact.second_order import (
     SEEN,
     UNSEEN,
@@ -42,6 +42,7 @@ from asperity.contact.second_order import (
     second_order,
     shape_bend,
     third_order,
+    with_third,
 )
 from asperity.contact.surface import parameters_under
 from asperity.contact.texture_bound import texture_over
@@ -185,14 +186,8 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
     found = second_order(kappa, 0.0, kappa, half_x, half_y, bound, loose, at)
     if closest == 0.0:
         return found
-    # The bend at the middle, and how much it changes: sharper on ridges, and in small boxes.
     third = radius * third_order(
         textures, cx, cy, (size_x, slope_x, size_bend, w1, w2),
         (size_y, slope_y, size_bend_y, w1_y, w2_y), side, side_y, fastest, closest,
     )  # fmt: skip
-    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
-    other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
-    least = min(found[0], other[0])
-    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
-        return least, other[1], other[2], other[3]
-    return least, found[1], found[2], found[3]
+    return with_third(found, third, half_x, half_y, bound, loose, at)

@@ -24,7 +24,7 @@ from asperity.contact.chart import (
     UV_MOST,
     C,
 )
-from asperity.contact.overlap import F_X, F_Y, F
+from asperity.contact.overlap import F_X, F_XX, F_XY, F_Y, F_YY, F
 
 UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 """How f was bounded over a box: without its middle, by it, to the second order, and concave."""
@@ -129,3 +129,17 @@ def third_order(textures, cx, cy, x, y, side, side_y, fastest, closest):
     h1, h2 = z1 * over, z2 * over * over + z1 * psi2
     h3 = z3 * over**3 + 3.0 * z2 * over * psi2 + z1 * psi3
     return t + more + h1 * (t * side + more) + 3.0 * h2 * fastest * turn + h3 * fastest**3
+
+
+@small_kernel
+def with_third(found, third, half_x, half_y, bound, loose, at):
+    """Return `second_order`'s, or that by the bend at the middle, which changes by `third` at most.
+
+    The latter is sharper on ridges, and in small boxes.
+    """
+    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
+    other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
+    least = min(found[0], other[0])
+    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
+        return least, other[1], other[2], other[3]
+    return least, found[1], found[2], found[3]
