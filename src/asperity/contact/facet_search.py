@@ -24,8 +24,9 @@ from asperity.contact.footprint import piece
 from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
-from asperity.contact.search import BEST, TIE, TIES, sideways
+from asperity.contact.search import BEST, TIE, TIES
 from asperity.contact.sieve import pair_bound, sieve
+from asperity.contact.texture_bound import sideways
 
 _ANYWHERE = 1e3
 

@@ -42,8 +42,7 @@ class Facing(NamedTuple):
     turned: NDArray[np.float64]
     """Corners of A's facets in B's frame, (facets, 8, 3)."""
     normals: NDArray[np.float64]
-    """Of A's facets in B's frame: normal, middle, how far the corners are from it, and the axes
-    in its plane; (facets, 13)."""
+    """Of A's facets in B's frame: normal, middle, how far the corners are from it; (facets, 7)."""
     stamp: NDArray[np.int64]
     """When a facet was turned, (facets,)."""
     clock: NDArray[np.int64]
@@ -68,7 +67,7 @@ def facing_space(facets: int) -> Facing:
         pairs=np.zeros((MAX_FACINGS, 2), np.int64),
         stack=np.zeros((_STACK, 2), np.int64),
         turned=np.zeros((facets, 8, 3)),
-        normals=np.zeros((facets, 13)),
+        normals=np.zeros((facets, 7)),
         stamp=np.zeros(facets, np.int64),
         clock=np.zeros(2, np.int64),
     )
@@ -103,6 +102,20 @@ def between_bodies(body_a, body_b, turn_out, shift_out):
 
 
 @inner_kernel
+def moved_since(before, after, size):
+    """Return how far a point within `size` of a body's origin has moved at most [m].
+
+    `before` and `after` (3, 4) are its rotation and, in the last column, its origin's place.
+    """
+    turned = away = 0.0
+    for i in range(3):
+        away += (after[i, 3] - before[i, 3]) ** 2
+        for k in range(3):
+            turned += (after[i, k] - before[i, k]) ** 2
+    return math.sqrt(away) + math.sqrt(turned) * size
+
+
+@inner_kernel
 def _turn_facet(table: FacetTable, f, turn, shift, facing):
     """Note a facet of A in B's frame."""
     facing.stamp[f] = facing.clock[0]
@@ -112,11 +125,6 @@ def _turn_facet(table: FacetTable, f, turn, shift, facing):
             total += turn[i, k] * table.axes[f, 2, k]
             middle += turn[i, k] * table.origin[f, k]
         facing.normals[f, i], facing.normals[f, 3 + i] = total, middle
-        for axis in range(2):
-            total = 0.0
-            for k in range(3):
-                total += turn[i, k] * table.axes[f, axis, k]
-            facing.normals[f, 7 + 3 * axis + i] = total
         for c in range(table.sides[f]):
             place = shift[i]
             for k in range(3):
@@ -218,23 +226,6 @@ def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, flattest,
     return count
 
 
-@small_kernel
-def _off_sides(table: FacetTable, f, g, near, reach, facing):
-    """Return whether g is beside a facet of A by more than `reach`, by the rectangle round it."""
-    m, o = facing.normals[f], table.origin[g]
-    x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
-    for axis in range(2):
-        a0, a1, a2 = m[7 + 3 * axis], m[8 + 3 * axis], m[9 + 3 * axis]
-        wide = table.half[g, 0] * abs(a0 * x[0] + a1 * x[1] + a2 * x[2])
-        wide += table.half[g, 1] * abs(a0 * y[0] + a1 * y[1] + a2 * y[2])
-        # What is seen along z may lie this much higher or lower.
-        wide += max(near, reach) * abs(a0 * z[0] + a1 * z[1] + a2 * z[2])
-        if abs(a0 * d0 + a1 * d1 + a2 * d2) > table.half[f, axis] + wide + reach:
-            return True
-    return False
-
-
 @inner_kernel
 def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
     """Return whether a facet of A is beside g by more than `reach`, or out of g's [-reach, near].
@@ -288,28 +279,15 @@ def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
 
 
 @inner_kernel
-def _moved(before, turn, shift, size):
-    """Return how far a point of A within `size` of its origin has moved at most in B's frame."""
-    turned = away = 0.0
-    for i in range(3):
-        away += (shift[i] - before[i, 3]) ** 2
-        for k in range(3):
-            turned += (turn[i, k] - before[i, k]) ** 2
-    return math.sqrt(away) + math.sqrt(turned) * size
-
-
-@inner_kernel
-def _note(table: FacetTable, a, b, turn, shift, near, reach, spare, size, noted, facing):
+def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing):
     """Note the facets that `near_pairs` wants, and those that it may while A moves by `spare`."""
     # Sideways textures move points no farther than they rise.
     margin = math.hypot(near + spare, reach + spare)
     near, reach, flattest = near + spare, reach + spare, FLATTEST - spare / size
-    count = facing_pairs(table, a, b, turn, shift, margin, reach, flattest, facing)
+    count = facing_pairs(table, a, b, way[:, :3], way[:, 3], margin, reach, flattest, facing)
     kept = np.int64(0)
     for i in range(count):
         f, g = facing.pairs[i, 0], facing.pairs[i, 1]
-        if _off_sides(table, f, g, near, reach, facing):
-            continue
         if _beside_each_other(table, f, g, near, reach, facing):
             continue
         if kept < MAX_NOTED:
@@ -320,13 +298,12 @@ def _note(table: FacetTable, a, b, turn, shift, near, reach, spare, size, noted,
     holds[_NEAR], holds[_REACH], holds[_SPARE] = near, reach, spare
     holds[_COUNT] = float(kept) if fits else _TOO_MANY
     for i in range(3):
-        noted.way[b, i, 3] = shift[i]
-        for k in range(3):
-            noted.way[b, i, k] = turn[i, k]
+        for k in range(4):
+            noted.way[b, i, k] = way[i, k]
 
 
 @inner_kernel
-def near_pairs(table: FacetTable, a, b, turn, shift, near, reach, size, speed, noted, facing):
+def near_pairs(table: FacetTable, a, b, way, near, reach, size, speed, noted, facing):
     """Do what `facing_pairs` does, mostly from what was noted before.
 
     Pairs are those of facets that overlap by more than `-reach` and by less than `near`, and are
@@ -334,6 +311,8 @@ def near_pairs(table: FacetTable, a, b, turn, shift, near, reach, size, speed, n
 
     Parameters
     ----------
+    way : (3, 4) array
+        From A's frame to B's: rotation, and in the last column the shift.
     near, reach : float
         [m]
     size : float
@@ -342,7 +321,8 @@ def near_pairs(table: FacetTable, a, b, turn, shift, near, reach, size, speed, n
         How far the tool has moved in the last tick [m].
     """
     holds, seen = noted.holds[b], facing.clock[0]
-    moved = _moved(noted.way[b], turn, shift, size)
+    turn, shift = way[:, :3], way[:, 3]
+    moved = moved_since(noted.way[b], way, size)
     if (
         holds[_COUNT] == _NONE
         or moved > holds[_SPARE]
@@ -352,7 +332,7 @@ def near_pairs(table: FacetTable, a, b, turn, shift, near, reach, size, speed, n
         spare = min(_LEAST_SPARE + _TICKS * speed, _MOST_SPARE)
         if spare < 2.0 * speed:
             spare = 0.0  # nothing noted would hold
-        _note(table, a, b, turn, shift, near, reach, spare, size, noted, facing)
+        _note(table, a, b, way, near, reach, spare, size, noted, facing)
     if holds[_COUNT] == _TOO_MANY:
         return facing_pairs(
             table, a, b, turn, shift, math.hypot(near, reach), reach, FLATTEST, facing

@@ -13,25 +13,13 @@ import numpy as np
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.borders import HAIR, beside
 from asperity.contact.chart import (
-    B0,
-    B1,
-    B2,
-    BEND_1,
-    BEND_2,
     LEVEL,
     MAPPING,
     PLANAR,
     Q_LEAST,
     Q_MOST,
     QINV,
-    SIDE,
     TEXTURE,
-    UNIT,
-    UV_LEAST,
-    UV_MOST,
-    V0,
-    V1,
-    V2,
     Q,
 )
 from asperity.contact.overlap import ON_X, ON_Y, POINT, SLOPE_Y, F, overlap_at
@@ -45,49 +33,21 @@ from asperity.contact.second_order import (
     with_third,
 )
 from asperity.contact.surface import parameters_under
-from asperity.contact.texture_bound import texture_over
-from asperity.texture.packed import slope_bounds
-
-
-@small_kernel
-def _normal_over(chart, x, y, radius):
-    """Return the unit normal at (x, y), how much it changes within `radius`, sizes of w', w''."""
-    v_u, v_v, v_z = chart[V0], chart[V0 + 1], chart[V0 + 2]
-    if chart[UNIT] == 1.0:
-        return v_u, v_v, v_z, 0.0, 0.0, 0.0
-    slopes = 0.0
-    for i in range(3):
-        slopes += chart[V1 + i] * chart[V1 + i] + chart[V2 + i] * chart[V2 + i]
-    slopes = math.sqrt(slopes)
-    v_u += chart[V1] * x + chart[V2] * y
-    v_v += chart[V1 + 1] * x + chart[V2 + 1] * y
-    v_z += chart[V1 + 2] * x + chart[V2 + 2] * y
-    size = math.sqrt(v_u * v_u + v_v * v_v + v_z * v_z)
-    w1, w2 = chart[BEND_1], chart[BEND_2]
-    # Before it is made a unit vector w is linear: in the box not much shorter than here.
-    shortest = size - slopes * radius
-    if slopes < w1 * shortest:
-        w1 = slopes / shortest
-        w2 = 3.0 * w1 * w1
-    over = 1.0 / size
-    return v_u * over, v_v * over, v_z * over, w1 * radius, w1, w2
+from asperity.contact.texture_bound import (
+    plane_normal,
+    sideways,
+    slopes_on_plane,
+    texture_over,
+)
 
 
 @small_kernel
 def _slopes_over(textures, chart, x, y, half_x, half_y):
     """Return the largest slope, the largest bend and its size, of a texture over a box."""
-    if chart[MAPPING] != PLANAR:
-        over = texture_over(textures, chart, x - half_x, x + half_x, y - half_y, y + half_y)
-        return over[1], over[2], over[3]
-    k = int(chart[TEXTURE])
-    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
-    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
-    u = chart[B0] + chart[B1] * x + chart[B2] * y
-    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
-    slope, bend = slope_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
-    speed = chart[UV_MOST]
-    bend *= speed * speed if bend > 0.0 else chart[UV_LEAST] * chart[UV_LEAST]
-    return slope * speed, bend, textures.scales[k, 4] * speed * speed
+    if chart[MAPPING] == PLANAR:
+        return slopes_on_plane(textures, chart, x, y, half_x, half_y)
+    over = texture_over(textures, chart, x - half_x, x + half_x, y - half_y, y + half_y)
+    return over[1], over[2], over[3]
 
 
 @inner_kernel
@@ -104,7 +64,7 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
     slope_x = bend_x = size_bend = wu = wv = change = w1 = w2 = side = 0.0
     wz = 1.0
     if rough_x:
-        wu, wv, wz, change, w1, w2 = _normal_over(cx, x, y, radius)
+        wu, wv, wz, change, w1, w2 = plane_normal(cx, x, y, radius)
         slope_x, bend_x, size_bend = _slopes_over(textures, cx, x, y, half_x, half_y)
         side = min(math.sqrt(wu * wu + wv * wv) + change, 1.0)
     # How fast the place in (u, v) moves, at most and at least, along a unit direction of X.
@@ -115,8 +75,7 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
     base_x, base_y = at[ON_X], at[ON_Y]
     if not level_y and at[F] > -np.inf:
         base_x, base_y = parameters_under(cy, at[POINT], at[POINT + 1])
-    shift_y = 0.0 if level_y else size_y * cy[SIDE]
-    if beside(cy, base_x, base_y, (radius * fastest + shift_y) / cy[Q_LEAST]):
+    if beside(cy, base_x, base_y, (radius * fastest + sideways(textures, cy)) / cy[Q_LEAST]):
         return -np.inf, UNSEEN, 0.0, 0.0
     if at[F] == -np.inf:
         # Y's surface hangs over there, as seen along n: it is not rendered.
@@ -136,14 +95,14 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
             # that is a narrower part.
             reach_x, reach_y = reach_x + size_y / cy[Q_LEAST], reach_y + size_y / cy[Q_LEAST]
             far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
-            yu, yv, yz, change_y, w1_y, w2_y = _normal_over(cy, bx, by, far)
+            yu, yv, yz, change_y, w1_y, w2_y = plane_normal(cy, bx, by, far)
             side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
             slope_y, bend_y, size_bend_y = _slopes_over(textures, cy, bx, by, reach_x, reach_y)
             closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
             narrow = radius * fastest / closest if closest > 0.0 else np.inf
             if narrow < far:
                 bx, by, reach_x, reach_y = at[ON_X], at[ON_Y], narrow, narrow
-        yu, yv, yz, change_y, w1_y, w2_y = _normal_over(
+        yu, yv, yz, change_y, w1_y, w2_y = plane_normal(
             cy, bx, by, math.sqrt(reach_x * reach_x + reach_y * reach_y)
         )
         side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)

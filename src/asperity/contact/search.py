@@ -29,7 +29,6 @@ from asperity.contact.chart import (
     PZ,
     QINV,
     RECTANGLE,
-    SIDE,
     TEXTURE,
     TOP,
     C,
@@ -58,6 +57,7 @@ from asperity.contact.overlap import (
 from asperity.contact.plane_bound import plane_bound
 from asperity.contact.second_order import BOUNDED, CONCAVE, UNSEEN
 from asperity.contact.surface import parameters_under
+from asperity.contact.texture_bound import sideways
 
 TIE = 1e-9
 """Places that are less deep than the deepest by at most this count as equally deep [m]."""
@@ -236,14 +236,6 @@ def _base_best(textures, cx, cy, window, work, at):
     climb(textures, cx, cy, window, x, y, max(x1 - x0, y1 - y0), work, at)
     cx[TEXTURE], cy[TEXTURE] = texture_x, texture_y
     return at[X], at[Y]
-
-
-@small_kernel
-def sideways(textures, chart):
-    """Return how far a chart's texture moves points sideways at most [m]."""
-    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
-        return 0.0
-    return textures.scales[int(chart[TEXTURE]), 2] * chart[SIDE]
 
 
 @small_kernel

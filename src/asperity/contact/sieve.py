@@ -16,9 +16,6 @@ import numpy as np
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import (
-    B0,
-    B1,
-    B2,
     COVERS,
     LEAST_W,
     MAPPING,
@@ -59,9 +56,9 @@ from asperity.contact.search import (
     quick_bound,
     search_pair,
     settle,
-    sideways,
 )
 from asperity.contact.surface import parameters_under
+from asperity.contact.texture_bound import on_texture, sideways
 from asperity.texture.highest import texture_top
 
 MAX_BOXES = 32768
@@ -90,12 +87,8 @@ def _highest(textures, chart, x, y, half_x, half_y):
     known = _cap(textures, chart)
     if chart[TEXTURE] < 0.0 or chart[MAPPING] != PLANAR:
         return known
-    k = int(chart[TEXTURE])
-    ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
-    rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
-    u = chart[B0] + chart[B1] * x + chart[B2] * y
-    v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
-    return min(known, texture_top(textures, k, u - ru, u + ru, v - rv, v + rv))
+    u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
+    return min(known, texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1))
 
 
 @small_kernel

@@ -185,11 +185,6 @@ def surface_at(textures, chart, x, y, out):
     if chart[TEXTURE] < 0.0:
         return
     t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, chart, x, y, root)
-    if chart[LEVEL] == 1.0:
-        out[P + 2] += t
-        out[P_X + 2], out[P_Y + 2] = t_x, t_y
-        out[P_XX + 2], out[P_XY + 2], out[P_YY + 2] = t_xx, t_xy, t_yy
-        return
     size = 1.0
     if chart[UNIT] == 0.0:
         size = 0.0

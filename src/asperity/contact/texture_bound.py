@@ -21,6 +21,7 @@ from asperity.contact.chart import (
     MAPPING,
     PLANAR,
     ROUND,
+    SIDE,
     STRETCH,
     TEXTURE,
     UNIT,
@@ -36,7 +37,8 @@ from asperity.contact.chart import (
     E,
 )
 from asperity.contact.surface import root_at
-from asperity.texture.packed import texture_bounds
+from asperity.texture.highest import texture_top
+from asperity.texture.packed import slope_bounds, texture_bounds
 
 # Of the triplanar weights: sums of the sizes of their first and second derivatives by the unit
 # normal, largest over the sphere.
@@ -56,17 +58,67 @@ def roots_over(chart, x, y, radius):
 
 
 @small_kernel
-def level_texture(textures, chart, x, y, half_x, half_y):
-    """Do `texture_over` for a level chart with a planar map, where w is constant."""
-    k = int(chart[TEXTURE])
+def sideways(textures, chart):
+    """Return how far a chart's texture moves points sideways at most [m]."""
+    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
+        return 0.0
+    return textures.scales[int(chart[TEXTURE]), 2] * chart[SIDE]
+
+
+@small_kernel
+def on_texture(chart, x, y, half_x, half_y):
+    """Return the rectangle u0, u1, v0, v1 of a planar map that a box of a plane chart lies on."""
     ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
     rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
     u = chart[B0] + chart[B1] * x + chart[B2] * y
     v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
-    high, slope, bend = texture_bounds(textures, k, u - ru, u + ru, v - rv, v + rv)
-    speed = chart[UV_MOST]
+    return u - ru, u + ru, v - rv, v + rv
+
+
+@small_kernel
+def slopes_on_plane(textures, chart, x, y, half_x, half_y):
+    """Return size of t', largest t'' and its size over a box of a plane chart with a planar map."""
+    k, speed = int(chart[TEXTURE]), chart[UV_MOST]
+    u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
+    slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
     least = chart[UV_LEAST] if bend < 0.0 else speed
-    return high, slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+    return slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+
+
+@small_kernel
+def level_texture(textures, chart, x, y, half_x, half_y):
+    """Do `texture_over` for a level chart with a planar map, where w is constant."""
+    u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
+    high = texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1)
+    slope, bend, size_bend = slopes_on_plane(textures, chart, x, y, half_x, half_y)
+    return high, slope, bend, size_bend
+
+
+@small_kernel
+def plane_normal(chart, x, y, radius):
+    """Return a plane chart's unit normal at (x, y), and bounds within `radius`.
+
+    They are how much the normal changes, and the sizes of w' and w''.
+    """
+    v_u, v_v, v_z = chart[V0], chart[V0 + 1], chart[V0 + 2]
+    if chart[UNIT] == 1.0:
+        return v_u, v_v, v_z, 0.0, 0.0, 0.0
+    slopes = 0.0
+    for i in range(3):
+        slopes += chart[V1 + i] * chart[V1 + i] + chart[V2 + i] * chart[V2 + i]
+    slopes = math.sqrt(slopes)
+    v_u += chart[V1] * x + chart[V2] * y
+    v_v += chart[V1 + 1] * x + chart[V2 + 1] * y
+    v_z += chart[V1 + 2] * x + chart[V2 + 2] * y
+    size = math.sqrt(v_u * v_u + v_v * v_v + v_z * v_z)
+    w1, w2 = chart[BEND_1], chart[BEND_2]
+    # Before it is made a unit vector w is linear: in the box not much shorter than here.
+    shortest = size - slopes * radius
+    if slopes < w1 * shortest:
+        w1 = slopes / shortest
+        w2 = 3.0 * w1 * w1
+    over = 1.0 / size
+    return v_u * over, v_v * over, v_z * over, w1 * radius, w1, w2
 
 
 @inner_kernel
@@ -97,39 +149,30 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     if chart[LEVEL] == 1.0 and mapping == PLANAR:
         high, slope, bend, size_bend = level_texture(textures, chart, x, y, half_x, half_y)
         return high, slope, bend, size_bend, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0
-    # The root's first and second derivative, and the normal's.
     r1 = r2 = 0.0
-    w1, w2 = chart[BEND_1], chart[BEND_2]
     if curved:
+        # The root's first and second derivative, and the normal's.
         r1 = math.sqrt(chart[E_MOST] * max(1.0 - low * low, 0.0)) / low
         r2 = chart[E_MOST] / (low * low * low)
         w1 = chart[STRETCH] * math.sqrt(chart[E_MOST]) / low
         w2 = chart[STRETCH] * r2
         if chart[UNIT] == 0.0:
             w2 += 3.0 * w1 * w1
-    # A place to take the normal at; its change over the box is bounded.
-    scale = 1.0
-    if curved and least < 0.0:
-        out = x * (chart[E] * x + chart[E + 1] * y) + y * (chart[E + 1] * x + chart[E + 2] * y)
-        scale = min(1.0, math.sqrt((1.0 - low * low) / max(out, 1e-300)))
-    wx, wy = x * scale, y * scale
-    root = root_at(chart, wx, wy)[0]
-    side_u = chart[V0] + chart[V1] * wx + chart[V2] * wy + chart[V3] * root
-    side_v = chart[V0 + 1] + chart[V1 + 1] * wx + chart[V2 + 1] * wy + chart[V3 + 1] * root
-    up = chart[V0 + 2] + chart[V1 + 2] * wx + chart[V2 + 2] * wy + chart[V3 + 2] * root
-    size = math.sqrt(side_u * side_u + side_v * side_v + up * up)
-    if not curved and turning:
-        slopes = 0.0
-        for i in range(3):
-            slopes += chart[V1 + i] * chart[V1 + i] + chart[V2 + i] * chart[V2 + i]
-        slopes = math.sqrt(slopes)
-        # Before it is made a unit vector w is linear: in the box not much shorter than here.
-        shortest = size - slopes * radius
-        if slopes < w1 * shortest:
-            w1 = slopes / shortest
-            w2 = 3.0 * w1 * w1
-    change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
-    side_u, side_v, up = side_u / size, side_v / size, up / size
+        # A place to take the normal at; its change over the box is bounded.
+        scale = 1.0
+        if least < 0.0:
+            out = x * (chart[E] * x + chart[E + 1] * y) + y * (chart[E + 1] * x + chart[E + 2] * y)
+            scale = min(1.0, math.sqrt((1.0 - low * low) / max(out, 1e-300)))
+        wx, wy = x * scale, y * scale
+        root = root_at(chart, wx, wy)[0]
+        side_u = chart[V0] + chart[V1] * wx + chart[V2] * wy + chart[V3] * root
+        side_v = chart[V0 + 1] + chart[V1 + 1] * wx + chart[V2 + 1] * wy + chart[V3 + 1] * root
+        up = chart[V0 + 2] + chart[V1 + 2] * wx + chart[V2 + 2] * wy + chart[V3 + 2] * root
+        size = math.sqrt(side_u * side_u + side_v * side_v + up * up)
+        change = w1 * (radius + (1.0 - scale) * math.sqrt(x * x + y * y))
+        side_u, side_v, up = side_u / size, side_v / size, up / size
+    else:
+        side_u, side_v, up, change, w1, w2 = plane_normal(chart, x, y, radius)
     if mapping == CYLINDRICAL:
         radius_of, stretch = chart[ROUND], chart[ROUND + 5]
         a0 = stretch * radius_of * math.asin(min(max(y0 / radius_of, -1.0), 1.0))

@@ -17,8 +17,9 @@ from asperity.contact.deepest import (
     POINT_X,
     STATUS,
 )
+from asperity.contact.facing import moved_since
 from asperity.engine.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
-from asperity.engine.touch import moved_since, remember, touch
+from asperity.engine.touch import remember, touch
 from asperity.forces.laws import bristle_force
 
 NO_ROOM = 2

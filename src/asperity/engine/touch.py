@@ -73,17 +73,6 @@ _BESIDE = 2e-4
 
 
 @inner_kernel
-def moved_since(memory_pose, body, size):
-    """Return how far a point of the tool has moved at most since the last pose [m]."""
-    turned = away = 0.0
-    for i in range(3):
-        away += (body[i, 3] - memory_pose[i, 3]) ** 2
-        for k in range(3):
-            turned += (body[i, k] - memory_pose[i, k]) ** 2
-    return math.sqrt(away) + math.sqrt(turned) * size
-
-
-@inner_kernel
 def _limits(memory, b, reach, hollow, moved, pressed, limit_out):
     """Fill how deep the smooth bodies may overlap in each direction; return the largest.
 
@@ -185,7 +174,7 @@ def touch(
     most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
     count = near_pairs(
-        table, tool, b, turn, shift, scan, reach, size, moved, memory.noted, foot.facing
+        table, tool, b, space.frames[3], scan, reach, size, moved, memory.noted, foot.facing
     )
     if foot.facing.clock[1] > 0:
         rows.count[1] += 1
