@@ -36,8 +36,8 @@ P, P_X, P_Y, P_XX, P_XY, P_YY = 0, 3, 6, 9, 12, 15
 """Where `surface_at` leaves a point and its derivatives."""
 POINT_SIZE = 18
 _STEPS = 12
-_LAST = 3e-10
-"""A place this near is found by one more of Newton's steps [m]."""
+_LAST = 5e-8
+"""A place this near is found by one more of Newton's steps, to about a picometre [m]."""
 
 
 @small_kernel
@@ -80,7 +80,7 @@ def lift_plane(chart, x, y, height, out):
 def place_on_plane(textures, chart, u, v):
     """Return where on a plane chart with a planar map its textured surface lies over (u, v).
 
-    As (x, y), by Newton's method, nearly always to the grain of the numbers; nan if it fails.
+    As (x, y), by Newton's method, nearly always to a picometre; nan if it fails.
     """
     k = int(chart[TEXTURE])
     du, dv = u - chart[O], v - chart[O + 1]

@@ -17,31 +17,15 @@ from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import (
     COVERS,
-    LEAST_W,
-    MAPPING,
-    PLANAR,
-    PZ,
     Q_LEAST,
     Q_MOST,
-    QINV,
     RECTANGLE,
-    RISE,
     ROWS,
-    SUMMIT,
     TEXTURE,
-    TOP,
-    UNIT,
     UV_MOST,
-    V0,
-    V1,
-    V2,
     C,
-    O,
-    Q,
 )
 from asperity.contact.deepest import LOOK_BOX, LOOKED, PAIR, walks_on_a
-from asperity.contact.flat_pair import plane_overlap
-from asperity.contact.overlap import POLYGON
 from asperity.contact.search import (
     BEST,
     JUDGED,
@@ -53,13 +37,13 @@ from asperity.contact.search import (
     UPPER,
     first_look,
     judge,
-    quick_bound,
     search_pair,
     settle,
 )
 from asperity.contact.surface import parameters_under
-from asperity.contact.texture_bound import on_texture, sideways
-from asperity.texture.highest import texture_top
+from asperity.contact.texture_bound import sideways
+from asperity.contact.two_planes import between_planes, beyond, on_other, quarter_bounds
+from asperity.stack import stack_array
 
 MAX_BOXES = 32768
 _LAST = 16
@@ -71,187 +55,6 @@ _SETTLED = 1.5
 """Boxes that are as good as certified are not divided below this [grains]."""
 _CHEAP = 0.1
 """What a bound from the pyramids alone costs [nodes of `search`]."""
-
-
-@small_kernel
-def _cap(textures, chart):
-    """Return the highest point of a chart's texture all over the chart."""
-    if chart[TEXTURE] < 0.0:
-        return 0.0
-    return min(chart[TOP], textures.scales[int(chart[TEXTURE]), 2])
-
-
-@small_kernel
-def _highest(textures, chart, x, y, half_x, half_y):
-    """Return the highest point of a chart's texture over a box of its parameters."""
-    known = _cap(textures, chart)
-    if chart[TEXTURE] < 0.0 or chart[MAPPING] != PLANAR:
-        return known
-    u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
-    return min(known, texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1))
-
-
-@small_kernel
-def _flat(cx, cy):
-    """Return what bounds of the overlap of two plane charts take from the charts.
-
-    Y's parameters over X's, `b0 + b1 x + b2 y` and `c0 + c1 x + c2 y`; the smooth overlap by x,
-    by y, at (0, 0); how much higher a unit of X's texture, and of Y's, lifts it.
-    """
-    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
-    du, dv = cx[O] - cy[O], cx[O + 1] - cy[O + 1]
-    b0, b1, b2 = i * du + j * dv, i * cx[Q] + j * cx[Q + 2], i * cx[Q + 1] + j * cx[Q + 3]
-    c0, c1, c2 = k * du + m * dv, k * cx[Q] + m * cx[Q + 2], k * cx[Q + 1] + m * cx[Q + 3]
-    z_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
-    z_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
-    z_0 = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
-    g1, g2 = i * cy[PZ] + k * cy[PZ + 1], j * cy[PZ] + m * cy[PZ + 1]
-    lift_x, lift_y = _lift(cx, g1, g2), _lift(cy, -g1, -g2)
-    return b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, lift_x, lift_y
-
-
-@small_kernel
-def _lift(chart, g1, g2):
-    """Return how much higher a plane is over a place, moved by 1 along its normal, at most."""
-    lift = chart[V0 + 2] + g1 * chart[V0] + g2 * chart[V0 + 1]
-    if chart[UNIT] == 1.0:
-        return lift
-    # Before w is made a unit vector it is linear.
-    x = chart[V1 + 2] + g1 * chart[V1] + g2 * chart[V1 + 1]
-    y = chart[V2 + 2] + g1 * chart[V2] + g2 * chart[V2 + 1]
-    lift += abs(x) * chart[RECTANGLE + 1] + abs(y) * chart[RECTANGLE + 3]
-    return min(max(lift, 0.0) / chart[LEAST_W], math.sqrt(1.0 + g1 * g1 + g2 * g2))
-
-
-@small_kernel
-def _on_other(flat, x, y, half_x, half_y, moved):
-    """Return middle and half sides, by Y's parameters, of what may lie under a box of X's."""
-    b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
-    return (
-        b0 + b1 * x + b2 * y,
-        c0 + c1 * x + c2 * y,
-        abs(b1) * half_x + abs(b2) * half_y + moved,
-        abs(c1) * half_x + abs(c2) * half_y + moved,
-    )
-
-
-@small_kernel
-def _beyond(chart, first, x, y, half_x, half_y):
-    """Return whether a box round (x, y) lies beyond one of a plane chart's rows from `first` on."""
-    for n in range(first, int(chart[ROWS])):
-        row = ROWS + 1 + 6 * n
-        k1, k2, k4 = chart[row + 1], chart[row + 2], chart[row + 4]
-        g = chart[row] + k1 * x + k2 * y
-        if k4 != 0.0:
-            g += k4 * (x * x + y * y)
-            k1, k2 = k1 + 2.0 * k4 * x, k2 + 2.0 * k4 * y
-        if g > abs(k1) * half_x + abs(k2) * half_y:
-            return True
-    return False
-
-
-@small_kernel
-def _flat_bound(textures, cx, cy, flat, box, moved, enough):
-    """Return an upper bound of the overlap of two plane charts over a box of X's parameters.
-
-    -inf where they do not meet. `moved`: how far their textures move points sideways at most, in
-    Y's parameters [m]. Once the bound falls to `enough` it is not sharpened.
-    """
-    x0, x1, y0, y1 = box
-    x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    on_y = _on_other(flat, x, y, half_x, half_y, moved)
-    bx, by, reach_x, reach_y = on_y
-    if bx - reach_x > cy[RECTANGLE + 1] or bx + reach_x < cy[RECTANGLE]:
-        return -np.inf
-    if by - reach_y > cy[RECTANGLE + 3] or by + reach_y < cy[RECTANGLE + 2]:
-        return -np.inf
-    z_x, z_y, z_0 = flat[6], flat[7], flat[8]
-    bound = z_0 + z_x * x + z_y * y + abs(z_x) * half_x + abs(z_y) * half_y
-    bound = _risen(textures, cx, cy, bound, (x, y, half_x, half_y), on_y, flat, enough)
-    if bound <= enough:
-        return bound
-    if _beyond(cx, 0, x, y, half_x, half_y) or _beyond(cy, 0, bx, by, reach_x, reach_y):
-        return -np.inf
-    return bound
-
-
-@small_kernel
-def _lifted(cx, cy, flat, bound, top, high_x, high_y):
-    """Return the sharper of two bounds, with textures that are so high."""
-    # No point is higher than that of the base which it was, and its texture's highest.
-    if cx[UNIT] == 1.0:
-        bound, top = bound + flat[9] * high_x, top + high_x * cx[V0 + 2]
-    else:
-        high_x = max(high_x, 0.0)
-        bound, top = bound + flat[9] * high_x, top + high_x * cx[RISE]
-    if cy[UNIT] == 1.0:
-        bound, top = bound + flat[10] * high_y, top + high_y * cy[V0 + 2]
-    else:
-        high_y = max(high_y, 0.0)
-        bound, top = bound + flat[10] * high_y, top + high_y * cy[RISE]
-    return min(bound, top)
-
-
-@small_kernel
-def _risen(textures, cx, cy, bound, on_x, on_y, flat, enough):
-    """Return a bound of the smooth overlap over a box, and what the textures add to it there.
-
-    `on_x`, `on_y`: middle and half sides of the box on either chart. The texture that is the
-    rougher is looked up first: mostly it shows that the bound is below `enough`.
-    """
-    x, y, half_x, half_y = on_x
-    bx, by, reach_x, reach_y = on_y
-    top = cx[O + 2] + cx[PZ] * x + cx[PZ + 1] * y
-    top += abs(cx[PZ]) * half_x + abs(cx[PZ + 1]) * half_y
-    base = cy[O + 2] + cy[PZ] * bx + cy[PZ + 1] * by
-    base += abs(cy[PZ]) * reach_x + abs(cy[PZ + 1]) * reach_y
-    top = min(top, cx[SUMMIT]) + min(base, cy[SUMMIT])
-    high_x, high_y = _cap(textures, cx), _cap(textures, cy)
-    x_first = high_x >= high_y
-    if x_first:
-        high_x = _highest(textures, cx, x, y, half_x, half_y)
-    else:
-        high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
-    first = _lifted(cx, cy, flat, bound, top, high_x, high_y)
-    if first <= enough:
-        return first
-    if x_first:
-        high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
-    else:
-        high_x = _highest(textures, cx, x, y, half_x, half_y)
-    return _lifted(cx, cy, flat, bound, top, high_x, high_y)
-
-
-@inner_kernel
-def pair_bound(textures, cx, cy, work, look_out):
-    """Fill an upper bound of the overlap of two charts, -inf if they do not meet.
-
-    With it, for plane charts, the part of X's parameters over which they do: `LOOK_BOX`.
-    """
-    if cx[C] > 0.0 or cy[C] > 0.0:
-        look_out[0] = quick_bound(textures, cx, cy)
-        return
-    look_out[0] = -np.inf
-    shift = sideways(textures, cx) + sideways(textures, cy)
-    polygon = work[POLYGON:]
-    size, at_zero, g_x, g_y = plane_overlap(cx, cy, shift, polygon)
-    if size == 0:
-        return
-    smooth = -np.inf
-    x0, y0 = polygon[0, 0], polygon[0, 1]
-    x1, y1 = x0, y0
-    for j in range(size):
-        x, y = polygon[j, 0], polygon[j, 1]
-        smooth = max(smooth, at_zero + g_x * x + g_y * y)
-        x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
-    look_out[LOOK_BOX], look_out[LOOK_BOX + 1] = x0, x1
-    look_out[LOOK_BOX + 2], look_out[LOOK_BOX + 3] = y0, y1
-    x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    look_out[1], look_out[2] = x, y
-    flat, moved = _flat(cx, cy), shift / cy[Q_LEAST]
-    on_y = _on_other(flat, x, y, half_x, half_y, moved)
-    look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat, -np.inf)
 
 
 @inner_kernel
@@ -321,9 +124,9 @@ def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     if a_is_x:
-        return _beyond(cx, int(cx[ROWS]) - added, x, y, half_x, half_y)
-    bx, by, reach_x, reach_y = _on_other(flat, x, y, half_x, half_y, 0.0)
-    return _beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
+        return beyond(cx, int(cx[ROWS]) - added, x, y, half_x, half_y)
+    bx, by, reach_x, reach_y = on_other(flat, x, y, half_x, half_y, 0.0)
+    return beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
 
 
 @inner_kernel
@@ -361,6 +164,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
     """
     state, looks = space.state, space.looks
     boxes, heap, keys, shelf = room.boxes, room.heap, room.keys, room.shelf
+    bounds = stack_array((4,))
     _look_at(textures, stride, count, guess_u, guess_v, space)
     size, used, left = np.int64(0), np.int64(0), np.int64(0)
     if added == 0:
@@ -386,7 +190,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
                 x0, x1, y0, y1 = _sides(boxes[number], looks[row])
                 a_is_x = walks_on_a(a, b)
                 cx, cy = (a, b) if a_is_x else (b, a)
-                if _beside_part(cx, cy, _flat(cx, cy), a_is_x, added, x0, x1, y0, y1):
+                if _beside_part(cx, cy, between_planes(cx, cy), a_is_x, added, x0, x1, y0, y1):
                     continue
             _push(heap, keys, size, number, boxes[number, 5])
             size += 1
@@ -425,7 +229,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
             if added == 0:
                 left = _put_by(room, left, number)
             continue
-        flat, shift = _flat(cx, cy), sideways(textures, cx) + sideways(textures, cy)
+        flat, shift = between_planes(cx, cy), sideways(textures, cx) + sideways(textures, cy)
         moved = shift / cy[Q_LEAST]
         x0, x1, y0, y1 = _sides(boxes[number], looks[row])
         window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
@@ -449,6 +253,9 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
             first, best, highest = used, np.int64(-1), -np.inf
             cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
             mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+            quarter_bounds(
+                textures, cx, cy, flat, (x0, x1, y0, y1), moved, state[BEST] - TIE, bounds
+            )
             for child in range(4):
                 if (child & 1 and not cut_x) or (child & 2 and not cut_y):
                     continue
@@ -456,8 +263,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
                 q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
                 state[NODES] += _CHEAP
                 enough = state[BEST] - TIE
-                high = _flat_bound(textures, cx, cy, flat, (p0, p1, q0, q1), moved, enough)
-                high = min(high, above)
+                high = min(bounds[child], above)
                 if high == -np.inf:
                     continue
                 boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1

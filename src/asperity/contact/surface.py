@@ -58,6 +58,8 @@ from asperity.texture.packed import texture_at
 _NEWTON_STEPS = 20
 _NEAR_ENOUGH = 1e-16
 """A place this near is found [m]."""
+_NEARLY = 1e-12
+"""From a place of a plane this near the height goes on straight: its slope changes by 1e-8 [m]."""
 
 
 @small_kernel
@@ -289,8 +291,12 @@ def height_at(textures, chart, u, v, work):
             break
         if det == 0.0 or not error < 1e3:
             return nothing
-        x += (d * off_u - b * off_v) / det
-        y += (a * off_v - c * off_u) / det
+        step_x, step_y = (d * off_u - b * off_v) / det, (a * off_v - c * off_u) / det
+        x, y = x + step_x, y + step_y
+        if error < _NEARLY and chart[C] == 0.0:
+            work[P], work[P + 1] = u, v
+            work[P + 2] += work[P_X + 2] * step_x + work[P_Y + 2] * step_y
+            break
     # A surface that hangs over is seen here from within: its determinant changes sign.
     if not error < 1e-12 or not det * (chart[Q] * chart[Q + 3] - chart[Q + 1] * chart[Q + 2]) > 0.0:
         return nothing

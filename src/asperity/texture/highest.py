@@ -23,6 +23,9 @@ _QUARTER = 2
 _EDGE = 1e-6
 """Rectangles that end this close to a cell's border end there [cells]."""
 
+WHOLE = (0, 0, 0, 0, 1, 1, 0.0, 0.0)
+"""What `windows_for` returns where the highest point of all will have to do."""
+
 # Columns of a level.
 _FIRST, _COLUMNS, _SHIFT = 0, 1, 2
 
@@ -99,19 +102,100 @@ def _how_many(first, count, side, shift):
 
 
 @small_kernel
+def _last(first, count, side, shift, cells):
+    """Return the number of the window that covers the end of a stretch of cells."""
+    step = 1 << shift
+    at = max(first + count - side + step - 1, first)
+    # Only in a map that wraps does a stretch pass the last cell.
+    return (at - cells if at >= cells + step - 1 else at) >> shift
+
+
+@small_kernel
 def _which(i, number, first, count, side, shift, cells):
-    """Return the number of the i-th of so many windows."""
+    """Return the number of the i-th of so many windows, or of more than the stretch needs."""
     step = 1 << shift
     if i == 0:
         return first >> shift
-    if i == number - 1:
-        at = first + count - side + step - 1
-    else:
-        at = first + side - (first & (step - 1)) + (i - 1) * (side - step + 1)
-    # Only in a map that wraps does a stretch pass the last cell.
-    if at >= cells + step - 1 or (i < number - 1 and at >= cells):
-        at -= cells
-    return at >> shift
+    at = first + side - (first & (step - 1)) + (i - 1) * (side - step + 1)
+    if i == number - 1 or at >= first + count - side + step - 1:
+        return _last(first, count, side, shift, cells)
+    return (at - cells if at >= cells else at) >> shift
+
+
+@small_kernel
+def windows_for(textures, k, width, height):
+    """Return what windows cover any rectangle of texture `k` that is so wide and high [m].
+
+    They are chosen once for many rectangles of one size: see `top_over`.
+
+    Returns
+    -------
+    tuple
+        Where the level begins, its columns, shift and side; how many windows along a row and a
+        column; width and height [cells]. `WHOLE`, if only the whole texture covers it.
+    """
+    table, scales = textures.table, textures.scales
+    parts = table[k, 8]
+    columns, rows = table[k, 4] * parts, table[k, 3] * parts
+    wide, tall = width * scales[k, 0] * parts, height * scales[k, 1] * parts
+    if not (wide < columns and tall < rows):
+        return WHOLE
+    # Wherever it begins: a cell more than its length has.
+    more_x, more_y = int(wide) + 2, int(tall) + 2
+    less, more = (more_x, more_y) if more_x < more_y else (more_y, more_x)
+    level, side, step = table[k, 9], 1, 1
+    while 2 * (side - step + 1) < less or 4 * side <= more:
+        level, side = level + 1, 2 * side
+        step = max(side >> _QUARTER, 1)
+    windows = textures.windows
+    along = _how_many(step - 1, min(more_x, columns), side, windows[level, _SHIFT])
+    across = _how_many(step - 1, min(more_y, rows), side, windows[level, _SHIFT])
+    first, width_of = windows[level, _FIRST], windows[level, _COLUMNS]
+    return first, width_of, windows[level, _SHIFT], side, along, across, wide, tall
+
+
+@small_kernel
+def _begins(at, size, cells, half, wraps):
+    """Return first cell and number of cells of a stretch that begins `at`, all in cells."""
+    if wraps == 1:
+        low = at + _EDGE
+        if low < 0.0 or low >= cells:
+            low -= cells * math.floor(low / cells)
+        first = min(int(low), int(cells) - 1)
+        return first, min(max(math.ceil(low + size - 2.0 * _EDGE) - first, 1), int(cells))
+    low, high = min(max(at, half), cells - half), min(max(at + size, half), cells - half)
+    first = int(min(low + _EDGE, cells - 1.0))
+    return first, max(math.ceil(max(high - _EDGE, 1.0)) - first, 1)
+
+
+@small_kernel
+def top_over(textures, k, chosen, u, v):
+    """Return the highest point of texture `k` over a rectangle that begins at (u, v) [m].
+
+    Or a little more. `chosen` is what `windows_for` has returned for its size.
+    """
+    start, columns, shift, side, along, across, wide, tall = chosen
+    table, scales, tops = textures.table, textures.scales, textures.tops
+    parts, wraps = table[k, 8], table[k, 7]
+    half = 0.5 * parts
+    cells_x, cells_y = table[k, 4] * parts, table[k, 3] * parts
+    x, y = u * scales[k, 0] * parts + half, v * scales[k, 1] * parts + half
+    if side == 0 or not (abs(x) < 1e9 and abs(y) < 1e9):
+        # Also where a place is no number.
+        return scales[k, 8]
+    column, count_x = _begins(x, wide, float(cells_x), half, wraps)
+    row, count_y = _begins(y, tall, float(cells_y), half, wraps)
+    # Mostly there are two along each; what is read at once is waited for once.
+    left, right = column >> shift, _last(column, count_x, side, shift, cells_x)
+    here = start + columns * (row >> shift)
+    there = start + columns * _last(row, count_y, side, shift, cells_y)
+    high = max(tops[here + left], tops[here + right])
+    high = max(high, max(tops[there + left], tops[there + right]))
+    for i in range(across if along > 2 or across > 2 else 0):
+        line = start + columns * _which(i, across, row, count_y, side, shift, cells_y)
+        for j in range(along):
+            high = max(high, tops[line + _which(j, along, column, count_x, side, shift, cells_x)])
+    return float(high)
 
 
 @small_kernel

@@ -222,8 +222,9 @@ def _cell_at(textures, k, u, v):
     columns, rows = float(table[k, 4]), float(table[k, 3])
     if table[k, 7] == 1:
         x, y = x + 0.5, y + 0.5
-        x -= columns * math.floor(x / columns)
-        y -= rows * math.floor(y / rows)
+        # Not divided: what follows would wait for that.
+        x -= columns * math.floor(x * (1.0 / columns))
+        y -= rows * math.floor(y * (1.0 / rows))
     else:
         if x < 0.0 or x > columns - 1.0:
             x, along = min(max(x, 0.0), columns - 1.0), 0.0
