@@ -64,7 +64,9 @@ RESULT_SIZE = 14
 # Of a pair of charts before it is searched: an upper bound, where the smooth bases overlap most.
 LOOKED, PAIR = 3, 4  # whether it has been climbed once; number of A's chart * stride + that of B's
 LOOK_BOX = 5  # of plane charts: the part of X's parameters over which they overlap
-LOOK_SIZE = 9
+LOOK_COVERS = 9
+"""Of planes of which one is rough: least and largest u, least and largest v where both may be."""
+LOOK_SIZE = 13
 
 
 class Workspace(NamedTuple):

@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, kernel, small_kernel
-from asperity.contact.chart import COVERS, FLATTEST, ROWS, O, Q
+from asperity.contact.chart import COVERS, FLATTEST, ROWS, TEXTURE, C, O, Q
 from asperity.contact.deepest import (
     DEPTH,
+    LOOK_COVERS,
     LOOK_SIZE,
     LOOKED,
     PAIR,
@@ -104,6 +105,20 @@ def _apart(textures, cx, cy):
     )
 
 
+@small_kernel
+def _note_covers(cx, cy, look_out):
+    """Fill where, in (u, v), both charts may be, if they are planes and one is rough; else nan."""
+    rough = cx[TEXTURE] >= 0.0 or cy[TEXTURE] >= 0.0
+    planes = cx[C] == 0.0 and cy[C] == 0.0
+    for i in range(0, 4, 2):
+        low, high = -np.inf, np.inf
+        for chart in (cx, cy):
+            if chart[COVERS + 1] > chart[COVERS]:  # else it is no facet's
+                low, high = max(low, chart[COVERS + i]), min(high, chart[COVERS + i + 1])
+        look_out[LOOK_COVERS + i] = low if planes and rough else np.nan
+        look_out[LOOK_COVERS + i + 1] = high
+
+
 @inner_kernel
 def pairs_of_charts(
     textures, table, geometry, count, direction, n, frame, body_a, body_b, work_space, space
@@ -179,9 +194,11 @@ def pairs_of_charts(
                 if pairs == space.looks.shape[0]:
                     enough = False
                     continue
-                pair_bound(textures, cx, cy, work_space.work, space.looks[pairs])
-                if space.looks[pairs, 0] > -math.inf:
-                    space.looks[pairs, LOOKED], space.looks[pairs, PAIR] = 0.0, number
+                look = space.looks[pairs]
+                pair_bound(textures, cx, cy, work_space.work, look)
+                if look[0] > -math.inf:
+                    look[LOOKED], look[PAIR] = 0.0, number
+                    _note_covers(cx, cy, look)
                     pairs += 1
     return pairs, made_a, stride, enough
 

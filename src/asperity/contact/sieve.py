@@ -16,7 +16,6 @@ import numpy as np
 from asperity.compiled import inner_kernel, small_kernel
 from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import (
-    COVERS,
     Q_LEAST,
     Q_MOST,
     RECTANGLE,
@@ -25,7 +24,7 @@ from asperity.contact.chart import (
     UV_MOST,
     C,
 )
-from asperity.contact.deepest import LOOK_BOX, LOOKED, PAIR, walks_on_a
+from asperity.contact.deepest import LOOK_BOX, LOOK_COVERS, LOOKED, PAIR, walks_on_a
 from asperity.contact.search import (
     BEST,
     JUDGED,
@@ -59,12 +58,7 @@ _CHEAP = 0.1
 
 @inner_kernel
 def _is_there(cx, cy, u, v):
-    """Return whether a place of the contact frame lies on a chart and is not beside the other."""
-    for chart in (cx, cy):
-        if chart[COVERS + 1] > chart[COVERS] and not (
-            chart[COVERS] <= u <= chart[COVERS + 1] and chart[COVERS + 2] <= v <= chart[COVERS + 3]
-        ):
-            return False
+    """Return whether a place of the contact frame lies on both charts."""
     x, y = parameters_under(cx, u, v)
     if not (cx[RECTANGLE] <= x <= cx[RECTANGLE + 1]):
         return False
@@ -137,21 +131,24 @@ def _look_at(textures, stride, count, guess_u, guess_v, space):
     """
     looks = space.looks
     for row in range(count):
-        pair = int(looks[row, PAIR])
+        look = looks[row]
+        # Climbing in every pair would take most of the time.
+        looks[row, LOOKED] = 1.0 if look[LOOK_COVERS] == look[LOOK_COVERS] else 0.0
+        if not (
+            look[LOOK_COVERS] <= guess_u <= look[LOOK_COVERS + 1]
+            and look[LOOK_COVERS + 2] <= guess_v <= look[LOOK_COVERS + 3]
+        ):
+            continue
+        pair = int(look[PAIR])
         cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
         if not walks_on_a(cx, cy):
             cx, cy = cy, cx
-        rough = cx[TEXTURE] >= 0.0 or cy[TEXTURE] >= 0.0
-        looks[row, LOOKED] = 0.0
-        if cx[C] == 0.0 and cy[C] == 0.0 and rough:
-            # Climbing in every pair would take most of the time.
-            looks[row, LOOKED] = 1.0
-            if _is_there(cx, cy, guess_u, guess_v):
-                first_look(
-                    textures, cx, cy, pair, guess_u, guess_v, space.state, space.best, space.ties,
-                    space.work, space.at, looks[row],
-                )  # fmt: skip
-                space.state[NODES] += 2.0
+        if _is_there(cx, cy, guess_u, guess_v):
+            first_look(
+                textures, cx, cy, pair, guess_u, guess_v, space.state, space.best, space.ties,
+                space.work, space.at, look,
+            )  # fmt: skip
+            space.state[NODES] += 2.0
 
 
 @inner_kernel
