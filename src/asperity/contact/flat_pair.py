@@ -87,6 +87,11 @@ def plane_overlap(cx, cy, slack, polygon):
     g_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
     g_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
     own = size = int(cx[CORNERS])
+    mid_x, mid_y = (
+        0.5 * (cx[RECTANGLE] + cx[RECTANGLE + 1]),
+        0.5 * (cx[RECTANGLE + 2] + cx[RECTANGLE + 3]),
+    )
+    half_x, half_y = cx[RECTANGLE + 1] - mid_x, cx[RECTANGLE + 3] - mid_y
     for n in range(size):
         polygon[n, 0], polygon[n, 1] = cx[CORNERS + 1 + 2 * n], cx[CORNERS + 2 + 2 * n]
     if own == 0:
@@ -103,19 +108,18 @@ def plane_overlap(cx, cy, slack, polygon):
     # A facet within rows fills its rectangle from side to side: the rows will do.
     for n in range(4 if cy[CORNERS] == 0.0 else 0):
         sign = 1.0 if n & 1 else -1.0
-        if size > 0:
-            f0, f1, f2 = (b0, b1, b2) if n < 2 else (c0, c1, c2)
-            size = _clipped(
-                polygon, size, sign * f1, sign * f2, sign * (cy[RECTANGLE + n] - f0) + slack
-            )
+        f0, f1, f2 = (b0, b1, b2) if n < 2 else (c0, c1, c2)
+        r = sign * (cy[RECTANGLE + n] - f0) + slack
+        far = sign * (f1 * mid_x + f2 * mid_y) + abs(f1) * half_x + abs(f2) * half_y
+        if size > 0 and far > r:
+            size = _clipped(polygon, size, sign * f1, sign * f2, r)
     for n in range(int(cy[ROWS])):
         row = ROWS + 1 + 6 * n
-        if cy[row + 4] == 0.0 and size > 0:
-            k1, k2 = cy[row + 1], cy[row + 2]
-            size = _clipped(
-                polygon, size, k1 * b1 + k2 * c1, k1 * b2 + k2 * c2,
-                slack - cy[row] - k1 * b0 - k2 * c0,
-            )  # fmt: skip
+        k1, k2 = cy[row + 1], cy[row + 2]
+        f1, f2, r = k1 * b1 + k2 * c1, k1 * b2 + k2 * c2, slack - cy[row] - k1 * b0 - k2 * c0
+        far = f1 * mid_x + f2 * mid_y + abs(f1) * half_x + abs(f2) * half_y
+        if cy[row + 4] == 0.0 and size > 0 and far > r:
+            size = _clipped(polygon, size, f1, f2, r)
     return size, at_zero, g_x, g_y
 
 

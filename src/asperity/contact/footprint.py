@@ -117,30 +117,34 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
         polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
         polygon[0, c, 3] = _OF_A
-    apart = False
-    for k in range(3):
-        low, high = polygon[0, 0, k], polygon[0, 0, k]
-        for c in range(1, count):
-            low, high = min(low, polygon[0, c, k]), max(high, polygon[0, c, k])
-        half = table.half[g, k] + beside if k < 2 else near
-        if low > half or high < -(half if k < 2 else reach):
-            return np.int64(0), np.int64(-1)
-        if k < 2 and (low > table.half[g, k] or high < -table.half[g, k]):
-            apart = True
-    if apart:
+    low_x = low_y = low_d = np.inf
+    high_x = high_y = high_d = -np.inf
+    for c in range(count):
+        x, y, d = polygon[0, c, 0], polygon[0, c, 1], polygon[0, c, 2]
+        low_x, low_y, low_d = min(low_x, x), min(low_y, y), min(low_d, d)
+        high_x, high_y, high_d = max(high_x, x), max(high_y, y), max(high_d, d)
+    half_x, half_y = table.half[g, 0], table.half[g, 1]
+    gap = max(max(low_x, -high_x) - half_x, max(low_y, -high_y) - half_y)
+    if gap > beside or low_d > near or high_d < -reach:
+        return np.int64(0), np.int64(-1)
+    if gap > 0.0:
         return np.int64(0), np.int64(0)
-    here, count = _clip(polygon, np.int64(0), count, -reach, 0.0, 0.0, -1.0, _CUT)
+    here = np.int64(0)
+    if low_d < -reach:
+        here, count = _clip(polygon, here, count, -reach, 0.0, 0.0, -1.0, _CUT)
     rows = table.count_rows[g]
     for i in range(rows if rows > 0 else 4):
-        if count == 0:
-            return here, count
         if rows > 0:
             k0, k1, k2 = table.rows[g, i, 0], table.rows[g, i, 1], table.rows[g, i, 2]
         else:
             sign = 1.0 if i & 1 else -1.0
             k0 = -table.half[g, i >> 1]
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
-        here, count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
+        # Mostly all of it is on the right side of most sides.
+        if k0 + max(k1 * low_x, k1 * high_x) + max(k2 * low_y, k2 * high_y) > 0.0:
+            here, count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
+            if count == 0:
+                break
     return here, count
 
 
