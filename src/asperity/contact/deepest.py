@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import clear, inner_kernel
+from asperity.compiled import clear, inner_kernel, small_kernel
 from asperity.contact.chart import (
     LEVEL,
     RECTANGLE,
@@ -172,31 +172,49 @@ def _edge(borders, count, code):
 
 @inner_kernel
 def _on_rectangle(chart, x, y):
-    """Return whether (x, y) lies on a side of a chart's rectangle that is an edge."""
-    if chart[RECTANGLE_HARD] == 0.0:
-        return False, 0.0, 0.0
+    """Return whether (x, y) lies on a side of a chart's rectangle that is an edge, and outwards."""
     near = 10.0 * FEASIBLE
-    if x < chart[RECTANGLE] + near or x > chart[RECTANGLE + 1] - near:
-        return True, 1.0, 0.0
-    if y < chart[RECTANGLE + 2] + near or y > chart[RECTANGLE + 3] - near:
-        return True, 0.0, 1.0
+    for axis in range(2 if chart[RECTANGLE_HARD] != 0.0 else 0):
+        place = x if axis == 0 else y
+        low, high = chart[RECTANGLE + 2 * axis], chart[RECTANGLE + 2 * axis + 1]
+        if place < low + near or place > high - near:
+            sign = 1.0 if place > high - near else -1.0
+            return True, (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0)
     return False, 0.0, 0.0
+
+
+@inner_kernel
+def _same_place(one, other):
+    """Return whether two ties are at one place."""
+    return abs(one[POINT] - other[POINT]) + abs(one[POINT + 1] - other[POINT + 1]) < SAME
 
 
 @inner_kernel
 def _met_before(ties, t, count):
     """Return whether a deeper tie is the same place: charts share their common edge."""
     for i in range(count):
-        near = abs(ties[i, POINT] - ties[t, POINT]) + abs(ties[i, POINT + 1] - ties[t, POINT + 1])
         deeper = ties[i, F] > ties[t, F] or (ties[i, F] == ties[t, F] and i < t)
-        if near < SAME and i != t and deeper:
+        if i != t and deeper and _same_place(ties[i], ties[t]):
             return True
     return False
 
 
+@small_kernel
+def _outwards(edge, u, v):
+    """Return the unit vector of (u, v) across an edge, on the side that (u, v) is on."""
+    size = math.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    if edge[1] * u - edge[0] * v < 0.0:
+        size = -size
+    return edge[1] / size, -edge[0] / size
+
+
 @inner_kernel
 def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
-    """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`."""
+    """Fill m = (-s_u, -s_v, 1) in the contact frame at a place of `overlap_at`.
+
+    Returns whether it is certain. Where two edges are parallel and leave each other's facet on the
+    same side, what slopes there may be depends on the facets beyond the edges.
+    """
     borders, point = work[BORDERS:LINES], work[0]
     count = borders_at(cx, cy, at, borders)
     edge_x, across_x, across_y = _on_rectangle(cx, at[X], at[Y])
@@ -208,6 +226,8 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
     if edge_x and edge_y:
         # Both edges in (u, v, n); m is perpendicular to them.
         surface_at(textures, cx, at[X], at[Y], point)
+        x_u = across_x * point[P_X] + across_y * point[P_Y]
+        x_v = across_x * point[P_X + 1] + across_y * point[P_Y + 1]
         e = (
             across_x * point[P_Y] - across_y * point[P_X],
             across_x * point[P_Y + 1] - across_y * point[P_X + 1],
@@ -217,6 +237,8 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
         g_a = (over_x * at[TURN + 3] - over_y * at[TURN + 2]) / det
         g_b = (over_y * at[TURN] - over_x * at[TURN + 1]) / det
         surface_at(textures, cy, at[ON_X], at[ON_Y], point)
+        y_u = g_a * point[P_X] + g_b * point[P_Y]
+        y_v = g_a * point[P_X + 1] + g_b * point[P_Y + 1]
         f = (
             g_a * point[P_Y] - g_b * point[P_X],
             g_a * point[P_Y + 1] - g_b * point[P_X + 1],
@@ -227,11 +249,30 @@ def _slope_normal(textures, cx, cy, x_is_a, at, work, out):
         if abs(up) > 1e-6 * size:
             out[0] = (e[1] * f[2] - e[2] * f[1]) / up
             out[1] = (e[2] * f[0] - e[0] * f[2]) / up
-            return
-    # An edge of one body slides on the other: the other's slope counts.
-    from_y = edge_x if edge_x != edge_y else x_is_a
+            return True
+        out_u, out_v = _outwards(e, x_u, x_v)
+        over_u, over_v = _outwards(f, y_u, y_v)
+        fall_x = at[SLOPE_X] * out_u + at[SLOPE_X + 1] * out_v
+        fall_y = at[SLOPE_Y] * over_u + at[SLOPE_Y + 1] * over_v
+        certain = out_u * over_u + out_v * over_v < 0.0
+        # Beyond its edge either falls faster than before it: the one that falls faster counts.
+        from_y = fall_y < fall_x if certain else x_is_a
+    else:
+        # An edge of one body slides on the other: the other's slope counts.
+        certain, from_y = True, edge_x if edge_x != edge_y else x_is_a
     slope, sign = (SLOPE_Y, sign_y) if from_y else (SLOPE_X, sign_x)
     out[0], out[1] = -sign * at[slope], -sign * at[slope + 1]
+    return certain
+
+
+@inner_kernel
+def _slope_of_tie(textures, stride, at, space, out):
+    """Fill m of a tie; return whether it is certain, and whether it was A that was walked on."""
+    pair = int(at[OVERLAP_SIZE])
+    a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
+    x_is_a = walks_on_a(a, b)
+    x, y = (a, b) if x_is_a else (b, a)
+    return _slope_normal(textures, x, y, x_is_a, at, space.work, out), x_is_a
 
 
 @inner_kernel
@@ -248,7 +289,7 @@ def fill_result(textures, stride, n, tolerance, space, result_out):
     gap = max(state[UPPER] - state[BEST], 0.0)
     result_out[GAP] = gap
     result_out[STATUS] = CERTIFIED if gap <= tolerance else BUDGET_SPENT
-    work, m, p, q = space.work, space.vectors[0], space.vectors[1], space.vectors[2]
+    m, p, q = space.vectors[0], space.vectors[1], space.vectors[2]
     spread = 0.0
     for t in range(int(state[TIES])):
         at = space.ties[t]
@@ -263,11 +304,15 @@ def fill_result(textures, stride, n, tolerance, space, result_out):
         share = at[OVERLAP_SIZE + 1] if spread > 0.0 else 1.0
         if share == 0.0:
             continue
-        i, j = int(at[OVERLAP_SIZE]) // stride, int(at[OVERLAP_SIZE]) % stride
-        a, b = space.charts_a[i], space.charts_b[j]
-        x_is_a = walks_on_a(a, b)
-        x, y = (a, b) if x_is_a else (b, a)
-        _slope_normal(textures, x, y, x_is_a, at, work, m)
+        certain, x_is_a = _slope_of_tie(textures, stride, at, space, m)
+        for other in range(0 if certain else int(state[TIES])):
+            # The same place as seen from a facet beside it.
+            if certain or other == t or space.ties[other, F] < state[BEST] - TIE:
+                continue
+            if _same_place(space.ties[other], at):
+                certain, _ = _slope_of_tie(textures, stride, space.ties[other], space, p)
+                for k in range(3 if certain else 0):
+                    m[k] = p[k]
         height = -at[POINT + 2] if x_is_a else -at[ABOVE]
         result_out[COUNT_TIES] += 1.0
         total += share

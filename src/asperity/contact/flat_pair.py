@@ -26,6 +26,8 @@ from asperity.contact.chart import (
 from asperity.contact.overlap import POLYGON, F, overlap_at
 
 _ROOM = 36  # a polygon of this many corners at most, and as many being made
+_ON = 1e-15
+"""A place this far beyond a side is still on it: where two edges meet rounding would decide [m]."""
 _THIN = 1e-9
 """What a line's length is worth as an area, over its length [m]."""
 
@@ -134,7 +136,7 @@ def flat_best(textures, cx, cy, tie, work, at):
         deep by at most `tie` [m] count as equally deep.
     """
     polygon = work[POLYGON:]
-    size, at_zero, g_x, g_y = plane_overlap(cx, cy, 0.0, polygon)
+    size, at_zero, g_x, g_y = plane_overlap(cx, cy, _ON, polygon)
     if size == 0:
         return False, 0.0
     most = -np.inf
