@@ -235,24 +235,24 @@ def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
     seen = stack_array((8, 2))
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     count = table.sides[f]
-    shallowest, deepest = np.inf, -np.inf
+    low_x, low_y, shallowest = np.inf, np.inf, np.inf
+    high_x, high_y, deepest = -np.inf, -np.inf, -np.inf
     for c in range(count):
         # Seen from B's side A's facet runs round the other way.
         p = facing.turned[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-        seen[c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
-        seen[c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
+        on_x = d0 * x[0] + d1 * x[1] + d2 * x[2]
+        on_y = d0 * y[0] + d1 * y[1] + d2 * y[2]
         deep = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
+        seen[c, 0], seen[c, 1] = on_x, on_y
+        low_x, high_x = min(low_x, on_x), max(high_x, on_x)
+        low_y, high_y = min(low_y, on_y), max(high_y, on_y)
         shallowest, deepest = min(shallowest, deep), max(deepest, deep)
     if shallowest > near or deepest < -reach:
         return True
-    for side in range(4):
-        sign, axis = (1.0 if side & 1 else -1.0), side >> 1
-        least = np.inf
-        for c in range(count):
-            least = min(least, sign * seen[c, axis])
-        if least > table.half[g, axis] + reach:
-            return True
+    wide_x, wide_y = table.half[g, 0] + reach, table.half[g, 1] + reach
+    if low_x > wide_x or high_x < -wide_x or low_y > wide_y or high_y < -wide_y:
+        return True
     for r in range(table.count_rows[g]):
         row = table.rows[g, r]
         least = np.inf

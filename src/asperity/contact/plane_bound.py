@@ -20,6 +20,7 @@ from asperity.contact.chart import (
     Q_MOST,
     QINV,
     TEXTURE,
+    UV_MOST,
     Q,
 )
 from asperity.contact.overlap import ON_X, ON_Y, POINT, SLOPE_Y, F, overlap_at
@@ -48,6 +49,14 @@ def _slopes_over(textures, chart, x, y, half_x, half_y):
         return slopes_on_plane(textures, chart, x, y, half_x, half_y)
     over = texture_over(textures, chart, x - half_x, x + half_x, y - half_y, y + half_y)
     return over[1], over[2], over[3]
+
+
+@small_kernel
+def _largest_slope(textures, chart, x, y, half_x, half_y):
+    """Return what no slope over a box is above: of the whole texture where no table is needed."""
+    if chart[MAPPING] == PLANAR:
+        return textures.scales[int(chart[TEXTURE]), 3] * chart[UV_MOST]
+    return _slopes_over(textures, chart, x, y, half_x, half_y)[0]
 
 
 @inner_kernel
@@ -97,7 +106,7 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
             far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
             yu, yv, yz, change_y, w1_y, w2_y = plane_normal(cy, bx, by, far)
             side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
-            slope_y, bend_y, size_bend_y = _slopes_over(textures, cy, bx, by, reach_x, reach_y)
+            slope_y = _largest_slope(textures, cy, bx, by, reach_x, reach_y)
             closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
             narrow = radius * fastest / closest if closest > 0.0 else np.inf
             if narrow < far:
