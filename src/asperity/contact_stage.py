@@ -28,17 +28,19 @@ from asperity.scene import Scene
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
 FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
+CUT_SHORT = 1024
 FLAGS = {
     SUB_POSES: "wrench from several poses within the tick",
     BUDGET_SPENT: "more sub-poses wanted than allowed or than there was time for",
     TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
-    NOT_CERTIFIED: "a depth was not certified within the node budget",
+    NOT_CERTIFIED: "a depth was not certified within its budget",
     OVERFLOW: "a search or the list of contacts overflowed",
     FALLBACK: "an older contact, taken on to the present pose",
     PASSIVITY: "wrench changed by the passivity controller",
     LIMITED: "wrench held back by soft start or a limit of force torque or slew",
     SILENT: "wrench not known or device silent, zero was sent",
     LATE: "finished after its deadline",
+    CUT_SHORT: "a search was ended by its time before its depth was certified",
 }
 """Bits of a tick's flags, and what they say."""
 
@@ -125,12 +127,14 @@ class ContactStage:
         With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
         contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
         is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
-        there are as many as fit into `seconds`; the pose itself is always looked at.
+        there are as many as fit into `seconds`; the pose itself is always looked at. After so long
+        searches end with what they have found (`Engine.wrench`).
         """
         # Of its own: it is kept, and a kernel is told the type of it and the last only once.
         pose = np.array(pose, dtype=np.float64)
         last = pose if self._last is None else self._last
-        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, seconds)
+        self._flags, until = 0, self._now() + seconds
+        wrench = self._wrench_there(pose, until) if jumped else self._wrench(last, pose, until)
         self._last = pose
         self._flag_contacts()
         return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
@@ -142,43 +146,53 @@ class ContactStage:
         self.engine.change(force)
         self._halve = force.friction == 0.0
 
-    def _wrench_there(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _wrench_there(self, pose: NDArray[np.float64], until: float) -> NDArray[np.float64]:
         """Return the wrench at a pose; averaging begins anew from there."""
-        self._flags = 0
         if self._window is not None:
             self._window.reset()
-        self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
+        self._last_wrench = self._asked(pose, self.dt, until)
         self._before = ()
         return self._last_wrench.copy()
 
-    def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
-        """Return the engine's wrench at a pose, and note how long that took."""
+    def _asked(
+        self, pose: NDArray[np.float64], piece: float, until: float
+    ) -> NDArray[np.float64]:
+        """Return the engine's wrench at a pose; note whether it had to be found in a hurry."""
+        left = max(until - self._now(), 0.0)
+        wrench = np.array(self.engine.wrench(pose, piece, left))
+        if self.engine.was_cut:
+            self._flags |= CUT_SHORT
+        return wrench
+
+    def _timed(
+        self, pose: NDArray[np.float64], piece: float, until: float
+    ) -> NDArray[np.float64]:
+        """Do as `_asked`, and note how long that took."""
         begun = self._now()
-        wrench = np.array(self.engine.wrench(pose, piece))
+        wrench = self._asked(pose, piece, until)
         took = self._now() - begun
         # What takes long is believed soon, what is quick after a while.
         self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
         return wrench
 
     def _wrench(
-        self, last: NDArray[np.float64], pose: NDArray[np.float64], seconds: float
+        self, last: NDArray[np.float64], pose: NDArray[np.float64], until: float
     ) -> NDArray[np.float64]:
         """Return the wrench of this tick: at its pose, or averaged over the way there."""
-        self._flags = 0
-        until = self._now() + seconds
         waves = self._waves(last, pose)
         if self._window is None:
             if waves > 0.5:
                 self._flags |= TOO_FAST
-            return np.array(self.engine.wrench(pose, self.dt))
+            return self._asked(pose, self.dt, until)
         if self._last is None:
-            self._last_wrench = np.array(self.engine.wrench(pose, self.dt))
+            self._last_wrench = self._asked(pose, self.dt, until)
         wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
+            return self._timed(pose if s == 1.0 else between(last, pose, s), piece, until)
 
         def in_time() -> bool:
             # Another one, and the last pose once more.
@@ -198,7 +212,7 @@ class ContactStage:
             self._flags |= SUB_POSES
             if nodes.s.size > count + 1:
                 # The contacts to show are those of the last pose, not of the last halving.
-                self.engine.wrench(pose, 0.0)
+                self._asked(pose, 0.0, until)
         if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
         self._before = (self._last_wrench, *self._before[:1])

@@ -38,19 +38,8 @@ from asperity.contact.overlap import (
     Y,
     borders_at,
 )
-from asperity.contact.search import (
-    BEST,
-    LIMIT,
-    MOST_TIES,
-    NODES,
-    SAME,
-    STATE_SIZE,
-    TIE,
-    TIES,
-    UPPER,
-    first_look,
-    search_pair,
-)
+from asperity.contact.search import MOST_TIES, SAME, TIE, first_look, search_pair
+from asperity.contact.search_state import BEST, NODES, STATE_SIZE, TIES, UPPER, begin_state
 from asperity.contact.surface import P_X, P_Y, surface_at
 
 CERTIFIED, BUDGET_SPENT = 0, 1
@@ -107,9 +96,7 @@ def workspace(charts: int, pairs: int) -> Workspace:
 @inner_kernel
 def begin(space, max_nodes, floor):
     """Forget what an earlier search found; look for places deeper than `floor` [m] only."""
-    state = space.state
-    state[BEST], state[UPPER], state[NODES] = floor, -np.inf, 0.0
-    state[LIMIT], state[TIES] = max_nodes, 0.0
+    begin_state(space.state, max_nodes, floor)
     space.best[OVERLAP_SIZE] = -1.0
 
 

@@ -25,7 +25,8 @@ from asperity.contact.footprint import piece
 from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
 from asperity.contact.patch import frame_round, geom_charts
 from asperity.contact.regions import bound_by, split_lines
-from asperity.contact.search import BEST, TIE, TIES
+from asperity.contact.search import TIE
+from asperity.contact.search_state import BEST, TIES
 from asperity.contact.sieve import sieve
 from asperity.contact.texture_bound import sideways
 from asperity.contact.two_planes import pair_bound

@@ -55,6 +55,7 @@ from asperity.contact.overlap import (
     overlap_at,
 )
 from asperity.contact.plane_bound import plane_bound
+from asperity.contact.search_state import BEST, JUDGED, NODES, TIES, UPPER, is_spent
 from asperity.contact.second_order import BOUNDED, CONCAVE, UNSEEN
 from asperity.contact.surface import parameters_under
 from asperity.contact.texture_bound import sideways
@@ -71,11 +72,6 @@ ANY, BALL, PLANES = 0, 1, 2
 _PLATEAU = 1e-7  # slopes below this are none
 _GRAIN = 1e-12  # a bound this close to its own maximum says that there is no more [m]
 SMALLEST = 1e-10  # boxes are not divided below this [m]
-
-# What a search knows; one row of numbers.
-BEST, UPPER, NODES, LIMIT, TIES = 0, 1, 2, 3, 4
-JUDGED = 5  # the bound of the box that was judged last
-STATE_SIZE = 6
 
 
 @inner_kernel
@@ -397,9 +393,8 @@ def search_pair(
         an upper bound of the depth [m], as `first_look` has them.
     tolerance : float
         Boxes are closed when they cannot be deeper than the deepest by more than this [m].
-    state : (6,) array
-        BEST and UPPER, the least and most that the depth can be [m]; NODES looked at and their
-        LIMIT; TIES, how many; JUDGED, the bound of the last box.
+    state : (9,) array
+        See `search_state`.
     best : (23,) array
         The deepest place, as by `overlap_at`, and its pair.
     ties : (1024, 30) array
@@ -443,7 +438,7 @@ def search_pair(
                 textures, cx, cy, pair, window, (x0, x1, y0, y1), bound, state, best, ties, work, at
             )
             continue
-        if state[NODES] >= state[LIMIT] or top + 4 > _STACK or x1 - x0 + y1 - y0 < SMALLEST:
+        if is_spent(state) or top + 4 > _STACK or x1 - x0 + y1 - y0 < SMALLEST:
             state[UPPER] = max(state[UPPER], bound)
             continue
         # Oblong boxes are halved, others quartered.

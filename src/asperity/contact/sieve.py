@@ -26,27 +26,23 @@ from asperity.contact.chart import (
 )
 from asperity.contact.deepest import LOOK_BOX, LOOK_COVERS, LOOKED, PAIR, walks_on_a
 from asperity.contact.search import (
-    BEST,
-    JUDGED,
-    LIMIT,
-    NODES,
     PLANES,
     SMALLEST,
     TIE,
-    UPPER,
     first_look,
     judge,
     search_pair,
     settle,
 )
+from asperity.contact.search_state import BEST, CUT, JUDGED, NODES, UPPER, is_spent
 from asperity.contact.surface import parameters_under
 from asperity.contact.texture_bound import sideways
 from asperity.contact.two_planes import between_planes, beyond, on_other, quarter_bounds
 from asperity.stack import stack_array
 
 MAX_BOXES = 32768
-_LAST = 16
-"""Boxes that are climbed in when the budget is spent."""
+_LAST, _LAST_CUT = 16, 2
+"""Boxes that are climbed in when the budget is spent, and when the time is."""
 BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
 _LEAF = 1.0
 """Boxes are searched that are this large [grains of the finer texture]."""
@@ -195,7 +191,7 @@ def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, add
         above, number = keys[0], heap[0]
         if above <= state[BEST] - TIE:
             break
-        if state[NODES] >= state[LIMIT] or used + 4 > MAX_BOXES:
+        if is_spent(state) or used + 4 > MAX_BOXES:
             state[UPPER] = max(state[UPPER], above)
             _last_climbs(textures, stride, size, space, room)
             break
@@ -306,7 +302,8 @@ def _last_climbs(textures, stride, size, space, room):
 
     A search that ends before it has seen them would else report what it happened to find.
     """
-    for k in range(min(size, _LAST)):
+    most = _LAST if space.state[CUT] == 0.0 else _LAST_CUT
+    for k in range(min(size, most)):
         number = room.heap[k]
         look = space.looks[int(room.boxes[number, 4])]
         pair = int(look[PAIR])

@@ -9,6 +9,7 @@ depths and sum to one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,6 +24,7 @@ from asperity.contact.facet_space import MAX_CHART_PAIRS, MAX_CHARTS, FacetSpace
 from asperity.contact.facet_space import MAX_PATCHES as FACET_PATCHES
 from asperity.contact.facet_table import FacetTable, facet_table
 from asperity.contact.flat import Geometry, flattened
+from asperity.contact.search_state import CUT, UNTIL
 from asperity.engine.facet_memory import (
     FacetMemory,
     facet_memory,
@@ -44,6 +46,7 @@ from asperity.errors import AsperityError
 from asperity.forces.laws import OTADUY_LIN
 from asperity.forces.settings import LAWS, ForceSettings
 from asperity.geometry.bodies import Body
+from asperity.kernel_clock import ends_in
 from asperity.texture.packed import Textures
 
 if TYPE_CHECKING:
@@ -129,7 +132,9 @@ class Engine:
         self._memory.noise[3] = float(np.random.default_rng(self.settings.seed).integers(2**48))
         self.contacts.count[:] = 0
 
-    def wrench(self, pose: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    def wrench(
+        self, pose: NDArray[np.float64], dt: float, seconds: float = math.inf
+    ) -> NDArray[np.float64]:
         """Return the wrench on the tool at a pose.
 
         Parameters
@@ -138,6 +143,10 @@ class Engine:
             Of the tool's frame: position [m], unit quaternion wxyz.
         dt : float
             Time since the last call [s], by which bristles and noise advance; 0 only looks.
+        seconds : float
+            After so long [s] searches end with what they have found; what they do not know any
+            closer is the `gap` of their contacts, and `was_cut` is true. What comes before a
+            search is not cut short.
 
         Returns
         -------
@@ -148,6 +157,8 @@ class Engine:
         # Of its own, whatever the caller's are like: the kernels are told their types only once.
         self._pose[:] = pose
         pose, dt = self._pose, float(dt)
+        state = self._space.state
+        state[UNTIL], state[CUT] = ends_in(seconds), 0.0
         held = None if self._facets is None else self._facets.memory.held
         count, geoms, places, distances, margins = self._collider.query(pose, held)
         if self._by_geoms:
@@ -164,6 +175,11 @@ class Engine:
             count, geoms, _, distances, _ = self._collider.query(pose)
             self._touch(count, geoms, distances, dt)
         return self._wrench
+
+    @property
+    def was_cut(self) -> bool:
+        """Whether a search of the last pose was ended by its time."""
+        return bool(self._space.state[CUT])
 
     def _touch(
         self, count: int, geoms: NDArray[np.int32], distances: NDArray[np.float64], dt: float

@@ -31,7 +31,7 @@ from asperity.servo.pace import Clock
 
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
-WITHIN, WITHIN_SHARED = 0.8, 0.5
+WITHIN, WITHIN_SHARED = 0.7, 0.45
 """Part of a tick that a contact's sub-poses may take; ours: what is left hands it over.
 
 The second where the loop's own work is done on the same core.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.contact_stage import FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
+from asperity.contact_stage import CUT_SHORT, FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
 from asperity.errors import AsperityError
 from asperity.headless import Run, run_scene
 from asperity.recording import Recording
@@ -22,7 +22,7 @@ from asperity.scenes import load_scene
 from asperity.simulation import Rollout
 from asperity.trajectory import Trajectory
 
-TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT
+TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT | CUT_SHORT
 """Flags of ticks in which something was done to the wrench."""
 SCENE_BESIDE = "scene"
 """The folder beside a recording that holds its scene, where it was changed by hand."""
