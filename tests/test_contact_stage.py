@@ -102,6 +102,7 @@ class Stopwatch:
 
     def __init__(self, cost):
         self.cost, self.time, self.evaluations = cost, 0.0, 0
+        self.left = []
 
     def __call__(self):
         return self.time
@@ -109,7 +110,8 @@ class Stopwatch:
     def tie_to(self, engine):
         ask = engine.wrench
 
-        def wrench(pose, dt):
+        def wrench(pose, dt, seconds):
+            self.left.append(seconds)
             self.time += self.cost
             self.evaluations += 1
             return ask(pose, dt)
@@ -134,9 +136,12 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     contact = stage.evaluate(pose + 6 * step, seconds=seconds)
     done = watch.evaluations - before
     assert done == max(1, int(seconds / watch.cost))
+    # And a search has the time that those before it have left.
+    assert watch.left[before:] == pytest.approx([seconds - n * watch.cost for n in range(done)])
     assert contact.flags & BUDGET_SPENT
     free = stage.evaluate(pose + 7 * step)
     assert not free.flags & BUDGET_SPENT
+    assert watch.left[-1] == np.inf
 
 
 def test_what_there_was_no_room_for_is_told_without_a_contact_too():

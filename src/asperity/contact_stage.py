@@ -154,9 +154,7 @@ class ContactStage:
         self._before = ()
         return self._last_wrench.copy()
 
-    def _asked(
-        self, pose: NDArray[np.float64], piece: float, until: float
-    ) -> NDArray[np.float64]:
+    def _asked(self, pose: NDArray[np.float64], piece: float, until: float) -> NDArray[np.float64]:
         """Return the engine's wrench at a pose; note whether it had to be found in a hurry."""
         left = max(until - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
@@ -164,9 +162,7 @@ class ContactStage:
             self._flags |= CUT_SHORT
         return wrench
 
-    def _timed(
-        self, pose: NDArray[np.float64], piece: float, until: float
-    ) -> NDArray[np.float64]:
+    def _timed(self, pose: NDArray[np.float64], piece: float, until: float) -> NDArray[np.float64]:
         """Do as `_asked`, and note how long that took."""
         begun = self._now()
         wrench = self._asked(pose, piece, until)

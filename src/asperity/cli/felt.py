@@ -147,7 +147,8 @@ def say(summary: dict[str, Any], out: Path) -> None:
     print(
         f"{out}: {summary['trajectory']['seconds']:.1f} s on {summary['trajectory']['device']}, "
         f"{timing['ticks']} ticks, {timing['misses']} missed ({timing['misses_percent']:.2g} %), "
-        f"{timing['fallbacks']} fallbacks ({timing['fallbacks_percent']:.2g} %); "
+        f"{timing['fallbacks']} fallbacks ({timing['fallbacks_percent']:.2g} %), "
+        f"{timing['cut_short']} searches cut short; "
         f"at most {summary['largest_force_n']:.3g} N in contact; passivity "
         f"{summary['passivity']['interventions']}, clamped {safety['clamped_force']}, "
         f"silent {safety['silences']} times; ended: {summary['ended']}"

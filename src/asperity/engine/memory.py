@@ -77,7 +77,7 @@ class Contacts(NamedTuple):
     `count[1]` says how much there was no room for: contacts, or facets that may be some.
 
     World axes; `point` lies on the tool's surface. `slope_normal` is m, the normal of the
-    textured surfaces, with m.n = 1. `status`: 0 certified, 1 the node budget was spent before
+    textured surfaces, with m.n = 1. `status`: 0 certified, 1 the budget was spent before
     the gap was closed, 2 there was no room for a contact.
     """
 

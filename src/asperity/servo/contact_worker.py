@@ -1,11 +1,12 @@
 """The contact, computed beside the loop: asked for at a pose, collected when it is done.
 
-MuJoCo's collision query and the compiled search cannot be interrupted, and take from 0.1 ms to many
-times a tick. So they run in a thread of their own, which gives the interpreter's lock away while
-they do, and the loop goes on with the last contact to first order (`LinearContact`) until the new
-one is there. Averaging over a tick's motion makes no sense after a longer one, and would make a
-slow contact slower yet: such a contact is looked at where the tool is, and nowhere else. For the
-same reason a contact looks at no more sub-poses than fit into `within` of a tick.
+MuJoCo's collision query and what leads to a search cannot be interrupted, and with the search take
+from 0.1 ms to many times a tick. So they run in a thread of their own, which gives the
+interpreter's lock away while they do, and the loop goes on with the last contact to first order
+(`LinearContact`) until the new one is there. Averaging over a tick's motion makes no sense after a
+longer one, and would make a slow contact slower yet: such a contact is looked at where the tool
+is, and nowhere else. For the same reason a contact looks at no more sub-poses than fit into
+`within` of a tick, and searches that are not done by then end with what they have found.
 
 Two locks hand over: one lets the worker go, the other tells that it is done. Handing over and back
 costs 16 to 47 us in the median beside computing in the loop itself (two cores at 2.5 GHz;
@@ -32,7 +33,9 @@ from asperity.servo.pace import Clock
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
 WITHIN, WITHIN_SHARED = 0.7, 0.45
-"""Part of a tick that a contact's sub-poses may take; ours: what is left hands it over.
+"""Part of a tick that a contact may take; ours.
+
+What is left is for what a search that is ended still does, and for handing over.
 
 The second where the loop's own work is done on the same core.
 """
@@ -94,7 +97,8 @@ class ContactWorker:
         Nobody else may use it from now on, but between `pause` and the next `submit`.
     clock : Clock
     within : float
-        Part of a tick, counted from when a contact was asked for, that its sub-poses may take.
+        Part of a tick, counted from when a contact was asked for, that it may take: as many
+        sub-poses, and as much of a search.
     """
 
     def __init__(self, stage: ContactStage, clock: Clock, within: float = WITHIN) -> None:
@@ -103,7 +107,7 @@ class ContactWorker:
         self.latest = Contact()
         self.busy = False
         self.statuses = np.zeros(3, np.int64)
-        """Contacts by status: certified, node budget spent, overflow."""
+        """Contacts by status: certified, budget spent, overflow."""
         self._clock = clock
         self._next = Contact()
         self._pose = np.zeros(7)

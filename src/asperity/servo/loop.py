@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.compiled import Repeated
-from asperity.contact_stage import FALLBACK, LATE, PASSIVITY
+from asperity.contact_stage import CUT_SHORT, FALLBACK, LATE, PASSIVITY
 from asperity.devices.mapping import Mapping
 from asperity.dynamics.held_tool import HeldTool
 from asperity.dynamics.passivity import PassivityController
@@ -199,8 +199,9 @@ class ServoLoop:
             stages[name].add(seconds)
         self.stats.recent_tick.add(ended - begun, ended)
         self.stats.finished(
-            skipped=self.pace.skipped, late=self.pace.late, missed=missed, fallback=fallback
-        )
+            skipped=self.pace.skipped, late=self.pace.late, missed=missed, fallback=fallback,
+            cut_short=contact.linear.flags & CUT_SHORT != 0,
+        )  # fmt: skip
         if not tool.is_direct:
             if self.contacts.take():  # late by less than this tick
                 self._taken()

@@ -143,9 +143,9 @@ def _served(
         start = np.array(spec.start, dtype=np.float64)
     made = spec.make_device()
     device = SafeDevice(made, dt=parameters.dt, settings=spec.safety)
-    # In the direct mode the loop waits for the contact, but for `guard`; a tenth hands it over.
+    # In the direct mode the loop waits for the contact, but for `guard`; two tenths hand it over.
     direct = spec.scene.coupling.mode == "direct"
-    worker = ContactWorker(stage, clock, min(WITHIN, 0.9 - spec.guard) if direct else WITHIN)
+    worker = ContactWorker(stage, clock, min(WITHIN, 0.8 - spec.guard) if direct else WITHIN)
     # The core is the loop's alone: the worker, begun before, may be on any other.
     told |= realtime.ask(replace(realtime.RealTime(), core=spec.real_time.core))
     asked = spec.real_time

@@ -94,7 +94,8 @@ class Stats:
 
     `ticks` done; `misses`: ticks that were finished after their deadline, and those that were
     never begun because an earlier one took so long (`skipped`); `fallbacks`: ticks whose contact
-    was an older one, taken on to the present pose.
+    was an older one, taken on to the present pose; `cut_short`: ticks of which a search was ended
+    by its time, so that its depth is not certified.
     """
 
     def __init__(self) -> None:
@@ -105,6 +106,7 @@ class Stats:
         self.longest_fallback = 0
         """Most fallbacks in a row."""
         self._fallbacks_in_a_row = 0
+        self.cut_short = 0
         self.passivity = 0
         """Ticks in which the passivity controller changed the wrench."""
         self.stages = {name: Histogram() for name in STAGES}
@@ -114,11 +116,14 @@ class Stats:
         """How long contacts took to compute, wherever that was."""
         self.recent_tick, self.recent_contact = Recent(), Recent()
 
-    def finished(self, *, skipped: int, late: float, missed: bool, fallback: bool) -> None:
+    def finished(
+        self, *, skipped: int, late: float, missed: bool, fallback: bool, cut_short: bool = False
+    ) -> None:
         """Count one tick."""
         self.ticks += 1
         self.skipped += skipped
         self.misses += skipped + missed
+        self.cut_short += cut_short
         self.lateness.add(late)
         if fallback:
             self.fallbacks += 1
@@ -147,6 +152,8 @@ class Stats:
             "fallbacks": self.fallbacks,
             "fallbacks_percent": share * self.fallbacks,
             "longest_fallback_ticks": self.longest_fallback,
+            "cut_short": self.cut_short,
+            "cut_short_percent": share * self.cut_short,
             "passivity_ticks": self.passivity,
             "start_late_us": self.lateness.told_us(),
             "start_late_histogram_us": bins,
