@@ -133,7 +133,7 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     for tick in range(6):
         stage.evaluate(pose + tick * step)
     before = watch.evaluations
-    contact = stage.evaluate(pose + 6 * step, seconds=seconds)
+    contact = stage.evaluate(pose + 6 * step, seconds=seconds, search_seconds=seconds)
     done = watch.evaluations - before
     assert done == max(1, int(seconds / watch.cost))
     # And a search has the time that those before it have left.

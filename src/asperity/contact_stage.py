@@ -76,6 +76,7 @@ class ContactStage:
         announce_compiling("mesh_tick" if meshes else "tick")
         self.scene = scene
         self._now = now
+        self._end = math.inf
         self._cost = 0.0
         """How long one evaluation of the wrench takes, rather more than less [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
@@ -120,21 +121,27 @@ class ContactStage:
         return float(0.5 * self.scene.force.stiffness * depths)
 
     def evaluate(
-        self, pose: NDArray[np.float64], *, jumped: bool = False, seconds: float = math.inf
+        self,
+        pose: NDArray[np.float64],
+        *,
+        jumped: bool = False,
+        seconds: float = math.inf,
+        search_seconds: float = math.inf,
     ) -> LinearContact:
         """Return the contact at the tool's next pose (7,), one tick after the last one.
 
         With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
         contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
         is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
-        there are as many as fit into `seconds`; the pose itself is always looked at. After so long
-        searches end with what they have found (`Engine.wrench`).
+        there are as many as fit into `seconds`; the pose itself is always looked at. After
+        `search_seconds` searches end with what they have found (`Engine.wrench`).
         """
         # Of its own: it is kept, and a kernel is told the type of it and the last only once.
         pose = np.array(pose, dtype=np.float64)
         last = pose if self._last is None else self._last
-        self._flags, until = 0, self._now() + seconds
-        wrench = self._wrench_there(pose, until) if jumped else self._wrench(last, pose, until)
+        self._flags, begun = 0, self._now()
+        self._end = begun + search_seconds
+        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
         return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
@@ -146,26 +153,26 @@ class ContactStage:
         self.engine.change(force)
         self._halve = force.friction == 0.0
 
-    def _wrench_there(self, pose: NDArray[np.float64], until: float) -> NDArray[np.float64]:
+    def _wrench_there(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the wrench at a pose; averaging begins anew from there."""
         if self._window is not None:
             self._window.reset()
-        self._last_wrench = self._asked(pose, self.dt, until)
+        self._last_wrench = self._asked(pose, self.dt)
         self._before = ()
         return self._last_wrench.copy()
 
-    def _asked(self, pose: NDArray[np.float64], piece: float, until: float) -> NDArray[np.float64]:
+    def _asked(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
         """Return the engine's wrench at a pose; note whether it had to be found in a hurry."""
-        left = max(until - self._now(), 0.0)
+        left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
         if self.engine.was_cut:
             self._flags |= CUT_SHORT
         return wrench
 
-    def _timed(self, pose: NDArray[np.float64], piece: float, until: float) -> NDArray[np.float64]:
+    def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
         """Do as `_asked`, and note how long that took."""
         begun = self._now()
-        wrench = self._asked(pose, piece, until)
+        wrench = self._asked(pose, piece)
         took = self._now() - begun
         # What takes long is believed soon, what is quick after a while.
         self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
@@ -179,16 +186,16 @@ class ContactStage:
         if self._window is None:
             if waves > 0.5:
                 self._flags |= TOO_FAST
-            return self._asked(pose, self.dt, until)
+            return self._asked(pose, self.dt)
         if self._last is None:
-            self._last_wrench = self._asked(pose, self.dt, until)
+            self._last_wrench = self._asked(pose, self.dt)
         wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
         seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return self._timed(pose if s == 1.0 else between(last, pose, s), piece, until)
+            return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
 
         def in_time() -> bool:
             # Another one, and the last pose once more.
@@ -208,7 +215,7 @@ class ContactStage:
             self._flags |= SUB_POSES
             if nodes.s.size > count + 1:
                 # The contacts to show are those of the last pose, not of the last halving.
-                self._asked(pose, 0.0, until)
+                self._asked(pose, 0.0)
         if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
         self._before = (self._last_wrench, *self._before[:1])

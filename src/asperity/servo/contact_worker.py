@@ -32,12 +32,16 @@ from asperity.servo.pace import Clock
 
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
-WITHIN, WITHIN_SHARED = 0.7, 0.45
-"""Part of a tick that a contact may take; ours.
-
-What is left is for what a search that is ended still does, and for handing over.
+WITHIN, WITHIN_SHARED = 0.75, 0.5
+"""Part of a tick that a contact's sub-poses may take; ours: what is left hands it over.
 
 The second where the loop's own work is done on the same core.
+"""
+SEARCHED = 0.75
+"""Part of a tick after which a contact's searches end; ours.
+
+What is left is for what they still do then, and for handing over. Where the core is shared it is
+the contact's between two ticks.
 """
 SWITCH_INTERVAL = 5e-5
 """How long a thread may hold the interpreter's lock while another wants it [s]."""
@@ -97,13 +101,20 @@ class ContactWorker:
         Nobody else may use it from now on, but between `pause` and the next `submit`.
     clock : Clock
     within : float
-        Part of a tick, counted from when a contact was asked for, that it may take: as many
-        sub-poses, and as much of a search.
+        Part of a tick, counted from when a contact was asked for, that its sub-poses may take.
+    searched : float
+        And after which its searches end.
     """
 
-    def __init__(self, stage: ContactStage, clock: Clock, within: float = WITHIN) -> None:
+    def __init__(
+        self,
+        stage: ContactStage,
+        clock: Clock,
+        within: float = WITHIN,
+        searched: float = SEARCHED,
+    ) -> None:
         self.stage = stage
-        self.within = within
+        self.within, self.searched = within, searched
         self.latest = Contact()
         self.busy = False
         self.statuses = np.zeros(3, np.int64)
@@ -182,8 +193,12 @@ class ContactWorker:
 
     def _evaluate(self, out: Contact) -> None:
         begun = self._clock.now()
-        left = out.asked + self.within * self.stage.dt - begun
-        out.linear = self.stage.evaluate(self._pose, jumped=self._jumped, seconds=max(left, 0.0))
+        gone, dt = begun - out.asked, self.stage.dt
+        out.linear = self.stage.evaluate(
+            self._pose, jumped=self._jumped,
+            seconds=max(self.within * dt - gone, 0.0),
+            search_seconds=max(self.searched * dt - gone, 0.0),
+        )  # fmt: skip
         contacts, shown = self.stage.contacts, out.shown
         count = out.linear.count
         out.depth = float(contacts.depth[:count].max()) if count else 0.0

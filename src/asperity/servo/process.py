@@ -31,7 +31,7 @@ from asperity.errors import AsperityError
 from asperity.press import touching_pose
 from asperity.scene import Scene
 from asperity.servo import realtime
-from asperity.servo.contact_worker import WITHIN, WITHIN_SHARED, ContactWorker
+from asperity.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHARED, ContactWorker
 from asperity.servo.loop import GUARD, ServoLoop
 from asperity.servo.mailbox import Mailbox
 from asperity.servo.pace import SystemClock
@@ -143,9 +143,9 @@ def _served(
         start = np.array(spec.start, dtype=np.float64)
     made = spec.make_device()
     device = SafeDevice(made, dt=parameters.dt, settings=spec.safety)
-    # In the direct mode the loop waits for the contact, but for `guard`; two tenths hand it over.
-    direct = spec.scene.coupling.mode == "direct"
-    worker = ContactWorker(stage, clock, min(WITHIN, 0.8 - spec.guard) if direct else WITHIN)
+    # In the direct mode the loop waits for the contact, but for `guard`; a tenth hands it over.
+    left = 0.9 - spec.guard if spec.scene.coupling.mode == "direct" else 1.0
+    worker = ContactWorker(stage, clock, min(WITHIN, left), min(SEARCHED, left - 0.1))
     # The core is the loop's alone: the worker, begun before, may be on any other.
     told |= realtime.ask(replace(realtime.RealTime(), core=spec.real_time.core))
     asked = spec.real_time
