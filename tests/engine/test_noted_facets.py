@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from naive_engine import pose
 
-from asperity.contact.facing import note_nothing
+from asperity.contact.noted_facets import note_nothing
 from asperity.contact_stage import ContactStage
 from asperity.poses import turned
 from asperity.press import touching_pose

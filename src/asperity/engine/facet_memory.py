@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from asperity.contact.facet_space import WINDOWS
 from asperity.contact.facet_table import BINS
-from asperity.contact.facing import NotedFacets, note_nothing, noted_facets
+from asperity.contact.noted_facets import NotedFacets, note_nothing, noted_facets
 
 
 class FacetMemory(NamedTuple):

@@ -30,7 +30,7 @@ from asperity.contact.deepest import DEPTH
 from asperity.contact.facet_search import pairs_of_charts, patch_depths
 from asperity.contact.facet_space import MAX_PATCHES, WINDOWS
 from asperity.contact.facet_table import BINS
-from asperity.contact.facing import between_bodies, near_pairs
+from asperity.contact.facing import between_bodies
 from asperity.contact.footprint import (
     DEEPEST,
     MASS,
@@ -43,6 +43,7 @@ from asperity.contact.footprint import (
     sliver,
     steady_normal,
 )
+from asperity.contact.noted_facets import near_pairs
 from asperity.contact.patch import frame_round
 from asperity.engine.directions import (
     DEPTH_OF,
