@@ -25,8 +25,13 @@ def felt(engine, path, anew):
     return np.array(out)
 
 
+def is_taken_from_outer(engine):
+    """Return whether there is an outer ring."""
+    return engine._facets.memory.noted.outer_holds[:, 3].max() >= 0.0
+
+
 def assert_noted_is_as_good_as_new(engine, path):
-    noted, anew = felt(engine, path, False), felt(engine, path, True)
+    anew, noted = felt(engine, path, True), felt(engine, path, False)
     size = np.abs(anew).max()
     assert size > 0.0
     np.testing.assert_allclose(noted, anew, rtol=0.0, atol=1e-9 * size)
@@ -46,6 +51,7 @@ def test_a_tool_of_a_scene_that_slides_and_tilts(scene, count, speed):
     path = np.array([turned(start, turn) for turn in tilt])
     path[:, :3] += way
     assert_noted_is_as_good_as_new(engine, path)
+    assert is_taken_from_outer(engine) == (speed < 0.5)
 
 
 def test_a_ball_that_rolls_and_jumps():

@@ -97,19 +97,19 @@ def turn_facet(table: FacetTable, f, turn, shift, facing):
 
 
 @small_kernel
-def is_far(table: FacetTable, f, g, near, beside, facing):
-    """Return whether facets are farther apart than `near` [m], or `beside` sideways.
+def far_by(table: FacetTable, f, g, near, beside, facing):
+    """Return by how much facets are farther apart than `near` [m], or `beside` sideways.
 
-    By the middle of A's, whatever way it is turned; most are.
+    By the middle of A's, whatever way it is turned; most are. 0 or less if they may be near.
     """
     m, o = facing.normals[f], table.origin[g]
     x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
     round_f = m[6] + beside
-    off_x = abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) > table.half[g, 0] + round_f
-    off_y = abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) > table.half[g, 1] + round_f
-    off_z = abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) > near + m[6]
-    return off_x | off_y | off_z
+    off_x = abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) - (table.half[g, 0] + round_f)
+    off_y = abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) - (table.half[g, 1] + round_f)
+    off_z = abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) - (near + m[6])
+    return max(off_x, off_y, off_z)
 
 
 @small_kernel
@@ -187,7 +187,7 @@ def walk(
                     lost += 1
                     continue
                 faces = cosine_of(table, f, g, facing) >= flattest
-                far = is_far(table, f, g, margin, beside, facing)
+                far = far_by(table, f, g, margin, beside, facing) > 0.0
                 pairs_io[count, 0], pairs_io[count, 1] = f, g
                 count += np.int64(faces & ~far)
     return top, count, visits, lost

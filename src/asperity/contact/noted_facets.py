@@ -3,8 +3,9 @@
 A tool moves little in a tick. So facets are looked for somewhat farther than they have to be, and
 noted; what is noted holds until the tool has moved that far (Verlet, 1967, of molecules). The inner
 ring is gone through in each tick. It is taken, every ten ticks or so, from the outer one, which
-reaches several times as far; and while that still holds, the trees are gone through for the next
-one, a few boxes in each tick, so that no tick has to wait for it.
+reaches several times as far; of each pair it is known how far the tool has to move until it may be
+of the inner ring. While that outer ring still holds, the trees are gone through for the next one, a
+few boxes in each tick, so that no tick has to wait for it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from asperity.contact.facing import (
     STACK,
     cosine_of,
     facing_pairs,
-    is_far,
+    far_by,
     moved_since,
     turn_facet,
     walk,
@@ -37,11 +38,11 @@ _LEAST_SPARE, _MOST_SPARE = 2e-4, 1e-3
 """looked for this much farther at least, and at most [m]."""
 _OUTER = 4.0
 """So many times as far facets of the outer ring are looked for."""
-_OLD = 0.4
+_OLD = 0.55
 """When so much of its spare is used up, the next outer ring is begun,"""
-_IN_TICKS = 8.0
+_IN_TICKS = 4.0
 """to be done after so many ticks, if it takes as many visits as the last."""
-_FIRST_VISITS = 800.0
+_FIRST_VISITS = 5000.0
 
 # Of `NotedFacets.holds` and `outer_holds`.
 _NEAR, _REACH, _SPARE, _COUNT = 0, 1, 2, 3
@@ -60,14 +61,19 @@ class NotedFacets(NamedTuple):
     there are, or why there are none. (bodies, 4)"""
     way: NDArray[np.float64]
     """From the tool's frame to the body's when they were noted, (bodies, 3, 4)."""
+    travelled: NDArray[np.float64]
+    """How far the tool has moved from note to note, and what is near has widened [m], (bodies,)."""
     outer_pairs: NDArray[np.int64]
     outer_holds: NDArray[np.float64]
     outer_way: NDArray[np.float64]
+    outer_beyond: NDArray[np.float64]
+    """How far it will have, at least, when a pair may be one of the inner ring [m], (bodies, n)."""
     next_pairs: NDArray[np.int64]
     under_way: NDArray[np.float64]
     """Of the next outer ring, as `holds`; how many pairs of boxes are still to be gone through, how
     many were, and how many were for the last one. (bodies, 7)"""
     next_way: NDArray[np.float64]
+    next_beyond: NDArray[np.float64]
     stack: NDArray[np.int64]
     """Those pairs of boxes, (bodies, 512, 2)."""
 
@@ -75,16 +81,19 @@ class NotedFacets(NamedTuple):
 def noted_facets(bodies: int) -> NotedFacets:
     """Return room for the facets near so many bodies; none are noted."""
     noted = NotedFacets(
-        *ring(bodies, 4),
-        *ring(bodies, 4),
-        *ring(bodies, 7),
+        *_ring(bodies, 4),
+        np.zeros(bodies),
+        *_ring(bodies, 4),
+        np.zeros((bodies, MAX_NOTED)),
+        *_ring(bodies, 7),
+        np.zeros((bodies, MAX_NOTED)),
         stack=np.zeros((bodies, STACK, 2), np.int64),
     )
     note_nothing(noted)
     return noted
 
 
-def ring(
+def _ring(
     bodies: int, numbers: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return pairs, what there is to know of them, and a way, of each body."""
@@ -98,13 +107,15 @@ def note_nothing(noted: NotedFacets) -> None:
     noted.outer_holds[:, _COUNT] = _NONE
     noted.under_way[:, _TOP] = _NONE
     noted.under_way[:, _USUAL] = _FIRST_VISITS
+    noted.travelled[:] = 0.0
 
 
 @inner_kernel
-def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
-    """Return whether a facet of A is beside g by more than `reach`, or out of g's [-reach, near].
+def _apart_by(table: FacetTable, f, g, near, reach, facing):
+    """Return by how much more than `reach` a facet of A is beside g, or out of g's [-reach, near].
 
-    As seen along g's normal: one side of either has the other beyond it.
+    As seen along g's normal: one side of either has the other beyond it. [m]; 0 or less if it is
+    not, and of those that are at least.
     """
     seen = stack_array((8, 2))
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
@@ -122,18 +133,19 @@ def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
         low_x, high_x = min(low_x, on_x), max(high_x, on_x)
         low_y, high_y = min(low_y, on_y), max(high_y, on_y)
         shallowest, deepest = min(shallowest, deep), max(deepest, deep)
-    if shallowest > near or deepest < -reach:
-        return True
     wide_x, wide_y = table.half[g, 0] + reach, table.half[g, 1] + reach
-    if low_x > wide_x or high_x < -wide_x or low_y > wide_y or high_y < -wide_y:
-        return True
+    apart = max(shallowest - near, -deepest - reach)
+    apart = max(apart, low_x - wide_x, -high_x - wide_x, low_y - wide_y, -high_y - wide_y)
+    if apart > 0.0:
+        return apart
     for r in range(table.count_rows[g]):
         row = table.rows[g, r]
         least = np.inf
         for c in range(count):
             least = min(least, row[0] + row[1] * seen[c, 0] + row[2] * seen[c, 1])
-        if least > reach:
-            return True
+        apart = max(apart, least - reach)
+    if apart > 0.0:
+        return apart
     box = table.count_rows[g] == 0
     for c in range(count):
         after = c + 1 if c + 1 < count else 0
@@ -148,8 +160,16 @@ def _beside_each_other(table: FacetTable, f, g, near, reach, facing):
                 corner = table.corners[g, k]
                 least = min(least, out_x * corner[0] + out_y * corner[1])
         if least > base:
-            return True
-    return False
+            return (least - base) / size
+    return apart
+
+
+@inner_kernel
+def _beyond_by(table: FacetTable, f, g, near, reach, flattest, size, facing):
+    """Return how far A has to move, at least, until a pair is wanted [m]; 0 or less if it is."""
+    by = (flattest - cosine_of(table, f, g, facing)) * size
+    by = max(by, far_by(table, f, g, math.hypot(near, reach), reach, facing))
+    return by if by > 0.0 else _apart_by(table, f, g, near, reach, facing)
 
 
 @inner_kernel
@@ -160,28 +180,55 @@ def _keep_way(way, way_out):
 
 
 @inner_kernel
-def _from_outer(table: FacetTable, b, way, near, reach, flattest, noted, facing):
-    """Do what `facing_pairs` does, of the facets of the outer ring."""
+def _take_from_outer(table: FacetTable, b, way, near, reach, flattest, size, noted, facing):
+    """Note what is wanted of the facets of the outer ring; return how many."""
     facing.clock[0] += 1
     facing.clock[1] = 0
-    turn, shift, margin = way[:, :3], way[:, 3], math.hypot(near, reach)
-    count = np.int64(0)
+    turn, shift, travelled = way[:, :3], way[:, 3], noted.travelled[b]
+    kept = np.int64(0)
     for i in range(int(noted.outer_holds[b, _COUNT])):
+        if travelled < noted.outer_beyond[b, i]:
+            continue
         f, g = noted.outer_pairs[b, i, 0], noted.outer_pairs[b, i, 1]
         if facing.stamp[f] != facing.clock[0]:
             turn_facet(table, f, turn, shift, facing)
-        faces = cosine_of(table, f, g, facing) >= flattest
-        far = is_far(table, f, g, margin, reach, facing)
-        facing.pairs[count, 0], facing.pairs[count, 1] = f, g
-        count += np.int64(faces & ~far)
-    return count
+        beyond = _beyond_by(table, f, g, near, reach, flattest, size, facing)
+        noted.outer_beyond[b, i] = travelled + max(beyond, 0.0)
+        if beyond <= 0.0:
+            if kept < MAX_NOTED:
+                noted.pairs[b, kept, 0], noted.pairs[b, kept, 1] = f, g
+            kept += 1
+    return kept
+
+
+@inner_kernel
+def _take_from_all(table: FacetTable, a, b, way, near, reach, flattest, noted, facing):
+    """Do so of all facets."""
+    # Sideways textures move points no farther than they rise.
+    margin = math.hypot(near, reach)
+    count = facing_pairs(table, a, b, way[:, :3], way[:, 3], margin, reach, flattest, facing)
+    kept = np.int64(0)
+    for i in range(count):
+        f, g = facing.pairs[i, 0], facing.pairs[i, 1]
+        if _apart_by(table, f, g, near, reach, facing) > 0.0:
+            continue
+        if kept < MAX_NOTED:
+            noted.pairs[b, kept, 0], noted.pairs[b, kept, 1] = f, g
+        kept += 1
+    return kept
 
 
 @inner_kernel
 def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing):
     """Note the facets that `near_pairs` wants, and those that it may while A moves by `spare`."""
     near, reach, flattest = near + spare, reach + spare, FLATTEST - spare / size
-    outer = noted.outer_holds[b]
+    holds, outer = noted.holds[b], noted.outer_holds[b]
+    # What was too far away by something may be near when the tool has moved by that, or when that
+    # much farther ones are wanted.
+    wider = max(near - holds[_NEAR], reach - holds[_REACH], spare - holds[_SPARE], 0.0)
+    noted.travelled[b] += moved_since(noted.way[b], way, size) + wider
+    holds[_NEAR], holds[_REACH], holds[_SPARE] = near, reach, spare
+    _keep_way(way, noted.way[b])
     moved = moved_since(noted.outer_way[b], way, size)
     if (
         outer[_COUNT] >= 0.0
@@ -189,24 +236,23 @@ def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing)
         and near + moved <= outer[_NEAR]
         and reach + moved <= outer[_REACH]
     ):
-        count = _from_outer(table, b, way, near, reach, flattest, noted, facing)
+        kept = _take_from_outer(table, b, way, near, reach, flattest, size, noted, facing)
     else:
-        # Sideways textures move points no farther than they rise.
-        margin = math.hypot(near, reach)
-        count = facing_pairs(table, a, b, way[:, :3], way[:, 3], margin, reach, flattest, facing)
-    kept = np.int64(0)
-    for i in range(count):
-        f, g = facing.pairs[i, 0], facing.pairs[i, 1]
-        if _beside_each_other(table, f, g, near, reach, facing):
-            continue
-        if kept < MAX_NOTED:
-            noted.pairs[b, kept, 0], noted.pairs[b, kept, 1] = f, g
-        kept += 1
+        kept = _take_from_all(table, a, b, way, near, reach, flattest, noted, facing)
     fits = kept <= MAX_NOTED and facing.clock[1] == 0
-    holds = noted.holds[b]
-    holds[_NEAR], holds[_REACH], holds[_SPARE] = near, reach, spare
     holds[_COUNT] = float(kept) if fits else _TOO_MANY
-    _keep_way(way, noted.way[b])
+
+
+@inner_kernel
+def _measure(table: FacetTable, b, way, size, first, last, noted, facing):
+    """Fill from when on pairs of the next outer ring may be wanted, as seen from here."""
+    holds = noted.holds[b]
+    travelled = noted.travelled[b] + moved_since(noted.way[b], way, size)
+    flattest = FLATTEST - holds[_SPARE] / size
+    for i in range(first, last):
+        f, g = noted.next_pairs[b, i, 0], noted.next_pairs[b, i, 1]
+        beyond = _beyond_by(table, f, g, holds[_NEAR], holds[_REACH], flattest, size, facing)
+        noted.next_beyond[b, i] = travelled + max(beyond, 0.0)
 
 
 @inner_kernel
@@ -233,15 +279,16 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
     # this began; seen from where it is now that is farther by how far it has moved since.
     moved = moved_since(noted.next_way[b], way, size)
     if moved > coming[_SPARE]:
-        coming[_TOP] = _NONE
+        coming[_TOP], coming[_USUAL] = _NONE, 2.0 * coming[_USUAL]
         return
     near, reach = coming[_NEAR] + moved, coming[_REACH] + moved
-    visits = np.int64(coming[_USUAL] / _IN_TICKS) + 1
+    visits, before = np.int64(coming[_USUAL] / _IN_TICKS) + 1, np.int64(coming[_COUNT])
     top, count, left, lost = walk(
         table, way[:, :3], way[:, 3], math.hypot(near, reach), reach,
         FLATTEST - (coming[_SPARE] + moved) / size, noted.stack[b], np.int64(coming[_TOP]), visits,
-        noted.next_pairs[b], np.int64(coming[_COUNT]), facing,
+        noted.next_pairs[b], before, facing,
     )  # fmt: skip
+    _measure(table, b, way, size, before, count, noted, facing)
     coming[_VISITS] += float(visits - left)
     coming[_TOP], coming[_COUNT] = float(top), float(count)
     if lost > 0:
@@ -252,6 +299,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
         for i in range(count):
             for k in range(2):
                 noted.outer_pairs[b, i, k] = noted.next_pairs[b, i, k]
+            noted.outer_beyond[b, i] = noted.next_beyond[b, i]
         _keep_way(noted.next_way[b], noted.outer_way[b])
         coming[_TOP], coming[_USUAL] = _NONE, coming[_VISITS]
 
