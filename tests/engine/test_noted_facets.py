@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 from naive_engine import pose
+from scipy.spatial.transform import Rotation
 
-from asperity.contact.noted_facets import note_nothing
+from asperity.compiled import kernel
+from asperity.contact.chart import FLATTEST
+from asperity.contact.noted_facets import _take_from_all, near_pairs, note_nothing, noted_facets
 from asperity.contact_stage import ContactStage
 from asperity.poses import turned
 from asperity.press import touching_pose
@@ -62,3 +65,51 @@ def test_a_ball_that_rolls_and_jumps():
     out = radius - 1e-4
     path = [turned(pose(a, 1e-3, out), np.array([0.0, a / radius, 0.3 * a / radius])) for a in x]
     assert_noted_is_as_good_as_new(engine, path)
+
+
+@kernel
+def _near(table, a, b, way, near, reach, size, speed, noted, facing):
+    return near_pairs(table, a, b, way, near, reach, size, speed, noted, facing)
+
+
+@kernel
+def _wanted(table, a, b, way, near, reach, noted, facing):
+    return _take_from_all(table, a, b, way, near, reach, FLATTEST, noted, facing)
+
+
+@pytest.mark.parametrize("speed", [2e-5, 1e-4])
+@pytest.mark.parametrize(("cuts", "rolls"), [(3, False), (3, True), (4, True)])
+def test_no_facet_that_is_near_is_missed(cuts, speed, rolls):
+    """Pair by pair, two balls of small facets: one goes round the other, pressed by turns.
+
+    Where facets are large, what is too narrow may not be seen.
+    """
+    large, small = 15e-3, 6e-3
+    engine = engine_of(thing("tool", ball_mesh(small, 2)), thing("plate", ball_mesh(large, cuts)))
+    table, facing = engine._facets.table, engine._facets.space.footprint.facing
+    a = engine._tool
+    b = 1 - a
+    size = float(np.sqrt(3.0) * small)
+    noted, anew = noted_facets(2), noted_facets(2)
+    missed = several = outer = 0
+    for tick in range(900):
+        s = speed * tick / large
+        out = large + small - 1.2e-3 - 2e-4 * np.sin(0.07 * tick)
+        there = pose(out * np.sin(s), out * np.sin(0.6 * s) * np.cos(s), 0.0)
+        there[2] = np.sqrt(out**2 - there[0] ** 2 - there[1] ** 2)
+        turn = np.sin([0.9 * s, 0.7 * s, 1.3 * s]) if rolls else np.zeros(3)
+        way = np.column_stack([Rotation.from_rotvec(turn).as_matrix(), there[:3]])
+        # How deep a contact may be changes at once where one ends.
+        near, reach = (1.4e-3 if tick % 150 > 120 else 2e-4), 1e-4
+        count = _near(table, a, b, way, near, reach, size, 1.2 * speed, noted, facing)
+        got = {tuple(pair) for pair in facing.pairs[:count].tolist()}
+        # Two corners may be farther apart than any side of either can tell.
+        count = _wanted(table, a, b, way, near, 0.3 * reach, anew, facing)
+        want = {tuple(pair) for pair in anew.pairs[b, :count].tolist()}
+        missed += len(want - got)
+        several += len(want)
+        outer += noted.outer_holds[b, 3] >= 0.0
+    assert missed == 0
+    assert several > 900 * 20
+    # There is room for the outer ring of the finer one where it is narrow.
+    assert (outer > 600) == (cuts == 3 or speed < 5e-5)

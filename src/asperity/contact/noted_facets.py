@@ -36,8 +36,10 @@ _TICKS = 10.0
 """For so many ticks of the present speed what is noted should hold,"""
 _LEAST_SPARE, _MOST_SPARE = 2e-4, 1e-3
 """looked for this much farther at least, and at most [m]."""
-_OUTER = 4.0
-"""So many times as far facets of the outer ring are looked for."""
+_OUTER, _NARROWEST = 4.0, 2.0
+"""So many times as far facets of the outer ring are looked for; half of that where there is no room
+for so many, and none below the second.
+"""
 _OLD = 0.55
 """When so much of its spare is used up, the next outer ring is begun,"""
 _IN_TICKS = 4.0
@@ -48,7 +50,7 @@ _FIRST_VISITS = 5000.0
 _NEAR, _REACH, _SPARE, _COUNT = 0, 1, 2, 3
 _NONE, _TOO_MANY = -1.0, -2.0
 # Of `NotedFacets.under_way`, which begins as those do.
-_TOP, _VISITS, _USUAL = 4, 5, 6
+_TOP, _VISITS, _USUAL, _TIMES = 4, 5, 6, 7
 
 
 class NotedFacets(NamedTuple):
@@ -71,7 +73,8 @@ class NotedFacets(NamedTuple):
     next_pairs: NDArray[np.int64]
     under_way: NDArray[np.float64]
     """Of the next outer ring, as `holds`; how many pairs of boxes are still to be gone through, how
-    many were, and how many were for the last one. (bodies, 7)"""
+    many were, and how many were for the last one; and how many times as far they reach. (bodies, 8)
+    """
     next_way: NDArray[np.float64]
     next_beyond: NDArray[np.float64]
     stack: NDArray[np.int64]
@@ -85,7 +88,7 @@ def noted_facets(bodies: int) -> NotedFacets:
         np.zeros(bodies),
         *_ring(bodies, 4),
         np.zeros((bodies, MAX_NOTED)),
-        *_ring(bodies, 7),
+        *_ring(bodies, 8),
         np.zeros((bodies, MAX_NOTED)),
         stack=np.zeros((bodies, STACK, 2), np.int64),
     )
@@ -106,7 +109,7 @@ def note_nothing(noted: NotedFacets) -> None:
     noted.holds[:, _COUNT] = _NONE
     noted.outer_holds[:, _COUNT] = _NONE
     noted.under_way[:, _TOP] = _NONE
-    noted.under_way[:, _USUAL] = _FIRST_VISITS
+    noted.under_way[:, _USUAL], noted.under_way[:, _TIMES] = _FIRST_VISITS, _OUTER
     noted.travelled[:] = 0.0
 
 
@@ -270,7 +273,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
             and reach + spare + moved <= outer[_REACH]
         ):
             return
-        wide = _OUTER * spare
+        wide = coming[_TIMES] * spare
         coming[_NEAR], coming[_REACH], coming[_SPARE] = near + wide, reach + wide, wide
         coming[_COUNT], coming[_TOP], coming[_VISITS] = 0.0, 1.0, 0.0
         noted.stack[b, 0, 0], noted.stack[b, 0, 1] = table.root[a], table.root[b]
@@ -292,7 +295,8 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
     coming[_VISITS] += float(visits - left)
     coming[_TOP], coming[_COUNT] = float(top), float(count)
     if lost > 0:
-        coming[_TOP] = _TOO_MANY
+        coming[_TIMES] *= 0.5
+        coming[_TOP] = _NONE if coming[_TIMES] >= _NARROWEST else _TOO_MANY
     elif top == 0:
         for k in range(4):
             outer[k] = coming[k]
