@@ -60,6 +60,7 @@ FLOOR, AIM = 3.0, 20.0
 """python-fcl's time over asperity's: the bar, and what is aimed at."""
 SHALLOW, DEEP = 2e-4, 1e-3
 TURNS = 7
+"""Of python-fcl and asperity, where they are timed beside each other."""
 TOO_LONG = 2e4
 """A tool whose tick takes longer [us] does not grow further."""
 Times = NDArray[np.float64]

@@ -101,14 +101,8 @@ def measured(
     spec: ServoSpec, seconds: float, folder: Path, block: float, empty: float
 ) -> dict[str, Any]:
     """Let sessions of a servo and of an empty loop take turns; return the sums of both."""
-    sums = {
-        "due": 0,
-        "misses": 0,
-        "fallbacks": 0,
-        "cut_short": 0,
-        "empty_due": 0,
-        "empty_misses": 0,
-    }
+    counted = ("misses", "fallbacks", "cut_short")
+    sums = dict.fromkeys(("due", *counted, "empty_due", "empty_misses"), 0)
     worst: dict[str, float] = {}
     grown, done, kept = 0.0, 0.0, {}
     while done < seconds:
@@ -128,9 +122,8 @@ def measured(
             kept = servo.finish()
         timing = kept["timing"]
         sums["due"] += timing["ticks_due"]
-        sums["misses"] += timing["misses"]
-        sums["fallbacks"] += timing["fallbacks"]
-        sums["cut_short"] += timing["cut_short"]
+        for what in counted:
+            sums[what] += timing[what]
         _most(worst, "tick", timing["stages_us"]["tick"])
         _most(worst, "late", timing["start_late_us"])
         _most(worst, "contact", timing["contact_us"])

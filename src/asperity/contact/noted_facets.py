@@ -117,8 +117,8 @@ def note_nothing(noted: NotedFacets) -> None:
 def _apart_by(table: FacetTable, f, g, near, reach, facing):
     """Return by how much more than `reach` a facet of A is beside g, or out of g's [-reach, near].
 
-    As seen along g's normal: one side of either has the other beyond it. [m]; 0 or less if it is
-    not, and of those that are at least.
+    As seen along g's normal: one side of either has the other beyond it. At least by so much [m]; 0
+    or less if it is neither.
     """
     seen = stack_array((8, 2))
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]

@@ -6,7 +6,8 @@ interpreter's lock away while they do, and the loop goes on with the last contac
 (`LinearContact`) until the new one is there. Averaging over a tick's motion makes no sense after a
 longer one, and would make a slow contact slower yet: such a contact is looked at where the tool
 is, and nowhere else. For the same reason a contact looks at no more sub-poses than fit into
-`within` of a tick, and searches that are not done by then end with what they have found.
+`within` of a tick, and searches that are not done after `searched` of it end with what they have
+found.
 
 Two locks hand over: one lets the worker go, the other tells that it is done. Handing over and back
 costs 16 to 47 us in the median beside computing in the loop itself (two cores at 2.5 GHz;
