@@ -32,13 +32,9 @@ lint: $(VENV)/installed-dev          ## style, types, and the order of imports
 	$(BIN)/lint-imports
 
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
-	$(BIN)/python benchmarks/bench_studies.py
-	$(BIN)/python benchmarks/bench_contact.py
-	$(BIN)/python benchmarks/bench_meshes.py
-	$(BIN)/python benchmarks/bench_devices.py
-	$(BIN)/python benchmarks/bench_servo.py
-	$(BIN)/python benchmarks/bench_sweep.py
-	$(BIN)/python benchmarks/bench_page.py
+	@missed=; for name in studies contact meshes devices servo sweep page; do \
+	  $(BIN)/python benchmarks/bench_$$name.py || missed="$$missed $$name"; \
+	done; test -z "$$missed" || { echo "a bar was missed in:$$missed"; exit 1; }
 
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite
