@@ -11,9 +11,9 @@ takes turns, and each pose counts with its median over the rounds: see `bench_co
 paper's method and python-fcl are given is told in `mesh_cases.py`. Bars are ratios of medians of
 one run, at the same poses. Times are in microseconds, one thread.
 
-One bar is a time: the tick's p99.9 on a scene's own path, which has 15 rounds. Beside it stands what
-the same ticks take *left alone*, each pose with its least over the rounds: what is above that is
-the machine's, others at work on it or in its caches.
+One bar is a time: the tick's p99.9 on a scene's own path, which has 15 rounds. Beside it stands
+what the same ticks take *left alone*, each pose with its least over the rounds: what is above that
+is the machine's, others at work on it or in its caches.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SOURCES = Path(__file__).resolve().parents[1] / "src" / "asperity"
 
 
@@ -18,12 +20,17 @@ def run(package, cache):
     return float(value), folder
 
 
-def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path):
+@pytest.fixture
+def package(tmp_path):
     package = tmp_path / "asperity"
     package.mkdir()
     (package / "__init__.py").write_text("")
     for name in ("compiled.py", "compile_time.py", "errors.py"):
         (package / name).write_text((SOURCES / name).read_text())
+    return package
+
+
+def test_an_edit_of_a_callee_in_another_file_is_seen(package, tmp_path):
     (package / "callee.py").write_text(
         "from asperity.compiled import kernel\n@kernel\ndef inner(x):\n    return x + 1.0\n"
     )
@@ -39,6 +46,40 @@ def test_an_edit_of_a_callee_in_another_file_is_seen(tmp_path):
     edited, new = run(package, tmp_path / "cache")
     assert new != old
     assert edited == 30.0
+
+
+def test_other_fields_of_a_structure_are_seen_by_kernels_that_do_not_import_it(package, tmp_path):
+    """Fields are known by their number; and a structure is found again by name and place."""
+    (package / "callee.py").write_text(
+        "from asperity.compiled import kernel\n@kernel\ndef first(pair):\n    return pair.one\n"
+    )
+    caller = package / "caller.py"
+    caller.write_text(
+        "from asperity.compiled import kernel\nfrom asperity.callee import first\n"
+        "from asperity.pair import Pair\n"
+        "@kernel\ndef inner(pair):\n    return first(pair)\n"
+        "class outer:\n"
+        "    _cache = first._cache\n"
+        "    def __new__(cls, x):\n        return inner(Pair(one=x, two=-x))\n"
+    )
+    pair = package / "pair.py"
+    pair.write_text(
+        "from typing import NamedTuple\nclass Pair(NamedTuple):\n    one: float\n    two: float\n"
+    )
+    first, old = run(package, tmp_path / "cache")
+    assert first == 1.0
+    pair.write_text(pair.read_text().replace("    two", '    "Of two."\n    two'))
+    told, same = run(package, tmp_path / "cache")
+    assert (told, same) == (1.0, old)
+    pair.write_text(
+        "from typing import NamedTuple\nclass Pair(NamedTuple):\n    two: float\n    one: float\n"
+    )
+    swapped, new = run(package, tmp_path / "cache")
+    assert swapped == 1.0
+    assert new != old
+    pair.rename(package / "pairs.py")
+    caller.write_text(caller.read_text().replace("asperity.pair ", "asperity.pairs "))
+    assert run(package, tmp_path / "cache")[0] == 1.0
 
 
 def test_an_edit_compiles_anew_only_what_stands_on_it(monkeypatch):

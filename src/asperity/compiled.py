@@ -5,6 +5,10 @@ that it calls in another file and the cache silently returns the old machine cod
 numbers. So every module of kernels has a cache folder of its own, named by a hash of its source
 and of all that it imports from the package, directly or not. An edit compiles anew what stands
 on it, and nothing else.
+
+A kernel may be handed a structure (a `NamedTuple`) without importing it. Machine code knows its
+fields by their numbers alone, and the cache finds it by its name and place. So the names of all
+structures of the package and of their fields, in order, are part of every hash.
 """
 
 from __future__ import annotations
@@ -27,6 +31,10 @@ _IMPORT = re.compile(
     r"|import\s+asperity(?P<module>[\w.]*))",
     re.MULTILINE,
 )
+_STRUCTURE = re.compile(
+    r"^class (?P<name>\w+)\(NamedTuple\):\n(?P<body>(?:[ \t].*\n|\n)*)", re.MULTILINE
+)
+_FIELD = re.compile(r"^    (\w+)\s*:", re.MULTILINE)
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -45,8 +53,19 @@ def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
 
 
 @functools.cache
+def _structures() -> bytes:
+    """Return a digest of which structures the package has, where, and of their fields' names."""
+    digest = hashlib.sha256()
+    for file in sorted(_PACKAGE.rglob("*.py")):
+        for found in _STRUCTURE.finditer(file.read_text("utf-8")):
+            fields = _FIELD.findall(found["body"])
+            digest.update(f"{file.relative_to(_PACKAGE)} {found['name']} {fields}\n".encode())
+    return digest.digest()
+
+
+@functools.cache
 def source_hash(path: Path) -> str:
-    """Return 16 hex digits that change with a source file and with all that it imports.
+    """Return 16 hex digits that change with a source file, all that it imports, and structures.
 
     Of a file outside the package: with all of the package, and with the files beside it.
     """
@@ -58,7 +77,7 @@ def source_hash(path: Path) -> str:
         fresh = set(_source(waiting.pop())[1]) - seen
         seen |= fresh
         waiting += fresh
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(_structures())
     for file in sorted(seen):
         digest.update(file.name.encode() + _source(file)[0])
     return digest.hexdigest()[:16]

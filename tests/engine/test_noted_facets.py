@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from asperity.compiled import kernel
 from asperity.contact.chart import FLATTEST
-from asperity.contact.noted_facets import _take_from_all, near_pairs, note_nothing, noted_facets
+from asperity.contact.facet_rings import note_nothing, noted_facets
+from asperity.contact.noted_facets import _take_from_all, near_pairs
 from asperity.contact_stage import ContactStage
 from asperity.poses import turned
 from asperity.press import touching_pose
@@ -30,7 +31,7 @@ def felt(engine, path, anew):
 
 def is_taken_from_outer(engine):
     """Return whether there is an outer ring."""
-    return engine._facets.memory.noted.outer_holds[:, 3].max() >= 0.0
+    return engine._facets.memory.noted.outer.holds[:, 3].max() >= 0.0
 
 
 def assert_noted_is_as_good_as_new(engine, path):
@@ -105,10 +106,10 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls):
         got = {tuple(pair) for pair in facing.pairs[:count].tolist()}
         # Two corners may be farther apart than any side of either can tell.
         count = _wanted(table, a, b, way, near, 0.3 * reach, anew, facing)
-        want = {tuple(pair) for pair in anew.pairs[b, :count].tolist()}
+        want = {tuple(pair) for pair in anew.inner.pairs[b, :count].tolist()}
         missed += len(want - got)
         several += len(want)
-        outer += noted.outer_holds[b, 3] >= 0.0
+        outer += noted.outer.holds[b, 3] >= 0.0
     assert missed == 0
     assert several > 900 * 20
     # There is room for the outer ring of the finer one where it is narrow.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.facet_rings import NotedFacets, note_nothing, noted_facets
 from asperity.contact.facet_space import WINDOWS
 from asperity.contact.facet_table import BINS
-from asperity.contact.noted_facets import NotedFacets, note_nothing, noted_facets
 
 
 class FacetMemory(NamedTuple):
