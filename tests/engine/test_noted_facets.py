@@ -101,7 +101,7 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls):
         turn = np.sin([0.9 * s, 0.7 * s, 1.3 * s]) if rolls else np.zeros(3)
         way = np.column_stack([Rotation.from_rotvec(turn).as_matrix(), there[:3]])
         # How deep a contact may be changes at once where one ends.
-        near, reach = (1.4e-3 if tick % 150 > 120 else 2e-4), 1e-4
+        near, reach = (5e-4 if tick % 50 > 25 else 2e-4), 1e-4
         count = _near(table, a, b, way, near, reach, size, 1.2 * speed, noted, facing)
         got = {tuple(pair) for pair in facing.pairs[:count].tolist()}
         # Two corners may be farther apart than any side of either can tell.
