@@ -24,6 +24,7 @@ from asperity.contact.chart import (
     Q,
 )
 from asperity.contact.overlap import POLYGON, F, overlap_at
+from asperity.stack import stack_array
 
 _ROOM = 36  # a polygon of this many corners at most, and as many being made
 _ON = 1e-15
@@ -46,10 +47,11 @@ def is_straight(chart):
 @inner_kernel
 def _clipped(polygon, size, a, b, r):
     """Cut a polygon (rows x, y) to `a x + b y <= r`; return how many corners are left."""
+    over = stack_array((_ROOM,))
     least, most = np.inf, -np.inf
     for j in range(size):
-        d = a * polygon[j, 0] + b * polygon[j, 1] - r
-        least, most = min(least, d), max(most, d)
+        over[j] = a * polygon[j, 0] + b * polygon[j, 1] - r
+        least, most = min(least, over[j]), max(most, over[j])
     if most <= 0.0:
         return size
     if least > 0.0:
@@ -57,8 +59,7 @@ def _clipped(polygon, size, a, b, r):
     kept = np.int64(0)
     for j in range(size):
         k = j + 1 if j + 1 < size else 0
-        d0 = a * polygon[j, 0] + b * polygon[j, 1] - r
-        d1 = a * polygon[k, 0] + b * polygon[k, 1] - r
+        d0, d1 = over[j], over[k]
         if d0 <= 0.0:
             polygon[kept + _ROOM, 0], polygon[kept + _ROOM, 1] = polygon[j, 0], polygon[j, 1]
             kept += 1
