@@ -290,6 +290,18 @@ def test_extrapolation_ends_in_the_motion_that_dragging_ends_in():
         assert ahead.largest == pytest.approx(dragged.largest, rel=1e-3)
 
 
+@pytest.mark.parametrize("damping", [6.82, 6.83, 6.838, 6.83893951287493, 6.84, 6.85])
+def test_extrapolation_does_not_lead_away_from_a_motion_that_is_all_but_found(damping):
+    """There the Jacobian is rounding's; jumps by it, repeated, ended a hundred metres away."""
+    table = _sinusoid(2.4570492134007547)
+    hand = Hand(0.04672751429017279, 263.463213648087, damping)
+    ahead, dragged = (drag(table, hand, 0.083, extrapolate=way) for way in (True, False))
+    assert ahead.status == MotionStatus.PERIODIC
+    assert ahead.mismatch <= 1.1 * PERIODIC_TOLERANCE
+    assert ahead.largest == pytest.approx(dragged.largest, rel=1e-3)
+    assert _rms(ahead.acceleration) == pytest.approx(_rms(dragged.acceleration), rel=1e-3)
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.1234, 0.5, 0.5 + 1e-12, 0.9])
 @pytest.mark.parametrize("start", [0.0, 0.3, -7.7, 0.5])
 def test_motion_does_not_depend_on_where_the_table_or_the_drive_begins(shift, start):

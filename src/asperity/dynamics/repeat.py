@@ -160,6 +160,12 @@ def run_until_repeat(state, steps, step, course, pull, tolerance, most_periods, 
 
 
 @kernel
+def _copy(state, state_out):
+    for i in range(state.size):
+        state_out[i] = state[i]
+
+
+@kernel
 def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolate, how):
     """Find the periodic motion, or give up, and record it.
 
@@ -210,6 +216,7 @@ def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolat
         )
     record = np.empty(((repeat if repeat > 0 else without) * steps * finer, 3))
     extremes = np.array([np.inf, -np.inf])
+    nearest, least = state.copy(), np.inf
     for _ in range(_RECORDINGS):
         before = _scaled(state, tolerance)
         extremes[0], extremes[1] = np.inf, -np.inf
@@ -222,8 +229,21 @@ def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolat
         if mismatch <= 1.0:
             break
         run += repeat
-        if ahead:
-            _jump_ahead(state, before, after, jacobian, tolerance, phase, course)
+        if mismatch < least:
+            least = mismatch
+            _copy(state, nearest)
+            if ahead:
+                _jump_ahead(state, before, after, jacobian, tolerance, phase, course)
+        elif ahead:
+            # That jump led away: the Jacobian was read off where the motion hardly changed any
+            # more. From the nearest place the hand falls towards the fixed point by itself.
+            ahead = False
+            _copy(nearest, state)
+    if repeat > 0 and not mismatch <= _APART:
+        repeat = 0
+        record = np.empty((without * steps * finer, 3))
+        extremes[0], extremes[1] = np.inf, -np.inf
+        advance_period(state, record.shape[0], step / finer, course, pull, extremes, record)
     return repeat, run, mismatch * relative, extremes[0], extremes[1], record
 
 
