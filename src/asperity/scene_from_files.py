@@ -270,6 +270,8 @@ def _image_shape(path: Path) -> tuple[int, int]:
     """Return rows and columns of an image, or say that it cannot be read."""
     try:
         rows, columns = read_pixels(path)[0].shape[:2]
+    except AsperityError:
+        raise
     except Exception as error:  # every format's reader has errors of its own
         line = " ".join(str(error).split())[:200]
         raise AsperityError(f"{path}: cannot be read: {line}") from None

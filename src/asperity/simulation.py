@@ -31,7 +31,7 @@ from asperity.dynamics.hand import Hand
 from asperity.dynamics.held_tool import HeldTool
 from asperity.dynamics.passivity import PassivityController
 from asperity.dynamics.simulated_hand import HandSettings, SimulatedHand
-from asperity.errors import require_finite
+from asperity.errors import AsperityError, require_finite
 from asperity.poses import require_pose, twist
 from asperity.press import pressed_pose, touching_pose
 from asperity.scene import Scene
@@ -106,6 +106,10 @@ class Simulation:
     def __init__(
         self, scene: Scene, *, dt: float = 1e-3, limits: DeviceLimits | None = None
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise AsperityError(
+                f"scene must be a Scene, got {scene!r}; load_scene takes a name or a folder"
+            )
         self.scene = scene
         self.stage = ContactStage(scene, dt=dt)
         self.dt = self.stage.dt

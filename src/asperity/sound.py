@@ -137,7 +137,10 @@ def from_run(
         Of a study, the level of its factor, of a rub, the probe; from 0. Default: the middle.
     """
     if "acceleration" not in data:
-        raise AsperityError("the file holds no acceleration; give one that asperity study wrote")
+        raise AsperityError(
+            "the file holds no acceleration; give one that asperity study wrote "
+            "(asperity export makes a WAV of a recording)"
+        )
     acceleration = data["acceleration"]
     if "model" in acceleration.dims:
         data, acceleration = data.isel(model=0), acceleration.isel(model=0)

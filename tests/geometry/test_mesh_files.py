@@ -238,6 +238,8 @@ def test_compressed_glb_is_refused(write):
         ("a.ply", ply("x y z", ["0 0 0", "1 1 1"], []), "no triangles"),
         ("a.stl", bytes(83), "no triangles|cannot be read|cut short"),
         ("a.stl", bytes(84), "no triangles|cannot be read|cut short"),
+        ("a.stl", b"hello\n", "no STL file: it is text"),
+        ("a.stl", b"some words\n" * 20, "no STL file: it is text"),
     ],
 )
 def test_what_holds_no_mesh_is_refused_in_one_line(write, tmp_path, name, content, said):

@@ -154,6 +154,8 @@ def _refuse_cut_short(path: Path) -> None:
         return  # text
     said = int.from_bytes(data[80:84], "little")
     if len(data) < 84 or len(data) < 84 + 50 * said:
+        if data and b"\0" not in data:
+            _refuse(path, "it is no STL file: it is text, and does not begin with solid")
         needs = (
             f"{said} triangles need {84 + 50 * said}" if len(data) >= 84 else "its head needs 84"
         )

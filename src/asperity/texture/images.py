@@ -178,7 +178,7 @@ def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDA
 
 
 def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -187,6 +187,11 @@ def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
         except Image.DecompressionBombError:
             raise SurfaceError(
                 f"{path}: the image has too many pixels; valid: at most {MAX_SAMPLES}"
+            ) from None
+        except UnidentifiedImageError:
+            raise SurfaceError(
+                f"{path}: cannot be read as a {Path(path).suffix.lower()} file: it holds no image "
+                "of a known kind; valid: PNG, TIFF, JPEG, BMP and others"
             ) from None
     with image:
         check_size(path, image.height, image.width)
