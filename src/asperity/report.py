@@ -157,7 +157,8 @@ def _brief(claim: Claim) -> str:
     measured = claim["measured"]
     name = claim["id"].rsplit(".", 2)[1]
     if name == "quadratic":
-        return "R² " + _numbers(measured["r_squared"], 2)
+        # Next to the threshold of 0.9 the third digit decides.
+        return "R² " + _numbers(measured["r_squared"], 3)
     if name == "peak_scales":
         return f"ratios {_numbers(measured['ratio'], 2)}; spread {_percent(measured['spread'])}"
     if name == "more_everywhere":
@@ -177,7 +178,9 @@ def _numbers(values: Any, digits: int) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.2g} %"
+    if value is None:
+        return "-"
+    return f"{100 * value:.0f} %" if abs(value) >= 0.1 else f"{100 * value:.2g} %"
 
 
 def _which_metric(results: Results) -> str:
