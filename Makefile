@@ -34,7 +34,7 @@ lint: $(VENV)/installed-dev          ## style, types, and the order of imports
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
 	@missed=; for name in studies contact meshes devices servo sweep page; do \
 	  $(BIN)/python benchmarks/bench_$$name.py || missed="$$missed $$name"; \
-	done; test -z "$$missed" || { echo "a bar was missed in:$$missed"; exit 1; }
+	done; test -z "$$missed" || { echo "missed a bar, or failed:$$missed"; exit 1; }
 
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite

@@ -33,7 +33,8 @@ from asperity.dynamics.drag import (
 _CYCLES = 8
 _FIRST_PERIODS = 2
 _APART = 1000.0
-"""Tolerances by which the periods of a subharmonic motion differ from each other, at least."""
+"""Tolerances by which the periods of a subharmonic motion differ from each other, at least; what
+misses its repeat by more does not repeat."""
 _RECORDINGS = 60
 _STABLE = 0.98
 """Largest eigenvalue of the Jacobian, in size, of a motion that is taken for stable."""
@@ -160,12 +161,6 @@ def run_until_repeat(state, steps, step, course, pull, tolerance, most_periods, 
 
 
 @kernel
-def _copy(state, state_out):
-    for i in range(state.size):
-        state_out[i] = state[i]
-
-
-@kernel
 def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolate, how):
     """Find the periodic motion, or give up, and record it.
 
@@ -216,7 +211,7 @@ def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolat
         )
     record = np.empty(((repeat if repeat > 0 else without) * steps * finer, 3))
     extremes = np.array([np.inf, -np.inf])
-    nearest, least = state.copy(), np.inf
+    nearest, least = state, np.inf
     for _ in range(_RECORDINGS):
         before = _scaled(state, tolerance)
         extremes[0], extremes[1] = np.inf, -np.inf
@@ -229,16 +224,13 @@ def drag_until_repeat(table, hand, speed, start, steps, most_periods, extrapolat
         if mismatch <= 1.0:
             break
         run += repeat
-        if mismatch < least:
-            least = mismatch
-            _copy(state, nearest)
-            if ahead:
-                _jump_ahead(state, before, after, jacobian, tolerance, phase, course)
+        if ahead and mismatch < least:
+            nearest, least = state.copy(), mismatch
+            _jump_ahead(state, before, after, jacobian, tolerance, phase, course)
         elif ahead:
             # That jump led away: the Jacobian was read off where the motion hardly changed any
             # more. From the nearest place the hand falls towards the fixed point by itself.
-            ahead = False
-            _copy(nearest, state)
+            ahead, state = False, nearest
     if repeat > 0 and not mismatch <= _APART:
         repeat = 0
         record = np.empty((without * steps * finer, 3))

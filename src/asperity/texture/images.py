@@ -190,7 +190,7 @@ def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
             ) from None
         except UnidentifiedImageError:
             raise SurfaceError(
-                f"{path}: cannot be read as a {Path(path).suffix.lower()} file: it holds no image "
+                f"{path}: cannot be read as a {path.suffix.lower()} file: it holds no image "
                 "of a known kind; valid: PNG, TIFF, JPEG, BMP and others"
             ) from None
     with image:
