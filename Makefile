@@ -31,10 +31,15 @@ lint: $(VENV)/installed-dev          ## style, types, and the order of imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The servo for ten minutes of each scene; SERVO_SECONDS=3600 is an hour.
+SERVO_SECONDS ?= 600
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
-	@missed=; for name in studies contact meshes devices servo sweep page; do \
+	@mkdir -p $(OUT); missed=; \
+	$(BIN)/python benchmarks/bench_meshes.py --figure $(OUT)/growth.svg || missed="$$missed meshes"; \
+	for name in studies contact devices energy hand_study sweep page; do \
 	  $(BIN)/python benchmarks/bench_$$name.py || missed="$$missed $$name"; \
-	done; test -z "$$missed" || { echo "missed a bar, or failed:$$missed"; exit 1; }
+	done; $(BIN)/python benchmarks/bench_servo.py --seconds $(SERVO_SECONDS) --empty 0.2 --kills 100 \
+	  || missed="$$missed servo"; test -z "$$missed" || { echo "missed a bar, or failed:$$missed"; exit 1; }
 
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite

@@ -100,12 +100,12 @@ def families(scene: Scene, simulation: Simulation) -> dict[str, Array]:
         "on an edge": edges,
     }
     return {"own path": own} | {
-        name: np.array([_about(*row) for row in zip(own, pivots, turn, strict=True)])
+        name: np.array([about(*row) for row in zip(own, pivots, turn, strict=True)])
         for name, turn in turns.items()
     }
 
 
-def _about(pose: Array, pivot: Array, turn: Array) -> Array:
+def about(pose: Array, pivot: Array, turn: Array) -> Array:
     """Return a pose turned about a place of the world."""
     out = turned(pose, turn)
     arm = turned(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), turn)

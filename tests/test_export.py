@@ -10,6 +10,7 @@ from scipy.io import wavfile
 from asperity import export, tool_motion
 from asperity.cli.main import main
 from asperity.errors import AsperityError
+from asperity.plots import spectrum_limits
 from asperity.recording import RecordingWriter
 from asperity.recording_dataset import open_recording
 
@@ -144,6 +145,32 @@ def test_the_command_leaves_all_files(recording, tmp_path, capsys):
     for name in ("traces.png", "spectrum.png"):
         picture = np.asarray(Image.open(out / name).convert("L"))
         assert picture.std() > 10.0
+
+
+def test_a_motion_that_could_not_yield_is_said_to_have_no_texture(tmp_path, capsys):
+    for coupling, hand in (("direct", "none"), ("implicit", "none"), ("direct", "simulated")):
+        folder = tmp_path / f"{coupling}-{hand}"
+        folder.mkdir()
+        attributes = {"scene": "a plate", "dt": 1e-3, "coupling": coupling, "hand": hand}
+        with RecordingWriter(folder / "recording.h5", attributes) as writer:
+            writer.add_rows(columns())
+        for kind in ("csv", "wav"):
+            out = ["--kinds", kind, "--out", str(folder / kind)]
+            assert main(["export", str(folder), *out]) == 0
+            stiff = (coupling, hand, kind) == ("direct", "none", "wav")
+            assert ("there is no texture" in capsys.readouterr().out) == stiff
+
+
+def test_a_spectrum_fills_its_axis():
+    lines = 1e-3 * 10.0 ** np.random.default_rng(1).uniform(-2.0, 0.0, 500)
+    low, high = spectrum_limits(lines)
+    assert lines.min() / 3.0 < low < lines.min()
+    assert high == pytest.approx(2.0 * lines.max())
+    # Lines all alike have a decade all the same.
+    assert spectrum_limits(np.ones(9)) == pytest.approx((0.1, 2.0))
+    lines[10] = 100.0  # four decades at most
+    assert spectrum_limits(lines) == pytest.approx((1e-2, 200.0))
+    assert spectrum_limits(np.zeros(5))[0] < spectrum_limits(np.zeros(0))[1]
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,13 @@ import pytest
 
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh import mesh_from_arrays
-from asperity.picture.contact import Moment, close_picture, contact_width, whole_picture
+from asperity.picture.contact import Moment, Picture, close_picture, contact_width, whole_picture
 from asperity.picture.mesh_sheets import mesh_sheets
 from asperity.picture.parts import scene_parts
 from asperity.picture.render import Lamp, camera_at, hollows, look, shade
 from asperity.picture.sheets import body_sheets
 from asperity.picture.view import Camera, View, coarsened
+from asperity.plots_run import contact_figure
 from asperity.scenes import load_scene
 from asperity.texture.patterns import sinusoid
 
@@ -250,3 +251,20 @@ def test_a_tool_that_is_a_mesh_has_pictures(name):
     if name == "hammer-blocks":
         assert turn.min() > 0
         assert (turn.max(axis=0) < [150, 120]).all()
+
+
+@pytest.mark.parametrize("lean", [(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_no_word_of_a_picture_is_cut_off(lean):
+    picture = Picture(np.full((220, 220, 4), 0.8), from_above(0.02, 220))
+    point = np.array([[0.0098 * lean[0], 0.0098 * lean[1], 0.0]])
+    normal, force = np.array([[0.0, 0.0, 1.0]]), 0.58 * np.array([[*lean, 0.0]])
+    moment = Moment(0.0, HOME, point, normal, force, np.array([1e-4]))
+    figure = contact_figure(picture, picture, moment, "a scene")
+    figure.draw_without_rendering()
+    axis = figure.axes[1]
+    frame, words = axis.get_window_extent(), [text for text in axis.texts if text.get_text()]
+    assert len(words) == 3  # the bar's length, the normal, the force
+    for text in words:
+        box = text.get_window_extent()
+        assert frame.x0 < box.x0 < box.x1 < frame.x1
+        assert frame.y0 < box.y0 < box.y1 < frame.y1

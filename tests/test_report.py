@@ -71,6 +71,17 @@ def test_missing_surfaces_are_said_to_be_generated(demo):
     for surface in REAL_SURFACES:
         assert results.remarks[surface.name].startswith("Generated")
         assert "Stand-in" in results.rubs[surface.name].attrs["title"]
+    page = render(results)
+    assert "<h2>Rough surfaces that stand in" in page
+    assert "<h2>Real surfaces" not in page
+
+
+def test_figures_of_claims_have_their_unit(demo):
+    page = render(demo[0])
+    cells = re.findall(r"<small>([\d. /]+)( m/s²)?</small></td>", page)
+    assert len(cells) > 8
+    assert any(unit for _, unit in cells)
+    assert any(not unit for _, unit in cells)  # the threshold-weighted power has none
 
 
 def test_larger_probes_shake_less_on_rough_ground(demo):

@@ -13,6 +13,7 @@ from asperity.stability import (
     Wall,
     measure_stability,
     measure_symptoms,
+    symptoms_of,
 )
 
 QUICK = StabilitySettings(rates=(1000.0,), dampings=(1.0,), places=2)
@@ -76,6 +77,20 @@ def test_a_hand_in_a_notch_feels_it_buzz_and_less_through_a_coupling(scene):
     assert direct.buzzing > 1e-2
     assert coupled.buzzing < 0.6 * direct.buzzing
     assert direct.aliveness < 0.02
+
+
+def test_symptoms_are_read_off_their_own_frequencies():
+    """A force that changes slowly by 30 mN, and shakes by 50 mN at 300 Hz."""
+    time = np.arange(4000) * 1e-3
+    force = np.zeros((4000, 3))
+    force[:, 2] = 0.6 + 0.03 * np.sin(2.0 * np.pi * 10.0 * time)
+    force[:, 0] = 0.05 * np.sin(2.0 * np.pi * 300.0 * time)
+    moved = 1e-4 * np.sin(2.0 * np.pi * 10.0 * time)[:, None] * [[0.0, 0.0, 1.0]]
+    told = symptoms_of(force, moved, 1e-3)
+    assert told.aliveness == pytest.approx(0.03 / np.sqrt(2.0), rel=0.01)
+    assert told.buzzing == pytest.approx(0.05 / np.sqrt(2.0), rel=0.01)
+    assert told[2] == pytest.approx(0.6, rel=0.01)
+    assert told[3] == pytest.approx(2e-4, rel=0.01)
 
 
 def test_the_measurement_has_all_its_parts(scene):

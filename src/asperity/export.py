@@ -87,6 +87,11 @@ def traces_of(data: xr.Dataset) -> Traces:
     return traces(time, data["tool_position"].values, np.hstack([force, torque]), depth)
 
 
+def is_prescribed(data: xr.Dataset) -> bool:
+    """Return whether the tool of a recording could not yield: texture did not shake it."""
+    return data.attrs.get("hand") == "none" and data.attrs.get("coupling") == "direct"
+
+
 def sound_of(shown: Traces, *, rate: int = 44100, source: str = "") -> Sound:
     """Return the acceleration of the tool as sound: its three axes in one wave (DFT321).
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -38,6 +39,7 @@ _STYLE = {
     "svg.hashsalt": "asperity",
 }
 _SCALE = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N": (1.0, "N")}
+_DOTTED = (0, (2, 2))
 _TICKS = (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 15, 20)
 
 
@@ -57,6 +59,18 @@ def save(
         metadata = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, metadata=metadata)
     return paths
+
+
+def spectrum_limits(amplitude: NDArray[np.floating[Any]]) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis on which the lines of a spectrum fill the room.
+
+    At most four decades; a hundredth of the lines may lie below.
+    """
+    top = float(np.max(amplitude, initial=0.0))
+    if not top > 0.0:
+        return 1e-12, 1.0
+    low = float(np.percentile(amplitude, 1.0))
+    return min(max(0.5 * low, 1e-4 * top), 0.1 * top), 2.0 * top
 
 
 def level_labels(data: xr.Dataset) -> list[str]:
@@ -126,10 +140,15 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
     if data.attrs["factor"] == "diameter" and data.attrs["surface"] == "sinusoid":
         for level, diameter in enumerate(data["diameter"].values):
             drop = np.pi * np.sqrt(2.0 * data.attrs["amplitude"] * diameter) * 1e3
-            axis.axvline(drop, color=COLOURS[level % 6], lw=0.9, ls=(0, (2, 2)), zorder=0)
+            axis.axvline(drop, color=COLOURS[level % 6], lw=0.9, ls=_DOTTED, zorder=0)
+        axis.plot([], [], color="#666666", lw=0.9, ls=_DOTTED, label="drop point of each probe")
     axis.set_xlabel("texture spacing [mm]")
     axis.set_ylabel(("RMS of u''" if metric == "band_rms" else title) + unit)
-    axis.legend(loc="best", handletextpad=0.3, labelspacing=0.3)
+    # Lines that go through the whole panel must not go through the words.
+    axis.legend(
+        loc="best", handletextpad=0.3, labelspacing=0.3, frameon=True, framealpha=0.9,
+        edgecolor="none",
+    )  # fmt: skip
 
 
 def _log_axes(axis: Axes) -> None:
@@ -165,11 +184,15 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
                     spacing, values[level], color=COLOURS[level], lw=4.2 - 1.5 * level,
                     label=label,
                 )  # fmt: skip
-            spread = np.max(np.ptp(values, axis=0) / np.mean(values, axis=0))
-            verdict = "feels the probe" if spread > 1e-9 else "blind to the probe"
+            spread = np.ptp(values, axis=0) / np.mean(values, axis=0)
+            feels = np.max(spread) > 1e-9
+            verdict = "feels the probe" if feels else "blind to the probe"
+            told = f"spread {100 * np.max(spread):.3g} %"
+            if feels:
+                told += f" (median {100 * np.median(spread):.3g} %)"
             axis.set_title(title)
             axis.text(
-                0.04, 0.04, f"{verdict}\nspread {100 * spread:.3g} %", transform=axis.transAxes,
+                0.04, 0.04, f"{verdict}\n{told}", transform=axis.transAxes,
                 fontsize=8, color="#333333",
             )  # fmt: skip
             _log_axes(axis)
@@ -196,6 +219,7 @@ def rub_figure(data: xr.Dataset, seconds: float = 0.25) -> Figure:
         _draw_offsets(figure.add_subplot(grid[0, 1]), data)
         time_axis, spectrum_axis = figure.add_subplot(grid[1, 1]), figure.add_subplot(grid[1, 0])
         acceleration, step = data["acceleration"].values, data["time"].values
+        seconds = min(seconds, float(step[-1]))
         shown = step <= seconds
         gap = 1.1 * float(np.max(np.abs(acceleration[:, shown])))
         for i, diameter in enumerate(probes):

@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from asperity.picture.contact import Moment, Picture
-from asperity.plots import COLOURS, style
+from asperity.plots import COLOURS, spectrum_limits, style
 from asperity.simulation import Rollout
 
 Array = NDArray[np.floating[Any]]
@@ -19,6 +19,8 @@ _AXES = ("x", "y", "z")
 _ARROW_SHARE = 0.30
 """Length of the longest arrow, as a part of the picture's width."""
 _DPI = 160
+_EDGE = 6.0
+"""Words in a picture keep so far from its edge [dots]."""
 _SILENT = 1e-12
 """A tangential force whose lines are all below this [N] is rounding."""
 
@@ -114,10 +116,10 @@ def spectrum_figure(run: Rollout, title: str) -> Figure:
         axis.plot(frequency[1:], amplitude[1:], color=COLOURS[0], lw=0.9)
         axis.set(
             xlim=(0.0, max(float(frequency[-1]), 1.0)),
-            xlabel="frequency [Hz]", ylabel="amplitude [N]", title=title,
+            xlabel="frequency [Hz]", ylabel="tangential force [N]", title=title,
         )  # fmt: skip
         if top > _SILENT:
-            axis.set(yscale="log", ylim=(top * 1e-4, top * 2.0))
+            axis.set(yscale="log", ylim=spectrum_limits(amplitude[1:]))
         else:  # of which there is no logarithm
             axis.set(ylim=(0.0, 1.0), yticks=[0.0])
             axis.text(
@@ -154,7 +156,23 @@ def contact_figure(close: Picture, whole: Picture, moment: Moment, title: str) -
         _frame_mark(left, whole, close, moment)
         figure.suptitle(title, x=0.012, ha="left", fontsize=11, fontweight="bold")
         figure.subplots_adjust(left=0.012, right=0.988, top=0.885, bottom=0.02, wspace=0.03)
+        _keep_inside(figure, right)
     return figure
+
+
+def _keep_inside(figure: Figure, axis: Axes) -> None:
+    """Shift the words in a picture that would be cut off at its edge."""
+    figure.draw_without_rendering()
+    frame = axis.get_window_extent()
+    for text in axis.texts:
+        box = text.get_window_extent()
+        if not text.get_text() or not box.width:
+            continue
+        shift_x = max(frame.x0 + _EDGE - box.x0, 0.0) + min(frame.x1 - _EDGE - box.x1, 0.0)
+        shift_y = max(frame.y0 + _EDGE - box.y0, 0.0) + min(frame.y1 - _EDGE - box.y1, 0.0)
+        x, y = axis.transData.transform(text.get_position())
+        x, y = axis.transData.inverted().transform((x + shift_x, y + shift_y)).tolist()
+        text.set_position((x, y))
 
 
 def _shape(picture: Picture) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from asperity.perception.metrics import DEFAULT_BAND
-from asperity.plots import COLOURS, style
+from asperity.plots import COLOURS, spectrum_limits, style
 from asperity.tool_motion import Traces, thinned
 
 _DPI = 160
@@ -66,11 +66,10 @@ def shaking_figure(traces: Traces, title: str, band: tuple[float, float] = DEFAU
     with style():
         figure = Figure(figsize=(7.2, 3.2), dpi=_DPI)
         axis = figure.subplots()
-        top = max(float(amplitude.max(initial=0.0)), 1e-12)
         axis.axvspan(*band, color="#f2ead2", zorder=0, lw=0)
         axis.plot(frequency, amplitude, color=COLOURS[0], lw=0.9)
         axis.set(
-            yscale="log", ylim=(top * 1e-4, top * 2.0),
+            yscale="log", ylim=spectrum_limits(amplitude[1:]),
             xlim=(0.0, max(float(frequency[-1]) if len(frequency) else 0.0, 1.0)),
             xlabel="frequency [Hz]", ylabel="acceleration [m/s²]",
             title=f"{title}\nacceleration of the tool, three axes together; shaded: "

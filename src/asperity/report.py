@@ -155,7 +155,8 @@ def _verdict(claim: Claim) -> str:
 def _brief(claim: Claim) -> str:
     """Return the figure of a claim that a reader would ask for first."""
     measured = claim["measured"]
-    name = claim["id"].rsplit(".", 2)[1]
+    _, name, metric = claim["id"].rsplit(".", 2)
+    unit = "" if METRICS[metric].unit == "1" else f" {METRICS[metric].unit}"
     if name == "quadratic":
         # Next to the threshold of 0.9 the third digit decides.
         return "R² " + _numbers(measured["r_squared"], 3)
@@ -164,11 +165,11 @@ def _brief(claim: Claim) -> str:
     if name == "more_everywhere":
         return "least ratio " + _numbers(measured["smallest_ratio_between_levels"], 2)
     if name == "peak_higher":
-        return _numbers(measured["peak_value"], 3)
+        return _numbers(measured["peak_value"], 3) + unit
     if name == "constant_at_small":
         return f"spread {_percent(measured['spread'])}"
     if "value" in measured:
-        return _numbers(measured["value"], 3)
+        return _numbers(measured["value"], 3) + unit
     places = f"{_numbers(measured['peak_spacing_mm'], 3)} mm"
     return places + (f"; shift {_percent(measured['shift'])}" if "shift" in measured else "")
 
@@ -243,8 +244,14 @@ def _surfaces(results: Results) -> str:
             f"{_audio(results.sounds[name])}"
         )
     middle = results.settings.middle()
+    measured = [remark.startswith("Measured") for remark in results.remarks.values()]
+    heading = (
+        "Real surfaces" if all(measured)
+        else "Real surfaces, and stand-ins where the measured file is not at hand" if any(measured)
+        else "Rough surfaces that stand in for measured ones"
+    )  # fmt: skip
     return (
-        f"<section><h2>Real surfaces</h2><p>Probes of {probes} dragged along the white line at "
+        f"<section><h2>{heading}</h2><p>Probes of {probes} dragged along the white line at "
         f"{middle['speed'] * 1e3:g} mm/s, pressed with {middle['normal_force']:g} N. A larger "
         "probe bridges more of the relief; what is left of it is what the hand feels.</p>"
         f"{body}</section>"

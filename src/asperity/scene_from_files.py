@@ -199,7 +199,7 @@ def _with_mapping(
             wanted = "triplanar"
             notes.append(
                 "the mesh has no texture coordinates, and xatlas, which makes some, is not "
-                "installed (pip install asperity[bake]): mapping triplanar"
+                "installed (pip install 'asperity[bake]'): mapping triplanar"
             )
     texture["mapping"] = wanted
     return mesh

@@ -260,13 +260,14 @@ class Simulation:
         *,
         hand: Hand | None = None,
         damping: float = 0.0,
+        press_in: float = 0.0,
     ) -> SimulatedHand:
         """Return a simulated hand that aims along a trajectory, by default the scene's.
 
         Without settings it presses with the motion's `press_force`; a motion that comes down
         from above finds that force, one that begins on the surface begins with it; and `hand`
         is its mass, stiffness and damping along every axis. `damping` is the device's own
-        [N s/m].
+        [N s/m]; within `press_in` a hand that begins on the surface comes to press [s].
         """
         motion = self.scene.motion if motion is None else motion
         if settings is None:
@@ -274,7 +275,7 @@ class Simulation:
             if isinstance(motion, ScriptedMotion) and motion.press_depth is None:
                 settings = replace(
                     settings, press_force=motion.press_force,
-                    preload=motion.kind != "press-and-slide",
+                    preload=motion.kind != "press-and-slide", press_in=press_in,
                 )  # fmt: skip
         path = self.trajectory(motion)
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)

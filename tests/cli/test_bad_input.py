@@ -70,7 +70,7 @@ def test_numbers_out_of_range(option, valid, value, capsys, tmp_path):
         ("--spacing-range-mm", ["3", "1"], ["must rise", "3 to 1 mm"]),
         ("--spacings", ["0"], ["--spacings", "5 and 1000", "got 0"]),
         ("--spacings", ["100000"], ["--spacings", "5 and 1000", "got 100000"]),
-        ("--spacings", ["abc"], ["--spacings INT", "'abc'"]),
+        ("--spacings", ["abc"], ["--spacings must be a whole number", "'abc'"]),
         ("--diameters-mm", [], ["diameter", "at least one"]),
         ("--diameters-mm", ["3", "2"], ["diameter", "rise", "[0.003, 0.002]"]),
         ("--band-hz", ["20", "inf"], ["--band-hz", "0.1 and 10000", "got inf"]),

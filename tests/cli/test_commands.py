@@ -1,6 +1,8 @@
 """The commands do what they say, from options to files."""
 
+import contextlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,3 +74,35 @@ def test_jitter_is_measured_against_the_deadlines_not_the_sleeps():
 
     late = timer_jitter(clock=lambda: now[0], sleep=sleep, ticks=10)
     np.testing.assert_allclose(late, 50e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize(("stopped_in", "told"), [("taking", "nothing was"), ("closing", "is")])
+def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
+    stopped_in, told, tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("viser")
+    import asperity.page.browser
+    import asperity.page.link
+    import asperity.page.live
+
+    @contextlib.contextmanager
+    def linked(choice):
+        yield SimpleNamespace(choice=choice)
+
+    @contextlib.contextmanager
+    def shown(*_, **__):
+        yield None
+        raise KeyboardInterrupt
+
+    def take(_, path):
+        if stopped_in == "taking":
+            raise KeyboardInterrupt
+        path.write_bytes(b"PNG")
+
+    monkeypatch.setattr(asperity.page.browser, "take_picture", take)
+    monkeypatch.setattr(asperity.page.link, "Link", linked)
+    monkeypatch.setattr(asperity.page.live, "live_page", shown)
+    picture = tmp_path / "page.png"
+    assert main(["view", "--screenshot", str(picture), "--out", str(tmp_path / "view")]) == 130
+    assert f"{told} written" in capsys.readouterr().err
+    assert picture.exists() == (stopped_in == "closing")

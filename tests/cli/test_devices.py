@@ -3,11 +3,12 @@
 import pytest
 
 from asperity.cli import main
-from asperity.devices import catalogue, check
+from asperity.devices import catalogue
 from asperity.devices.calibration import load_calibration
 from asperity.devices.haply_cursor import still_hand
 from asperity.devices.haply_fake import FakeService
 from asperity.devices.haply_service import HaplyServiceDevice
+from asperity.servo import device_check
 
 
 @pytest.fixture(autouse=True)
@@ -19,7 +20,7 @@ def _config(tmp_path, monkeypatch):
 def _brief(monkeypatch):
     """Check in a third of the time."""
     for name, seconds in (("_LISTEN", 0.3), ("_RISE", 0.3), ("_STAY", 0.15), ("_FALL", 0.1)):
-        monkeypatch.setattr(check, name, seconds)
+        monkeypatch.setattr(device_check, name, seconds)
 
 
 def test_the_list_fits_80_columns_and_names_every_backend(capsys, monkeypatch):

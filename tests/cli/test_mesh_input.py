@@ -15,6 +15,7 @@ from asperity import Simulation, make_scene
 from asperity.cli import main
 from asperity.errors import AsperityError
 from asperity.geometry import pieces
+from asperity.recording import read_recording
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 SIDES = np.array(
@@ -371,3 +372,20 @@ def test_a_damaged_exr_is_one_line(cube, slab, tmp_path):
         env=os.environ, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (done.returncode, len((done.stdout + done.stderr).splitlines())) == (2, 1)
+
+
+def test_a_run_of_files_is_the_scene_that_make_scene_makes(cube, slab, rough, tmp_path):
+    out = tmp_path / "out"
+    files = ["--tool", cube, "--target", slab, "--tool-texture", rough]
+    more = ["--tool-mapping", "triplanar", "--tool-relief-mm", "0.1", "--seconds", "0.05"]
+    assert main(["run", *map(str, files), *more, "--out", str(out)]) == 0
+    scene = make_scene(
+        tool={"file": str(cube), "unit": "m"}, target={"file": str(slab), "unit": "m"},
+        tool_texture={"file": str(rough), "mapping": "triplanar", "height_range": 1e-4},
+    )  # fmt: skip
+    recording = read_recording(out / "recording.h5")
+    assert json.loads(recording.attributes["document"]) == json.loads(json.dumps(scene.document))
+    simulation = Simulation(scene)
+    for pose, wrench in zip(recording.handle_pose[:5], recording.contact_wrench[:5], strict=True):
+        simulation.step(pose)
+        np.testing.assert_allclose(simulation.contact_wrench, wrench, atol=1e-9)

@@ -159,3 +159,26 @@ def test_bad_options_of_findings(options, names, capsys, tmp_path):
     line = refuse(["findings", *options], capsys, tmp_path)
     for name in names:
         assert name in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("run probe-plate --seconds abc", "--seconds must be a number, got 'abc'"),
+        ("run probe-plate --rate-hz abc", "--rate-hz must be a number, got 'abc'"),
+        ("run probe-plate --seed 1.5", "--seed must be a whole number, got '1.5'"),
+        ("study force --spacings x", "--spacings must be a whole number, got 'x'"),
+        ("run probe-plate --secnods 3", "unknown: --secnods, 3 (did you mean --seconds?)"),
+        ("view --zzzzz", "unknown: --zzzzz"),
+        ("rnu", "unknown: rnu; available subcommands: demo, study, run,"),
+        ("export a --kinds csv xyz", "invalid choice 'xyz' for argument '--kinds'. Expected one"),
+        ("run probe-plate --coupling", "Missing value for argument '--coupling'"),
+        ("study", "Missing from asperity study: STR diameter, force, speed, models, or all"),
+    ],
+)
+def test_the_parser_says_in_a_line_what_would_be_valid(arguments, told, capsys):
+    assert main(arguments.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"asperity: error: {told}")
+    assert said.count("\n") == 1
+    assert len(said) < 300

@@ -10,9 +10,9 @@ from asperity.devices.calibration import (
     load_calibration,
     save_calibration,
 )
-from asperity.devices.check import RUN_AWAY_DISTANCE, check_device
 from asperity.devices.protocol import Limits, Reading
 from asperity.errors import AsperityError
+from asperity.servo.device_check import RUN_AWAY_DISTANCE, check_device
 from devices.clocks import Clock
 
 

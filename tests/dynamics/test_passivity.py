@@ -118,6 +118,20 @@ def test_what_limits_made_of_a_wrench_is_accounted():
     assert controller.energy == pytest.approx(-2.5 * 0.1 * DT)
 
 
+def test_what_went_in_and_what_came_out_are_counted_for_each_half():
+    controller = PassivityController(DT, active=False)
+    wrench = np.array([0, 0, 2.0, 0, 0.1, 0])
+    for down, turn in ((-0.1, 3.0), (-0.1, 3.0), (0.05, -1.0)):
+        controller.correct(wrench, np.array([0, 0, down, 0, turn, 0]))
+    # The first tick held nothing yet.
+    np.testing.assert_allclose(controller.put_in, [2.0 * 0.1 * DT, 0.1 * 1.0 * DT])
+    np.testing.assert_allclose(controller.got_out, [2.0 * 0.05 * DT, 0.1 * 3.0 * DT])
+    told = controller.told()
+    assert told["energy_j"] == pytest.approx(sum(told["put_in_j"]) - sum(told["got_out_j"]))
+    controller.reset()
+    assert controller.put_in.tolist() == controller.got_out.tolist() == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
 def test_numbers_out_of_this_world_do_not_spoil_the_account(bad):
     controller, wrench, twist = PassivityController(DT), np.ones(6), np.full(6, 0.1)

@@ -72,6 +72,28 @@ def test_the_pressing_force_is_reached_and_kept(mode):
     assert felt[900:].mean() == pytest.approx(motion.press_force, rel=0.03)
 
 
+def test_a_hand_comes_to_press_while_its_device_comes_up():
+    """Leant on from the first tick, a surface that pushes softly at first is fallen through."""
+    motion, soft = ScriptedMotion(seconds=1.2), 0.25
+
+    def largest(press_in):
+        simulation = Simulation(probe_plate().changed(coupling={"mode": "implicit"}))
+        hand = simulation.hand(motion, press_in=press_in)
+        pushed = []
+        for tick in range(1200):
+            wrench = simulation.step(hand.pose)
+            pushed.append(simulation.contact_wrench[2])
+            hand.advance(min(1.0, tick * 1e-3 / soft) * wrench)
+        return np.array(pushed)
+
+    fallen, eased = largest(0.0), largest(soft)
+    late = slice(900, None)
+    assert eased[late].mean() == pytest.approx(motion.press_force, rel=0.03)
+    settled = eased[late].max()
+    assert fallen[:300].max() > 1.5 * settled
+    assert eased[:300].max() < 1.2 * settled
+
+
 def test_without_a_wanted_force_it_does_not_press():
     hand = SimulatedHand(still, HandSettings(press_force=None))
     assert hand.offset == 0.0
@@ -143,6 +165,7 @@ def test_a_long_pause_is_not_made_up_for_in_full():
         ({"press_force": -1.0}, "press_force"),
         ({"normal": (0.0, 0.0, 0.0)}, "normal"),
         ({"press_time": np.inf}, "press_time"),
+        ({"press_in": -0.1}, "press_in"),
     ],
 )
 def test_wrong_settings_are_refused(options, said):

@@ -192,7 +192,7 @@ def test_a_cache_that_cannot_be_written_is_only_a_warning(tmp_path, caplog):
 
 
 def test_without_coacd_a_concave_mesh_names_the_extra(no_coacd, tmp_path):
-    with pytest.raises(AsperityError, match=r"coacd.*; valid: pip install asperity\[bake\]"):
+    with pytest.raises(AsperityError, match=r"coacd.*; valid: pip install 'asperity\[bake\]'"):
         convex_pieces(washer(), cache_folder=tmp_path)
 
 

@@ -38,7 +38,8 @@ def until(request):
         for panel in page.panels:
             values = vars(panel).items()
             out += [f"{k}={v.value!r}" for k, v in values if hasattr(v, "value")]
-        notes = request.getfixturevalue("tab").notes if "tab" in request.fixturenames else []
+        tab = request.getfixturevalue("tab") if "tab" in request.fixturenames else None
+        notes = getattr(tab, "notes", [])
         state = (link.state, link.told, link.generation, link.choice.source, link.is_alive)
         return f"{state}, {notes}, {out}, clients {list(page.server.get_clients())}"
 

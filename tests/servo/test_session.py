@@ -1,6 +1,10 @@
 """`asperity run --device`, `record` and `replay`: whole sessions, with nobody there."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -67,6 +71,65 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
     there = (row < len(played.time)) & (recording.time > 0.5)
     apart = played.device_wrench[row[there], :3] - recording.device_wrench[there, :3]
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.1
+
+
+@pytest.mark.parametrize("name", ["probe-plate", "hammer-blocks", "file-cad"])
+def test_twenty_seconds_of_each_scene_in_a_simulated_hand(name, tmp_path):
+    """However busy the machine is, every tick that was done is on disk, and none is too strong."""
+    out = tmp_path / "felt"
+    assert main(["record", name, "--seconds", "20", "--out", str(out)]) == 0
+    summary, recording = summary_in(out), read_recording(out / "recording.h5")
+    timing = summary["timing"]
+    assert 20_000 <= timing["ticks_due"] < 21_000
+    assert timing["ticks"] == len(recording.time) == summary["recorder"]["ticks"]
+    assert summary["recorder"]["ticks_lost"] == 0
+    assert timing["ticks"] + timing["ticks_skipped"] == timing["ticks_due"]
+    assert summary["ended"] == "its time was over"
+    for wrench in (recording.device_wrench, recording.contact_wrench):
+        assert np.isfinite(wrench).all()
+    force = np.linalg.norm(recording.device_wrench[:, :3], axis=1)
+    assert 0.1 < force.max() <= summary["safety"]["max_force_n"] * (1 + 1e-9)
+    touching = np.count_nonzero(recording.contact_count)
+    assert touching > 0.8 * timing["ticks"]
+    # The hand does not lean on a device whose force is still coming up.
+    pressed = np.abs(recording.contact_wrench[:, 2])
+    begun, later = pressed[recording.time < 0.3], pressed[recording.time > 5.0]
+    assert begun.max() < 1.2 * later.max()
+
+
+def test_two_thousand_ticks_a_second_are_there_on_request(tmp_path):
+    out = tmp_path / "felt"
+    options = ["--seconds", "1", "--rate-hz", "2000", "--out", str(out)]
+    assert main(["record", "probe-plate", *options]) == 0
+    recording = read_recording(out / "recording.h5")
+    assert 2000 <= summary_in(out)["timing"]["ticks_due"] < 2400
+    assert recording.attributes["dt"] == pytest.approx(5e-4)
+    steps = np.diff(recording.time) / 5e-4
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-3)
+    assert np.median(steps) == pytest.approx(1.0)
+
+
+def test_ctrl_c_ends_a_session_well(tmp_path):
+    out = tmp_path / "felt"
+    # Longer than the busiest machine takes to see that it runs.
+    options = ["--seconds", "300", "--out", str(out)]
+    command = [sys.executable, "-m", "asperity", "record", "probe-plate", *options]
+    session = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        # Until some ticks are on disk: it is not before the loop runs that Ctrl-C ends it well.
+        file, sizes, end = out / "recording.h5", set(), time.monotonic() + 60.0
+        while len(sizes) < 4 and time.monotonic() < end:
+            sizes |= {file.stat().st_size} if file.exists() else set()
+            time.sleep(0.05)
+        session.send_signal(signal.SIGINT)
+        said, complained = session.communicate(timeout=60.0)
+    finally:
+        session.kill()
+    assert session.returncode == 0, complained
+    assert "ended: told to stop" in said
+    summary, recording = summary_in(out), read_recording(out / "recording.h5")
+    assert summary["ended"] == "told to stop"
+    assert len(recording.time) == summary["timing"]["ticks"] > 100
 
 
 def test_a_loop_can_be_told_to_sleep(tmp_path):

@@ -219,7 +219,7 @@ def test_without_its_packages_one_line_says_what_to_install(study, tmp_path, mon
     import importlib.util
 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(AsperityError, match=r"sweeps need zarr.*pip install asperity\[sweep\]"):
+    with pytest.raises(AsperityError, match=r"sweeps need zarr.*pip install 'asperity\[sweep\]'"):
         run_sweep(study, tmp_path / "a.zarr")
-    with pytest.raises(AsperityError, match=r"pip install asperity\[sweep\]"):
+    with pytest.raises(AsperityError, match=r"pip install 'asperity\[sweep\]'"):
         open_sweep(tmp_path)

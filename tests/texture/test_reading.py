@@ -525,7 +525,7 @@ def test_choices_are_listed(tmp_path: Path) -> None:
 def test_instruments_need_their_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     (tmp_path / "a.x3p").write_bytes(b"PK")
-    assert "pip install asperity[surfaces]" in refusal(tmp_path / "a.x3p")
+    assert "pip install 'asperity[surfaces]'" in refusal(tmp_path / "a.x3p")
 
 
 class Topography(SimpleNamespace):

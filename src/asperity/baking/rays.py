@@ -37,7 +37,7 @@ class FullSurface:
     Raises
     ------
     AsperityError
-        embreex not installed (`pip install asperity[bake]`). One line.
+        embreex not installed (`pip install 'asperity[bake]'`). One line.
     """
 
     def __init__(self, triangles: Array) -> None:
@@ -131,6 +131,6 @@ def _embree() -> tuple[Any, Any]:
         from embreex import mesh_construction, rtcore_scene
     except ImportError:
         raise AsperityError(
-            "baking needs embreex, which is not installed; valid: pip install asperity[bake]"
+            "baking needs embreex, which is not installed; valid: pip install 'asperity[bake]'"
         ) from None
     return rtcore_scene, mesh_construction

@@ -55,7 +55,7 @@ class Devices:
     def _check(self) -> None:
         from asperity.devices.calibration import save_calibration
         from asperity.devices.catalogue import device, entry_of
-        from asperity.devices.check import check_device
+        from asperity.servo.device_check import check_device
 
         if self.name is None:
             raise AsperityError("asperity devices check NAME: which one? See 'asperity devices'")

@@ -57,4 +57,10 @@ class Export:
                     for name, figure in export.figures(shown, title).items():
                         figure.savefig(folder / f"{name}.png")
                         told.append(f"{name}.png")
+                stiff = shown is not None and export.is_prescribed(data)
         print(f"{self.out}: {', '.join(told)}")
+        if stiff:
+            print(
+                "  the tool moved as prescribed and could not yield: there is no texture in its "
+                "acceleration, nor in the sound; record with asperity run SCENE --hand"
+            )

@@ -7,7 +7,6 @@ import io
 import logging
 import math
 import os
-import re
 import signal
 import sys
 import threading
@@ -28,6 +27,7 @@ from asperity.cli.experiment import Analyse, Experiment
 from asperity.cli.export import Export
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import Fit
+from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
 from asperity.cli.record import Record, Replay
 from asperity.cli.run import Run
@@ -162,7 +162,7 @@ def _parse(arguments: list[str]) -> Arguments | int:
     except SystemExit as stop:
         if stop.code in (0, None):
             return 0
-        return _refuse(_one_line(said.getvalue()))
+        return _refuse(one_line(said.getvalue()))
 
 
 def _global_first(arguments: list[str]) -> list[str]:
@@ -173,13 +173,6 @@ def _global_first(arguments: list[str]) -> list[str]:
             end = at + (1 if equals else 2)
             return arguments[at:end] + arguments[:at] + arguments[end:]
     return arguments
-
-
-def _one_line(text: str) -> str:
-    """Return a parser's boxed message as one line: what its rules part, parted by semicolons."""
-    plain = re.sub(r"\x1b\[[0-9;]*m|[╭╮╰╯│]", " ", text)
-    parts = [" ".join(part.split()).strip("─ ") for part in re.split(r"[─-]{3,}", plain)]
-    return "; ".join(part for part in parts if part)
 
 
 def _refuse(reason: str) -> int:

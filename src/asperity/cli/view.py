@@ -68,16 +68,13 @@ class View:
         from asperity.simulation import announce_compiling
 
         announce_compiling()
+        if self.screenshot is not None:
+            self._take(choice, self.screenshot)
+            return
         with (
             Link(choice) as link,
             live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
-            if self.screenshot is not None:
-                from asperity.page.browser import take_picture
-
-                take_picture(page, self.screenshot)
-                print(f"{self.screenshot}: {link.choice.scene.name}")
-                return
             print(f"{page.url}  ({choice.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
             if not self.no_open:
                 import webbrowser
@@ -87,6 +84,24 @@ class View:
                 page.wait(self.seconds)
             except KeyboardInterrupt:
                 print("ended")
+
+    def _take(self, choice: Choice, picture: Path) -> None:
+        """Write a picture of the page; whoever stops it is told whether there is one."""
+        from asperity.page.browser import take_picture
+        from asperity.page.link import Link
+        from asperity.page.live import live_page
+
+        taken = False
+        try:
+            with (
+                Link(choice) as link,
+                live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
+            ):
+                take_picture(page, picture)
+                taken = True
+                print(f"{picture}: {link.choice.scene.name}")
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 
     def _choice(self) -> Choice:
         """Return what to begin with."""

@@ -130,7 +130,7 @@ def spectra_figure(result: Comparison) -> Figure:
             axis.plot(row.spectrum.frequency[1:], amplitude, color=COLOURS[1], lw=0.9)
             axis.set(yscale="log", ylim=(1e-5 * top, 3.0 * top), xlim=(0.0, 500.0))
             axis.set_title(f"{row.method.label}: {rounded(1e3 * (row.band_rms or 0.0))} mN")
-        _named(axes, len(rows), "frequency [Hz]", "[N]")
+        _named(axes, len(rows), "frequency [Hz]", "force [N]")
         _room(figure)
     return figure
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from asperity.compiled import clear, inner_kernel, kernel
 
 # Columns of `Account.numbers`.
-PARTS, ENERGY, GAINED, DISSIPATED, INTERVENTIONS, NUMBERS = 0, 2, 3, 4, 5, 6
+PARTS, ENERGY, GAINED, DISSIPATED, INTERVENTIONS = 0, 2, 3, 4, 5
+PUT_IN, GOT_OUT, NUMBERS = 6, 8, 10
 _SLOWEST, _SLOWEST_TURN = 1e-6, 1e-5
 """Motion below this is none: [m/s], [rad/s]."""
 _FASTEST = 1e6
@@ -55,8 +56,11 @@ def passive_step(wrench, twist, passed, dt, active, terms, account, out):
         clear(account.added)
         clear(held)
         return
+    for half in range(2):
+        work = -_dot(held, twist, 3 * half) * passed
+        numbers[PARTS + half] += work
+        numbers[(PUT_IN if work > 0.0 else GOT_OUT) + half] += abs(work)
     for i in range(6):
-        numbers[PARTS + i // 3] -= held[i] * twist[i] * passed
         numbers[DISSIPATED] -= account.added[i] * twist[i] * passed
     numbers[PARTS] += terms.damping * _dot(twist, twist, 0) * passed
     energy = numbers[ENERGY] = numbers[PARTS] + numbers[PARTS + 1]

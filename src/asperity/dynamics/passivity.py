@@ -25,6 +25,8 @@ most `max_damping`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,15 +35,19 @@ from asperity.dynamics.damping import (
     DISSIPATED,
     ENERGY,
     GAINED,
+    GOT_OUT,
     INTERVENTIONS,
     NUMBERS,
     PARTS,
+    PUT_IN,
     Account,
     Terms,
     passive_step,
 )
 from asperity.errors import require_between, require_not_negative, require_positive
 
+MOST_DAMPING = 10.0
+"""Most that pays back a debt, unless the device's own limit is lower [N s/m]; asperity's."""
 RESERVE = 5e-6
 """A hundredth of what a wall of 400 N/m stores under 0.6 N [J]; asperity's."""
 
@@ -76,7 +82,7 @@ class PassivityController:
         self,
         dt: float = 1e-3,
         *,
-        max_damping: float = 10.0,
+        max_damping: float = MOST_DAMPING,
         max_rotational_damping: float = 0.02,
         damping: float = 0.0,
         mass: float = 0.05,
@@ -120,6 +126,28 @@ class PassivityController:
     def parts(self) -> NDArray[np.float64]:
         """What the hand has put in by translations and by rotations [J], (2,)."""
         return self._account.numbers[PARTS : PARTS + 2]
+
+    @property
+    def put_in(self) -> NDArray[np.float64]:
+        """What the wrench took from the hand in ticks that took, as `parts` [J], (2,)."""
+        return self._account.numbers[PUT_IN : PUT_IN + 2]
+
+    @property
+    def got_out(self) -> NDArray[np.float64]:
+        """What the wrench gave the hand in ticks that gave, as `parts` [J], (2,)."""
+        return self._account.numbers[GOT_OUT : GOT_OUT + 2]
+
+    def told(self) -> dict[str, Any]:
+        """Return the account for `summary.json`; of two values the first is translations."""
+        return {
+            "active": self.active,
+            "energy_j": self.energy,
+            "put_in_j": self.put_in.tolist(),
+            "got_out_j": self.got_out.tolist(),
+            "gained_j": self.gained,
+            "interventions": self.interventions,
+            "dissipated_j": self.dissipated,
+        }
 
     @property
     def gained(self) -> float:

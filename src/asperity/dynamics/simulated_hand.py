@@ -14,7 +14,8 @@ target is moved along the normal by an offset p,
     p' = (F_wanted - F_n) / (k t_press),
 
 while there is contact, F_n the force on the hand along the normal. It begins at `F_wanted / k`,
-which is where it rests.
+which is where it rests; or comes to it within some time of contact, evenly, and is regulated from
+then on.
 
 Mass, stiffness and damping are `Hand`'s; those of rotation, and t_press, are asperity's: no source
 gives them together.
@@ -66,6 +67,8 @@ class HandSettings:
         Time constant of the regulation [s].
     preload : bool
         Whether it begins as if it had been pressing for long.
+    press_in : float
+        Within this time of feeling a force it comes to press so; 0: from the first tick on [s].
     normal : (3,)
         Direction that the force on the hand is counted along; need not be of unit length.
     """
@@ -78,12 +81,14 @@ class HandSettings:
     press_force: float | None = None
     press_time: float = 0.25
     preload: bool = True
+    press_in: float = 0.0
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
         for name in ("moment", "rotational_stiffness", "press_time"):
             require_positive(name, getattr(self, name))
-        require_not_negative("rotational_damping", self.rotational_damping)
+        for name in ("rotational_damping", "press_in"):
+            require_not_negative(name, getattr(self, name))
         if self.press_force is not None:
             require_not_negative("press_force", self.press_force, "[N]")
         if not math.hypot(*require_finite("normal", self.normal, 3)) > 0.0:
@@ -157,8 +162,10 @@ class SimulatedHand:
         """[s]"""
         self.offset = 0.0
         """How far the hand presses beyond its target, against the normal [m]."""
-        if self.settings.press_force is not None and self.settings.preload:
-            self.offset = self.settings.press_force / self._soft
+        self._felt_for = 0.0
+        settings = self.settings
+        if settings.press_force is not None and settings.preload and settings.press_in == 0.0:
+            self.offset = settings.press_force / self._soft
         self._aim[:] = self._target(0.0)
         following = np.array(self._target(self.dt), dtype=np.float64)
         self._pose[:] = self._aim
@@ -200,8 +207,14 @@ class SimulatedHand:
 
     def _press(self, felt: float) -> None:
         """Regulate the pressing force."""
-        wanted = self.settings.press_force
-        if wanted is None or felt <= 0.0:
+        wanted, within = self.settings.press_force, self.settings.press_in
+        if wanted is None:
+            return
+        if self.settings.preload and self._felt_for < within:
+            self._felt_for += self.dt if felt != 0.0 else 0.0
+            self.offset = min(self._felt_for / within, 1.0) * wanted / self._soft
+            return
+        if felt <= 0.0:
             return
         self.offset += (wanted - felt) / self._soft * (self.dt / self.settings.press_time)
         most = MOST_OFFSET + wanted / self._soft

@@ -105,7 +105,7 @@ class ForceSettings:
     max_nodes: int = 4000
     tolerance: float | None = None
     patch_radius: float = 2.5e-3
-    edge_fade: float = 2.5e-3
+    edge_fade: float = 2.6e-3
 
     def __post_init__(self) -> None:
         require_choice("law", self.law, LAWS)

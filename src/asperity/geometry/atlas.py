@@ -42,7 +42,7 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
     Raises
     ------
     AsperityError
-        A mesh with texture coordinates; xatlas not installed (`pip install asperity[bake]`). One
+        A mesh with texture coordinates; xatlas not installed (`pip install 'asperity[bake]'`). One
         line.
     """
     if mesh.uv is not None:
@@ -52,7 +52,7 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
     except ImportError:
         raise AsperityError(
             "texture coordinates need xatlas, which is not installed; "
-            "valid: pip install asperity[bake]"
+            "valid: pip install 'asperity[bake]'"
         ) from None
     size = float(np.ptp(mesh.vertices, axis=0).max())
     # Where vertices are split, as STL splits all, xatlas would make each triangle a chart.

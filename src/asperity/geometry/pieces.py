@@ -59,7 +59,7 @@ def convex_pieces(
     Raises
     ------
     AsperityError
-        CoACD not installed (`pip install asperity[bake]`), or unable to cut the mesh. One line.
+        CoACD not installed (`pip install 'asperity[bake]'`), or unable to cut the mesh. One line.
     """
     require_between("threshold", threshold, 0.01, 1.0)
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -244,7 +244,7 @@ def _cut(name: str, points: Array, faces: Indices, settings: dict[str, Any]) -> 
     except ImportError:
         raise AsperityError(
             f"mesh {name!r} is not convex: its convex pieces need coacd, which is not installed; "
-            "valid: pip install asperity[bake]"
+            "valid: pip install 'asperity[bake]'"
         ) from None
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(coacd.Mesh(points, faces.astype(np.int32)), **settings)

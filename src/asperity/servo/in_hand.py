@@ -8,6 +8,7 @@ from asperity.devices.catalogue import device
 from asperity.devices.protocol import Device
 from asperity.devices.simulated import SimulatedDevice
 from asperity.scene import Scene
+from asperity.servo.safety import SafetySettings
 from asperity.simulation import Simulation
 from asperity.trajectory import ScriptedMotion, Trajectory
 
@@ -18,5 +19,10 @@ def named_device(name: str, options: dict[str, Any]) -> Device:
 
 
 def simulated_device(scene: Scene, motion: ScriptedMotion | Trajectory, dt: float) -> Device:
-    """Return a device in a simulated hand that aims along a motion in a scene."""
-    return SimulatedDevice(Simulation(scene, dt=dt).hand(motion))
+    """Return a device in a simulated hand that aims along a motion in a scene.
+
+    It comes to press while the device's force comes up: a hand that leans on what does not push
+    back yet falls through it.
+    """
+    hand = Simulation(scene, dt=dt).hand(motion, press_in=SafetySettings().soft_start)
+    return SimulatedDevice(hand)

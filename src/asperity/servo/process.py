@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from asperity.contact_stage import ContactStage
 from asperity.devices.mapping import Mapping
 from asperity.devices.protocol import Device
-from asperity.dynamics.passivity import PassivityController
+from asperity.dynamics.passivity import MOST_DAMPING, PassivityController
 from asperity.errors import AsperityError
 from asperity.press import touching_pose
 from asperity.scene import Scene
@@ -162,7 +162,11 @@ def _served(
         Mapping(device.limits, **spec.mapping),
         parameters.tool(spec.scene, device.limits),
         worker,
-        PassivityController(parameters.dt, active=spec.passivity),
+        PassivityController(
+            parameters.dt,
+            active=spec.passivity,
+            max_damping=min(MOST_DAMPING, device.limits.max_damping),
+        ),
         dt=parameters.dt,
         clock=clock,
         guard=spec.guard,
@@ -201,13 +205,7 @@ def _served(
     return {
         "timing": loop.stats.told(),
         "safety": device.told(),
-        "passivity": {
-            "active": spec.passivity,
-            "energy_j": loop.passivity.energy,
-            "gained_j": loop.passivity.gained,
-            "interventions": loop.passivity.interventions,
-            "dissipated_j": loop.passivity.dissipated,
-        },
+        "passivity": loop.passivity.told(),
         "device": device.name,
         "tool_resets": loop.tool.resets,
         "status": worker.statuses.tolist(),

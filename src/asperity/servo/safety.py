@@ -53,14 +53,15 @@ class SafetySettings:
     soft_start : float
         How long it takes to come up at the beginning and after silence [s].
     silent_after : float
-        A device that has told nothing new for so long is silent [s].
+        A device that has told nothing new for longer than this is silent [s]. At 1 kHz zero is sent
+        a tick later at most: within 5 ms of the last reading.
     """
 
     max_force: float | None = None
     max_torque: float | None = None
     slew: float = 5e-3
     soft_start: float = 0.25
-    silent_after: float = 5e-3
+    silent_after: float = 4e-3
 
     def __post_init__(self) -> None:
         for name in ("max_force", "max_torque"):
@@ -127,6 +128,11 @@ class SafeDevice:
         self._measured = -math.inf
         self._was_silent = False
         self.set_tick(dt)
+
+    @property
+    def said(self) -> Reading:
+        """What the device said last, whether it made sense or not."""
+        return self._raw
 
     def set_tick(self, dt: float) -> None:
         """Take ticks of `dt` [s] from now on."""

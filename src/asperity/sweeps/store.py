@@ -48,7 +48,8 @@ def needs(*packages: str) -> None:
     lacking = [name for name in packages if find_spec(name) is None]
     if lacking:
         raise AsperityError(
-            f"sweeps need {' and '.join(lacking)}, not installed here: pip install asperity[sweep]"
+            f"sweeps need {' and '.join(lacking)}, not installed here: "
+            "pip install 'asperity[sweep]'"
         )
 
 

@@ -161,7 +161,7 @@ def load_instrument(path: Path) -> Stored:
         refuse(
             path,
             f"{path.suffix} files need SurfaceTopography, which is not installed; "
-            "valid: pip install asperity[surfaces]",
+            "valid: pip install 'asperity[surfaces]'",
         )
     with surfaces.open_topography(str(path)) as reader:
         check_size(path, *reader.channels[0].nb_grid_pts)

@@ -72,7 +72,7 @@ def read_heights(
     the picture is v = 0. Arrays (`.npy`, `.npz`) and text (`.csv`, `.txt`: one column, or a
     matrix) hold metres, unless the name of the array in the `.npz` ends in `_mm`, `_um` or
     `_nm`; whole numbers in `.npy` and `.npz` are grey levels. Files of instruments are read
-    through SurfaceTopography (`pip install asperity[surfaces]`).
+    through SurfaceTopography (`pip install 'asperity[surfaces]'`).
 
     Parameters
     ----------

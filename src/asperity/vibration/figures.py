@@ -65,7 +65,7 @@ def _spectra(axis: Axes, model: TextureModel, one: Held) -> None:
     axis.plot(
         frequency[inside], np.sqrt(other[inside]), color=COLOURS[1], lw=1.0, label="synthesised"
     )
-    axis.plot(fine, curve, color="#888888", lw=0.7, ls=":", label="the filter's")
+    axis.plot(fine, curve, color="#222222", lw=1.1, ls="--", label="the filter's")
     top = max(float(np.sqrt(density[inside].max())), float(np.sqrt(other[inside].max())))
     axis.set(yscale="log", ylim=(top * 1e-3, top * 4.0), xlim=(0.0, min(HIGHEST, 0.5 * rate)))
     axis.set_title(
@@ -99,7 +99,7 @@ def waves_figure(model: TextureModel, held: Sequence[Held], title: str) -> Figur
             # The lower trace is shifted: ticks are the upper one's.
             unit = float(f"{size:.1g}")
             axis.set_yticks([0.0, unit], ["0", f"{unit:g}"])
-            axis.set_ylabel("[m/s²]")
+            axis.set_ylabel("vibration\n[m/s²]")
             axis.set_xlim(0.0, time[-1])
         axes[-1].set_xlabel("time [ms]")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)

@@ -8,9 +8,10 @@
 
 The force is cut at once, and the check fails, if the end effector leaves 30 mm or moves faster than
 0.3 m/s, if the device tells of an error, or if anything at all is raised; zero is sent before
-anything else is done. If readings only go stale the force is cut as well, and begins anew once they
-come again, as often as `_MOST_STALLS`: a busy computer does that. Time, sleep and the user are
-injected.
+anything else is done. Everything that is sent goes through a `SafeDevice`, as in a session; it
+holds the force to 0.5 N, whatever is asked for here. If readings only go stale the force is cut as
+well, and begins anew once they come again, as often as `_MOST_STALLS`: a busy computer does that.
+Time, sleep and the user are injected.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.devices.calibration import Calibration
-from asperity.devices.protocol import Device, Reading
+from asperity.devices.protocol import Device
 from asperity.errors import AsperityError
+from asperity.servo.safety import SafeDevice, SafetySettings
 
 TOP_FORCE = 0.5
 """Largest force of the check [N]."""
@@ -37,6 +39,10 @@ _TICK = 1e-3
 _LONGEST_AGE = 0.05
 _MOST_STALLS = 10
 _RECOVERY = 1.0
+_SAFETY = SafetySettings(
+    max_force=TOP_FORCE, max_torque=0.0, soft_start=0.0, silent_after=_LONGEST_AGE
+)
+"""The ramp is soft by itself, and a busy computer is no reason to fail a device."""
 _LEAST_PUSH = 0.015
 _SEEN = 2e-4
 _DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
@@ -83,21 +89,23 @@ def check_device(
     AsperityError
         The device failed the check: one line that says at what.
     """
-    check = _Check(device, ask, tell, clock, sleep)
-    device.open()
+    safe = SafeDevice(device, dt=_TICK, settings=_SAFETY)
+    check = _Check(safe, ask, tell, clock, sleep)
+    safe.open()
     try:
+        safe.begin(clock())
         check.listen()
         axes, home = (check.axes(), check.home()) if ask else (("+x", "+y", "+z"), home)
         force = check.forces(axes)
         return Outcome(Calibration(axes, home, force), tuple(check.notes))
     finally:
-        device.close()
+        safe.close()
 
 
 class _Check:
     def __init__(
         self,
-        device: Device,
+        device: SafeDevice,
         ask: Callable[[str], None] | None,
         tell: Callable[[str], None],
         clock: Callable[[], float],
@@ -105,7 +113,7 @@ class _Check:
     ) -> None:
         self._device, self._ask, self._tell = device, ask, tell
         self._clock, self._sleep = clock, sleep
-        self._reading = Reading.empty()
+        self._reading = device.said
         self._zero = np.zeros(6)
         self._stalls = 0
         self.notes: list[str] = []
@@ -192,8 +200,8 @@ class _Check:
         while (given := self._push(direction, told, top)) is None:
             self._stalls += 1
             began = self._clock()
-            while not (self._device.read(self._reading) and self._reading.age < _LONGEST_AGE):
-                self._device.write(self._zero)
+            while not (self._device.read(self._clock()) and self._reading.age < _LONGEST_AGE):
+                self._cut()
                 self._sleep(_TICK)
                 silent = self._clock() - began
                 if self._stalls > _MOST_STALLS or silent > _RECOVERY or self._reading.error:
@@ -214,7 +222,7 @@ class _Check:
         began = self._clock()
         try:
             while (since := self._clock() - began) < _RISE + _STAY + _FALL:
-                self._device.read(self._reading)
+                self._device.read(self._clock())
                 if self._reading.age > _LONGEST_AGE and not self._reading.error:
                     return None
                 force = float(np.linalg.norm(wrench[:3]))
@@ -223,10 +231,10 @@ class _Check:
                     given = float((self._reading.pose[:3] - start) @ direction)
                 part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
                 wrench[:3] = top * part * direction
-                self._device.write(wrench)
+                self._device.write(wrench, self._clock())
                 self._sleep(_TICK)
         finally:
-            self._device.write(self._zero)
+            self._cut()
         return given
 
     def _stop_runaway(self, move: NDArray[np.float64], force: float, told: str) -> None:
@@ -248,15 +256,19 @@ class _Check:
         places, errors, new = [], [], 0
         began = self._clock()
         while self._clock() - began < seconds:
-            fresh = self._device.read(self._reading)
+            fresh = self._device.read(self._clock())
             if self._reading.error:
                 errors.append(self._reading.error)
             if fresh:
                 new += 1
                 places.append(self._reading.pose[:3].copy())
-            self._device.write(self._zero)
+            self._cut()
             self._sleep(_TICK)
         return (np.array(places) if places else np.zeros((1, 3))), new, errors
+
+    def _cut(self) -> None:
+        """Send zero, at once."""
+        self._device.write(self._zero, self._clock(), known=False)
 
     def _place(self) -> NDArray[np.float64]:
         """Return where the end effector is, over a tenth of a second [m]."""
