@@ -32,7 +32,7 @@ def refuse(arguments, capsys, tmp_path):
         (["--spacing-range-mm", "-1", "3"], ["--spacing-range-mm", "-1.0", "between 0.05 and 20"]),
         (["--spacing-range-mm", "3", "1"], ["spacing_range", "3 to 1 mm", "rise"]),
         (["--spacings", "2"], ["--spacings", "got 2", "between 5 and 1000"]),
-        (["--spacings", "many"], ["many", "INT"]),
+        (["--spacings", "many"], ["many", "a whole number"]),
         (["--forces-n", "0"], ["--forces-n", "got 0.0", "between 0.001 and 100"]),
         (["--speeds-mm-s", "-5"], ["--speeds-mm-s", "-5.0", "between 0.1 and 10000"]),
         (["--hand.mass-kg", "0"], ["--hand.mass-kg", "got 0.0", "between 0.001 and 10"]),
