@@ -152,3 +152,21 @@ def test_what_goes_on_smoothly_is_not_halved_and_a_leap_is(leap):
         assert np.diff(nodes.s).min() < 0.1
         at = nodes.s[np.argmax(np.diff(nodes.wrench[:, 2]))]
         assert at == pytest.approx(0.3, abs=0.1)
+
+
+@pytest.mark.parametrize("fit", [0, 3, 7, 20])
+def test_without_time_the_last_pose_is_looked_at_all_the_same(fit):
+    asked = []
+
+    def evaluate(s):
+        asked.append(s)
+        return np.full(6, s)
+
+    nodes = sub_poses(
+        evaluate, np.zeros(6), 8, lever=0.1, halve=False, in_time=lambda: len(asked) < fit
+    )
+    assert asked[-1] == nodes.s[-1] == 1.0
+    assert len(asked) == min(fit, 7) + 1
+    assert nodes.spent == (fit < 7)
+    # What is left out is a straight line.
+    np.testing.assert_allclose(Window("tick").weigh(nodes), 0.5)

@@ -144,6 +144,32 @@ def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
     assert watch.left[-1] == np.inf
 
 
+def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked_at():
+    """There is time for six. The first takes as long as five of them."""
+    scene = probe_plate({"kind": "sinusoid", "wavelength": 5e-4, "amplitude": 5e-5})
+    scene = scene.changed(force={"anti_alias": "tick", "friction": 0.4})
+    watch = Stopwatch(1e-4)
+    stage = ContactStage(scene, now=watch)
+    watch.tie_to(stage.engine)
+    pose = np.array([0.0, 0.0, 1.4e-3, 1, 0, 0, 0])
+    step = np.array([5e-4, 0, 0, 0, 0, 0, 0])
+    for tick in range(6):
+        stage.evaluate(pose + tick * step)
+    ask, begun, asked = stage.engine.wrench, watch.time, []
+
+    def slow_at_first(at, dt, seconds):
+        asked.append(at[0])
+        watch.time += 0.0 if len(asked) > 1 else 4e-4
+        return ask(at, dt, seconds)
+
+    stage.engine.wrench = slow_at_first
+    contact = stage.evaluate(pose + 6 * step, seconds=6.5e-4)
+    assert len(asked) == 2
+    assert asked[-1] == pytest.approx(6 * step[0])
+    assert watch.time - begun == pytest.approx(6e-4)
+    assert contact.flags & BUDGET_SPENT
+
+
 def test_what_there_was_no_room_for_is_told_without_a_contact_too():
     stage, statuses = ContactStage(probe_plate()), np.zeros(3, np.int64)
     stage.evaluate(np.array([0.0, 0.0, 0.1, 1, 0, 0, 0]))

@@ -87,13 +87,21 @@ def sub_poses(
     before : sequence of (6,) arrays
         The wrenches one and two ticks before `first`, if they are known.
     in_time : callable
-        Whether there is time for another one around a leap.
+        Whether there is time for another one, on the way or around a leap. The last pose, s = 1, is
+        always looked at.
     """
     start = min(count, BUDGET)
-    s = [i / start for i in range(start + 1)]
-    wrench = [first] + [evaluate(value) for value in s[1:]]
+    s, wrench = [0.0], [first]
+    for i in range(1, start):
+        if not in_time():
+            break
+        s.append(i / start)
+        wrench.append(evaluate(s[-1]))
+    s.append(1.0)
+    wrench.append(evaluate(1.0))
+    spent, start = count + 1 > len(s), len(s) - 1
     if not halve or start == BUDGET:
-        return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
+        return SubPoses(np.array(s), np.array(wrench), spent)
     if start == 1:
         size, *leaps = _leap(wrench[1], first, before, lever)
     else:
@@ -110,7 +118,7 @@ def sub_poses(
     for i in range(start):
         push(s[i], s[i + 1], wrench[i], wrench[i + 1], leaps[i])
     if not heap:  # most ticks of a slow hand
-        return SubPoses(np.array(s), np.array(wrench), count > BUDGET)
+        return SubPoses(np.array(s), np.array(wrench), spent)
     while heap and left and in_time():
         _, a, b, f, g = heapq.heappop(heap)
         middle = 0.5 * (a + b)
@@ -124,7 +132,7 @@ def sub_poses(
         push(a, middle, f, between, share * rise)
         push(middle, b, between, g, share * rest)
     order = np.argsort(s)
-    return SubPoses(np.array(s)[order], np.array(wrench)[order], bool(heap) or count > BUDGET)
+    return SubPoses(np.array(s)[order], np.array(wrench)[order], bool(heap) or spent)
 
 
 @functools.cache

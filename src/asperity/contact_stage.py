@@ -198,7 +198,7 @@ class ContactStage:
             return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
 
         def in_time() -> bool:
-            # Another one, and the last pose once more.
+            # Another one, and the last pose.
             return self._now() + 2.0 * self._cost < until
 
         nodes = sub_poses(

@@ -76,7 +76,7 @@ def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
     # Well into the plate: whoever draws slowly takes only a part of what the pointer does.
     deep = link.choice.first_pose[2] - 5e-3
     for wait in (500, 2_000, 8_000):  # longer, where the processor takes its time to draw
-        tip = np.array(mouse._gizmo.position) + [0.0, 0.0, 1.75]  # of the arrow upwards
+        tip = np.add(mouse._gizmo.position, [0.0, 0.0, 1.75])  # of the arrow upwards
         x, y = on_screen(page, tip)
         tab.mouse.move(x, y)
         tab.wait_for_timeout(wait)
