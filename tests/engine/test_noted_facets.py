@@ -69,8 +69,8 @@ def test_a_ball_that_rolls_and_jumps():
 
 
 @kernel
-def _near(table, a, b, way, near, reach, size, speed, noted, facing):
-    return near_pairs(table, a, b, way, near, reach, size, speed, noted, facing)
+def _near(table, a, b, way, near, reach, speed, noted, facing):
+    return near_pairs(table, a, b, way, near, reach, speed, noted, facing)
 
 
 @kernel
@@ -93,7 +93,6 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls, often):
     table, facing = engine._facets.table, engine._facets.space.footprint.facing
     a = engine._tool
     b = 1 - a
-    size = float(np.sqrt(3.0) * small)
     noted, anew = noted_facets(2), noted_facets(2)
     deeper, ticks, ends = (5e-4, 50, 25) if often else (1.4e-3, 150, 120)
     missed = several = outer = 0
@@ -106,7 +105,7 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls, often):
         way = np.column_stack([Rotation.from_rotvec(turn).as_matrix(), there[:3]])
         # How deep a contact may be changes at once where one ends.
         near, reach = (deeper if tick % ticks > ends else 2e-4), 1e-4
-        count = _near(table, a, b, way, near, reach, size, 1.2 * speed, noted, facing)
+        count = _near(table, a, b, way, near, reach, 1.2 * speed, noted, facing)
         got = {tuple(pair) for pair in facing.pairs[:count].tolist()}
         # Two corners may be farther apart than any side of either can tell.
         count = _wanted(table, a, b, way, near, 0.3 * reach, anew, facing)

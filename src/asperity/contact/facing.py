@@ -64,17 +64,36 @@ def between_bodies(body_a, body_b, turn_out, shift_out):
 
 
 @inner_kernel
-def moved_since(before, after, size):
-    """Return how far a point within `size` of a body's origin has moved at most [m].
+def size_of(table: FacetTable, a):
+    """Return half the diagonal of the box round a body [m]."""
+    reach = table.reach[table.root[a]]
+    return math.sqrt(reach[0] * reach[0] + reach[1] * reach[1] + reach[2] * reach[2])
 
-    `before` and `after` (3, 4) are its rotation and, in the last column, its origin's place.
+
+@inner_kernel
+def moved_since(table: FacetTable, a, before, after):
+    """Return how far a point of body `a` has moved at most [m].
+
+    `before` and `after` (3, 4) are its rotation and, in the last column, its origin's place. No
+    corner of the box round it has moved farther. And it is no less than what `size_of` makes of
+    the turn: a direction fixed in the body has changed by at most this over that size.
     """
-    turned = away = 0.0
+    middle, reach = table.middle[table.root[a]], table.reach[table.root[a]]
+    turned = farthest = 0.0
     for i in range(3):
-        away += (after[i, 3] - before[i, 3]) ** 2
         for k in range(3):
             turned += (after[i, k] - before[i, k]) ** 2
-    return math.sqrt(away) + math.sqrt(turned) * size
+    for corner in range(8):
+        square = 0.0
+        for i in range(3):
+            away = after[i, 3] - before[i, 3]
+            for k in range(3):
+                place = middle[k] + (reach[k] if corner >> k & 1 else -reach[k])
+                away += (after[i, k] - before[i, k]) * place
+            square += away * away
+        farthest = max(farthest, square)
+    # Half the sum of squares is the square of the chord, of whatever is turned most.
+    return max(math.sqrt(farthest), math.sqrt(0.5 * turned) * size_of(table, a))
 
 
 @inner_kernel

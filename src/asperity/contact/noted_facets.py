@@ -38,6 +38,7 @@ from asperity.contact.facing import (
     facing_pairs,
     far_by,
     moved_since,
+    size_of,
     turn_facet,
     walk,
 )
@@ -161,10 +162,10 @@ def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing)
     # What was too far away by something may be near when the tool has moved by that, or when that
     # much farther ones are wanted.
     wider = max(near - holds[NEAR], reach - holds[REACH], spare - holds[SPARE], 0.0)
-    noted.travelled[b] += moved_since(noted.inner.way[b], way, size) + wider
+    noted.travelled[b] += moved_since(table, a, noted.inner.way[b], way) + wider
     holds[NEAR], holds[REACH], holds[SPARE] = near, reach, spare
     keep_way(way, noted.inner.way[b])
-    moved = moved_since(noted.outer.way[b], way, size)
+    moved = moved_since(table, a, noted.outer.way[b], way)
     if (
         outer[COUNT] >= 0.0
         and moved + spare <= outer[SPARE]
@@ -179,10 +180,12 @@ def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing)
 
 
 @inner_kernel
-def _measure(table: FacetTable, b, way, size, first, last, noted, facing):
+def _measure(table: FacetTable, a, b, way, size, first, last, noted, facing):
     """Fill from when on pairs of the next outer ring may be wanted, as seen from here."""
     holds, pairs = noted.inner.holds[b], noted.coming.pairs
-    travelled = noted.travelled[b] + moved_since(noted.inner.way[b], way, size)
+    # From here to wherever the next note is made is at most as far as from here back to where the
+    # last one was, and from there to the next.
+    travelled = noted.travelled[b] - moved_since(table, a, noted.inner.way[b], way)
     flattest = FLATTEST - holds[SPARE] / size
     for i in range(first, last):
         f, g = pairs[b, i, 0], pairs[b, i, 1]
@@ -197,7 +200,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
     if progress[TOP] == TOO_MANY or spare == 0.0:
         return
     if progress[TOP] == NONE:
-        moved = moved_since(noted.outer.way[b], way, size)
+        moved = moved_since(table, a, noted.outer.way[b], way)
         if (
             outer[COUNT] >= 0.0
             and moved <= _OLD * outer[SPARE]
@@ -212,7 +215,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
         keep_way(way, noted.coming.way[b])
     # What is looked for is what may be near while the tool is within the spare of where it was when
     # this began; seen from where it is now that is farther by how far it has moved since.
-    moved = moved_since(noted.coming.way[b], way, size)
+    moved = moved_since(table, a, noted.coming.way[b], way)
     if moved > coming[SPARE]:
         progress[TOP], progress[USUAL] = NONE, 2.0 * progress[USUAL]
         return
@@ -223,7 +226,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
         FLATTEST - (coming[SPARE] + moved) / size, noted.stack[b], np.int64(progress[TOP]),
         visits, noted.coming.pairs[b], before, facing,
     )  # fmt: skip
-    _measure(table, b, way, size, before, count, noted, facing)
+    _measure(table, a, b, way, size, before, count, noted, facing)
     progress[VISITS] += float(visits - left)
     progress[TOP], coming[COUNT] = float(top), float(count)
     if lost > 0:
@@ -235,7 +238,7 @@ def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing
 
 
 @inner_kernel
-def near_pairs(table: FacetTable, a, b, way, near, reach, size, speed, noted, facing):
+def near_pairs(table: FacetTable, a, b, way, near, reach, speed, noted, facing):
     """Do what `facing_pairs` does, mostly from what was noted before.
 
     Pairs are those of facets that overlap by more than `-reach` and by less than `near`, and are
@@ -247,14 +250,13 @@ def near_pairs(table: FacetTable, a, b, way, near, reach, size, speed, noted, fa
         From A's frame to B's: rotation, and in the last column the shift.
     near, reach : float
         [m]
-    size : float
-        How far A's points are from its frame's origin at most [m].
     speed : float
         How far the tool has moved in the last tick [m].
     """
+    size = size_of(table, a)
     inner, holds, seen = noted.inner, noted.inner.holds[b], facing.clock[0]
     turn, shift = way[:, :3], way[:, 3]
-    moved = moved_since(inner.way[b], way, size)
+    moved = moved_since(table, a, inner.way[b], way)
     spare = min(_LEAST_SPARE + _TICKS * speed, _MOST_SPARE)
     if spare < 2.0 * speed:
         spare = 0.0  # nothing noted would hold

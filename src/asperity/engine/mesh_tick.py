@@ -43,12 +43,8 @@ def _mesh_tick(
     place_tool(pose, centre, body_a, origin)
     near_a, near_b = work_space.near[0], work_space.near[1]
     seen_from(origin, body_a, near_a)
-    root, size = table.root[tool], 0.0
-    for k in range(3):
-        size += (abs(table.middle[root, k]) + table.reach[root, k]) ** 2
-    size = math.sqrt(size)
     known = memory.at[0] == 1
-    moved = moved_since(memory.pose, body_a, size) if known else 0.0
+    moved = moved_since(table, tool, memory.pose, body_a) if known else 0.0
     if moved > _JUMP and dt == 0.0:
         moved = _JUMP  # only looking: what is known is kept
     if moved > _JUMP:
@@ -85,7 +81,7 @@ def _mesh_tick(
         seen_from(origin, poses[b], near_b)
         tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
         touch(
-            textures, table, geometry, tool, b, near_a, near_b, pressed, moved, size,
+            textures, table, geometry, tool, b, near_a, near_b, pressed, moved,
             parameters.patch_radius, parameters.edge_fade, tolerance, parameters.max_nodes, memory,
             space, work_space,
         )  # fmt: skip

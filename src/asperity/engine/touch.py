@@ -144,7 +144,7 @@ def _may_touch(memory, b, d, sums, moved, shallowest):
 
 @inner_kernel
 def touch(
-    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, size, radius, fade,
+    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, radius, fade,
     tolerance, max_nodes, memory, space, work_space,
 ):  # fmt: skip
     """Add the patches between the tool and body b to `space.rows`, with their weights.
@@ -157,8 +157,6 @@ def touch(
         How deep MuJoCo finds the two [m].
     moved : float
         How far the tool has moved since the last pose [m].
-    size : float
-        How far its points are from its frame's origin at most [m].
     radius : float
         How far patches reach over the middle of the footprint [m].
     fade : float
@@ -175,7 +173,7 @@ def touch(
     most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
     count = near_pairs(
-        table, tool, b, space.frames[3], scan, reach, size, moved, memory.noted, foot.facing
+        table, tool, b, space.frames[3], scan, reach, moved, memory.noted, foot.facing
     )
     if foot.facing.clock[1] > 0:
         rows.count[1] += 1
