@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from asperity.compiled import kernel
 from asperity.contact.chart import FLATTEST
 from asperity.contact.facet_rings import note_nothing, noted_facets
+from asperity.contact.facing import moved_since, size_of
 from asperity.contact.noted_facets import _take_from_all, near_pairs
 from asperity.contact_stage import ContactStage
 from asperity.poses import turned
@@ -117,3 +118,35 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls, often):
     assert several > 900 * 20
     # There is room for the outer ring of the finer one where it is narrow.
     assert (outer > 600) == (cuts == 3 or speed < 5e-5)
+
+
+@kernel
+def _moved(table, a, before, after):
+    return moved_since(table, a, before, after), size_of(table, a)
+
+
+def test_no_point_moves_farther_than_is_said_and_no_direction_turns_more():
+    """Of a long tool that is turned about a place in it, as it is held."""
+    engine = ContactStage(load_scene("file-cad")).engine
+    table, a = engine._facets.table, engine._tool
+    rng = np.random.default_rng(3)
+    root = table.root[a]
+    corners = table.middle[root] + table.reach[root] * rng.choice([-1.0, 1.0], (64, 3))
+    sharp, count = [], 300
+    for _ in range(count):
+        one, other = Rotation.random(random_state=rng), Rotation.from_rotvec(rng.normal(0, 0.1, 3))
+        held = rng.uniform(-1.0, 1.0, 3) * table.reach[root]
+        before = np.column_stack([one.as_matrix(), rng.normal(0, 0.01, 3)])
+        turned_on = (other * one).as_matrix()
+        drift = rng.normal(0, 1e-4, 3)
+        after = np.column_stack([turned_on, before @ np.append(held, 1.0) - turned_on @ held])
+        after[:, 3] += drift
+        said, size = _moved(table, a, before, after)
+        placed = np.column_stack([corners, np.ones(64)])
+        most = np.linalg.norm(placed @ (after - before).T, axis=1).max()
+        bent = np.linalg.svd(after[:, :3] - before[:, :3], compute_uv=False)[0]
+        assert said >= most * (1.0 - 1e-12)
+        assert said >= bent * size * (1.0 - 1e-12)
+        assert said <= max(most, bent * size) * (1.0 + 1e-9)
+        sharp.append(said / most)
+    assert np.median(sharp) < 1.5
