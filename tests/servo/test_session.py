@@ -114,7 +114,11 @@ def test_ctrl_c_ends_a_session_well(tmp_path):
     # Longer than the busiest machine takes to see that it runs.
     options = ["--seconds", "300", "--out", str(out)]
     command = [sys.executable, "-m", "asperity", "record", "probe-plate", *options]
-    session = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    session = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Tests that run in the background of a shell have a Ctrl-C that is ignored, and pass it on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     try:
         # Until some ticks are on disk: it is not before the loop runs that Ctrl-C ends it well.
         file, sizes, end = out / "recording.h5", set(), time.monotonic() + 60.0
