@@ -39,8 +39,12 @@ from asperity.contact.deepest import LOOK_BOX
 from asperity.contact.flat_pair import plane_overlap
 from asperity.contact.overlap import POLYGON
 from asperity.contact.search import quick_bound
-from asperity.contact.texture_bound import on_texture, sideways
+from asperity.contact.texture_bound import on_texture, plane_normal, sideways
+from asperity.stack import stack_array
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
+
+_LEANS = 0.1
+"""Where textures move points sideways by more than this part of a box, it is asked where to."""
 
 
 @small_kernel
@@ -162,6 +166,7 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
     cap_x, cap_y = _cap(textures, cx), _cap(textures, cy)
     spread_x = _spread(textures, cx, half_x, half_y)
     spread_y = _spread(textures, cy, reach_x, reach_y)
+    highs = stack_array((8,))
     for child in range(4):
         bounds_out[child] = -np.inf
         if (child & 1 and not cut_x) or (child & 2 and not cut_y):
@@ -170,6 +175,7 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
         bx, by = b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y
         high_x = _top_over(textures, cx, cap_x, spread_x, x, y)
         high_y = _top_over(textures, cy, cap_y, spread_y, bx, by)
+        highs[child], highs[4 + child] = high_x, high_y
         top = min(rise_x + cx[PZ] * x + cx[PZ + 1] * y, cx[SUMMIT])
         top += min(rise_y + cy[PZ] * bx + cy[PZ + 1] * by, cy[SUMMIT])
         bound = _lifted(cx, cy, flat, rise + z_x * x + z_y * y, top, high_x, high_y)
@@ -178,6 +184,7 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
             | (by - reach_y > cy[RECTANGLE + 3]) | (by + reach_y < cy[RECTANGLE + 2])
         )  # fmt: skip
         bounds_out[child] = -np.inf if apart else bound
+    leans = moved > _LEANS * max(reach_x, reach_y) and cy[TEXTURE] >= 0.0
     for child in range(4):
         if bounds_out[child] > enough:
             x = x0 + (3.0 if child & 1 else 1.0) * half_x
@@ -185,6 +192,71 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
             bx, by = b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y
             if beyond(cx, 0, x, y, half_x, half_y) or beyond(cy, 0, bx, by, reach_x, reach_y):
                 bounds_out[child] = -np.inf
+            elif leans:
+                bound = _leaning_bound(
+                    textures, cx, cy, flat, (x, y, half_x, half_y), (bx, by, reach_x, reach_y),
+                    moved, rise + z_x * x + z_y * y, highs[child], highs[4 + child], enough,
+                )  # fmt: skip
+                bounds_out[child] = min(bounds_out[child], bound)
+
+
+@small_kernel
+def _heights_that_count(chart, need, lift):
+    """Return the height from which on a texture reaches `need` with what it is lifted by."""
+    # Where normals turn, how much a unit lifts is known for what is above the base only.
+    return need / lift if lift > 0.0 and (chart[UNIT] == 1.0 or need > 0.0) else -np.inf
+
+
+@small_kernel
+def _moved_by(textures, chart, low, high, x, y, radius):
+    """Return where a texture from `low` to `high` moves points to, along u and v, and how exactly.
+
+    The box is round (x, y), no corner farther away than `radius`.
+    """
+    if chart[TEXTURE] < 0.0:
+        return 0.0, 0.0, 0.0
+    size = textures.scales[int(chart[TEXTURE]), 2]
+    low, high = max(low, -size), min(high, size)
+    middle, half = 0.5 * (low + high), 0.5 * max(high - low, 0.0)
+    w_u, w_v, _, change, _, _ = plane_normal(chart, x, y, radius)
+    near = half * math.sqrt(w_u * w_u + w_v * w_v) + max(abs(low), abs(high)) * change
+    return middle * w_u, middle * w_v, near
+
+
+@inner_kernel
+def _leaning_bound(
+    textures, cx, cy, flat, on_x, on_y, moved, smooth, high_x, high_y, enough
+):  # fmt: skip
+    """Return an upper bound of what is deeper than `enough` over a box, or `enough`.
+
+    Textures move points sideways, by their height. What is that deep is high, on both: so it is
+    known more closely where on Y it lies, and what is high elsewhere on Y does not count.
+    """
+    lift_x, lift_y = flat[9], flat[10]
+    up_x = lift_x * (high_x if cx[UNIT] == 1.0 else max(high_x, 0.0))
+    up_y = lift_y * (high_y if cy[UNIT] == 1.0 else max(high_y, 0.0))
+    low_x = _heights_that_count(cx, enough - smooth - up_y, lift_x)
+    low_y = _heights_that_count(cy, enough - smooth - up_x, lift_y)
+    if low_x > high_x or low_y > high_y:
+        return enough
+    x, y, half_x, half_y = on_x
+    bx, by, reach_x, reach_y = on_y
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
+    x_u, x_v, near_x = _moved_by(textures, cx, low_x, high_x, x, y, radius)
+    y_u, y_v, near_y = _moved_by(textures, cy, low_y, high_y, bx, by, far)
+    less = moved - (near_x + near_y) / cy[Q_LEAST]
+    if less <= 0.0:
+        return np.inf
+    d_u, d_v = x_u - y_u, x_v - y_v
+    bx += cy[QINV] * d_u + cy[QINV + 1] * d_v
+    by += cy[QINV + 2] * d_u + cy[QINV + 3] * d_v
+    reach_x, reach_y = reach_x - less, reach_y - less
+    if beyond(cy, 0, bx, by, reach_x, reach_y):
+        return enough
+    high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
+    up_y = lift_y * (high_y if cy[UNIT] == 1.0 else max(high_y, 0.0))
+    return max(smooth + up_x + up_y, enough)
 
 
 @small_kernel
