@@ -79,7 +79,7 @@ and what is aimed at for the median."""
 OWN_ROUNDS = 15
 TURNS = 7
 """Of python-fcl and asperity, where they are timed beside each other."""
-TOO_LONG = 2e4
+TOO_LONG = 1e5
 """A tool whose tick takes longer [us] does not grow further."""
 Times = NDArray[np.float64]
 
