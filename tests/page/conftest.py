@@ -57,8 +57,12 @@ def page():
     from asperity.page.panels import live_panels
     from asperity.page.server import serve
     from asperity.scenes import load_scene
+    from asperity.servo.realtime import RealTime
 
-    choice = Choice(on_coupling(load_scene("probe-plate")), "probe-plate")
+    # A loop that keeps a core busy leaves too little of two to a browser that draws by software.
+    choice = Choice(
+        on_coupling(load_scene("probe-plate")), "probe-plate", real_time=RealTime(busy_wait=False)
+    )
     with Link(choice) as link, serve(link, lambda: live_panels(20_000), port=0) as made:
         yield made
 

@@ -14,6 +14,7 @@ from PIL import Image
 pytest.importorskip("viser")
 pytest.importorskip("playwright", reason="Playwright is not installed")
 
+from asperity.errors import AsperityError
 from asperity.page.browser import browser_tab, chromium, close_notes
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
@@ -23,13 +24,16 @@ SLOW = 120e3
 
 @pytest.fixture(scope="module")
 def tab(page):
-    with browser_tab((760, 600)) as out:
-        out.set_default_timeout(SLOW)
-        out.goto(page.url)
-        out.wait_for_selector("canvas")
-        out.get_by_text("probe-plate · mouse").wait_for()
-        close_notes(out)
-        yield out
+    try:
+        with browser_tab((760, 600)) as out:
+            out.set_default_timeout(SLOW)
+            out.goto(page.url)
+            out.wait_for_selector("canvas")
+            out.get_by_text("probe-plate · mouse").wait_for()
+            close_notes(out)
+            yield out
+    except AsperityError as reason:  # Chromium does not start
+        pytest.skip(str(reason))
 
 
 def canvas(page, tab):

@@ -21,6 +21,9 @@ SIZE = (1400, 800)
 _CLOSE = ".mantine-Notification-closeButton"
 _SLOW = 300.0
 """How long a picture may take where the processor draws it [s]."""
+_STARTING, _ATTEMPTS = 60.0, 2
+"""How long Chromium may take to start [s], which takes two seconds and on a busy machine ten, and
+how often that is tried: on a virtual machine it was seen to hang now and then."""
 _QUALITY = 88
 """Of a JPEG [percent]."""
 _SETTLED, _WAITED = 4.0, 5.0
@@ -45,9 +48,10 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
     Raises
     ------
     AsperityError
-        Playwright or Chromium is not here; how to get it.
+        Playwright or Chromium is not here; how to get it. Or Chromium does not start.
     """
     try:
+        from playwright.sync_api import TimeoutError as TooLate
         from playwright.sync_api import sync_playwright
     except ImportError:
         raise AsperityError(
@@ -60,7 +64,17 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         arguments.append("--no-sandbox")  # root has no sandbox to be in
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        for attempt in range(_ATTEMPTS):
+            try:
+                browser = playwright.chromium.launch(
+                    executable_path=path, args=arguments, timeout=1e3 * _STARTING
+                )
+                break
+            except TooLate:
+                if attempt == _ATTEMPTS - 1:
+                    raise AsperityError(
+                        f"{path} did not start within {_STARTING:g} s, {_ATTEMPTS} times"
+                    ) from None
         try:
             yield browser.new_page(viewport={"width": size[0], "height": size[1]})
         finally:
