@@ -275,10 +275,8 @@ def one_scene(
         if own:
             alone = out["paths"][path_name]["alone_us"] = spread(done[path_name].least)
             row("  left alone", ["", *(micro(t) for t in alone.values())], 9)
-            row(
-                "  all rounds", ["", *(micro(t) for t in spread(done[path_name].every).values())], 9
-            )
-            out["paths"][path_name]["every_us"] = spread(done[path_name].every)
+            every = out["paths"][path_name]["every_us"] = spread(done[path_name].every)
+            row("  all rounds", ["", *(micro(t) for t in every.values())], 9)
             out["as_shipped_us"] = as_shipped(name, timed)
             bars.append({
                 "bar": f"{name}: p99.9 of its own path [us]; {alone['p99.9']:.0f} left alone; "

@@ -119,42 +119,43 @@ class Stopwatch:
         engine.wrench = wrench
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.4])
-@pytest.mark.parametrize("seconds", [0.0, 2.5e-4, 3.5e-4])
-def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
-    """0.1 ms an evaluation: as many as fit, but always the pose itself; and the flag says so."""
+def watched(friction, step):
+    """Return a stage that has slid by steps along x [m], 0.1 ms an evaluation, and its clock.
+
+    With them the pose of the next tick.
+    """
     scene = probe_plate({"kind": "sinusoid", "wavelength": 5e-4, "amplitude": 5e-5})
     scene = scene.changed(force={"anti_alias": "tick", "friction": friction})
     watch = Stopwatch(1e-4)
     stage = ContactStage(scene, now=watch)
     watch.tie_to(stage.engine)
     pose = np.array([0.0, 0.0, 1.4e-3, 1, 0, 0, 0])
-    step = np.array([2e-4, 0, 0, 0, 0, 0, 0])
-    for tick in range(6):
-        stage.evaluate(pose + tick * step)
+    for _ in range(6):
+        stage.evaluate(pose)
+        pose = pose + step * np.eye(7)[0]
+    return stage, watch, pose
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("seconds", [0.0, 2.5e-4, 3.5e-4])
+def test_sub_poses_keep_to_the_time_there_is(friction, seconds):
+    """0.1 ms an evaluation: as many as fit, but always the pose itself; and the flag says so."""
+    stage, watch, pose = watched(friction, 2e-4)
     before = watch.evaluations
-    contact = stage.evaluate(pose + 6 * step, seconds=seconds, search_seconds=seconds)
+    contact = stage.evaluate(pose, seconds=seconds, search_seconds=seconds)
     done = watch.evaluations - before
     assert done == max(1, int(seconds / watch.cost))
     # And a search has the time that those before it have left.
     assert watch.left[before:] == pytest.approx([seconds - n * watch.cost for n in range(done)])
     assert contact.flags & BUDGET_SPENT
-    free = stage.evaluate(pose + 7 * step)
+    free = stage.evaluate(pose + 2e-4 * np.eye(7)[0])
     assert not free.flags & BUDGET_SPENT
     assert watch.left[-1] == np.inf
 
 
 def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked_at():
     """There is time for six. The first takes as long as five of them."""
-    scene = probe_plate({"kind": "sinusoid", "wavelength": 5e-4, "amplitude": 5e-5})
-    scene = scene.changed(force={"anti_alias": "tick", "friction": 0.4})
-    watch = Stopwatch(1e-4)
-    stage = ContactStage(scene, now=watch)
-    watch.tie_to(stage.engine)
-    pose = np.array([0.0, 0.0, 1.4e-3, 1, 0, 0, 0])
-    step = np.array([5e-4, 0, 0, 0, 0, 0, 0])
-    for tick in range(6):
-        stage.evaluate(pose + tick * step)
+    stage, watch, pose = watched(0.4, 5e-4)
     ask, begun, asked = stage.engine.wrench, watch.time, []
 
     def slow_at_first(at, dt, seconds):
@@ -163,9 +164,9 @@ def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked
         return ask(at, dt, seconds)
 
     stage.engine.wrench = slow_at_first
-    contact = stage.evaluate(pose + 6 * step, seconds=6.5e-4)
+    contact = stage.evaluate(pose, seconds=6.5e-4)
     assert len(asked) == 2
-    assert asked[-1] == pytest.approx(6 * step[0])
+    assert asked[-1] == pytest.approx(6 * 5e-4)
     assert watch.time - begun == pytest.approx(6e-4)
     assert contact.flags & BUDGET_SPENT
 

@@ -98,6 +98,13 @@ def _lift(chart, g1, g2):
 
 
 @small_kernel
+def _lifting(chart, high):
+    """Return by how much of a texture's highest point a plane may be lifted."""
+    # Where normals turn, how much a unit lifts is known for what is above the base only.
+    return high if chart[UNIT] == 1.0 else max(high, 0.0)
+
+
+@small_kernel
 def on_other(flat, x, y, half_x, half_y, moved):
     """Return middle and half sides, by Y's parameters, of what may lie under a box of X's."""
     b0, b1, b2, c0, c1, c2, _, _, _, _, _ = flat
@@ -203,7 +210,7 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
 @small_kernel
 def _heights_that_count(chart, need, lift):
     """Return the height from which on a texture reaches `need` with what it is lifted by."""
-    # Where normals turn, how much a unit lifts is known for what is above the base only.
+    # As for `_lifting`.
     return need / lift if lift > 0.0 and (chart[UNIT] == 1.0 or need > 0.0) else -np.inf
 
 
@@ -233,8 +240,7 @@ def _leaning_bound(
     known more closely where on Y it lies, and what is high elsewhere on Y does not count.
     """
     lift_x, lift_y = flat[9], flat[10]
-    up_x = lift_x * (high_x if cx[UNIT] == 1.0 else max(high_x, 0.0))
-    up_y = lift_y * (high_y if cy[UNIT] == 1.0 else max(high_y, 0.0))
+    up_x, up_y = lift_x * _lifting(cx, high_x), lift_y * _lifting(cy, high_y)
     low_x = _heights_that_count(cx, enough - smooth - up_y, lift_x)
     low_y = _heights_that_count(cy, enough - smooth - up_x, lift_y)
     if low_x > high_x or low_y > high_y:
@@ -254,26 +260,18 @@ def _leaning_bound(
     reach_x, reach_y = reach_x - less, reach_y - less
     if beyond(cy, 0, bx, by, reach_x, reach_y):
         return enough
-    high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
-    up_y = lift_y * (high_y if cy[UNIT] == 1.0 else max(high_y, 0.0))
+    up_y = lift_y * _lifting(cy, _highest(textures, cy, bx, by, reach_x, reach_y))
     return max(smooth + up_x + up_y, enough)
 
 
 @small_kernel
 def _lifted(cx, cy, flat, bound, top, high_x, high_y):
     """Return the sharper of two bounds, with textures that are so high."""
+    high_x, high_y = _lifting(cx, high_x), _lifting(cy, high_y)
     # No point is higher than that of the base which it was, and its texture's highest.
-    if cx[UNIT] == 1.0:
-        bound, top = bound + flat[9] * high_x, top + high_x * cx[V0 + 2]
-    else:
-        high_x = max(high_x, 0.0)
-        bound, top = bound + flat[9] * high_x, top + high_x * cx[RISE]
-    if cy[UNIT] == 1.0:
-        bound, top = bound + flat[10] * high_y, top + high_y * cy[V0 + 2]
-    else:
-        high_y = max(high_y, 0.0)
-        bound, top = bound + flat[10] * high_y, top + high_y * cy[RISE]
-    return min(bound, top)
+    top += high_x * (cx[V0 + 2] if cx[UNIT] == 1.0 else cx[RISE])
+    top += high_y * (cy[V0 + 2] if cy[UNIT] == 1.0 else cy[RISE])
+    return min(bound + flat[9] * high_x + flat[10] * high_y, top)
 
 
 @small_kernel

@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -64,17 +64,14 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         arguments.append("--no-sandbox")  # root has no sandbox to be in
     with sync_playwright() as playwright:
-        for attempt in range(_ATTEMPTS):
-            try:
+        for _ in range(_ATTEMPTS):
+            with suppress(TooLate):
                 browser = playwright.chromium.launch(
                     executable_path=path, args=arguments, timeout=1e3 * _STARTING
                 )
                 break
-            except TooLate:
-                if attempt == _ATTEMPTS - 1:
-                    raise AsperityError(
-                        f"{path} did not start within {_STARTING:g} s, {_ATTEMPTS} times"
-                    ) from None
+        else:
+            raise AsperityError(f"{path} did not start within {_STARTING:g} s, {_ATTEMPTS} times")
         try:
             yield browser.new_page(viewport={"width": size[0], "height": size[1]})
         finally:
