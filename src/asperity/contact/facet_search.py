@@ -7,29 +7,28 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, kernel, small_kernel
-from asperity.contact.chart import COVERS, FLATTEST, ROWS, TEXTURE, C, O, Q
+from asperity.contact.chart import COVERS, FLATTEST, ROWS, TEXTURE, C
 from asperity.contact.deepest import (
     DEPTH,
     LOOK_COVERS,
     LOOK_SIZE,
-    LOOKED,
     PAIR,
     RESULT_SIZE,
     begin,
     fill_result,
-    walks_on_a,
 )
 from asperity.contact.facet_chart import facet_chart
 from asperity.contact.facing import between_bodies, facing_pairs
 from asperity.contact.footprint import piece
-from asperity.contact.overlap import ON_X, ON_Y, OVERLAP_SIZE, F, X, Y
+from asperity.contact.overlap import OVERLAP_SIZE, F
 from asperity.contact.patch import frame_round, geom_charts
+from asperity.contact.promising import depths_before, from_lines, keep_promising
 from asperity.contact.regions import bound_by, split_lines
 from asperity.contact.search import TIE
-from asperity.contact.search_state import BEST, TIES
+from asperity.contact.search_state import BEST, TIES, UPPER
 from asperity.contact.sieve import sieve
 from asperity.contact.texture_bound import sideways
-from asperity.contact.two_planes import pair_bound
+from asperity.stack import stack_array
 
 _ANYWHERE = 1e3
 
@@ -124,10 +123,10 @@ def _note_covers(cx, cy, look_out):
 def pairs_of_charts(
     textures, table, geometry, count, direction, n, frame, body_a, body_b, work_space, space
 ):  # fmt: skip
-    """Make the charts of all facing facets as seen along n, and bound each pair of them.
+    """Make the charts of all facing facets as seen along n, and note which pairs of them meet.
 
-    Fills `space.looks`; returns how many pairs, the number of charts of A and the stride of the
-    pairs' numbers, and whether there was room for all.
+    Fills their numbers, and what they cover, in `space.looks`; returns how many pairs, the number
+    of charts of A and the stride of the pairs' numbers, and whether there was room for all.
 
     Parameters
     ----------
@@ -190,17 +189,13 @@ def pairs_of_charts(
                 cx, cy = work_space.charts_a[a], work_space.charts_b[b]
                 if not shared and _apart(textures, cx, cy):
                     continue
-                if not walks_on_a(cx, cy):
-                    cx, cy = cy, cx
                 if pairs == space.looks.shape[0]:
                     enough = False
                     continue
                 look = space.looks[pairs]
-                pair_bound(textures, cx, cy, work_space.work, look)
-                if look[0] > -math.inf:
-                    look[LOOKED], look[PAIR] = 0.0, number
-                    _note_covers(cx, cy, look)
-                    pairs += 1
+                look[PAIR] = number
+                _note_covers(cx, cy, look)
+                pairs += 1
     return pairs, made_a, stride, enough
 
 
@@ -231,21 +226,35 @@ def patch_depths(
         off_v += frame[1, k] * body_b[k, 3]
     for k in range(2):
         lines[k, 2] -= lines[k, 0] * off_u + lines[k, 1] * off_v
+    places, parts, depths = stack_array((4, 2)), stack_array((4, 2)), stack_array((4,))
+    ways = ways_1 * ways_2
+    for which in range(4):
+        places[which, 0], places[which, 1] = _guess(guess[which], frame, body_a)
+        parts[which, 0] = _side(first, which % ways_1)
+        parts[which, 1] = _side(second, which // ways_1)
+    depths_before(
+        textures, pairs, stride, places[:ways], parts[:ways], lines, radius, work_space,
+        space.looks, depths,
+    )  # fmt: skip
+    best, enough = np.int64(0), depths[0]
+    for which in range(1, ways):
+        enough = min(enough, depths[which])
+        best = which if depths[which] > depths[best] else best
+    pairs = keep_promising(textures, pairs, stride, max(enough, 0.0), work_space, space.looks)
     # The deepest place of all is that of every part that it lies in.
-    gu, gv = _guess(guess[0], frame, body_a)
     _take_all(pairs, work_space, space)
-    begin(work_space, max_nodes, 0.0)
-    sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, np.int64(0))
+    _begin(work_space, max_nodes, enough)
+    sieve(
+        textures, stride, pairs, places[best, 0], places[best, 1], tolerance, work_space, space,
+        np.int64(0),
+    )  # fmt: skip
     fill_result(textures, stride, n, tolerance, work_space, results_out[0])
-    if ways_1 * ways_2 == 1 or results_out[0, DEPTH] == -math.inf:
+    if ways == 1 or results_out[0, DEPTH] == -math.inf:
         return 1
     single, at_1, at_2 = _single_place(work_space, stride, lines)
-    for which in range(ways_1 * ways_2 - 1, -1, -1):
-        sign_1 = 1.0 if which % ways_1 == 0 else -1.0
-        sign_2 = 1.0 if which // ways_1 == 0 else -1.0
-        within = (not first or sign_1 * at_1 >= -radius) and (
-            not second or sign_2 * at_2 >= -radius
-        )
+    for which in range(ways - 1, -1, -1):
+        sign_1, sign_2 = parts[which, 0], parts[which, 1]
+        within = sign_1 * at_1 >= -radius and sign_2 * at_2 >= -radius
         out = results_out[which]
         if single and within:
             for k in range(RESULT_SIZE):
@@ -261,13 +270,29 @@ def patch_depths(
                         sign * lines[k, 2], radius,
                     )  # fmt: skip
                 added += 1
-        gu, gv = _guess(guess[which], frame, body_a)
-        begin(work_space, max_nodes / 2, 0.0)
-        sieve(textures, stride, pairs, gu, gv, tolerance, work_space, space, added)
+        _begin(work_space, max_nodes / 2, enough)
+        sieve(
+            textures, stride, pairs, places[which, 0], places[which, 1], tolerance, work_space,
+            space, added,
+        )  # fmt: skip
         fill_result(textures, stride, n, tolerance, work_space, out)
         for a in range(made_a):
             charts[a, ROWS] -= added
-    return ways_1 * ways_2
+    return ways
+
+
+@small_kernel
+def _side(split, which):
+    """Return on which side of a line a part of a footprint is, 0 where it is not split there."""
+    return (1.0 if which == 0 else -1.0) if split else 0.0
+
+
+@inner_kernel
+def _begin(work_space, max_nodes, enough):
+    """Begin a search for places that touch, among pairs that may be deeper than `enough` [m]."""
+    begin(work_space, max_nodes, 0.0)
+    # What has been left out is no deeper.
+    work_space.state[UPPER] = max(enough, 0.0)
 
 
 @inner_kernel
@@ -293,10 +318,7 @@ def _guess(guess, frame, body):
 
 @inner_kernel
 def _single_place(work_space, stride, lines):
-    """Return whether one place is deepest, and how far it lies from the lines [m].
-
-    Of the place it is the base point on A that counts.
-    """
+    """Return whether one place is deepest, and how far it lies from the lines [m]."""
     best, ties, alone = work_space.best, work_space.ties, 0
     for t in range(int(work_space.state[TIES])):
         if ties[t, F] >= work_space.state[BEST] - TIE:
@@ -305,13 +327,8 @@ def _single_place(work_space, stride, lines):
         return False, 0.0, 0.0
     pair = int(best[OVERLAP_SIZE])
     a, b = work_space.charts_a[pair // stride], work_space.charts_b[pair % stride]
-    x, y = (best[X], best[Y]) if walks_on_a(a, b) else (best[ON_X], best[ON_Y])
-    at_u, at_v = a[O] + a[Q] * x + a[Q + 1] * y, a[O + 1] + a[Q + 2] * x + a[Q + 3] * y
-    return (
-        True,
-        lines[0, 0] * at_u + lines[0, 1] * at_v + lines[0, 2],
-        lines[1, 0] * at_u + lines[1, 1] * at_v + lines[1, 2],
-    )
+    first, second = from_lines(a, b, best, lines)
+    return True, first, second
 
 
 @kernel
@@ -344,6 +361,7 @@ def facets_along(
         textures, table, geometry, kept, np.int64(-1), local, frame, body_a, body_b, work_space,
         space,
     )  # fmt: skip
+    pairs = keep_promising(textures, pairs, stride, -math.inf, work_space, space.looks)
     _take_all(pairs, work_space, space)
     begin(work_space, max_nodes, -math.inf)
     nowhere = np.nan

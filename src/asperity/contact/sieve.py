@@ -14,7 +14,6 @@ import math
 import numpy as np
 
 from asperity.compiled import inner_kernel, small_kernel
-from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import (
     Q_LEAST,
     Q_MOST,
@@ -25,6 +24,7 @@ from asperity.contact.chart import (
     C,
 )
 from asperity.contact.deepest import LOOK_BOX, LOOK_COVERS, LOOKED, PAIR, walks_on_a
+from asperity.contact.promising import is_there
 from asperity.contact.search import (
     PLANES,
     SMALLEST,
@@ -35,7 +35,6 @@ from asperity.contact.search import (
     settle,
 )
 from asperity.contact.search_state import BEST, CUT, JUDGED, NODES, UPPER, is_spent
-from asperity.contact.surface import parameters_under
 from asperity.contact.texture_bound import sideways
 from asperity.contact.two_planes import between_planes, beyond, on_other, quarter_bounds
 from asperity.stack import stack_array
@@ -50,20 +49,6 @@ _SETTLED = 1.5
 """Boxes that are as good as certified are not divided below this [grains]."""
 _CHEAP = 0.1
 """What a bound from the pyramids alone costs [nodes of `search`]."""
-
-
-@inner_kernel
-def _is_there(cx, cy, u, v):
-    """Return whether a place of the contact frame lies on both charts."""
-    x, y = parameters_under(cx, u, v)
-    if not (cx[RECTANGLE] <= x <= cx[RECTANGLE + 1]):
-        return False
-    if not (cx[RECTANGLE + 2] <= y <= cx[RECTANGLE + 3]) or beyond_rows(cx, x, y, 0.0, 0.0):
-        return False
-    x, y = parameters_under(cy, u, v)
-    if not (cy[RECTANGLE] <= x <= cy[RECTANGLE + 1]):
-        return False
-    return cy[RECTANGLE + 2] <= y <= cy[RECTANGLE + 3] and not beyond_rows(cy, x, y, 0.0, 0.0)
 
 
 @small_kernel
@@ -139,7 +124,7 @@ def _look_at(textures, stride, count, guess_u, guess_v, space):
         cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
         if not walks_on_a(cx, cy):
             cx, cy = cy, cx
-        if _is_there(cx, cy, guess_u, guess_v):
+        if is_there(cx, cy, guess_u, guess_v):
             first_look(
                 textures, cx, cy, pair, guess_u, guess_v, space.state, space.best, space.ties,
                 space.work, space.at, look,

@@ -76,6 +76,26 @@ def on_texture(chart, x, y, half_x, half_y):
 
 
 @small_kernel
+def triplanar_top(textures, chart, x, y, half_x, half_y):
+    """Return the highest point of a triplanar map over a box of a plane chart.
+
+    Of the three maps that it mixes, those that count there: the highest of any.
+    """
+    k, high = int(chart[TEXTURE]), -np.inf
+    for i in range(3):
+        # Less than this is left out of the mix. Where normals turn any map may count.
+        if chart[UNIT] == 1.0 and chart[W0 + i] ** 4 < 1e-12:
+            continue
+        one, two = (i + 1) % 3, (i + 2) % 3
+        u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y - chart[ROUND]
+        v = chart[B0 + two] + chart[B1 + two] * x + chart[B2 + two] * y - chart[ROUND + 1]
+        ru = abs(chart[B1 + one]) * half_x + abs(chart[B2 + one]) * half_y
+        rv = abs(chart[B1 + two]) * half_x + abs(chart[B2 + two]) * half_y
+        high = max(high, texture_top(textures, k, u - ru, u + ru, v - rv, v + rv))
+    return high
+
+
+@small_kernel
 def slopes_on_plane(textures, chart, x, y, half_x, half_y):
     """Return size of t', largest t'' and its size over a box of a plane chart with a planar map."""
     k, speed = int(chart[TEXTURE]), chart[UV_MOST]

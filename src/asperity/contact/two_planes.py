@@ -27,6 +27,7 @@ from asperity.contact.chart import (
     SUMMIT,
     TEXTURE,
     TOP,
+    TRIPLANAR,
     UNIT,
     V0,
     V1,
@@ -39,7 +40,12 @@ from asperity.contact.deepest import LOOK_BOX
 from asperity.contact.flat_pair import plane_overlap
 from asperity.contact.overlap import POLYGON
 from asperity.contact.search import quick_bound
-from asperity.contact.texture_bound import on_texture, plane_normal, sideways
+from asperity.contact.texture_bound import (
+    on_texture,
+    plane_normal,
+    sideways,
+    triplanar_top,
+)
 from asperity.stack import stack_array
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
@@ -59,7 +65,11 @@ def _cap(textures, chart):
 def _highest(textures, chart, x, y, half_x, half_y):
     """Return the highest point of a chart's texture over a box of its parameters."""
     known = _cap(textures, chart)
-    if chart[TEXTURE] < 0.0 or chart[MAPPING] != PLANAR:
+    if chart[TEXTURE] < 0.0:
+        return known
+    if chart[MAPPING] == TRIPLANAR:
+        return min(known, triplanar_top(textures, chart, x, y, half_x, half_y))
+    if chart[MAPPING] != PLANAR:
         return known
     u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
     return min(known, texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1))
@@ -133,10 +143,13 @@ def beyond(chart, first, x, y, half_x, half_y):
 
 @small_kernel
 def _spread(textures, chart, half_x, half_y):
-    """Return how far a box spreads to either side on a planar map, and what windows cover it."""
+    """Return how far a box spreads to either side on a planar map, and what windows cover it.
+
+    On others: its half sides.
+    """
     k = int(chart[TEXTURE])
     if k < 0 or chart[MAPPING] != PLANAR:
-        return 0.0, 0.0, WHOLE
+        return half_x, half_y, WHOLE
     ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
     rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
     return ru, rv, windows_for(textures, k, 2.0 * ru, 2.0 * rv)
@@ -146,6 +159,8 @@ def _spread(textures, chart, half_x, half_y):
 def _top_over(textures, chart, cap, spread, x, y):
     """Return the highest point of a chart's texture over a box of known size round (x, y)."""
     ru, rv, chosen = spread
+    if chart[MAPPING] == TRIPLANAR and chart[TEXTURE] >= 0.0:
+        return min(cap, triplanar_top(textures, chart, x, y, ru, rv))
     if chosen[3] == 0:
         return cap
     u = chart[B0] + chart[B1] * x + chart[B2] * y
@@ -269,9 +284,25 @@ def _lifted(cx, cy, flat, bound, top, high_x, high_y):
     """Return the sharper of two bounds, with textures that are so high."""
     high_x, high_y = _lifting(cx, high_x), _lifting(cy, high_y)
     # No point is higher than that of the base which it was, and its texture's highest.
-    top += high_x * (cx[V0 + 2] if cx[UNIT] == 1.0 else cx[RISE])
-    top += high_y * (cy[V0 + 2] if cy[UNIT] == 1.0 else cy[RISE])
+    top = _summits(cx, cy, top, high_x, high_y)
     return min(bound + flat[9] * high_x + flat[10] * high_y, top)
+
+
+@small_kernel
+def summit_bound(textures, cx, cy):
+    """Return an upper bound of the overlap of two charts from what is known of each of them.
+
+    Infinite where that is nothing.
+    """
+    high_x, high_y = _lifting(cx, _cap(textures, cx)), _lifting(cy, _cap(textures, cy))
+    return _summits(cx, cy, cx[SUMMIT] + cy[SUMMIT], high_x, high_y)
+
+
+@small_kernel
+def _summits(cx, cy, top, high_x, high_y):
+    """Return how high points are whose bases are no higher than `top`."""
+    top += high_x * (cx[V0 + 2] if cx[UNIT] == 1.0 else cx[RISE])
+    return top + high_y * (cy[V0 + 2] if cy[UNIT] == 1.0 else cy[RISE])
 
 
 @small_kernel
