@@ -21,10 +21,12 @@ from asperity.contact.chart import (
     LEAST_ROOT,
     PZ,
     TEXTURE,
+    UNIT,
     UV_MOST,
     C,
 )
 from asperity.contact.overlap import F_X, F_XX, F_XY, F_Y, F_YY, F
+from asperity.contact.triplanar import MIX_1, MIX_2, MIX_3, mixes
 
 UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 """How f was bounded over a box: without its middle, by it, to the second order, and concave."""
@@ -101,6 +103,21 @@ def second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
 
 
 @small_kernel
+def _third_of_texture(textures, chart, sizes):
+    """Return the largest third derivative of a plane chart's texture; `sizes` of `third_order`."""
+    if chart[TEXTURE] < 0.0:
+        return 0.0
+    third = textures.scales[int(chart[TEXTURE]), 7] * chart[UV_MOST] ** 3
+    if chart[UNIT] == 0.0 and mixes(chart):
+        # The product rule for the sum of a_i t_i; w'' has a part along w, of size w1^2.
+        a, s, b, w1, w2 = sizes
+        third += 3.0 * MIX_1 * w1 * b + 3.0 * (MIX_2 * w1 * w1 + MIX_1 * w2) * s
+        third += (MIX_3 * w1 * w1 + 3.0 * MIX_2 * w2 + 3.0 * MIX_1 * w1 * w1) * w1 * a
+        third += MIX_1 * 5.0 * w1 * w2 * a
+    return third
+
+
+@small_kernel
 def third_order(textures, cx, cy, x, y, side, side_y, fastest, closest):
     """Return a bound of the third derivative of f for two plane charts.
 
@@ -110,11 +127,7 @@ def third_order(textures, cx, cy, x, y, side, side_y, fastest, closest):
     fast that goes at least.
     """
     a, s, b, w1, w2 = x
-    t = t_y = 0.0
-    if cx[TEXTURE] >= 0.0:
-        t = textures.scales[int(cx[TEXTURE]), 7] * cx[UV_MOST] ** 3
-    if cy[TEXTURE] >= 0.0:
-        t_y = textures.scales[int(cy[TEXTURE]), 7] * cy[UV_MOST] ** 3
+    t, t_y = _third_of_texture(textures, cx, x), _third_of_texture(textures, cy, y)
     w3 = 5.0 * w1 * w2  # of v / |v| with v linear: 15 w1^3, and w2 is 3 w1^2
     more = 3.0 * b * w1 + 3.0 * s * w2 + a * w3
     turn = b * side + 2.0 * s * w1 + a * w2  # how much X's place bends in (u, v)

@@ -110,8 +110,8 @@ def _flat_map(textures, chart, i, j, u0, v0, x, y, root):
 @inner_kernel
 def _three_maps(textures, chart, x, y, root):
     """Triplanar: three flat maps, weighted by the fourth powers of the normal's components."""
-    r, r_x, r_y = root[0], root[1], root[2]
-    total = total_x = total_y = 0.0
+    r, r_x, r_y, r_xx, r_xy, r_yy = root
+    total = total_x = total_y = total_xx = total_xy = total_yy = 0.0
     t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
     for k in range(3):
         w = chart[W0 + k] + chart[W1 + k] * x + chart[W2 + k] * y + chart[W3 + k] * r
@@ -120,7 +120,11 @@ def _three_maps(textures, chart, x, y, root):
             # Far below what could be felt; and a plane has exactly its own map.
             continue
         w_x, w_y = chart[W1 + k] + chart[W3 + k] * r_x, chart[W2 + k] + chart[W3 + k] * r_y
-        weight_x, weight_y = 4.0 * w * w * w * w_x, 4.0 * w * w * w * w_y
+        slope, bend, c = 4.0 * w * w * w, 12.0 * w * w, chart[W3 + k]
+        weight_x, weight_y = slope * w_x, slope * w_y
+        weight_xx = bend * w_x * w_x + slope * c * r_xx
+        weight_xy = bend * w_x * w_y + slope * c * r_xy
+        weight_yy = bend * w_y * w_y + slope * c * r_yy
         h = _flat_map(
             textures, chart, (k + 1) % 3, (k + 2) % 3, chart[ROUND], chart[ROUND + 1], x, y, root
         )
@@ -130,15 +134,17 @@ def _three_maps(textures, chart, x, y, root):
         t += weight * h[0]
         t_x += weight * h[1] + weight_x * h[0]
         t_y += weight * h[2] + weight_y * h[0]
-        # Second derivatives only steer Newton's method: the weights' own are left out.
-        t_xx += weight * h[3] + 2.0 * weight_x * h[1]
-        t_xy += weight * h[4] + weight_x * h[2] + weight_y * h[1]
-        t_yy += weight * h[5] + 2.0 * weight_y * h[2]
+        total_xx += weight_xx
+        total_xy += weight_xy
+        total_yy += weight_yy
+        t_xx += weight * h[3] + 2.0 * weight_x * h[1] + weight_xx * h[0]
+        t_xy += weight * h[4] + weight_x * h[2] + weight_y * h[1] + weight_xy * h[0]
+        t_yy += weight * h[5] + 2.0 * weight_y * h[2] + weight_yy * h[0]
     t /= total
     t_x, t_y = (t_x - t * total_x) / total, (t_y - t * total_y) / total
-    t_xx = (t_xx - 2.0 * t_x * total_x) / total
-    t_xy = (t_xy - t_x * total_y - t_y * total_x) / total
-    t_yy = (t_yy - 2.0 * t_y * total_y) / total
+    t_xx = (t_xx - 2.0 * t_x * total_x - t * total_xx) / total
+    t_xy = (t_xy - t_x * total_y - t_y * total_x - t * total_xy) / total
+    t_yy = (t_yy - 2.0 * t_y * total_y - t * total_yy) / total
     return t, t_x, t_y, t_xx, t_xy, t_yy
 
 

@@ -24,6 +24,7 @@ from asperity.contact.chart import (
     SIDE,
     STRETCH,
     TEXTURE,
+    TRIPLANAR,
     UNIT,
     UV_LEAST,
     UV_MOST,
@@ -37,12 +38,15 @@ from asperity.contact.chart import (
     E,
 )
 from asperity.contact.surface import root_at
+from asperity.contact.triplanar import (
+    MIX_1,
+    MIX_2,
+    mixing,
+    triplanar_slopes,
+    triplanar_top,
+)
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds, texture_bounds
-
-# Of the triplanar weights: sums of the sizes of their first and second derivatives by the unit
-# normal, largest over the sphere.
-_WEIGHTS_1, _WEIGHTS_2 = 4.2, 14.0
 
 
 @small_kernel
@@ -76,26 +80,6 @@ def on_texture(chart, x, y, half_x, half_y):
 
 
 @small_kernel
-def triplanar_top(textures, chart, x, y, half_x, half_y):
-    """Return the highest point of a triplanar map over a box of a plane chart.
-
-    Of the three maps that it mixes, those that count there: the highest of any.
-    """
-    k, high = int(chart[TEXTURE]), -np.inf
-    for i in range(3):
-        # Less than this is left out of the mix. Where normals turn any map may count.
-        if chart[UNIT] == 1.0 and chart[W0 + i] ** 4 < 1e-12:
-            continue
-        one, two = (i + 1) % 3, (i + 2) % 3
-        u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y - chart[ROUND]
-        v = chart[B0 + two] + chart[B1 + two] * x + chart[B2 + two] * y - chart[ROUND + 1]
-        ru = abs(chart[B1 + one]) * half_x + abs(chart[B2 + one]) * half_y
-        rv = abs(chart[B1 + two]) * half_x + abs(chart[B2 + two]) * half_y
-        high = max(high, texture_top(textures, k, u - ru, u + ru, v - rv, v + rv))
-    return high
-
-
-@small_kernel
 def slopes_on_plane(textures, chart, x, y, half_x, half_y):
     """Return size of t', largest t'' and its size over a box of a plane chart with a planar map."""
     k, speed = int(chart[TEXTURE]), chart[UV_MOST]
@@ -103,6 +87,20 @@ def slopes_on_plane(textures, chart, x, y, half_x, half_y):
     slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
     least = chart[UV_LEAST] if bend < 0.0 else speed
     return slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+
+
+@small_kernel
+def slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2):
+    """Do `slopes_on_plane` for a triplanar map; `w1`, `w2`: sizes of w' and w''."""
+    k = int(chart[TEXTURE])
+    slope, bend = triplanar_slopes(textures, chart, x, y, half_x, half_y)
+    size_bend = textures.scales[k, 4]
+    if chart[UNIT] == 1.0:
+        return slope, bend, size_bend
+    mix_1, mix_2 = mixing(chart, x, y, half_x, half_y)
+    size = textures.scales[k, 2]
+    more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
+    return slope + mix_1 * w1 * size, bend + more, size_bend + more
 
 
 @small_kernel
@@ -169,6 +167,11 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     if chart[LEVEL] == 1.0 and mapping == PLANAR:
         high, slope, bend, size_bend = level_texture(textures, chart, x, y, half_x, half_y)
         return high, slope, bend, size_bend, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0
+    if mapping == TRIPLANAR and not curved:
+        side_u, side_v, up, change, w1, w2 = plane_normal(chart, x, y, radius)
+        slope, bend, size_bend = slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)
+        high = triplanar_top(textures, chart, x, y, half_x, half_y)
+        return high, slope, bend, size_bend, side_u, side_v, up, change, w1, w2, 1.0, 1.0
     r1 = r2 = 0.0
     if curved:
         # The root's first and second derivative, and the normal's.
@@ -237,9 +240,8 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     slope *= speed
     if mapping != PLANAR and mapping != CYLINDRICAL and turning:
         size = textures.scales[k, 2]
-        mixing = 2.0 * _WEIGHTS_1 * w1 * slope
-        mixing += (_WEIGHTS_2 * w1 * w1 + _WEIGHTS_1 * w2) * size
-        bend += mixing
-        size_bend += mixing
-        slope += _WEIGHTS_1 * w1 * size
+        more = 2.0 * MIX_1 * w1 * slope + (MIX_2 * w1 * w1 + MIX_1 * w2) * size
+        bend += more
+        size_bend += more
+        slope += MIX_1 * w1 * size
     return high, slope, bend, size_bend, side_u, side_v, up, change, w1, w2, least, most

@@ -27,7 +27,6 @@ from asperity.contact.chart import (
     SUMMIT,
     TEXTURE,
     TOP,
-    TRIPLANAR,
     UNIT,
     V0,
     V1,
@@ -40,12 +39,8 @@ from asperity.contact.deepest import LOOK_BOX
 from asperity.contact.flat_pair import plane_overlap
 from asperity.contact.overlap import POLYGON
 from asperity.contact.search import quick_bound
-from asperity.contact.texture_bound import (
-    on_texture,
-    plane_normal,
-    sideways,
-    triplanar_top,
-)
+from asperity.contact.texture_bound import on_texture, plane_normal, sideways
+from asperity.contact.triplanar import mixes, triplanar_top
 from asperity.stack import stack_array
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
@@ -67,7 +62,7 @@ def _highest(textures, chart, x, y, half_x, half_y):
     known = _cap(textures, chart)
     if chart[TEXTURE] < 0.0:
         return known
-    if chart[MAPPING] == TRIPLANAR:
+    if mixes(chart):
         return min(known, triplanar_top(textures, chart, x, y, half_x, half_y))
     if chart[MAPPING] != PLANAR:
         return known
@@ -159,7 +154,7 @@ def _spread(textures, chart, half_x, half_y):
 def _top_over(textures, chart, cap, spread, x, y):
     """Return the highest point of a chart's texture over a box of known size round (x, y)."""
     ru, rv, chosen = spread
-    if chart[MAPPING] == TRIPLANAR and chart[TEXTURE] >= 0.0:
+    if mixes(chart):
         return min(cap, triplanar_top(textures, chart, x, y, ru, rv))
     if chosen[3] == 0:
         return cap
