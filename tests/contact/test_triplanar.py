@@ -1,0 +1,130 @@
+"""Bounds of a triplanar map hold, seen place by place; and its second derivatives are its own."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from test_mesh_physics import AT_REST, UP, meshed, plate, pose, rough, turn
+
+from asperity.compiled import kernel
+from asperity.contact.chart import BEND_1, BEND_2, RECTANGLE, UNIT, W0, W1, W2
+from asperity.contact.pair import BodyPair
+from asperity.contact.surface import height_on, root_at
+from asperity.contact.texture_bound import texture_over
+from asperity.contact.triplanar import mixing, shares_over, triplanar_top
+
+KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roller", 35.0)]
+
+
+@kernel
+def _heights(textures, chart, places, out):
+    for i in range(places.shape[0]):
+        x, y = places[i, 0], places[i, 1]
+        h = height_on(textures, chart, x, y, root_at(chart, x, y))
+        for k in range(6):
+            out[i, k] = h[k]
+
+
+@kernel
+def _bounds(textures, chart, box, out):
+    x0, x1, y0, y1 = box[0], box[1], box[2], box[3]
+    x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
+    over = texture_over(textures, chart, x0, x1, y0, y1)
+    out[0], out[1], out[2], out[3] = over[0], over[1], over[2], over[3]
+    out[4] = triplanar_top(textures, chart, x, y, half_x, half_y)
+    m, one, two = shares_over(chart, x, y, half_x, half_y)
+    out[5 + (m + 1) % 3], out[5 + (m + 2) % 3] = one, two
+    out[5 + m] = 1.0
+    out[8], out[9] = mixing(chart, x, y, half_x, half_y)
+
+
+def charts_of(kind, tilt):
+    """Return charts of a tilted mesh that its search has made, and the textures."""
+    axis = np.array([0.6, 0.8, 0.0])
+    lying = Rotation.from_rotvec(np.radians(tilt) * axis)
+    lying = lying * Rotation.from_quat(np.roll(turn([1, 0, 0], np.pi), -1))
+    pair = BodyPair(meshed(kind, "tool", rough(4, 8e-6), "triplanar", 3), plate(rough(5, 8e-6)))
+    pair.depth(pose(1e-4, 2e-4, 1.2e-3, np.roll(lying.as_quat(), 1)), AT_REST, UP)
+    charts = pair._space.charts_a
+    return [c for c in charts if c[RECTANGLE + 1] > c[RECTANGLE]][:12], pair._textures
+
+
+def weights_of(chart, places):
+    w = chart[W0 : W0 + 3] + places[:, :1] * chart[W1 : W1 + 3] + places[:, 1:] * chart[W2 : W2 + 3]
+    weights = w**4
+    return weights / weights.sum(axis=1, keepdims=True), w / np.linalg.norm(w, axis=1)[:, None]
+
+
+@pytest.mark.parametrize(("kind", "tilt"), KINDS)
+def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
+    charts, textures = charts_of(kind, tilt)
+    rng, sharper, seen = np.random.default_rng(8), 0, 0
+    assert charts
+    for chart in charts:
+        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+        highest = textures.scales[int(chart[26]), 8]
+        for _ in range(25):
+            side = min(x1 - x0, y1 - y0) * 10.0 ** rng.uniform(-2.0, -0.4)
+            at = rng.uniform([x0, y0], [x1, y1])
+            box = np.array([at[0] - side, at[0] + side, at[1] - side, at[1] + side])
+            box = np.clip(box, [x0, x0, y0, y0], [x1, x1, y1, y1])
+            told = np.zeros(10)
+            _bounds(textures, chart, box, told)
+            places = rng.uniform(box[[0, 2]], box[[1, 3]], (200, 2))
+            h = np.zeros((200, 6))
+            _heights(textures, chart, places, h)
+            assert h[:, 0].max() <= min(told[0], told[4]) + 1e-12
+            assert np.hypot(h[:, 1], h[:, 2]).max() <= told[1] + 1e-9
+            hessians = np.stack([h[:, [3, 4]], h[:, [4, 5]]], axis=1)
+            bends = np.linalg.eigvalsh(hessians)
+            assert bends.max() <= told[2] + 1e-6
+            assert np.abs(bends).max() <= told[3] + 1e-6
+            shares, _ = weights_of(chart, places)
+            assert (shares.max(axis=0) <= told[5:8] + 1e-9).all()
+            sharper += told[4] < highest - 1e-7
+            seen += 1
+    assert sharper > 0.5 * seen
+
+
+@pytest.mark.parametrize(("kind", "tilt"), KINDS[2:])
+def test_second_derivatives_are_those_of_the_mix(kind, tilt):
+    """Where normals turn, how much each map counts changes, and so does how fast."""
+    charts, textures = charts_of(kind, tilt)
+    step, turning = 1e-8, 0
+    for chart in charts:
+        if chart[UNIT] == 1.0:
+            continue
+        turning += 1
+        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+        at = np.random.default_rng(2).uniform([x0, y0], [x1, y1], (20, 2))
+        found, one, two = (np.zeros((20, 6)) for _ in range(3))
+        _heights(textures, chart, at, found)
+        for axis, rows in ((0, (3, 4)), (1, (4, 5))):
+            _heights(textures, chart, at - step * np.eye(2)[axis], one)
+            _heights(textures, chart, at + step * np.eye(2)[axis], two)
+            slopes = (two[:, 1:3] - one[:, 1:3]) / (2.0 * step)
+            size = np.abs(found[:, 3:]).max()
+            np.testing.assert_allclose(found[:, rows], slopes, rtol=0.0, atol=2e-5 * size)
+    assert turning > 0
+
+
+@pytest.mark.parametrize(("kind", "tilt"), KINDS[2:])
+def test_weights_change_no_faster_than_they_are_said_to(kind, tilt):
+    """By the normal, whose own change `BEND_1` and `BEND_2` bound."""
+    charts, textures = charts_of(kind, tilt)
+    for chart in charts:
+        if chart[UNIT] == 1.0:
+            continue
+        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+        at, told = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(10)
+        side = 0.1 * min(x1 - x0, y1 - y0)
+        _bounds(textures, chart, at[[0, 0, 1, 1]] + side * np.array([-1, 1, -1, 1]), told)
+        for way in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
+            s = np.linspace(-side, side, 41)
+            shares, w = weights_of(chart, at + s[:, None] * np.array(way))
+            first, second = (np.gradient(shares, s, axis=0), 0.0)
+            second = np.gradient(first, s, axis=0)[2:-2]
+            speed = np.linalg.norm(np.gradient(w, s, axis=0), axis=1).max()
+            assert speed <= 1.01 * chart[BEND_1]
+            assert np.abs(first).sum(axis=1).max() <= 1.05 * told[8] * chart[BEND_1] + 1e-9
+            most = told[9] * chart[BEND_1] ** 2 + told[8] * chart[BEND_2]
+            assert np.abs(second).sum(axis=1).max() <= 1.05 * most + 1e-6
