@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.compiled import kernel
 from asperity.contact.deepest import PAIR
+from asperity.contact.promising import depths_before
 from asperity.scenes import load_scene
 from asperity.simulation import Simulation
 
@@ -84,3 +86,36 @@ def test_few_pairs_are_searched():
             counts.append(np.count_nonzero(looks[:, PAIR]))
         searched.append(np.median(counts))
     assert searched[1] < 0.5 * searched[0]
+
+
+@kernel
+def _before(textures, pairs, stride, places, parts, lines, space, looks, depths):
+    depths_before(textures, pairs, stride, places, parts, lines, 0.0, space, looks, depths)
+
+
+def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
+    engine, path = slide("file-cad", FAMILIES[0])
+    engine.reset()
+    for there in path[:20]:
+        engine.wrench(there, DT)
+    space, room = engine._space, engine._facets.space
+    pairs = np.count_nonzero(space.looks[:, PAIR])
+    stride, lines, rng = len(space.charts_b), room.lines, np.random.default_rng(3)
+    known = left_out = 0
+    for _ in range(200):
+        look = space.looks[rng.integers(pairs)]
+        low, high = look[[9, 11]], look[[10, 12]]
+        if not (low < high).all():
+            continue
+        at = rng.uniform(low, high)
+        away = lines[:, :2] @ at + lines[:, 2]
+        if np.abs(away).min() < 1e-4:
+            continue  # its base may lie beyond the line
+        here, depths = np.sign(away), np.zeros(4)
+        parts = np.array([here, -here, here * [1, -1], here * [-1, 1]])
+        given = (np.tile(at, (4, 1)), parts, lines, space, space.looks, depths)
+        _before(engine._textures, pairs, stride, *given)
+        assert (depths[1:] == -np.inf).all()
+        known += depths[0] > -np.inf
+        left_out += 1
+    assert known > 0.2 * left_out > 4
