@@ -1,15 +1,18 @@
 """Bounds of a triplanar map hold, seen place by place; and its second derivatives are its own."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from test_mesh_physics import AT_REST, UP, meshed, plate, pose, rough, turn
 
 from asperity.compiled import kernel
-from asperity.contact.chart import BEND_1, BEND_2, RECTANGLE, UNIT, W0, W1, W2
+from asperity.contact.chart import BEND_1, BEND_2, RECTANGLE, TEXTURE, UNIT, W0, W1, W2
 from asperity.contact.pair import BodyPair
+from asperity.contact.second_order import _third_of_texture
 from asperity.contact.surface import height_on, root_at
-from asperity.contact.texture_bound import texture_over
+from asperity.contact.texture_bound import plane_normal, slopes_on_three, texture_over
 from asperity.contact.triplanar import mixing, shares_over, triplanar_top
 
 KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roller", 35.0)]
@@ -61,7 +64,7 @@ def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
     assert charts
     for chart in charts:
         x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
-        highest = textures.scales[int(chart[26]), 8]
+        highest = textures.scales[int(chart[TEXTURE]), 8]
         for _ in range(25):
             side = min(x1 - x0, y1 - y0) * 10.0 ** rng.uniform(-2.0, -0.4)
             at = rng.uniform([x0, y0], [x1, y1])
@@ -107,13 +110,42 @@ def test_second_derivatives_are_those_of_the_mix(kind, tilt):
     assert turning > 0
 
 
+@kernel
+def _third(textures, chart, x, y, half_x, half_y):
+    w1, w2 = plane_normal(chart, x, y, math.sqrt(half_x * half_x + half_y * half_y))[4:]
+    slope, _, bend = slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)
+    size = textures.scales[int(chart[TEXTURE]), 2]
+    return _third_of_texture(textures, chart, (size, slope, bend, w1, w2))
+
+
+@pytest.mark.parametrize(("kind", "tilt"), KINDS)
+def test_second_derivatives_change_no_faster_than_they_are_said_to(kind, tilt):
+    charts, textures = charts_of(kind, tilt)
+    rng, nearest = np.random.default_rng(1), 0.0
+    for chart in charts:
+        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+        for _ in range(20):
+            side = 10.0 ** rng.uniform(-6.0, -4.5)
+            at = rng.uniform([x0, y0], [x1, y1])
+            places = np.concatenate([[at], at + side * rng.uniform(-1.0, 1.0, (60, 2))])
+            h = np.zeros((61, 6))
+            _heights(textures, chart, places, h)
+            bends = np.stack([h[:, [3, 4]], h[:, [4, 5]]], axis=1)
+            changed = np.linalg.norm(bends[1:] - bends[0], ord=2, axis=(1, 2))
+            away = np.linalg.norm(places[1:] - at, axis=1)
+            most = _third(textures, chart, at[0], at[1], side, side)
+            assert (changed <= most * away * (1.0 + 1e-6) + 1e-6).all()
+            nearest = max(nearest, (changed / (most * away)).max())
+    assert nearest > 0.1
+
+
 @pytest.mark.parametrize(("kind", "tilt"), KINDS[2:])
 def test_weights_change_no_faster_than_they_are_said_to(kind, tilt):
     """By the normal, whose own change `BEND_1` and `BEND_2` bound."""
     charts, textures = charts_of(kind, tilt)
-    for chart in charts:
-        if chart[UNIT] == 1.0:
-            continue
+    turning = [chart for chart in charts if chart[UNIT] == 0.0]
+    assert turning
+    for chart in turning:
         x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
         at, told = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(10)
         side = 0.1 * min(x1 - x0, y1 - y0)
@@ -121,7 +153,7 @@ def test_weights_change_no_faster_than_they_are_said_to(kind, tilt):
         for way in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
             s = np.linspace(-side, side, 41)
             shares, w = weights_of(chart, at + s[:, None] * np.array(way))
-            first, second = (np.gradient(shares, s, axis=0), 0.0)
+            first = np.gradient(shares, s, axis=0)
             second = np.gradient(first, s, axis=0)[2:-2]
             speed = np.linalg.norm(np.gradient(w, s, axis=0), axis=1).max()
             assert speed <= 1.01 * chart[BEND_1]

@@ -11,7 +11,6 @@ from asperity.contact.chart import COVERS, FLATTEST, ROWS, TEXTURE, C
 from asperity.contact.deepest import (
     DEPTH,
     LOOK_COVERS,
-    LOOK_SIZE,
     PAIR,
     RESULT_SIZE,
     begin,
@@ -125,8 +124,8 @@ def pairs_of_charts(
 ):  # fmt: skip
     """Make the charts of all facing facets as seen along n, and note which pairs of them meet.
 
-    Fills their numbers, and what they cover, in `space.looks`; returns how many pairs, the number
-    of charts of A and the stride of the pairs' numbers, and whether there was room for all.
+    Fills their numbers, and what they cover, in `work_space.looks`; returns how many pairs, the
+    number of charts of A and the stride of the pairs' numbers, and whether there was room for all.
 
     Parameters
     ----------
@@ -183,16 +182,16 @@ def pairs_of_charts(
                 known = False
                 if shared:
                     for j in range(pairs):
-                        known = known or space.looks[j, PAIR] == number
+                        known = known or work_space.looks[j, PAIR] == number
                 if known:
                     continue
                 cx, cy = work_space.charts_a[a], work_space.charts_b[b]
                 if not shared and _apart(textures, cx, cy):
                     continue
-                if pairs == space.looks.shape[0]:
+                if pairs == work_space.looks.shape[0]:
                     enough = False
                     continue
-                look = space.looks[pairs]
+                look = work_space.looks[pairs]
                 look[PAIR] = number
                 _note_covers(cx, cy, look)
                 pairs += 1
@@ -228,21 +227,19 @@ def patch_depths(
         lines[k, 2] -= lines[k, 0] * off_u + lines[k, 1] * off_v
     places, parts, depths = stack_array((4, 2)), stack_array((4, 2)), stack_array((4,))
     ways = ways_1 * ways_2
-    for which in range(4):
+    for which in range(ways):
         places[which, 0], places[which, 1] = _guess(guess[which], frame, body_a)
         parts[which, 0] = _side(first, which % ways_1)
         parts[which, 1] = _side(second, which // ways_1)
     depths_before(
-        textures, pairs, stride, places[:ways], parts[:ways], lines, radius, work_space,
-        space.looks, depths,
+        textures, pairs, stride, places[:ways], parts[:ways], lines, radius, work_space, depths
     )  # fmt: skip
     best, enough = np.int64(0), depths[0]
     for which in range(1, ways):
         enough = min(enough, depths[which])
         best = which if depths[which] > depths[best] else best
-    pairs = keep_promising(textures, pairs, stride, max(enough, 0.0), work_space, space.looks)
+    pairs = keep_promising(textures, pairs, stride, max(enough, 0.0), work_space)
     # The deepest place of all is that of every part that it lies in.
-    _take_all(pairs, work_space, space)
     _begin(work_space, max_nodes, enough)
     sieve(
         textures, stride, pairs, places[best, 0], places[best, 1], tolerance, work_space, space,
@@ -293,14 +290,6 @@ def _begin(work_space, max_nodes, enough):
     begin(work_space, max_nodes, 0.0)
     # What has been left out is no deeper.
     work_space.state[UPPER] = max(enough, 0.0)
-
-
-@inner_kernel
-def _take_all(pairs, work_space, space):
-    """Fill the pairs of charts to be searched with all that were bounded."""
-    for i in range(pairs):
-        for k in range(LOOK_SIZE):
-            work_space.looks[i, k] = space.looks[i, k]
 
 
 @inner_kernel
@@ -361,8 +350,7 @@ def facets_along(
         textures, table, geometry, kept, np.int64(-1), local, frame, body_a, body_b, work_space,
         space,
     )  # fmt: skip
-    pairs = keep_promising(textures, pairs, stride, -math.inf, work_space, space.looks)
-    _take_all(pairs, work_space, space)
+    pairs = keep_promising(textures, pairs, stride, -math.inf, work_space)
     begin(work_space, max_nodes, -math.inf)
     nowhere = np.nan
     sieve(textures, stride, pairs, nowhere, nowhere, tolerance, work_space, space, np.int64(0))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.contact.deepest import LOOK_SIZE, RESULT_SIZE
+from asperity.contact.deepest import RESULT_SIZE
 from asperity.contact.facet_table import BINS, FacetTable
 from asperity.contact.footprint import FootprintSpace, footprint_space
 from asperity.contact.sieve import BOX_SIZE, MAX_BOXES
@@ -15,8 +15,8 @@ from asperity.contact.sieve import BOX_SIZE, MAX_BOXES
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
 MAX_PATCHES = 288
-MAX_CHARTS = 1024
-MAX_CHART_PAIRS = 8192
+MAX_CHARTS = 4096
+MAX_CHART_PAIRS = 32768
 
 
 class PatchRows(NamedTuple):
@@ -46,8 +46,6 @@ class FacetSpace(NamedTuple):
     clock: NDArray[np.int64]
     directions: NDArray[np.float64]
     """What is found of each direction; see `engine.touch`."""
-    looks: NDArray[np.float64]
-    """The pairs of charts of one direction, before they are searched window by window."""
     boxes: NDArray[np.float64]
     """Boxes of the sieve: x0, x1, y0, y1, row of the pair, bound; (n, 6)."""
     heap: NDArray[np.int64]
@@ -80,7 +78,6 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         geom_slots=np.zeros((3, geoms), np.int64),
         clock=np.zeros(1, np.int64),
         directions=np.zeros((BINS, 13)),
-        looks=np.zeros((MAX_CHART_PAIRS, LOOK_SIZE)),
         boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
         heap=np.zeros(MAX_BOXES, np.int64),
         keys=np.zeros(MAX_BOXES),

@@ -38,25 +38,24 @@ from asperity.contact.texture_bound import (
     plane_normal,
     sideways,
     slopes_on_plane,
-    texture_over,
+    slopes_on_three,
 )
 
 
 @small_kernel
-def _slopes_over(textures, chart, x, y, half_x, half_y):
+def _slopes_over(textures, chart, x, y, half_x, half_y, w1, w2):
     """Return the largest slope, the largest bend and its size, of a texture over a box."""
     if chart[MAPPING] == PLANAR:
         return slopes_on_plane(textures, chart, x, y, half_x, half_y)
-    over = texture_over(textures, chart, x - half_x, x + half_x, y - half_y, y + half_y)
-    return over[1], over[2], over[3]
+    return slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)
 
 
 @small_kernel
-def _largest_slope(textures, chart, x, y, half_x, half_y):
+def _largest_slope(textures, chart, x, y, half_x, half_y, w1, w2):
     """Return what no slope over a box is above: of the whole texture where no table is needed."""
     if chart[MAPPING] == PLANAR:
         return textures.scales[int(chart[TEXTURE]), 3] * chart[UV_MOST]
-    return _slopes_over(textures, chart, x, y, half_x, half_y)[0]
+    return slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)[0]
 
 
 @inner_kernel
@@ -74,7 +73,7 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
     wz = 1.0
     if rough_x:
         wu, wv, wz, change, w1, w2 = plane_normal(cx, x, y, radius)
-        slope_x, bend_x, size_bend = _slopes_over(textures, cx, x, y, half_x, half_y)
+        slope_x, bend_x, size_bend = _slopes_over(textures, cx, x, y, half_x, half_y, w1, w2)
         side = min(math.sqrt(wu * wu + wv * wv) + change, 1.0)
     # How fast the place in (u, v) moves, at most and at least, along a unit direction of X.
     drift = slope_x * side + size_x * w1
@@ -106,7 +105,7 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
             far = math.sqrt(reach_x * reach_x + reach_y * reach_y)
             yu, yv, yz, change_y, w1_y, w2_y = plane_normal(cy, bx, by, far)
             side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
-            slope_y = _largest_slope(textures, cy, bx, by, reach_x, reach_y)
+            slope_y = _largest_slope(textures, cy, bx, by, reach_x, reach_y, w1_y, w2_y)
             closest = cy[Q_LEAST] - (slope_y * side_y + size_y * w1_y)
             narrow = radius * fastest / closest if closest > 0.0 else np.inf
             if narrow < far:
@@ -115,7 +114,9 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
             cy, bx, by, math.sqrt(reach_x * reach_x + reach_y * reach_y)
         )
         side_y = min(math.sqrt(yu * yu + yv * yv) + change_y, 1.0)
-        slope_y, bend_y, size_bend_y = _slopes_over(textures, cy, bx, by, reach_x, reach_y)
+        slope_y, bend_y, size_bend_y = _slopes_over(
+            textures, cy, bx, by, reach_x, reach_y, w1_y, w2_y
+        )
     # f'' <= d^T M d.
     kappa = 0.0
     drift_y = slope_y * side_y + size_y * w1_y

@@ -1,8 +1,8 @@
 """Which pairs of charts may hold the deepest place of a contact: few of those that meet.
 
 The tool moves little in a tick, so where the parts of a contact were deepest they are about as
-deep again. That is looked up first, and pairs that cannot reach it are left out: most by the
-highest point of either facet alone, before the part over which they meet is cut out.
+deep again. That is looked up first, and pairs that cannot reach it are left out: where a tool leans
+mostly by the highest points of both facets, before the part over which they meet is cut out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from asperity.compiled import inner_kernel
 from asperity.contact.borders import beyond_rows
 from asperity.contact.chart import RECTANGLE, O, Q
 from asperity.contact.climb import is_within
-from asperity.contact.deepest import LOOK_COVERS, LOOK_SIZE, LOOKED, PAIR, walks_on_a
+from asperity.contact.deepest import LOOK_COVERS, LOOK_SIZE, PAIR, walks_on_a
 from asperity.contact.overlap import ON_X, ON_Y, F, X, Y, overlap_at
 from asperity.contact.search import TIE
 from asperity.contact.surface import parameters_under
@@ -49,7 +49,7 @@ def from_lines(a, b, at, lines):
 
 
 @inner_kernel
-def depths_before(textures, pairs, stride, places, parts, lines, radius, space, looks, depths_out):
+def depths_before(textures, pairs, stride, places, parts, lines, radius, space, depths_out):
     """Fill how deep the parts of a footprint are at least: as deep as where they were deepest.
 
     -inf where that is not known.
@@ -57,17 +57,17 @@ def depths_before(textures, pairs, stride, places, parts, lines, radius, space, 
     Parameters
     ----------
     pairs : int
-        How many rows of `looks` there are.
-    places : (4, 2) array
+        How many rows of `space.looks` there are.
+    places : (n, 2) array
         In (u, v), nan if unknown.
-    parts : (4, 2) array
+    parts : (n, 2) array
         On which side of either line each part is, 1 or -1; 0: on both.
     """
     count = parts.shape[0]
     for p in range(count):
         depths_out[p] = -np.inf
     for row in range(pairs):
-        look = looks[row]
+        look = space.looks[row]
         for p in range(count):
             u, v = places[p, 0], places[p, 1]
             if not (
@@ -82,7 +82,7 @@ def depths_before(textures, pairs, stride, places, parts, lines, radius, space, 
                 continue
             x, y = parameters_under(cx, u, v)
             overlap_at(textures, cx, cy, x, y, space.work, space.at)
-            if space.at[F] <= depths_out[p] or not is_within(cx, cy, space.at, space.work):
+            if not space.at[F] > depths_out[p] or not is_within(cx, cy, space.at, space.work):
                 continue
             first, second = from_lines(a, b, space.at, lines)
             if parts[p, 0] * first >= -radius and parts[p, 1] * second >= -radius:
@@ -90,24 +90,24 @@ def depths_before(textures, pairs, stride, places, parts, lines, radius, space, 
 
 
 @inner_kernel
-def keep_promising(textures, pairs, stride, enough, space, looks):
+def keep_promising(textures, pairs, stride, enough, space):
     """Bound pairs of charts, and keep those that may be deeper than `enough` [m], or as deep.
 
-    Fills rows of `looks`, whose numbers of pairs are given; returns how many are left.
+    Fills rows of `space.looks`, whose numbers of pairs are given; returns how many are left.
     """
-    kept = np.int64(0)
+    looks, kept = space.looks, np.int64(0)
     for row in range(pairs):
         pair = int(looks[row, PAIR])
-        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
-        if not walks_on_a(cx, cy):
-            cx, cy = cy, cx
+        a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
+        if summit_bound(textures, a, b) <= enough - TIE:
+            continue
+        cx, cy = (a, b) if walks_on_a(a, b) else (b, a)
         look = looks[kept]
-        if summit_bound(textures, cx, cy) <= enough - TIE:
-            continue
         pair_bound(textures, cx, cy, space.work, look)
-        if look[0] == -np.inf or look[0] <= enough - TIE:
+        # Those that do not meet are -inf deep.
+        if look[0] <= enough - TIE:
             continue
-        look[LOOKED], look[PAIR] = 0.0, pair
+        look[PAIR] = pair
         for k in range(LOOK_COVERS, LOOK_SIZE):
             look[k] = looks[row, k]
         kept += 1

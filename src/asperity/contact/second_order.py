@@ -19,14 +19,16 @@ from asperity.contact.chart import (
     E_MOST,
     EQ,
     LEAST_ROOT,
+    MAPPING,
     PZ,
     TEXTURE,
+    TRIPLANAR,
     UNIT,
     UV_MOST,
     C,
 )
 from asperity.contact.overlap import F_X, F_XX, F_XY, F_Y, F_YY, F
-from asperity.contact.triplanar import MIX_1, MIX_2, MIX_3, mixes
+from asperity.contact.triplanar import MIX_1, MIX_2, MIX_3
 
 UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
 """How f was bounded over a box: without its middle, by it, to the second order, and concave."""
@@ -108,7 +110,7 @@ def _third_of_texture(textures, chart, sizes):
     if chart[TEXTURE] < 0.0:
         return 0.0
     third = textures.scales[int(chart[TEXTURE]), 7] * chart[UV_MOST] ** 3
-    if chart[UNIT] == 0.0 and mixes(chart):
+    if chart[UNIT] == 0.0 and chart[MAPPING] == TRIPLANAR:
         # The product rule for the sum of a_i t_i; w'' has a part along w, of size w1^2.
         a, s, b, w1, w2 = sizes
         third += 3.0 * MIX_1 * w1 * b + 3.0 * (MIX_2 * w1 * w1 + MIX_1 * w2) * s

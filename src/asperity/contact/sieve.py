@@ -39,7 +39,7 @@ from asperity.contact.texture_bound import sideways
 from asperity.contact.two_planes import between_planes, beyond, on_other, quarter_bounds
 from asperity.stack import stack_array
 
-MAX_BOXES = 32768
+MAX_BOXES = 131072
 _LAST, _LAST_CUT = 16, 2
 """Boxes that are climbed in when the budget is spent, and when the time is."""
 BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound

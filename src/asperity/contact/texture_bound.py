@@ -33,7 +33,6 @@ from asperity.contact.chart import (
     V1,
     V2,
     V3,
-    W0,
     C,
     E,
 )
@@ -162,7 +161,6 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     k = int(chart[TEXTURE])
     mapping = chart[MAPPING]
     curved = chart[C] > 0.0
-    turning = curved or chart[UNIT] == 0.0
     low = max(least, 0.5 * chart[LEAST_ROOT])
     if chart[LEVEL] == 1.0 and mapping == PLANAR:
         high, slope, bend, size_bend = level_texture(textures, chart, x, y, half_x, half_y)
@@ -220,8 +218,6 @@ def texture_over(textures, chart, x0, x1, y0, y1):
         half_root = 0.5 * (most - max(least, 0.0))
         for i in range(3 if mapping != PLANAR else 1):
             one, two = (0, 1) if mapping == PLANAR else ((i + 1) % 3, (i + 2) % 3)
-            if mapping != PLANAR and not turning and chart[W0 + i] ** 4 < 1e-12:
-                continue
             u = chart[B0 + one] + chart[B1 + one] * x + chart[B2 + one] * y
             u += chart[B3 + one] * middle - (chart[ROUND] if mapping != PLANAR else 0.0)
             v = chart[B0 + two] + chart[B1 + two] * x + chart[B2 + two] * y
@@ -238,7 +234,7 @@ def texture_over(textures, chart, x0, x1, y0, y1):
     bend = bend * (speed * speed if bend > 0.0 else slowest * slowest) + slope * turn
     size_bend = textures.scales[k, 4] * speed * speed + slope * turn
     slope *= speed
-    if mapping != PLANAR and mapping != CYLINDRICAL and turning:
+    if mapping == TRIPLANAR:
         size = textures.scales[k, 2]
         more = 2.0 * MIX_1 * w1 * slope + (MIX_2 * w1 * w1 + MIX_1 * w2) * size
         bend += more

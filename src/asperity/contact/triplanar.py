@@ -18,8 +18,8 @@ from asperity.contact.chart import B0, B1, B2, MAPPING, ROUND, TEXTURE, TRIPLANA
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
 
-# Sums of the sizes of the first three derivatives of the a_i by the unit normal, largest over the
-# sphere.
+# Sums of the sizes of the first three derivatives of the a_i by the unit normal, all along one
+# direction: the largest over the sphere.
 MIX_1, MIX_2, MIX_3 = 4.2, 14.0, 136.0
 _LITTLE = 1e-2
 """What counts for less than this is bounded by the whole texture's."""

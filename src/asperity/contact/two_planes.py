@@ -64,8 +64,6 @@ def _highest(textures, chart, x, y, half_x, half_y):
         return known
     if mixes(chart):
         return min(known, triplanar_top(textures, chart, x, y, half_x, half_y))
-    if chart[MAPPING] != PLANAR:
-        return known
     u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
     return min(known, texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1))
 
