@@ -60,12 +60,22 @@ def _cap(textures, chart):
 def _highest(textures, chart, x, y, half_x, half_y):
     """Return the highest point of a chart's texture over a box of its parameters."""
     known = _cap(textures, chart)
-    if chart[TEXTURE] < 0.0:
+    if chart[TEXTURE] < 0.0 or chart[MAPPING] != PLANAR:
         return known
-    if mixes(chart):
-        return min(known, triplanar_top(textures, chart, x, y, half_x, half_y))
     u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
     return min(known, texture_top(textures, int(chart[TEXTURE]), u0, u1, v0, v1))
+
+
+@inner_kernel
+def _highest_of_any(textures, chart, x, y, half_x, half_y):
+    """Do `_highest` for a triplanar map too.
+
+    It is no part of what calls it: searches between flat maps would take 4 % longer.
+    """
+    if mixes(chart):
+        top = triplanar_top(textures, chart, x, y, half_x, half_y)
+        return min(_cap(textures, chart), top)
+    return _highest(textures, chart, x, y, half_x, half_y)
 
 
 @small_kernel
@@ -136,13 +146,10 @@ def beyond(chart, first, x, y, half_x, half_y):
 
 @small_kernel
 def _spread(textures, chart, half_x, half_y):
-    """Return how far a box spreads to either side on a planar map, and what windows cover it.
-
-    On others: its half sides.
-    """
+    """Return how far a box spreads to either side on a planar map, and what windows cover it."""
     k = int(chart[TEXTURE])
     if k < 0 or chart[MAPPING] != PLANAR:
-        return half_x, half_y, WHOLE
+        return 0.0, 0.0, WHOLE
     ru = abs(chart[B1]) * half_x + abs(chart[B2]) * half_y
     rv = abs(chart[B1 + 1]) * half_x + abs(chart[B2 + 1]) * half_y
     return ru, rv, windows_for(textures, k, 2.0 * ru, 2.0 * rv)
@@ -152,8 +159,6 @@ def _spread(textures, chart, half_x, half_y):
 def _top_over(textures, chart, cap, spread, x, y):
     """Return the highest point of a chart's texture over a box of known size round (x, y)."""
     ru, rv, chosen = spread
-    if mixes(chart):
-        return min(cap, triplanar_top(textures, chart, x, y, ru, rv))
     if chosen[3] == 0:
         return cap
     u = chart[B0] + chart[B1] * x + chart[B2] * y
@@ -200,6 +205,16 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
         )  # fmt: skip
         bounds_out[child] = -np.inf if apart else bound
     leans = moved > _LEANS * max(reach_x, reach_y) and cy[TEXTURE] >= 0.0
+    mixed = mixes(cx) or mixes(cy)
+    for child in range(4 if mixed else 0):
+        if bounds_out[child] > enough:
+            x = x0 + (3.0 if child & 1 else 1.0) * half_x
+            y = y0 + (3.0 if child & 2 else 1.0) * half_y
+            on_y = (b0 + b1 * x + b2 * y, c0 + c1 * x + c2 * y, reach_x, reach_y)
+            bounds_out[child] = _mixed_bound(
+                textures, cx, cy, flat, (x, y, half_x, half_y), on_y, bounds_out[child],
+                rise + z_x * x + z_y * y, child, highs,
+            )  # fmt: skip
     for child in range(4):
         if bounds_out[child] > enough:
             x = x0 + (3.0 if child & 1 else 1.0) * half_x
@@ -213,6 +228,17 @@ def quarter_bounds(textures, cx, cy, flat, box, moved, enough, bounds_out):
                     moved, rise + z_x * x + z_y * y, highs[child], highs[4 + child], enough,
                 )  # fmt: skip
                 bounds_out[child] = min(bounds_out[child], bound)
+
+
+@inner_kernel
+def _mixed_bound(textures, cx, cy, flat, on_x, on_y, bound, smooth, child, highs_out):
+    """Return an upper bound over a quarter of a box, where `bound` knows of all of a texture only.
+
+    Fills how high the textures are there.
+    """
+    highs_out[child] = high_x = _highest_of_any(textures, cx, *on_x)
+    highs_out[4 + child] = high_y = _highest_of_any(textures, cy, *on_y)
+    return min(bound, _lifted(cx, cy, flat, smooth, np.inf, high_x, high_y))
 
 
 @small_kernel
@@ -268,7 +294,11 @@ def _leaning_bound(
     reach_x, reach_y = reach_x - less, reach_y - less
     if beyond(cy, 0, bx, by, reach_x, reach_y):
         return enough
-    up_y = lift_y * _lifting(cy, _highest(textures, cy, bx, by, reach_x, reach_y))
+    if mixes(cy):
+        high_y = _highest_of_any(textures, cy, bx, by, reach_x, reach_y)
+    else:
+        high_y = _highest(textures, cy, bx, by, reach_x, reach_y)
+    up_y = lift_y * _lifting(cy, high_y)
     return max(smooth + up_x + up_y, enough)
 
 
@@ -344,4 +374,9 @@ def pair_bound(textures, cx, cy, work, look_out):
     look_out[1], look_out[2] = x, y
     flat, moved = between_planes(cx, cy), shift / cy[Q_LEAST]
     on_y = on_other(flat, x, y, half_x, half_y, moved)
-    look_out[0] = _risen(textures, cx, cy, smooth, (x, y, half_x, half_y), on_y, flat)
+    on_x = (x, y, half_x, half_y)
+    look_out[0] = _risen(textures, cx, cy, smooth, on_x, on_y, flat)
+    if mixes(cx) or mixes(cy):
+        look_out[0] = _mixed_bound(
+            textures, cx, cy, flat, on_x, on_y, look_out[0], smooth, 0, stack_array((8,))
+        )
