@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from asperity.compiled import kernel
+from asperity.contact.deepest import LOOK_COVERS
 from asperity.contact.promising import depths_before
 from asperity.scenes import load_scene
 from asperity.simulation import Simulation
@@ -105,7 +106,7 @@ def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
     known = left_out = 0
     for _ in range(200):
         look = space.looks[rng.integers(pairs)]
-        low, high = look[[9, 11]], look[[10, 12]]
+        low, high = look[LOOK_COVERS::2], look[LOOK_COVERS + 1 :: 2]
         if not (low < high).all():
             continue
         at = rng.uniform(low, high)
