@@ -47,7 +47,7 @@ compare: $(VENV)/installed-compare   ## methods side by side, into the documenta
 pictures: $(VENV)/installed-dev      ## the page with each scene, for the README and the report
 	@sh .ci/browser.sh
 	for scene in probe-plate-dots hammer-blocks file-cad; do $(BIN)/asperity view $$scene --no-open \
-	  --port 0 --screenshot src/asperity/page/pictures/$$scene.jpg || exit 1; done
+	  --port 0 --screenshot src/asperity/viewer/pictures/$$scene.jpg || exit 1; done
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

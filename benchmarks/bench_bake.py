@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.mesh import mesh_from_arrays
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.shapes.hammer import hammer
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def write_ply(path: Path, divisions: int = DIVISIONS) -> int:
 def _child(source: str, out: str) -> None:
     """Bake in a process of its own, so that its largest memory is that of baking."""
     from asperity.baking import bake as baking
-    from asperity.geometry import pieces
+    from asperity.geometry.convex import pieces
 
     told: list[tuple[str, float]] = []
     keep = pieces.read_pieces

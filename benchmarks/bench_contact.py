@@ -30,19 +30,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
-from asperity.contact.collide import Collider
-from asperity.contact.deepest import DEPTH, POINT_X, RESULT_SIZE
-from asperity.contact.patch import depth_along
-from asperity.engine.engine import Engine
-from asperity.engine.tick import tick
-from asperity.forces.settings import ForceSettings
+from asperity._core.kernels import kernel
+from asperity.contact.broad_phase.mujoco_pairs import Collider
+from asperity.contact.geom_tick import tick
+from asperity.contact.narrow_phase.geom_depth import depth_along
+from asperity.contact.narrow_phase.penetration import DEPTH, POINT_X, RESULT_SIZE
+from asperity.contact.response.settings import ForceSettings
+from asperity.contact.solver import Engine
 from asperity.geometry.bodies import Body, Geom
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity.scene.builtin import load_scene
+from asperity.scene.trajectory import at_ticks
+from asperity.simulation.simulation import Simulation
 from asperity.texture.height_field import HeightField
-from asperity.texture.procedural import self_affine
-from asperity.trajectory import at_ticks
+from asperity.texture.patterns.random_surfaces import self_affine
 from peers import (
     FclField,
     MujocoField,
@@ -463,8 +463,8 @@ def paper(bars: list[dict[str, Any]]) -> dict[str, Any]:
 FIRST = """
 import sys, time
 begun = time.perf_counter()
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity.scene.builtin import load_scene
+from asperity.simulation.simulation import Simulation
 simulation = Simulation(load_scene("probe-plate"))
 pose = simulation.scene.start.copy()
 pose[2] -= 2e-4

@@ -22,10 +22,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from asperity.devices.haply_fake_device import HaplyFakeDevice
-from asperity.devices.haply_link import Link
-from asperity.devices.haply_messages import force_message, read_state
-from asperity.devices.protocol import Reading
+from asperity.realtime.devices.haply.fake_device import HaplyFakeDevice
+from asperity.realtime.devices.haply.messages import force_message, read_state
+from asperity.realtime.devices.haply.websocket import Link
+from asperity.realtime.devices.protocol import Reading
 
 TICK = 1e-3
 TURN = 0.5

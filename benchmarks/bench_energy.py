@@ -17,12 +17,12 @@ import time
 
 import numpy as np
 
-from asperity.devices.protocol import Limits
-from asperity.dynamics.passivity import MOST_DAMPING, PassivityController
-from asperity.dynamics.simulated_hand import HandSettings, SimulatedHand
-from asperity.press import touching_pose
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity.dynamics.passivity.controller import MOST_DAMPING, PassivityController
+from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
+from asperity.realtime.devices.protocol import Limits
+from asperity.scene.builtin import load_scene
+from asperity.simulation.press import touching_pose
+from asperity.simulation.simulation import Simulation
 
 SCENES = ("probe-plate", "hammer-blocks", "file-cad")
 MODES = ("direct", "implicit", "semi-implicit", "static")

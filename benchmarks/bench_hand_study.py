@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
-from asperity.perception.six_dof import HANDS, drag_in_scene
-from asperity.perception.studies import FACTORS, StudySettings
-from asperity.perception.sweep import Condition
+from asperity.studies.otaduy_lin_2004.drags import Condition
+from asperity.studies.otaduy_lin_2004.six_dof import HANDS, drag_in_scene
+from asperity.studies.otaduy_lin_2004.studies import FACTORS, StudySettings
 
 METRICS = ("max_acceleration", "band_rms")
 

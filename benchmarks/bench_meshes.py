@@ -38,11 +38,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.engine.engine import Engine
-from asperity.poses import turn_between, turned
-from asperity.scene import Scene
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity.contact.solver import Engine
+from asperity.scene.builtin import load_scene
+from asperity.scene.scene import Scene
+from asperity.simulation.simulation import Simulation
+from asperity.spatial.poses import turn_between, turned
 from mesh_cases import (
     DT,
     FULL_DETAIL,
@@ -542,7 +542,7 @@ def figure(figures: dict[str, Any], path: Path) -> None:
     """Draw growth with triangles and with contacts, medians with bands up to p99."""
     from matplotlib.figure import Figure
 
-    from asperity.plots import COLOURS, MARKERS, style
+    from asperity.drawing.figure_style import COLOURS, MARKERS, style
 
     panels = [
         ("triangles", "triangles of the tool", "a  growth with triangles"),

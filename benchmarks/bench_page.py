@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from asperity.page.changes import on_coupling
-from asperity.page.choice import Choice
-from asperity.page.link import Link
-from asperity.page.motions import Motion
-from asperity.page.panels import live_panels
-from asperity.page.server import UPDATE_RATE, Page, serve
-from asperity.page.stage import UNITS
-from asperity.scenes import load_scene
+from asperity.scene.builtin import load_scene
+from asperity.viewer.changes import on_coupling
+from asperity.viewer.motions import Motion
+from asperity.viewer.panels.all_panels import live_panels
+from asperity.viewer.panels.scene_view import UNITS
+from asperity.viewer.server.server import UPDATE_RATE, Page, serve
+from asperity.viewer.servo_client import Link
+from asperity.viewer.session_config import Choice
 from page_client import ScriptedTab
 
 BAR = 0.1

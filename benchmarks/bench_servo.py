@@ -40,15 +40,15 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.recording import read_recording
-from asperity.scenes import load_scene
-from asperity.servo.in_hand import simulated_device
-from asperity.servo.pace import Pace, SystemClock
-from asperity.servo.process import ServoSpec
-from asperity.servo.realtime import RealTime, sharpen_timers
-from asperity.servo.running import Servo
-from asperity.servo.stats import Stats
-from asperity.trajectory import ScriptedMotion
+from asperity.realtime.servo.deadlines import Pace, SystemClock
+from asperity.realtime.servo.device_makers import simulated_device
+from asperity.realtime.servo.process import ServoSpec
+from asperity.realtime.servo.running import Servo
+from asperity.realtime.servo.scheduling import RealTime, sharpen_timers
+from asperity.realtime.servo.stats import Stats
+from asperity.runs.recording import read_recording
+from asperity.scene.builtin import load_scene
+from asperity.scene.trajectory import ScriptedMotion
 
 SCENES = ("probe-plate", "hammer-blocks", "file-cad")
 BLOCK = 5.0

@@ -18,14 +18,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from asperity.compiled import kernel
-from asperity.dynamics.drag import force_at, lay_out
-from asperity.dynamics.hand import Hand, Motion, MotionStatus, drag
-from asperity.forces.otaduy_lin import texture_force
-from asperity.geometry.analytic import Sinusoid
-from asperity.geometry.piecewise import PiecewiseCubic
-from asperity.perception.metrics import METRICS, evaluate
-from asperity.perception.studies import FACTORS, StudySettings, run_study
+from asperity._core.kernels import kernel
+from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus, drag
+from asperity.dynamics.dragged_hand.integrator import force_at, lay_out
+from asperity.geometry.offsets.analytic import Sinusoid
+from asperity.geometry.offsets.piecewise import PiecewiseCubic
+from asperity.runs.vibration_metrics import METRICS, evaluate
+from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import texture_force
+from asperity.studies.otaduy_lin_2004.studies import FACTORS, StudySettings, run_study
 
 ACCURACY = 1e-3
 BAR = 100.0

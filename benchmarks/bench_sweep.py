@@ -45,7 +45,7 @@ FEW = STUDY | {"vary": STUDY["vary"] | {"spacing": [1e-3, 2e-3], "diameter": [2e
 def loop(study_: dict[str, object]) -> dict[str, float]:
     """Run all combinations one after the other, in this process."""
     from asperity import read_study
-    from asperity.sweeps.study import runner
+    from asperity.studies.sweeps.study import runner
 
     study = read_study(study_)
     columns = study.design.columns(range(study.size))

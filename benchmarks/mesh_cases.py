@@ -22,8 +22,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import inner_kernel, kernel
-from asperity.contact.chart import (
+from asperity._core.kernels import inner_kernel, kernel
+from asperity.contact.narrow_phase.displaced_surface import POINT_SIZE, height_at, parameters_under
+from asperity.contact.narrow_phase.facet_patch import facet_chart
+from asperity.contact.narrow_phase.surface_patch import (
     B0,
     B1,
     B2,
@@ -42,22 +44,20 @@ from asperity.contact.chart import (
     O,
     Q,
 )
-from asperity.contact.chart import SIZE as CHART_SIZE
-from asperity.contact.facet_chart import facet_chart
-from asperity.contact.surface import POINT_SIZE, height_at, parameters_under
-from asperity.engine.engine import Engine
+from asperity.contact.narrow_phase.surface_patch import SIZE as CHART_SIZE
+from asperity.contact.solver import Engine
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.pieces import convex_pieces
-from asperity.geometry.placing import places_on_texture
+from asperity.geometry.convex.pieces import convex_pieces
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.texture_coordinates import places_on_texture
 from asperity.geometry.shapes.cad_part import BOSS_TOP
-from asperity.poses import turned
-from asperity.scene import Scene
-from asperity.scenes.file_cad import YAW
-from asperity.simulation import Simulation
+from asperity.scene.builtin.file_cad import YAW
+from asperity.scene.scene import Scene
+from asperity.simulation.simulation import Simulation
+from asperity.spatial.poses import turned
 from asperity.texture.height_field import HeightField
 from asperity.texture.packed import texture_at
-from asperity.texture.procedural import self_affine
+from asperity.texture.patterns.random_surfaces import self_affine
 from peers import now
 
 DT, SPEED = 1e-3, 0.083

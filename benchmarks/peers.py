@@ -24,7 +24,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from asperity.compiled import inner_kernel, kernel
+from asperity._core.kernels import inner_kernel, kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.packed import Textures, texture_at
 

@@ -75,8 +75,8 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=8.0)
     options = parser.parse_args()
     keep_what_is_loaded()
-    from asperity.scenes import load_scene
-    from asperity.simulation import Simulation
+    from asperity.scene.builtin import load_scene
+    from asperity.simulation.simulation import Simulation
 
     simulation = Simulation(load_scene(options.scene))
     poses = simulation.rollout().handle_pose

@@ -3,8 +3,8 @@
 import numpy as np
 
 from asperity import Hand, Sinusoid, drag
-from asperity.forces import otaduy_lin
-from asperity.perception.metrics import evaluate
+from asperity.runs.vibration_metrics import evaluate
+from asperity.studies.otaduy_lin_2004.force_models import otaduy_lin
 
 plate = Sinusoid(amplitude=0.1e-3, spacing=1.5e-3)  # SI units throughout: [m]
 for diameter in (2e-3, 3e-3, 4e-3):

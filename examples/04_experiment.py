@@ -3,12 +3,12 @@
 import tomllib
 from pathlib import Path
 
-from asperity.experiments.analysis import Options, analyse
-from asperity.experiments.design import design_of
-from asperity.experiments.fronts import SimulatedFront
-from asperity.experiments.presenters import HeadlessPresenter
-from asperity.experiments.results import read_results
-from asperity.experiments.session import Session
+from asperity.psychophysics.analysis.analysis import Options, analyse
+from asperity.psychophysics.analysis.results import read_results
+from asperity.psychophysics.design import design_of
+from asperity.psychophysics.interfaces.front import SimulatedFront
+from asperity.psychophysics.session.presenters import HeadlessPresenter
+from asperity.psychophysics.session.session import Session
 
 file = Path(__file__).parent / "experiments" / "relief.toml"
 document = tomllib.loads(file.read_text("utf-8"))

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import asperity
-from asperity.export import sound_of, traces_of, write_csv
-from asperity.headless import run_scene
+from asperity.runs.export import sound_of, traces_of, write_csv
+from asperity.runs.run_scene import run_scene
 
 folder = Path(tempfile.mkdtemp())
 scene = asperity.load_scene("probe-plate").changed(trajectory={"seconds": 0.4})

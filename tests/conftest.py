@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-_WAITING = ("cli/test_devices.py", "devices/", "experiments/", "page/", "servo/", "sweeps/")
+_WAITING = ("cli/test_devices.py", "psychophysics/", "viewer/", "realtime/", "studies/sweeps/")
 """Tests that wait for threads and processes beside them, or for a browser."""
 _DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

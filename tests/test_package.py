@@ -45,7 +45,7 @@ def test_importing_and_help_load_nothing_heavy():
 def test_first_force_loads_no_plotting_or_signal_library():
     code = (
         "import sys, asperity as a\n"
-        "from asperity.forces.otaduy_lin import texture_force\n"
+        "from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import texture_force\n"
         "a.drag(texture_force(a.Sinusoid(1e-4, 1e-3), 3e-3, 0.5), a.Hand(), 0.08)\n"
         "print(sorted({'matplotlib', 'xarray', 'scipy.signal', 'pandas'} & set(sys.modules)))"
     )

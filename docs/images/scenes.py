@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from asperity import load_scene
-from asperity.headless import run_scene
-from asperity.picture.contact import close_picture
-from asperity.plots import COLOURS, style
+from asperity.drawing.figure_style import COLOURS, style
+from asperity.drawing.renderer.contact import close_picture
+from asperity.runs.run_scene import run_scene
 
 SCENES = {"probe-plate-dots": 0.2, "hammer-blocks": 0.12, "file-cad": 0.08}
 """How long each is run [s]; the picture is of the moment of the largest force across the normal."""

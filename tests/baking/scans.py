@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 
 Array = NDArray[np.float64]
 AMPLITUDE = 1e-4

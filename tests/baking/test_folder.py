@@ -10,12 +10,12 @@ from scans import AMPLITUDE, displaced_finely, ellipsoid, ripples, write
 
 import asperity
 from asperity.baking import bake as baking
-from asperity.contact.pair import BodyPair
-from asperity.contact.reference import reference_depth
+from asperity.contact.body_pair import BodyPair
 from asperity.errors import AsperityError, OutputError
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import mesh_from_arrays
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.texture.height_field import HeightField
+from oracle.depth import reference_depth
 
 FILES = {"object.obj", "heights.tiff", "scene.xml", "scene.toml", "bake.json"}
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])

@@ -11,8 +11,8 @@ from asperity.baking.rays import FullSurface
 from asperity.baking.simplify import simplified
 from asperity.baking.texels import GUTTER, INSIDE, texels_of
 from asperity.baking.unwrap import texture_span, unwrapped
-from asperity.geometry.mesh import mesh_from_arrays
-from asperity.geometry.mesh_topology import edges_of, next_corner
+from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.geometry.mesh.topology import edges_of, next_corner
 from asperity.texture.height_field import HeightField
 
 SIZE = 256

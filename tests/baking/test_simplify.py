@@ -7,8 +7,8 @@ from scans import displaced_finely, ellipsoid, ripples
 
 from asperity.baking.nearest import Nearest
 from asperity.baking.simplify import joined_places, simplified, soundness
-from asperity.geometry.mesh import mesh_from_arrays
-from asperity.geometry.mesh_files import read_mesh
+from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 
 
 def _euler(faces):

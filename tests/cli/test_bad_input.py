@@ -19,8 +19,8 @@ from asperity.cli import main
 from asperity.cli.ranges import Between
 from asperity.cli.sound import SoundCommand
 from asperity.cli.study import HandOptions, Study
-from asperity.perception import studies
-from asperity.perception.sweep import Condition, Sweep
+from asperity.studies.otaduy_lin_2004 import studies
+from asperity.studies.otaduy_lin_2004.drags import Condition, Sweep
 
 
 def everything(folder):
@@ -339,7 +339,7 @@ def test_a_terminal_with_few_characters():
 
 
 def test_without_a_writable_cache_nothing_is_cached(tmp_path):
-    code = "import asperity.compiled as c; print(c.kernel(lambda: 1)._cache.cache_path)"
+    code = "import asperity._core.kernels as c; print(c.kernel(lambda: 1)._cache.cache_path)"
     (tmp_path / "file").touch()
     done = python("-c", code, NUMBA_CACHE_DIR=str(tmp_path / "file" / "below"))
     # The in-tree cache that Numba falls back to is not keyed by the sources: never that.

@@ -11,7 +11,7 @@ from scipy.io import wavfile
 
 from asperity import __version__
 from asperity.cli import main
-from asperity.doctor import timer_jitter
+from asperity.cli.machine_check import timer_jitter
 
 QUICK = ["--spacings", "6", "--diameters-mm", "2", "3"]
 
@@ -81,9 +81,9 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
     stopped_in, told, tmp_path, monkeypatch, capsys
 ):
     pytest.importorskip("viser")
-    import asperity.page.browser
-    import asperity.page.link
-    import asperity.page.live
+    import asperity.viewer.app
+    import asperity.viewer.browser
+    import asperity.viewer.servo_client
 
     @contextlib.contextmanager
     def linked(choice):
@@ -99,9 +99,9 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
             raise KeyboardInterrupt
         path.write_bytes(b"PNG")
 
-    monkeypatch.setattr(asperity.page.browser, "take_picture", take)
-    monkeypatch.setattr(asperity.page.link, "Link", linked)
-    monkeypatch.setattr(asperity.page.live, "live_page", shown)
+    monkeypatch.setattr(asperity.viewer.browser, "take_picture", take)
+    monkeypatch.setattr(asperity.viewer.servo_client, "Link", linked)
+    monkeypatch.setattr(asperity.viewer.app, "live_page", shown)
     picture = tmp_path / "page.png"
     assert main(["view", "--screenshot", str(picture), "--out", str(tmp_path / "view")]) == 130
     assert f"{told} written" in capsys.readouterr().err

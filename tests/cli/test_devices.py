@@ -3,12 +3,12 @@
 import pytest
 
 from asperity.cli import main
-from asperity.devices import catalogue
-from asperity.devices.calibration import load_calibration
-from asperity.devices.haply_cursor import still_hand
-from asperity.devices.haply_fake import FakeService
-from asperity.devices.haply_service import HaplyServiceDevice
-from asperity.servo import device_check
+from asperity.realtime.devices import catalogue
+from asperity.realtime.devices.calibration import load_calibration
+from asperity.realtime.devices.haply.cursor import still_hand
+from asperity.realtime.devices.haply.fake_service import FakeService
+from asperity.realtime.devices.haply.service import HaplyServiceDevice
+from asperity.realtime.servo import device_check
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,7 @@ def test_a_check_of_the_fake_moves_it_and_saves_nothing(capsys, tmp_path):
 def test_a_check_saves_what_it_found(capsys, monkeypatch):
     with FakeService(still_hand) as service:
         monkeypatch.setattr(
-            "asperity.devices.haply_service.HaplyServiceDevice.__init__.__kwdefaults__",
+            "asperity.realtime.devices.haply.service.HaplyServiceDevice.__init__.__kwdefaults__",
             {**HaplyServiceDevice.__init__.__kwdefaults__, "uri": service.uri},
         )
         assert main(["devices", "check", "haply", "--yes"]) == 0
@@ -76,7 +76,7 @@ def test_what_cannot_be_done_is_one_line(arguments, told, capsys, monkeypatch):
 
 
 def test_doctor_counts_the_backends(capsys):
-    from asperity.doctor import _devices
+    from asperity.cli.machine_check import _devices
 
     assert "haply-fake" in _devices()
     assert "asperity devices" in _devices()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from asperity.cli import main
-from asperity.headless import run_scene
-from asperity.scenes import load_scene
-from asperity.trajectory import ScriptedMotion
-from asperity.vibration.hatt import read_hatt
+from asperity.runs.run_scene import run_scene
+from asperity.scene.builtin import load_scene
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.vibrotactile.hatt import read_hatt
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from PIL import Image
 from asperity import Simulation, make_scene
 from asperity.cli import main
 from asperity.errors import AsperityError
-from asperity.geometry import pieces
-from asperity.recording import read_recording
+from asperity.geometry.convex import pieces
+from asperity.runs.recording import read_recording
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 SIDES = np.array(
@@ -307,7 +307,7 @@ def test_a_mesh_without_texture_coordinates_is_given_some(cube, slab, rough):
 
 
 def test_without_xatlas_mapping_uv_is_refused(cube, slab, rough, monkeypatch):
-    monkeypatch.setattr("asperity.scene_from_files.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("asperity.scene.from_files.importlib.util.find_spec", lambda name: None)
     texture = {"file": rough, "mapping": "uv", "size": (0.01, 0.01)}
     with pytest.raises(AsperityError, match=r"no texture coordinates for mapping uv.*triplanar"):
         make_scene(tool=cube, target=slab, target_texture=texture)

@@ -130,7 +130,7 @@ def test_words_that_make_no_command(arguments, capsys):
 
 
 def test_interruption_leaves_nothing(capsys, tmp_path, monkeypatch):
-    import asperity.perception.studies as studies
+    import asperity.studies.otaduy_lin_2004.studies as studies
 
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt

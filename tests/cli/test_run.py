@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from asperity.cli import main
-from asperity.recording import read_recording
-from asperity.scenes import load_scene
+from asperity.runs.recording import read_recording
+from asperity.scene.builtin import load_scene
 
 QUICK = ["--seconds", "0.2"]
 FILES = {
@@ -186,7 +186,7 @@ def test_a_scene_or_both_meshes(options, names, tmp_path, capsys):
 
 
 def test_an_interrupted_run_leaves_nothing(tmp_path, monkeypatch, capsys):
-    from asperity.simulation import Simulation
+    from asperity.simulation.simulation import Simulation
 
     step, count = Simulation.step, [0]
 

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from asperity.contact import deepest, flat, patch
+from asperity.contact import body_arrays as flat
+from asperity.contact.narrow_phase import geom_depth as patch
+from asperity.contact.narrow_phase import penetration as deepest
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
 if TYPE_CHECKING:
-    from asperity.engine.engine import Engine
+    from asperity.contact.solver import Engine
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
@@ -202,8 +204,8 @@ class Along(NamedTuple):
 
 def engine_of(tool: Body, ground: Body, **settings: object) -> Engine:
     """Return the engine of a scene in which `ground` stands at the origin and `tool` is free."""
-    from asperity.engine.engine import Engine
-    from asperity.forces.settings import ForceSettings
+    from asperity.contact.response.settings import ForceSettings
+    from asperity.contact.solver import Engine
 
     def geoms(body: Body) -> str:
         return "".join(

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from asperity.engine.engine import Engine
-from asperity.forces.settings import ForceSettings
+from asperity.contact.response.settings import ForceSettings
+from asperity.contact.solver import Engine
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from naive_bodies import AT_REST, ROUND, UP, Pair, meeting, plate, pose, ripple, solid, turn
 
-from asperity.contact.reference import reference_depth
-from asperity.geometry.analytic import Sinusoid
+from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.texture.height_field import HeightField
+from oracle.depth import reference_depth
 
 MAPS = (
     ("measured/sandpaper_P120_height16.png", {"pixel_size": 8e-6, "height_range": 80e-6}),

@@ -8,12 +8,12 @@ from naive_bodies import AT_REST, UP, moved, pose, ripple, rough, solid, turn
 from naive_meshes import ball_mesh, block, hook, roller, roof, thing, with_uv
 from scipy.spatial.transform import Rotation
 
-from asperity.contact.pair import BodyPair
-from asperity.contact.reference import reference_depth
+from asperity.contact.body_pair import BodyPair
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import mesh_from_arrays
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.texture.height_field import HeightField
+from oracle.depth import reference_depth
 
 STEP = 2e-8
 LEVER = 1e-3

@@ -22,9 +22,9 @@ from naive_bodies import (
 )
 from scipy.spatial.transform import Rotation
 
-from asperity.contact.reference import reference_depth
-from asperity.geometry.analytic import Sinusoid
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.offsets.analytic import Sinusoid
+from oracle.depth import reference_depth
 
 STEP = 2e-8
 LEVER = 1e-3

@@ -7,10 +7,10 @@ import pytest
 from naive_bodies import AT_REST, UP, highest, plate, pose, ripple, rough, solid, turn
 from scipy.spatial.transform import Rotation
 
-from asperity.contact.reference import reference_depth
 from asperity.errors import AsperityError
-from asperity.geometry.analytic import Sinusoid
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.offsets.analytic import Sinusoid
+from oracle.depth import reference_depth
 
 A, L = 50e-6, 1e-3
 QUICK = {"samples": 120, "zooms": 5}

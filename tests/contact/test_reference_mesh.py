@@ -13,13 +13,13 @@ from naive_meshes import ball_mesh
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
-from asperity.contact.reference import frame_along, reference_depth
-from asperity.contact.reference_mesh import mesh_surface
-from asperity.contact.reference_raster import Grid, envelope_of
-from asperity.contact.reference_windows import windows_over
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
-from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh.mesh import Mesh
+from oracle.depth import frame_along, reference_depth
+from oracle.meshes import mesh_surface
+from oracle.raster import Grid, envelope_of
+from oracle.windows import windows_over
 
 A, L = 50e-6, 1e-3
 QUICK = {"samples": 120, "zooms": 5}

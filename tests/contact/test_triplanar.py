@@ -7,13 +7,22 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_mesh_physics import AT_REST, UP, meshed, plate, pose, rough, turn
 
-from asperity.compiled import kernel
-from asperity.contact.chart import BEND_1, BEND_2, RECTANGLE, TEXTURE, UNIT, W0, W1, W2
-from asperity.contact.pair import BodyPair
-from asperity.contact.second_order import _third_of_texture
-from asperity.contact.surface import height_on, root_at
-from asperity.contact.texture_bound import plane_normal, slopes_on_three, texture_over
-from asperity.contact.triplanar import mixing, shares_over, triplanar_top
+from asperity._core.kernels import kernel
+from asperity.contact.body_pair import BodyPair
+from asperity.contact.narrow_phase.bounds.curvature import _third_of_texture
+from asperity.contact.narrow_phase.bounds.texture import plane_normal, slopes_on_three, texture_over
+from asperity.contact.narrow_phase.bounds.triplanar import mixing, shares_over, triplanar_top
+from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
+from asperity.contact.narrow_phase.surface_patch import (
+    BEND_1,
+    BEND_2,
+    RECTANGLE,
+    TEXTURE,
+    UNIT,
+    W0,
+    W1,
+    W2,
+)
 
 KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roller", 35.0)]
 

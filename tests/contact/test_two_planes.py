@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asperity.compiled import kernel
-from asperity.contact.chart import Q_LEAST
-from asperity.contact.climb import is_within
-from asperity.contact.deepest import PAIR, walks_on_a
-from asperity.contact.overlap import F, overlap_at
-from asperity.contact.texture_bound import sideways
-from asperity.contact.two_planes import between_planes, quarter_bounds
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity._core.kernels import kernel
+from asperity.contact.narrow_phase.bounds.plane_pairs import between_planes, quarter_bounds
+from asperity.contact.narrow_phase.bounds.texture import sideways
+from asperity.contact.narrow_phase.newton_ascent import is_within
+from asperity.contact.narrow_phase.overlap import F, overlap_at
+from asperity.contact.narrow_phase.penetration import PAIR, walks_on_a
+from asperity.contact.narrow_phase.surface_patch import Q_LEAST
+from asperity.scene.builtin import load_scene
+from asperity.simulation.simulation import Simulation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from asperity.press import touching_pose
-from asperity.scenes import load_scene
-from asperity.simulation import Simulation
+from asperity.scene.builtin import load_scene
+from asperity.simulation.press import touching_pose
+from asperity.simulation.simulation import Simulation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

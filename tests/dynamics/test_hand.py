@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import naive
-from asperity.dynamics.hand import PERIODIC_TOLERANCE, Hand, MotionStatus, drag
+from asperity.dynamics.dragged_hand.hand import PERIODIC_TOLERANCE, Hand, MotionStatus, drag
 from asperity.errors import AsperityError
-from asperity.geometry.analytic import Grating, Sinusoid
-from asperity.geometry.dots import DotPlate
-from asperity.geometry.piecewise import PiecewiseCubic, tabulate
+from asperity.geometry.offsets.analytic import Grating, Sinusoid
+from asperity.geometry.offsets.dots import DotPlate
+from asperity.geometry.offsets.piecewise import PiecewiseCubic, tabulate
 
 MM = 1e-3
 ACCURACY = 2e-5  # of the largest |u''|; the metrics of the study need 1e-3

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from asperity.contact_stage import ContactStage
-from asperity.dynamics.coupling import (
+from asperity.dynamics.linear_contact import LinearContact
+from asperity.dynamics.virtual_coupling.coupled_tool import REACH, HeldTool
+from asperity.dynamics.virtual_coupling.settings import (
     MASS,
     MODES,
     MOMENTS,
@@ -14,13 +15,12 @@ from asperity.dynamics.coupling import (
     gains_for,
     held_body,
 )
-from asperity.dynamics.held_tool import REACH, HeldTool
-from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.rigid import RigidBody, centre_of_mass, rotation_matrix
 from asperity.errors import AsperityError
-from asperity.poses import turn_between, turned
-from asperity.scenes import load_scene, probe_plate
-from asperity.simulation import Simulation
+from asperity.scene.builtin import load_scene, probe_plate
+from asperity.simulation.simulation import Simulation
+from asperity.simulation.tool_contact import ContactStage
+from asperity.spatial.poses import turn_between, turned
+from asperity.spatial.rigid_body import RigidBody, centre_of_mass, rotation_matrix
 
 COUPLED = MODES[1:]
 START = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from asperity.dynamics.passivity import PassivityController
+from asperity.dynamics.passivity.controller import PassivityController
 from asperity.errors import AsperityError
-from asperity.scenes import probe_plate
-from asperity.simulation import Simulation
-from asperity.trajectory import ScriptedMotion
+from asperity.scene.builtin import probe_plate
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.simulation.simulation import Simulation
 
 DT = 1e-3
 

@@ -10,9 +10,9 @@ from scipy import optimize
 
 import naive
 from asperity.errors import AsperityError
-from asperity.geometry.analytic import Grating, Sinusoid
-from asperity.geometry.offset import drop_point
-from asperity.geometry.sampled import SampledProfile
+from asperity.geometry.offsets.analytic import Grating, Sinusoid
+from asperity.geometry.offsets.sampled import SampledProfile
+from asperity.geometry.offsets.surface import drop_point
 
 DENSE = 0.5e-6  # [m] between points: they miss a maximum by its curvature times DENSE**2 / 8
 ABOVE = 1e-15  # [m] rounding: the dense maximum cannot exceed the true one

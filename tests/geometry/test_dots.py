@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.geometry.dots import DotPlate
+from asperity.geometry.offsets.dots import DotPlate
 
 MM = 1e-3
 ANGLES, SHARES = 720, 241

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from asperity.errors import AsperityError
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 
 CUBE = 0.02 * np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 CUBE_FACES = np.array([

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from test_mesh import check, mesh_or_line, noted
 
 from asperity.errors import AsperityError
-from asperity.geometry.atlas import with_atlas
-from asperity.geometry.mesh import mesh_from_arrays
-from asperity.geometry.mesh_files import read_mesh
+from asperity.geometry.mesh.atlas import with_atlas
+from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 
 trimesh = pytest.importorskip("trimesh")
 

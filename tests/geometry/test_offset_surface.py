@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from asperity.geometry.sampled import offset_surface
+from asperity.geometry.offsets.sampled import offset_surface
 from asperity.texture.spline import BORDERS, spline_coefficients
 
 MM = 1e-3

@@ -7,10 +7,10 @@ from scipy.spatial import ConvexHull
 from test_mesh import CUBE, CUBE_FACES, SQUARE, SQUARE_FACES, split
 
 from asperity.errors import AsperityError
-from asperity.geometry import pieces as module
-from asperity.geometry.mesh import mesh_from_arrays
-from asperity.geometry.mesh_files import read_mesh
-from asperity.geometry.pieces import convex_pieces, piece_error
+from asperity.geometry.convex import pieces as module
+from asperity.geometry.convex.pieces import convex_pieces, piece_error
+from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 
 trimesh = pytest.importorskip("trimesh")
 

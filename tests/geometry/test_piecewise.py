@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from asperity.geometry.analytic import Sinusoid
-from asperity.geometry.dots import DotPlate
-from asperity.geometry.piecewise import PiecewiseCubic, mirrored, tabulate
-from asperity.geometry.sampled import SampledProfile
+from asperity.geometry.offsets.analytic import Sinusoid
+from asperity.geometry.offsets.dots import DotPlate
+from asperity.geometry.offsets.piecewise import PiecewiseCubic, mirrored, tabulate
+from asperity.geometry.offsets.sampled import SampledProfile
 
 PLACE = 1e-8  # of the period: where a jump is put
 NEAR = 1e-7  # of the period: nearer to a jump than this, neither side is wrong

@@ -11,9 +11,14 @@ from scipy import ndimage
 
 import naive
 from asperity.errors import AsperityError
-from asperity.geometry import disk_search, sphere_search
-from asperity.geometry.analytic import Grating, Sinusoid
-from asperity.geometry.sampled import CERTIFIED_TO, HeightMap, SampledProfile, offset_surface
+from asperity.geometry.offsets import disk_search, sphere_search
+from asperity.geometry.offsets.analytic import Grating, Sinusoid
+from asperity.geometry.offsets.sampled import (
+    CERTIFIED_TO,
+    HeightMap,
+    SampledProfile,
+    offset_surface,
+)
 from asperity.texture.bounds import pyramid_of
 from asperity.texture.spline import BORDERS, evaluate_1d, spline_coefficients, values_2d
 

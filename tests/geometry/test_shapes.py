@@ -13,7 +13,7 @@ from asperity.geometry.shapes.block import BLOCKS, block
 from asperity.geometry.shapes.clip import clipped
 from asperity.geometry.shapes.patchwork import detail_triangles, triangle_areas
 from asperity.geometry.shapes.triangulate import triangulated
-from asperity.texture.patterns import PATTERNS
+from asperity.texture.patterns.patterns import PATTERNS
 
 SHAPES = {
     "hammer": hammer.hammer(),

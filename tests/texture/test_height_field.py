@@ -12,7 +12,7 @@ import pytest
 import naive
 from asperity.errors import AsperityError, SurfaceError
 from asperity.texture.height_field import HeightField
-from asperity.texture.patterns import rough, sinusoid
+from asperity.texture.patterns.patterns import rough, sinusoid
 
 PIXEL = (20e-6, 30e-6)
 ROUNDING = 1e-13  # of heights of the order 1e-4 m, and a handful of operations

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asperity.compiled import kernel
+from asperity._core.kernels import kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import texture_top, top_over, windows_for
 from asperity.texture.packed import pack

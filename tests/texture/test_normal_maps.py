@@ -12,9 +12,9 @@ from PIL import Image
 from scipy import ndimage
 
 from asperity.errors import AsperityError, SurfaceError
+from asperity.texture.files.normal_maps import integrate_slopes, read_normal_map
 from asperity.texture.height_field import HeightField
-from asperity.texture.normal_maps import integrate_slopes, read_normal_map
-from asperity.texture.patterns import rough
+from asperity.texture.patterns.patterns import rough
 
 PIXEL = 1e-5
 

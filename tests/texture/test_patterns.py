@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.texture.fillets import rounded
 from asperity.texture.height_field import HeightField
-from asperity.texture.patterns import (
+from asperity.texture.patterns.fillets import rounded
+from asperity.texture.patterns.patterns import (
     PATTERNS,
     brushed,
     cross_cut,

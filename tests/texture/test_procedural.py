@@ -11,8 +11,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from asperity.errors import AsperityError, SurfaceError
-from asperity.texture.procedural import self_affine, synthesise_like
-from asperity.texture.reading import read_heights
+from asperity.texture.files.reading import read_heights
+from asperity.texture.patterns.random_surfaces import self_affine, synthesise_like
 
 PIXEL = 20e-6
 

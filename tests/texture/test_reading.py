@@ -14,8 +14,8 @@ import tifffile
 from PIL import Image
 
 from asperity.errors import AsperityError, SurfaceError
-from asperity.texture import images
-from asperity.texture.reading import Heights, read_heights
+from asperity.texture.files import images
+from asperity.texture.files.reading import Heights, read_heights
 
 SCALE = {"pixel_size": 1e-5, "height_range": 1e-3}
 RNG = np.random.default_rng(0)

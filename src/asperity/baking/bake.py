@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.output import result_folder
 from asperity.baking.cloud import map_of_points
 from asperity.baking.error import BakeError, bake_error, plate_error
 from asperity.baking.folder import (
@@ -40,11 +41,10 @@ from asperity.baking.simplify import simplified
 from asperity.baking.sources import guessed_unit, kind_of, mesh_to_bake, read_points
 from asperity.baking.unwrap import texture_span, unwrapped
 from asperity.errors import AsperityError, require_choice
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_checks import UNITS
-from asperity.geometry.pieces import convex_pieces
-from asperity.output import result_folder
-from asperity.scene import Scene, read_scene
+from asperity.geometry.convex.pieces import convex_pieces
+from asperity.geometry.mesh.checks import UNITS
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.scene.scene import Scene, read_scene
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
+from asperity._core.kernels import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from asperity.baking.folder import Texture
 from asperity.baking.heights import places
 from asperity.baking.nearest import Nearest
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_topology import crosses
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.topology import crosses
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]

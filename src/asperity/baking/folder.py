@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.baking.place import PRESSED, Stroke
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_files import read_mesh
-from asperity.scene_file import write_toml
-from asperity.scene_mjcf import mesh_assets, mesh_geoms
+from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.scene.document import write_toml
+from asperity.scene.mjcf import mesh_assets, mesh_geoms
 
 Array = NDArray[np.float64]
 OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"

@@ -22,7 +22,7 @@ from asperity.baking.nearest import Nearest
 from asperity.baking.rays import FullSurface
 from asperity.baking.texels import Texels, texels_of
 from asperity.baking.unwrap import texture_span
-from asperity.geometry.mesh import Mesh
+from asperity.geometry.mesh.mesh import Mesh
 
 Array = NDArray[np.float64]
 _CAGE = 1.6

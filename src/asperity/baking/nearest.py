@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from asperity.compiled import kernel
-from asperity.geometry.mesh_topology import crosses
+from asperity._core.kernels import kernel
+from asperity.geometry.mesh.topology import crosses
 
 Array = NDArray[np.float64]
 _SAMPLES = 200_000

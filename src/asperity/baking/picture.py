@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from asperity.baking.nearest import Nearest
+from asperity.drawing.figure_style import style
+from asperity.drawing.renderer.mesh_patches import mesh_sheets
+from asperity.drawing.renderer.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
+from asperity.drawing.renderer.view import Camera, Sheet, View
 from asperity.geometry.bodies import Body
-from asperity.geometry.mesh_topology import crosses
-from asperity.picture.mesh_sheets import mesh_sheets
-from asperity.picture.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
-from asperity.picture.view import Camera, Sheet, View
-from asperity.plots import style
+from asperity.geometry.mesh.topology import crosses
 
 Array = NDArray[np.float64]
 _COLUMNS, _ROWS = 640, 520

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.baking.folder import Texture
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]

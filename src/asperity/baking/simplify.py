@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.baking.collapse import collapsed
-from asperity.geometry.mesh import Mesh, mesh_from_arrays
-from asperity.geometry.mesh_checks import SAME_PLACE, count_of, same_places
-from asperity.geometry.mesh_crossings import crossing_triangles
-from asperity.geometry.mesh_normals import smooth_normals
-from asperity.geometry.mesh_topology import crosses, edges_of
+from asperity.geometry.mesh.checks import SAME_PLACE, count_of, same_places
+from asperity.geometry.mesh.crossings import crossing_triangles
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.normals import smooth_normals
+from asperity.geometry.mesh.topology import crosses, edges_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_checks import LARGEST, SMALLEST, UNITS
-from asperity.geometry.mesh_files import SUFFIXES, read_mesh
-from asperity.texture.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
-from asperity.texture.images import IMAGE_SUFFIXES
+from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
+from asperity.geometry.mesh.files import SUFFIXES, read_mesh
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.texture.files.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
+from asperity.texture.files.images import IMAGE_SUFFIXES
 
 Array = NDArray[np.float64]
 HAND = (5e-3, 0.5)

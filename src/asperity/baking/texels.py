@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_checks import SAME_PLACE, same_places
-from asperity.geometry.mesh_topology import edges_of, next_corner
+from asperity._core.kernels import kernel
+from asperity.geometry.mesh.checks import SAME_PLACE, same_places
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.topology import edges_of, next_corner
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

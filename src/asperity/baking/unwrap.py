@@ -8,10 +8,10 @@ import numpy as np
 
 from asperity.baking.texels import GUTTER_WIDTH
 from asperity.errors import AsperityError
-from asperity.geometry.atlas import with_atlas
-from asperity.geometry.mesh import Mesh
-from asperity.geometry.mesh_topology import crosses
-from asperity.geometry.mesh_uv import overlap
+from asperity.geometry.mesh.atlas import with_atlas
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.topology import crosses
+from asperity.geometry.mesh.uv import overlap
 
 _SHARE = 0.72
 """Of the texture's side that a square of the mesh's area would take; charts leave gaps."""

@@ -17,8 +17,8 @@ from asperity.errors import AsperityError, require_choice
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from asperity.scene import Scene
-    from asperity.trajectory import ScriptedMotion, Trajectory
+    from asperity.scene.scene import Scene
+    from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
 _BUDGET = 60.0
 
@@ -57,11 +57,11 @@ class Compare:
     def run(self) -> None:
         """Compare, write, and say what came of it."""
         check_ranges(self)
-        from asperity.comparison.compare import CompareSettings, compare
-        from asperity.comparison.write import write_comparison, write_docs
-        from asperity.methods import chosen
-        from asperity.output import result_folder
-        from asperity.scenes import load_scene
+        from asperity._core.output import result_folder
+        from asperity.scene.builtin import load_scene
+        from asperity.studies.baselines import chosen
+        from asperity.studies.comparison.compare import CompareSettings, compare
+        from asperity.studies.comparison.write import write_comparison, write_docs
 
         methods = chosen(self.method)
         if self.docs is not None and not self.docs.is_dir():
@@ -91,8 +91,8 @@ class Compare:
 
     def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:
         """Return the scene's motion with what the options change."""
-        from asperity.trajectory import KINDS, ScriptedMotion
-        from asperity.trajectory_file import read_poses
+        from asperity.scene.trajectory import KINDS, ScriptedMotion
+        from asperity.scene.trajectory_file import read_poses
 
         given = {"seconds": self.seconds, "press_force": self.force_n}
         if self.speed_mm_s is not None:

@@ -24,12 +24,12 @@ class Demo:
         import time
 
         start = time.perf_counter()
-        from asperity.cli.files import measured_folder
+        from asperity._core.output import result_folder, write_whole
+        from asperity.cli.data_files import measured_folder
+        from asperity.cli.demo_pipeline import run_demo, steps
         from asperity.cli.progress import compile_notice, progress_bars
-        from asperity.demo import run_demo, steps
-        from asperity.output import result_folder, write_whole
-        from asperity.perception.studies import StudySettings
-        from asperity.report import render
+        from asperity.cli.report import render
+        from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
         page = self.out / "report.html"
         if page.exists() and not self.overwrite:
@@ -66,7 +66,7 @@ def _scenes_notice() -> str:
     """Return a description of the scenes; say, once, that the first run takes longer."""
     import logging
 
-    from asperity.compiled import is_compiled
+    from asperity._core.kernels import is_compiled
 
     if is_compiled("engine.mesh_tick", "mesh_tick"):
         return "scenes"

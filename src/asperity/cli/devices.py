@@ -36,7 +36,7 @@ class Devices:
             self._list()
 
     def _list(self) -> None:
-        from asperity.devices.catalogue import findings, is_calibrated
+        from asperity.realtime.devices.catalogue import findings, is_calibrated
 
         print(f"{'NAME':17}{'INSTALLED':11}{'ATTACHED':20}WHAT IT IS")
         found = findings()
@@ -53,9 +53,9 @@ class Devices:
             print(f"calibrated: {', '.join(kept)}")
 
     def _check(self) -> None:
-        from asperity.devices.calibration import save_calibration
-        from asperity.devices.catalogue import device, entry_of
-        from asperity.servo.device_check import check_device
+        from asperity.realtime.devices.calibration import save_calibration
+        from asperity.realtime.devices.catalogue import device, entry_of
+        from asperity.realtime.servo.device_check import check_device
 
         if self.name is None:
             raise AsperityError("asperity devices check NAME: which one? See 'asperity devices'")

@@ -11,7 +11,7 @@ class Doctor:
 
     def run(self) -> None:
         """Print the report."""
-        from asperity.doctor import report
+        from asperity.cli.machine_check import report
 
         for subject, finding in report():
             print(f"{subject + ':':16}{finding}")

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from asperity.cli.felt import DeviceOptions
 from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
-    from asperity.experiments.design import Design
-    from asperity.experiments.fronts import Front
-    from asperity.experiments.presenters import Presenter
-    from asperity.experiments.session import Outcome
-    from asperity.scene import Scene
-    from asperity.servo.process import ServoSpec
+    from asperity.psychophysics.design import Design
+    from asperity.psychophysics.interfaces.front import Front
+    from asperity.psychophysics.session.presenters import Presenter
+    from asperity.psychophysics.session.session import Outcome
+    from asperity.realtime.servo.process import ServoSpec
+    from asperity.scene.scene import Scene
 
 
 @dataclass
@@ -54,8 +54,8 @@ class Experiment:
         """Run the session, and say how far it came."""
         check_ranges(self.options)
         check_ranges(self)
-        from asperity.experiments.design import read_design
-        from asperity.experiments.session import Session, participant_code
+        from asperity.psychophysics.design import read_design
+        from asperity.psychophysics.session.session import Session, participant_code
 
         design = read_design(self.file)
         if self.check:
@@ -86,9 +86,9 @@ class Experiment:
             raise AsperityError("options of a device need --device")
 
     def _go_through(self, session: Any) -> Outcome:
-        from asperity.experiments.fronts import SimulatedFront
-        from asperity.experiments.presenters import DevicePresenter
-        from asperity.experiments.terminal import TerminalFront
+        from asperity.psychophysics.interfaces.front import SimulatedFront
+        from asperity.psychophysics.interfaces.terminal import TerminalFront
+        from asperity.psychophysics.session.presenters import DevicePresenter
 
         design = session.design
         if self.page:
@@ -108,8 +108,8 @@ class Experiment:
     def _with_progress(self, session: Any, front: Front) -> Outcome:
         """Run a session in simulated time, with a bar."""
         from asperity.cli.progress import progress_bars
-        from asperity.experiments.presenters import HeadlessPresenter
-        from asperity.simulation import announce_compiling
+        from asperity.psychophysics.session.presenters import HeadlessPresenter
+        from asperity.simulation.simulation import announce_compiling
 
         design = session.design
         announce_compiling()
@@ -130,13 +130,19 @@ class Experiment:
         """Run a session in the page, and tell the experimenter here."""
         import sys
 
-        from asperity.cli.felt import key_values, with_coupling
-        from asperity.experiments.page import Desk, PageFront, TrialLink, panels, smooth
-        from asperity.experiments.presenters import DevicePresenter
-        from asperity.page.choice import Choice
-        from asperity.page.server import Page, require_viser
-        from asperity.servo.safety import SafetySettings
-        from asperity.simulation import announce_compiling
+        from asperity.cli.realtime_run import key_values, with_coupling
+        from asperity.psychophysics.interfaces.page import (
+            Desk,
+            PageFront,
+            TrialLink,
+            panels,
+            smooth,
+        )
+        from asperity.psychophysics.session.presenters import DevicePresenter
+        from asperity.realtime.servo.safety import SafetySettings
+        from asperity.simulation.simulation import announce_compiling
+        from asperity.viewer.server.server import Page, require_viser
+        from asperity.viewer.session_config import Choice
 
         require_viser()
         announce_compiling()
@@ -173,13 +179,13 @@ class Experiment:
         return outcome
 
     def _spec(self, device: str, scene: Scene, seconds: float) -> ServoSpec:
-        from asperity.cli.felt import servo_spec, with_coupling
+        from asperity.cli.realtime_run import servo_spec, with_coupling
 
         return servo_spec(with_coupling(scene, None), device, self.options, seconds, None)
 
     def _check(self, design: Design) -> None:
         """Make every stimulus, and say what a session would be."""
-        from asperity.experiments.procedures import procedure
+        from asperity.psychophysics.procedures.procedures import procedure
 
         marks = design.check_scenes()
         first = procedure(design, "P00", 1)
@@ -227,10 +233,10 @@ class Analyse:
     def run(self) -> None:
         """Analyse, write, and say the main numbers."""
         check_ranges(self)
-        from asperity.experiments.analysis import Options, analyse
-        from asperity.experiments.psychometric import FUNCTIONS
-        from asperity.experiments.results import read_results
-        from asperity.output import result_folder
+        from asperity._core.output import result_folder
+        from asperity.psychophysics.analysis.analysis import Options, analyse
+        from asperity.psychophysics.analysis.psychometric import FUNCTIONS
+        from asperity.psychophysics.analysis.results import read_results
 
         require_choice("--function", self.function, FUNCTIONS)
         results = read_results(self.folder)

@@ -33,9 +33,9 @@ class Export:
     def run(self) -> None:
         """Write the files and name them."""
         check_ranges(self)
-        from asperity import export
-        from asperity.output import result_folder
-        from asperity.recording_dataset import open_recording
+        from asperity._core.output import result_folder
+        from asperity.runs import export
+        from asperity.runs.dataset import open_recording
 
         told = []
         with open_recording(self.file) as whole:

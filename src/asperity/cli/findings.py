@@ -39,14 +39,14 @@ class FindingsCommand:
         check_ranges(self)
         import json
 
-        from asperity.cli.files import measured_folder
+        from asperity._core.output import result_folder
+        from asperity.cli.data_files import measured_folder
         from asperity.cli.progress import progress_bars
-        from asperity.findings import fit as fits
-        from asperity.findings.catalogue import FINDINGS
-        from asperity.findings.laboratory import Plan
-        from asperity.findings.table import columns_of, judge_all
-        from asperity.findings.write import print_table, write_docs, write_findings
-        from asperity.output import result_folder
+        from asperity.studies.literature import fit as fits
+        from asperity.studies.literature.catalogue import FINDINGS
+        from asperity.studies.literature.laboratory import Plan
+        from asperity.studies.literature.table import columns_of, judge_all
+        from asperity.studies.literature.write import print_table, write_docs, write_findings
 
         if self.hands & (self.hands - 1):
             raise AsperityError(f"--hands must be a power of 2, got {self.hands}")

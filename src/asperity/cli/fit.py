@@ -12,8 +12,8 @@ from asperity.cli.ranges import Between, check_ranges
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
-    from asperity.vibration.model import TextureModel
-    from asperity.vibration.signals import Exploration
+    from asperity.vibrotactile.model import TextureModel
+    from asperity.vibrotactile.signals import Exploration
 
 _FOR_SCENES = ("speeds_mm_s", "forces_n", "seconds", "rate_khz")
 _HELD = 0.25
@@ -64,11 +64,11 @@ class Fit:
     def run(self) -> None:
         """Run or read, fit, judge, write, and say how well it does."""
         check_ranges(self)
-        from asperity.output import result_folder
-        from asperity.vibration.ar import CRITERIA
-        from asperity.vibration.fit import FitSettings, fit, judge
-        from asperity.vibration.hatt import read_hatt
-        from asperity.vibration.summary import in_words, summary_of
+        from asperity._core.output import result_folder
+        from asperity.vibrotactile.ar import CRITERIA
+        from asperity.vibrotactile.fit import FitSettings, fit, judge
+        from asperity.vibrotactile.hatt import read_hatt
+        from asperity.vibrotactile.summary import in_words, summary_of
 
         require_choice("--criterion", self.criterion, CRITERIA)
         if not self.sources:
@@ -97,7 +97,7 @@ class Fit:
         return Path(self.sources[0]).name if len(self.sources) == 1 else f"{len(self.sources)} runs"
 
     def _at_rate_of(self, model: TextureModel, held: list[Exploration]) -> TextureModel:
-        from asperity.vibration.rates import at_rate
+        from asperity.vibrotactile.rates import at_rate
 
         lowest = min(one.rate for one in held)
         if lowest > model.rate:
@@ -144,8 +144,8 @@ class Fit:
         )
 
     def _read(self, file: Path) -> Exploration:
-        from asperity.recording import read_recording
-        from asperity.vibration.signals import explored
+        from asperity.runs.recording import read_recording
+        from asperity.vibrotactile.signals import explored
 
         run = read_recording(file)
         return explored(
@@ -155,9 +155,9 @@ class Fit:
 
     def _of_scene(self, given: TextureModel | None) -> tuple[list[Exploration], list[Exploration]]:
         from asperity.cli.progress import progress_bars
-        from asperity.contact_stage import announce_compiling
-        from asperity.scenes import load_scene
-        from asperity.vibration.explore import explore, geometric_means
+        from asperity.scene.builtin import load_scene
+        from asperity.simulation.tool_contact import announce_compiling
+        from asperity.vibrotactile.explore import explore, geometric_means
 
         scene = load_scene(self.sources[0])
         speeds = [1e-3 * v for v in self.speeds_mm_s or (30.0, 60.0, 100.0, 150.0)]
@@ -187,9 +187,9 @@ class Fit:
     ) -> None:  # fmt: skip
         import json
 
-        from asperity import plots
-        from asperity.vibration import figures
-        from asperity.vibration.hatt import write_hatt
+        from asperity.drawing import figure_style
+        from asperity.vibrotactile import figures
+        from asperity.vibrotactile.hatt import write_hatt
 
         title = f"{model.name}: what it makes of runs that it was not made of"
         files = []
@@ -197,12 +197,12 @@ class Fit:
             write_hatt(model, folder / "model.xml")
             files += ["model.xml"]
             told = f"{model.name}: {fitted.recorded} fitted models"
-            made = plots.save(figures.plane_figure(fitted, held, told), folder, "plane")
+            made = figure_style.save(figures.plane_figure(fitted, held, told), folder, "plane")
             files += [path.name for path in made]
         if held:
             for figure in (figures.spectra_figure, figures.waves_figure):
                 name = figure.__name__.removesuffix("_figure")
-                made = plots.save(figure(model, held, title), folder, name)
+                made = figure_style.save(figure(model, held, title), folder, name)
                 files += [path.name for path in made]
         if self.wav:
             self._sound(model, folder / "vibration.wav", summary)
@@ -212,10 +212,10 @@ class Fit:
         (folder / "fit.json").write_text(text + "\n", "utf-8")
 
     def _sound(self, model: TextureModel, path: Path, summary: dict[str, Any]) -> None:
-        from asperity.sound import from_acceleration
-        from asperity.vibration.rates import raised
-        from asperity.vibration.summary import stroking
-        from asperity.vibration.synthesis import Synthesiser
+        from asperity.runs.sound import from_acceleration
+        from asperity.vibrotactile.rates import raised
+        from asperity.vibrotactile.summary import stroking
+        from asperity.vibrotactile.synthesis import Synthesiser
 
         samples = Synthesiser(model, seed=self.seed).block(*stroking(model))
         fine = 8 * round(model.rate)

@@ -36,11 +36,11 @@ class PlotCommand:
 
     def run(self) -> None:
         """Read, choose, draw."""
-        from asperity import plots
-        from asperity.output import result_folder
-        from asperity.sweeps.figures import draw
-        from asperity.sweeps.store import open_sweep
-        from asperity.sweeps.views import chosen
+        from asperity._core.output import result_folder
+        from asperity.drawing import figure_style
+        from asperity.studies.sweeps.figures import draw
+        from asperity.studies.sweeps.store import open_sweep
+        from asperity.studies.sweeps.views import chosen
 
         data = open_sweep(self.store)
         views = chosen(
@@ -48,7 +48,7 @@ class PlotCommand:
         )
         with result_folder(self.out, overwrite=self.overwrite) as folder:
             for view in views:
-                plots.save(draw(data, view), folder, f"{view.metric}_{view.kind}")
+                figure_style.save(draw(data, view), folder, f"{view.metric}_{view.kind}")
         told = "; ".join(
             " ".join([view.metric, view.kind]) + (f" over {view.x}" if view.x else "")
             + (f" and {view.y}" if view.y else "") + (f", {view.colour}" * bool(view.colour))

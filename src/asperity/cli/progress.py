@@ -42,6 +42,6 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
 
 def compile_notice() -> str:
     """Return a description for work that may have to compile first."""
-    from asperity.compiled import is_compiled
+    from asperity._core.kernels import is_compiled
 
     return "studies" if is_compiled("dynamics.drag", "force_at") else "studies (compiling first)"

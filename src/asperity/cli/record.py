@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from asperity.cli.felt import DeviceOptions
 from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.realtime_run import DeviceOptions
 
 
 @dataclass
@@ -39,8 +39,8 @@ class Record:
         """Record."""
         check_ranges(self.options)
         check_ranges(self)
-        from asperity.cli.felt import feel, servo_spec, with_coupling
-        from asperity.scenes import load_scene
+        from asperity.cli.realtime_run import feel, servo_spec, with_coupling
+        from asperity.scene.builtin import load_scene
 
         scene = with_coupling(load_scene(self.scene, seed=self.seed), self.coupling)
         spec = servo_spec(scene, self.device, self.options, self.seconds, None)
@@ -72,7 +72,7 @@ class Replay:
     def run(self) -> None:
         """Show the page, or play, write, and say how far it differs."""
         check_ranges(self)
-        from asperity.recording import recording_file
+        from asperity.runs.recording import recording_file
 
         file = recording_file(self.file)
         if self.out is None:
@@ -81,7 +81,7 @@ class Replay:
             self._play(file, self.out)
 
     def _show(self, file: Path) -> None:
-        from asperity.page.replayed import ReplayPage
+        from asperity.viewer.replayed import ReplayPage
 
         with ReplayPage(file, self.scene, port=self.port) as page:
             print(f"{page.url}  ({file}; Ctrl-C ends it)", flush=True)
@@ -96,12 +96,12 @@ class Replay:
                 print("ended")
 
     def _play(self, file: Path, out: Path) -> None:
+        from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
-        from asperity.headless import take_pictures, write_figures, write_summary
-        from asperity.output import result_folder
-        from asperity.recording import read_recording
-        from asperity.servo.replay import replay, scene_of_recording
-        from asperity.simulation import announce_compiling
+        from asperity.realtime.servo.replay import replay, scene_of_recording
+        from asperity.runs.recording import read_recording
+        from asperity.runs.run_scene import take_pictures, write_figures, write_summary
+        from asperity.simulation.simulation import announce_compiling
 
         recording = read_recording(file)
         scene = scene_of_recording(recording.attributes, self.scene, beside=file.parent)

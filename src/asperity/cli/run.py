@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from asperity.cli.felt import DeviceOptions
 from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
-    from asperity.scene import Scene
-    from asperity.trajectory import ScriptedMotion, Trajectory
+    from asperity.scene.scene import Scene
+    from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
 
 @dataclass
@@ -92,10 +92,10 @@ class Run:
             return
         if self.options != DeviceOptions():
             raise AsperityError("options of a device need --device")
+        from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
-        from asperity.headless import run_scene, take_pictures, write_figures, write_summary
-        from asperity.output import result_folder
-        from asperity.simulation import announce_compiling
+        from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
+        from asperity.simulation.simulation import announce_compiling
 
         scene = self._scene()
         motion = self._motion(scene)
@@ -120,7 +120,7 @@ class Run:
 
     def _feel(self, device: str) -> None:
         """Let the scene be felt through a device."""
-        from asperity.cli.felt import feel, servo_spec, with_coupling
+        from asperity.cli.realtime_run import feel, servo_spec, with_coupling
 
         moved = [
             f"--{name.replace('_', '-')}"
@@ -141,12 +141,12 @@ class Run:
         feel(spec, self.out, source=source, figures=True, overwrite=self.overwrite)
 
     def _scene(self) -> Scene:
-        from asperity.anti_alias import MODES
-        from asperity.dynamics.coupling import MODES as COUPLINGS
-        from asperity.scenes import load_scene
+        from asperity.dynamics.virtual_coupling.settings import MODES as COUPLINGS
+        from asperity.scene.builtin import load_scene
+        from asperity.scene.scene import ANTI_ALIAS_MODES
 
         if self.anti_alias is not None:
-            require_choice("--anti-alias", self.anti_alias, MODES)
+            require_choice("--anti-alias", self.anti_alias, ANTI_ALIAS_MODES)
         if self.coupling is not None:
             require_choice("--coupling", self.coupling, COUPLINGS)
         self._refuse_mixed()
@@ -182,7 +182,7 @@ class Run:
 
     def _of_files(self) -> Scene:
         """Return the scene of the meshes and textures that the options name."""
-        from asperity.scene_from_files import make_scene
+        from asperity.scene.from_files import make_scene
 
         options: dict[str, Any] = {}
         for body in ("tool", "target"):
@@ -202,8 +202,8 @@ class Run:
         """Return the scene's motion with what the options change."""
         import math
 
-        from asperity.trajectory import KINDS, ScriptedMotion
-        from asperity.trajectory_file import read_poses
+        from asperity.scene.trajectory import KINDS, ScriptedMotion
+        from asperity.scene.trajectory_file import read_poses
 
         given = {
             "seconds": (self.seconds, 1.0), "speed": (self.speed_mm_s, 1e-3),

@@ -35,9 +35,9 @@ class SoundCommand:
         import json
 
         check_ranges(self)
-        from asperity.cli.files import open_dataset
-        from asperity.output import result_folder
-        from asperity.sound import from_run
+        from asperity._core.output import result_folder
+        from asperity.cli.data_files import open_dataset
+        from asperity.runs.sound import from_run
 
         data = open_dataset(self.run_file)
         sound = from_run(

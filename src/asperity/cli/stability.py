@@ -41,14 +41,14 @@ class StabilityCommand:
         import json
 
         check_ranges(self)
-        from asperity import plots
+        from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
-        from asperity.contact_stage import announce_compiling
-        from asperity.dynamics.hand import Hand
-        from asperity.output import result_folder
-        from asperity.plots_stability import stability_figure
-        from asperity.scenes import load_scene
-        from asperity.stability import StabilitySettings, measure_stability, summary
+        from asperity.drawing import figure_style
+        from asperity.dynamics.dragged_hand.hand import Hand
+        from asperity.scene.builtin import load_scene
+        from asperity.simulation.tool_contact import announce_compiling
+        from asperity.studies.stability.figures import stability_figure
+        from asperity.studies.stability.measure import StabilitySettings, measure_stability, summary
 
         settings = StabilitySettings(
             rates=tuple(rate * 1e3 for rate in self.rates_khz),
@@ -66,7 +66,7 @@ class StabilityCommand:
             told = json.dumps(summary(result, scene), indent=2, allow_nan=False)
             (folder / "stability.json").write_text(told + "\n", "utf-8")
             figure = stability_figure(result, scene.name, scene.force.stiffness)
-            plots.save(figure, folder, "stability")
+            figure_style.save(figure, folder, "stability")
         ratio = result.plain / result.bound
         worst = result.textured / result.bound
         symptoms = result.symptoms[scene.coupling.mode]

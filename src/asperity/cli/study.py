@@ -12,7 +12,7 @@ from asperity.cli.ranges import Between, check_ranges
 from asperity.errors import require_choice
 
 if TYPE_CHECKING:
-    from asperity.perception.studies import StudySettings
+    from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
 
 @dataclass
@@ -80,9 +80,9 @@ class Study:
 
     def settings(self) -> StudySettings:
         """Return the options in SI units, checked."""
-        from asperity.dynamics.hand import Hand
-        from asperity.perception.stimuli import StimulusOptions
-        from asperity.perception.studies import StudySettings
+        from asperity.dynamics.dragged_hand.hand import Hand
+        from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
+        from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
         low, high = self.spacing_range_mm
         stimulus = StimulusOptions(
@@ -112,11 +112,11 @@ class Study:
     def run(self) -> None:
         """Run, write, and print what holds."""
         check_ranges(self)
+        from asperity._core.output import result_folder
         from asperity.cli.progress import compile_notice, progress_bars
-        from asperity.output import result_folder
-        from asperity.perception.metrics import METRICS
-        from asperity.perception.studies import STUDIES, run_study
-        from asperity.perception.write import write_studies
+        from asperity.runs.vibration_metrics import METRICS
+        from asperity.studies.otaduy_lin_2004.studies import STUDIES, run_study
+        from asperity.studies.otaduy_lin_2004.write import write_studies
 
         require_choice("study", self.name, [*STUDIES, "all"])
         require_choice("metric", self.metric, METRICS)

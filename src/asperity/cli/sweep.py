@@ -11,8 +11,8 @@ from tyro.conf import Positional, arg
 from asperity.cli.ranges import Between, check_ranges
 
 if TYPE_CHECKING:
-    from asperity.sweeps.run import SweepProgress
-    from asperity.sweeps.study import SweepStudy
+    from asperity.studies.sweeps.run import SweepProgress
+    from asperity.studies.sweeps.study import SweepStudy
 
 
 @dataclass
@@ -43,14 +43,14 @@ class SweepCommand:
     def run(self) -> None:
         """Check, run, and say what came of it."""
         check_ranges(self)
-        from asperity.sweeps.study import read_study
+        from asperity.studies.sweeps.study import read_study
 
         study = read_study(self.study)
         if self.check:
             print(f"{self.study}: {_described(study)}")
             return
         from asperity.cli.progress import progress_bars
-        from asperity.sweeps.run import run_sweep
+        from asperity.studies.sweeps.run import run_sweep
 
         out = self.out or Path("out/sweep") / f"{self.study.stem}.zarr"
         far: SweepProgress | None = None

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from asperity.cli.felt import DeviceOptions
 from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
-    from asperity.page.choice import Choice
+    from asperity.viewer.session_config import Choice
 
 FIRST = "probe-plate"
 """What is shown first if nothing is said."""
@@ -59,13 +59,13 @@ class View:
         check_ranges(self)
         if self.screenshot is not None and self.screenshot.suffix.lower() not in _PICTURES:
             raise AsperityError(f"--screenshot must be a .png or .jpg file, got {self.screenshot}")
-        from asperity.page.server import require_viser
+        from asperity.viewer.server.server import require_viser
 
         require_viser()
         choice = self._choice()
-        from asperity.page.link import Link
-        from asperity.page.live import live_page
-        from asperity.simulation import announce_compiling
+        from asperity.simulation.simulation import announce_compiling
+        from asperity.viewer.app import live_page
+        from asperity.viewer.servo_client import Link
 
         announce_compiling()
         if self.screenshot is not None:
@@ -87,9 +87,9 @@ class View:
 
     def _take(self, choice: Choice, picture: Path) -> None:
         """Write a picture of the page; whoever stops it is told whether there is one."""
-        from asperity.page.browser import take_picture
-        from asperity.page.link import Link
-        from asperity.page.live import live_page
+        from asperity.viewer.app import live_page
+        from asperity.viewer.browser import take_picture
+        from asperity.viewer.servo_client import Link
 
         taken = False
         try:
@@ -105,13 +105,13 @@ class View:
 
     def _choice(self) -> Choice:
         """Return what to begin with."""
-        from asperity.cli.felt import key_values
-        from asperity.dynamics.coupling import MODES
+        from asperity.cli.realtime_run import key_values
+        from asperity.dynamics.virtual_coupling.settings import MODES
         from asperity.errors import require_choice
-        from asperity.page.changes import on_coupling
-        from asperity.page.choice import Choice
-        from asperity.scenes import load_scene
-        from asperity.servo.safety import SafetySettings
+        from asperity.realtime.servo.safety import SafetySettings
+        from asperity.scene.builtin import load_scene
+        from asperity.viewer.changes import on_coupling
+        from asperity.viewer.session_config import Choice
 
         if self.coupling is not None:
             require_choice("--coupling", self.coupling, MODES)

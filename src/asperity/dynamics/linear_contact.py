@@ -24,4 +24,4 @@ class LinearContact(NamedTuple):
     count: int  # type: ignore[assignment]  # hides tuple.count
     """How many contacts there were."""
     flags: int
-    """Bits of `asperity.contact_stage.FLAGS`."""
+    """Bits of `asperity.simulation.tool_contact.FLAGS`."""

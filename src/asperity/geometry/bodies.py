@@ -12,10 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from asperity.errors import AsperityError, require_choice, require_finite
+from asperity.spatial.poses import rotation_of
 
 if TYPE_CHECKING:
-    from asperity.geometry.mesh import Mesh
+    from asperity.geometry.mesh.mesh import Mesh
     from asperity.texture.height_field import HeightField
 
 KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
@@ -153,3 +157,28 @@ def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
     if abs(length - 1.0) > 1e-6:
         raise AsperityError(f"a quaternion must have length 1, got {values} of length {length:g}")
     return tuple(value / length for value in values)
+
+
+def covers(geom: Geom, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which `points` (..., 3) [m], in the body's frame, lie in `geom` or on it."""
+    x = (points - geom.position) @ rotation_of(geom.quaternion)
+    size = np.asarray(geom.size, dtype=np.float64) + 1e-12
+    across = np.hypot(x[..., 0], x[..., 1])
+    if geom.kind == "plane":
+        return x[..., 2] <= 1e-12
+    if geom.kind == "box":
+        return np.all(np.abs(x) <= size, axis=-1)
+    if geom.kind == "cylinder":
+        return (across <= size[0]) & (np.abs(x[..., 2]) <= size[1])
+    if geom.kind == "capsule":
+        return np.hypot(across, np.maximum(np.abs(x[..., 2]) - size[1], 0.0)) <= size[0]
+    axes = size if geom.kind == "ellipsoid" else np.full(3, size[0])
+    return np.sum((x / axes) ** 2, axis=-1) <= 1.0
+
+
+def origin_of_map(body: Body) -> NDArray[np.float64]:
+    """Return where (u, v) = (0, 0) of the texture lies on the body [m]."""
+    origin, field = np.array(body.offset, dtype=np.float64), body.texture
+    if field is not None and field.border == "clamp":
+        origin -= 0.5 * np.asarray(field.size)
+    return origin

@@ -19,15 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.compiled import kernel
+from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError, require_choice, require_finite, require_positive
-from asperity.texture.checks import (
+from asperity.texture.files.checks import (
     check_steepness,
     checked_pixel_size,
     checked_places,
     checked_samples,
 )
-from asperity.texture.reading import Heights, read_heights
+from asperity.texture.files.reading import Heights, read_heights
 from asperity.texture.spectrum import Spectrum
 from asperity.texture.spline import evaluate_2d, spline_coefficients
 
@@ -115,8 +115,8 @@ class HeightField:
         ----------
         path : str or path
             An image, an array, text or an instrument's file: see
-            `asperity.texture.reading.read_heights`. Of a single line of heights a surface is made
-            that is the same all along v.
+            `asperity.texture.files.reading.read_heights`. Of a single line of heights a surface
+            is made that is the same all along v.
         pixel_size, height_range, invert, missing, array, quantised, unit
             As for `read_heights`. A normal map needs `pixel_size` alone: its heights follow from
             its slopes, unless `height_range` is given.
@@ -129,7 +129,7 @@ class HeightField:
             say so.
         kind : {"height", "normal-opengl", "normal-directx"}
             What the file holds: heights, or normals with green up or green down
-            (`asperity.texture.normal_maps.read_normal_map`).
+            (`asperity.texture.files.normal_maps.read_normal_map`).
 
         Raises
         ------
@@ -320,7 +320,7 @@ def _from_normals(
     scale: dict[str, Any],
 ) -> Heights:
     """Return the heights of a normal map; what only height maps need has to be left as it is."""
-    from asperity.texture.normal_maps import read_normal_map
+    from asperity.texture.files.normal_maps import read_normal_map
 
     if unused != ("refuse", None, "smooth", None):
         raise SurfaceError(

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import small_kernel
+from asperity._core.kernels import small_kernel
 
 _QUARTER = 2
 """Windows begin after a side over two to this power, or after each cell."""

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import small_kernel
+from asperity._core.kernels import small_kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import cells_between, texture_top, windows
 

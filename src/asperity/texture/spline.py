@@ -21,7 +21,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.compiled import kernel
+from asperity._core.kernels import kernel
 
 BORDERS = ("wrap", "mirror")
 _POLE = math.sqrt(3.0) - 2.0

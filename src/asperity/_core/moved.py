@@ -1,0 +1,258 @@
+"""Modules that have moved: their old names still work for one version, with a warning.
+
+`install` adds a finder behind those of Python, which is asked only for names that nothing else
+knows. A module under its old name hands on every attribute of the one that took its place.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.machinery
+import importlib.util
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
+
+PACKAGES = {
+    "comparison": "studies.comparison",
+    "devices": "realtime.devices",
+    "engine": "contact",
+    "experiments": "psychophysics",
+    "findings": "studies.literature",
+    "forces": "studies.otaduy_lin_2004.force_models",
+    "methods": "studies.baselines",
+    "page": "viewer",
+    "perception": "studies.otaduy_lin_2004",
+    "picture": "drawing.renderer",
+    "scenes": "scene.builtin",
+    "servo": "realtime.servo",
+    "sweeps": "studies.sweeps",
+    "vibration": "vibrotactile",
+}
+"""Old and new names of packages, without `asperity.`; modules not listed below kept theirs."""
+MODULES = {
+    "anti_alias": "simulation.anti_aliasing",
+    "cli.felt": "cli.realtime_run",
+    "cli.files": "cli.data_files",
+    "compile_time": "_core.compile_time",
+    "compiled": "_core.kernels",
+    "contact.pair": "contact.body_pair",
+    "contact_stage": "simulation.tool_contact",
+    "demo": "cli.demo_pipeline",
+    "devices.exchange": "realtime.devices.polling_thread",
+    "devices.haply_cursor": "realtime.devices.haply.cursor",
+    "devices.haply_fake": "realtime.devices.haply.fake_service",
+    "devices.haply_fake_device": "realtime.devices.haply.fake_device",
+    "devices.haply_hardware": "realtime.devices.haply.serial_port",
+    "devices.haply_link": "realtime.devices.haply.websocket",
+    "devices.haply_messages": "realtime.devices.haply.messages",
+    "devices.haply_service": "realtime.devices.haply.service",
+    "devices.mapped": "realtime.devices.mapping_kernels",
+    "devices.pointed": "realtime.devices.pointer_file",
+    "devices.wrenches": "realtime.devices.wrench_check",
+    "doctor": "cli.machine_check",
+    "dynamics.coupling": "dynamics.virtual_coupling.settings",
+    "dynamics.damping": "dynamics.passivity.step",
+    "dynamics.drag": "dynamics.dragged_hand.integrator",
+    "dynamics.hand": "dynamics.dragged_hand.hand",
+    "dynamics.hand_tick": "dynamics.simulated_hand.step",
+    "dynamics.held_tool": "dynamics.virtual_coupling.coupled_tool",
+    "dynamics.implicit": "dynamics.virtual_coupling.backward_euler",
+    "dynamics.repeat": "dynamics.dragged_hand.periodic_motion",
+    "dynamics.rigid": "spatial.rigid_body",
+    "dynamics.semi_implicit": "dynamics.virtual_coupling.semi_implicit",
+    "dynamics.static_coupling": "dynamics.virtual_coupling.static",
+    "dynamics.tied": "dynamics.virtual_coupling.loads",
+    "engine.engine": "contact.solver",
+    "engine.memory": "contact.contacts",
+    "experiments.analysis": "psychophysics.analysis.analysis",
+    "experiments.figures": "psychophysics.analysis.figures",
+    "experiments.fronts": "psychophysics.interfaces.front",
+    "experiments.journal": "psychophysics.session.journal",
+    "experiments.magnitudes": "psychophysics.analysis.magnitudes",
+    "experiments.page": "psychophysics.interfaces.page",
+    "experiments.participants": "psychophysics.interfaces.simulated_participants",
+    "experiments.presenters": "psychophysics.session.presenters",
+    "experiments.procedures": "psychophysics.procedures.procedures",
+    "experiments.psychometric": "psychophysics.analysis.psychometric",
+    "experiments.psychometric_fit": "psychophysics.analysis.psychometric_fit",
+    "experiments.psychometric_search": "psychophysics.analysis.psychometric_search",
+    "experiments.questplus": "psychophysics.procedures.questplus",
+    "experiments.results": "psychophysics.analysis.results",
+    "experiments.scales": "psychophysics.analysis.scales",
+    "experiments.session": "psychophysics.session.session",
+    "experiments.staircase": "psychophysics.procedures.staircase",
+    "experiments.tables": "psychophysics.session.tables",
+    "experiments.terminal": "psychophysics.interfaces.terminal",
+    "experiments.trials": "psychophysics.session.trials",
+    "export": "runs.export",
+    "findings.search": "studies.literature.hand_search",
+    "forces.laws": "contact.response.point_laws",
+    "forces.settings": "contact.response.settings",
+    "geometry.analytic": "geometry.offsets.analytic",
+    "geometry.atlas": "geometry.mesh.atlas",
+    "geometry.disk_search": "geometry.offsets.disk_search",
+    "geometry.dots": "geometry.offsets.dots",
+    "geometry.mesh_checks": "geometry.mesh.checks",
+    "geometry.mesh_crossings": "geometry.mesh.crossings",
+    "geometry.mesh_files": "geometry.mesh.files",
+    "geometry.mesh_normals": "geometry.mesh.normals",
+    "geometry.mesh_topology": "geometry.mesh.topology",
+    "geometry.mesh_uv": "geometry.mesh.uv",
+    "geometry.offset": "geometry.offsets.surface",
+    "geometry.piece_cache": "geometry.convex.cache",
+    "geometry.pieces": "geometry.convex.pieces",
+    "geometry.piecewise": "geometry.offsets.piecewise",
+    "geometry.placing": "geometry.mesh.texture_coordinates",
+    "geometry.polygons": "geometry.facets.polygons",
+    "geometry.sampled": "geometry.offsets.sampled",
+    "geometry.sphere_search": "geometry.offsets.sphere_search",
+    "geometry.tessellate": "geometry.facets.tessellate",
+    "headless": "runs.run_scene",
+    "kernel_clock": "_core.clock",
+    "methods.by_engine": "studies.baselines.asperity_laws",
+    "methods.method": "studies.baselines.protocol",
+    "methods.placed": "studies.baselines.placement",
+    "methods.surfaces": "studies.baselines.displaced_surfaces",
+    "output": "_core.output",
+    "page.atlas": "viewer.drawables.atlas",
+    "page.choice": "viewer.session_config",
+    "page.colours": "viewer.drawables.colours",
+    "page.contacts": "viewer.replayed_contacts",
+    "page.controls": "viewer.panels.controls",
+    "page.frames": "viewer.view_model",
+    "page.glb": "viewer.drawables.glb",
+    "page.instruments": "viewer.panels.instruments",
+    "page.kept": "viewer.row_buffer",
+    "page.link": "viewer.servo_client",
+    "page.live": "viewer.app",
+    "page.mouse": "viewer.panels.mouse",
+    "page.origin": "viewer.server.origin",
+    "page.panel": "viewer.panels.panel",
+    "page.panels": "viewer.panels.all_panels",
+    "page.plots_panel": "viewer.panels.plots",
+    "page.proxy": "viewer.server.proxy",
+    "page.record_panel": "viewer.panels.record",
+    "page.roughness_panel": "viewer.panels.roughness",
+    "page.say": "viewer.notify",
+    "page.server": "viewer.server.server",
+    "page.shapes": "viewer.drawables.shapes",
+    "page.sound_panel": "viewer.panels.sound",
+    "page.stage": "viewer.panels.scene_view",
+    "page.status": "viewer.panels.status",
+    "page.textures": "viewer.panels.textures",
+    "page.time_panel": "viewer.panels.time",
+    "page.transfers": "viewer.server.transfers",
+    "page.uploads": "viewer.server.uploads",
+    "perception.fit": "studies.otaduy_lin_2004.peak_fit",
+    "perception.metrics": "runs.vibration_metrics",
+    "perception.sweep": "studies.otaduy_lin_2004.drags",
+    "picture.mesh_relief": "drawing.renderer.mesh_displacement",
+    "picture.mesh_sheets": "drawing.renderer.mesh_patches",
+    "picture.sheets": "drawing.renderer.geom_grids",
+    "plots": "drawing.figure_style",
+    "plots_run": "runs.figures",
+    "plots_stability": "studies.stability.figures",
+    "plots_traces": "runs.trace_figures",
+    "poses": "spatial.poses",
+    "press": "simulation.press",
+    "real_surfaces": "studies.otaduy_lin_2004.real_surfaces",
+    "recording": "runs.recording",
+    "recording_dataset": "runs.dataset",
+    "report": "cli.report",
+    "report_style": "drawing.page_style",
+    "scene_file": "scene.document",
+    "scene_from_files": "scene.from_files",
+    "scene_mesh": "scene.mesh",
+    "scene_mjcf": "scene.mjcf",
+    "scene_place": "scene.placement",
+    "scene_texture": "scene.texture",
+    "servo.in_hand": "realtime.servo.device_makers",
+    "servo.on_request": "realtime.servo.recording_on_request",
+    "servo.pace": "realtime.servo.deadlines",
+    "servo.parent": "realtime.servo.parent_watch",
+    "servo.realtime": "realtime.servo.scheduling",
+    "servo.rows": "realtime.servo.tick_row",
+    "shared_file": "realtime.shared_file",
+    "sound": "runs.sound",
+    "stability": "studies.stability.measure",
+    "stack": "_core.stack",
+    "texture.arrays": "texture.files.arrays",
+    "texture.checks": "texture.files.checks",
+    "texture.fillets": "texture.patterns.fillets",
+    "texture.images": "texture.files.images",
+    "texture.machined": "texture.patterns.machined",
+    "texture.normal_maps": "texture.files.normal_maps",
+    "texture.procedural": "texture.patterns.random_surfaces",
+    "texture.reading": "texture.files.reading",
+    "tool_motion": "runs.tool_motion",
+    "trajectory": "scene.trajectory",
+    "trajectory_file": "scene.trajectory_file",
+}
+"""Old and new names of modules, without `asperity.`."""
+NAMES = {
+    "plots.level_labels": "studies.otaduy_lin_2004.figures",
+    "plots.models_figure": "studies.otaduy_lin_2004.figures",
+    "plots.rub_figure": "studies.otaduy_lin_2004.figures",
+    "plots.study_figure": "studies.otaduy_lin_2004.figures",
+}
+"""What went elsewhere than the rest of its module."""
+
+
+def new_name(name: str) -> str | None:
+    """Return the present name of a module that had the name `name`; None if there was none."""
+    old = name.removeprefix("asperity.")
+    package, _, rest = old.partition(".")
+    if old in MODULES:
+        return f"asperity.{MODULES[old]}"
+    if package in PACKAGES:
+        return f"asperity.{PACKAGES[package]}" + (f".{rest}" if rest else "")
+    return None
+
+
+def forwarded(old: str, new: str) -> Callable[[str], Any]:
+    """Return a `__getattr__` for the module `old` that takes names from the module `new`."""
+
+    def get(name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(f"module {old!r} has no attribute {name!r}")
+        key = f"{old.removeprefix('asperity.')}.{name}"
+        module = f"asperity.{NAMES[key]}" if key in NAMES else new
+        value = getattr(importlib.import_module(module), name)
+        warnings.warn(
+            f"{old}.{name} has moved: use {module}.{name}", DeprecationWarning, stacklevel=2
+        )
+        return value
+
+    return get
+
+
+class _Finder:
+    """Finds modules under their old names."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """Return a spec for an old name; None for all others."""
+        new = new_name(name) if name.startswith("asperity.") else None
+        if new is None or importlib.util.find_spec(new) is None:
+            return None
+        return importlib.machinery.ModuleSpec(name, self, is_package=True)  # type: ignore[arg-type]
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> None:
+        """Leave making the module to Python."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Have the module hand on what the new one has."""
+        new = new_name(module.__name__)
+        assert new is not None
+        module.__doc__ = f"Moved to `{new}`."
+        module.__dict__["__getattr__"] = forwarded(module.__name__, new)
+
+
+def install() -> None:
+    """Let modules be imported under their old names."""
+    if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.append(_Finder())

@@ -1,0 +1,157 @@
+"""Penetration depth of two bodies, asked for one pose at a time."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.contact.body_arrays import flattened
+from asperity.contact.broad_phase.facet_bvh import facet_table
+from asperity.contact.narrow_phase.geom_depth import depth_along
+from asperity.contact.narrow_phase.mesh_depth import facets_along
+from asperity.contact.narrow_phase.mesh_workspace import MAX_CHART_PAIRS, MAX_CHARTS, facet_space
+from asperity.contact.narrow_phase.penetration import (
+    COUNT_NODES,
+    COUNT_TIES,
+    DEPTH,
+    GAP,
+    M_X,
+    MOMENT,
+    POINT_X,
+    RESULT_SIZE,
+    STATUS,
+    workspace,
+)
+from asperity.errors import AsperityError, require_between, require_finite, require_positive
+from asperity.geometry.bodies import Body, unit_quaternion
+from asperity.spatial.poses import rotation_of
+
+
+class Depth(NamedTuple):
+    """The directional penetration depth of a tool A in a body B.
+
+    Attributes
+    ----------
+    depth : float
+        delta [m], above 0 where they overlap; -inf where nothing of A lies over B along n.
+    gradient : (6,) array
+        Of the depth, by A's translation [-] and by its rotation about the origin of its frame
+        [m], world axes, n fixed in B's frame.
+    point : (3,) array
+        The deepest place, on A's textured surface [m]; world axes.
+    slope_normal : (3,) array
+        m = n - s_u u - s_v v, the normal of the textured surfaces there.
+    gap : float
+        The true depth is at most this much larger [m].
+    certified : bool
+        Whether the gap is within the tolerance.
+    nodes, ties : int
+        Boxes looked at; places that are equally deep.
+    """
+
+    depth: float
+    gradient: NDArray[np.float64]
+    point: NDArray[np.float64]
+    slope_normal: NDArray[np.float64]
+    gap: float
+    certified: bool
+    nodes: int
+    ties: int
+
+
+class BodyPair:
+    """A tool A and a body B, ready to be asked for their penetration depth.
+
+    Parameters
+    ----------
+    body_a, body_b : Body
+    tolerance : float
+        The gap that is asked for [m], above 0.
+    max_nodes : int
+        Most boxes that one search looks at.
+
+    Examples
+    --------
+    >>> pair = BodyPair(tip, plate)
+    >>> pair.depth(pose_of_tip, pose_of_plate, normal=(0, 0, 1)).gradient
+    """
+
+    def __init__(
+        self, body_a: Body, body_b: Body, *, tolerance: float = 1e-9, max_nodes: int = 50000
+    ) -> None:
+        self.tolerance = require_positive("tolerance", tolerance, "[m]")
+        self.max_nodes = int(require_between("max_nodes", max_nodes, 100, 1e9))
+        bodies = (body_a, body_b)
+        self._textures, self._geometry = flattened(bodies)
+        self._geoms = [np.flatnonzero(self._geometry.body == i).astype(np.int64) for i in (0, 1)]
+        self._table = None
+        if any(body.mesh is not None for body in bodies):
+            self._table = facet_table(bodies, self._textures, self._geometry)
+            self._room = facet_space(self._table, len(self._geometry.kind))
+            self._space = workspace(MAX_CHARTS, MAX_CHART_PAIRS)
+        else:
+            most = max(len(body.geoms) for body in bodies)
+            self._space = workspace(3 * most, 9 * most * most)
+
+    def depth(
+        self,
+        pose_a: ArrayLike,
+        pose_b: ArrayLike,
+        normal: ArrayLike,
+        *,
+        smooth_overlap: float = 1.0,
+    ) -> Depth:
+        """Return the depth of A in B along `normal`.
+
+        Parameters
+        ----------
+        pose_a, pose_b : (7,)
+            Position [m] and unit quaternion wxyz of each body's frame.
+        normal : (3,)
+            n, the unit normal of B's smooth surface towards A; world axes.
+        smooth_overlap : float
+            Where one of the two is a mesh: facets count that are nearer to each other, along the
+            normal of B's, than this [m]. So the far side of a body can be left out.
+        """
+        a, b = (np.array(require_finite("pose", pose, 7)) for pose in (pose_a, pose_b))
+        n = np.array(require_finite("normal", normal, 3))
+        if not abs(np.linalg.norm(n) - 1.0) < 1e-6:
+            raise AsperityError(f"normal must have length 1, got {normal!r}")
+        out = np.zeros(RESULT_SIZE)
+        at_a, at_b, n = _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n)
+        if self._table is not None:
+            fits = facets_along(
+                self._textures, self._table, self._geometry, at_a, at_b, n,
+                require_positive("smooth_overlap", smooth_overlap, "[m]"), self.tolerance,
+                self.max_nodes, self._space, self._room, out,
+            )  # fmt: skip
+            if not fits:
+                raise AsperityError(
+                    f"more than {MAX_CHART_PAIRS} pairs of facets face each other within "
+                    f"smooth_overlap = {smooth_overlap:g} m; give less, or a coarser mesh"
+                )
+        else:
+            depth_along(
+                self._textures, self._geometry, self._geoms[0], self._geoms[0].size,
+                self._geoms[1], self._geoms[1].size, at_a, at_b, n, np.full(3, np.nan),
+                self.tolerance, self.max_nodes, self._space, out,
+            )  # fmt: skip
+        m = out[M_X : M_X + 3].copy()
+        return Depth(
+            depth=float(out[DEPTH]),
+            gradient=np.concatenate([-m, -out[MOMENT : MOMENT + 3]]),
+            point=out[POINT_X : POINT_X + 3] + a[:3],
+            slope_normal=m,
+            gap=float(out[GAP]),
+            certified=bool(out[STATUS] == 0.0),
+            nodes=int(out[COUNT_NODES]),
+            ties=int(out[COUNT_TIES]),
+        )
+
+
+def _placed(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rotation and place (3, 4) of a pose as seen from `origin`."""
+    turn = rotation_of(unit_quaternion(tuple(pose[3:])))
+    return np.ascontiguousarray(np.hstack([turn, (pose[:3] - origin)[:, None]]))

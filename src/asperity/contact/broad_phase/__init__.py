@@ -1,0 +1,1 @@
+"""Which geoms and facets may touch."""

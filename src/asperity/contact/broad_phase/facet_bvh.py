@@ -1,0 +1,280 @@
+"""The facets of all bodies of a scene in flat arrays, with a tree of boxes over each body's.
+
+Facets serve two ends. They are what touches: the *footprint* of a contact, its area, middle and
+normal, is summed over pairs of facets that face each other. And those of meshes, boxes and planes
+are also the charts on which depths are searched. Round geoms have exact charts of their own
+(`chart`); their facets only approximate them for the footprint, and name their geom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.kernels import kernel
+from asperity.contact.body_arrays import Geometry
+from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
+from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
+from asperity.geometry.facets.tessellate import geom_triangles, is_round
+from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.spatial.poses import rotation_of
+from asperity.texture.highest import texture_top
+from asperity.texture.packed import Textures
+
+_LEAF = 2
+BINS = 6
+"""Directions by which facets of a scene's body are told apart: along its axes, both ways."""
+_SHARPNESS = 8
+_LEAST_SHARE = 0.02
+_EVERYWHERE = 1e9
+
+Array = NDArray[np.float64]
+
+
+class FacetTable(NamedTuple):
+    """All facets, as kernels want them; rows are facets but where said otherwise."""
+
+    points: Array
+    """Corners in the body's frame [m], (n, 8, 3)."""
+    sides: NDArray[np.int64]
+    origin: Array
+    axes: Array
+    corners: Array
+    half: Array
+    rows: Array
+    """Borders `k0 + k1 x + k2 y <= 0` and whether they are edges, (n, 8, 4)."""
+    count_rows: NDArray[np.int64]
+    """0 for a rectangle, whose borders are those of its chart."""
+    w: Array
+    """(n, 9)"""
+    unit: Array
+    """1 where w is constant."""
+    bends: Array
+    least: Array
+    """Least length of w before it is made a unit vector."""
+    place: Array
+    """Place on the texture, or base point in the texture's frame, at a = 0, by x, by y; (n, 9)."""
+    spread: Array
+    """Singular values of the map from a to the texture, (n, 2)."""
+    body: NDArray[np.int64]
+    """Which body each facet belongs to."""
+    mapping: Array
+    """Of each body, as a chart has it."""
+    top: Array
+    """Highest point of the texture on the facet [m]."""
+    shares: Array
+    """How much the facet counts for each of the six directions, summing to 1; (n, 6)."""
+    geom: NDArray[np.int64]
+    """The round geom that a facet approximates, -1 if it is itself a chart."""
+    slack: Array
+    """Of each body: how far its facets may lie within its smooth surface [m]."""
+    middle: Array
+    """Middles of the boxes of the trees in the body's frame [m], (nodes, 3)."""
+    reach: Array
+    """Their half sides [m], (nodes, 3)."""
+    child: NDArray[np.int64]
+    """First of the two children, which follow one another; of a leaf -1. (nodes,)"""
+    first: NDArray[np.int64]
+    """First facet of a node, (nodes,)."""
+    last: NDArray[np.int64]
+    root: NDArray[np.int64]
+    """Of each body."""
+
+
+def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) -> FacetTable:
+    """Return the facets of `bodies`, in the order of their trees."""
+    sets, geoms, trees, roots, slacks = [], [], [], [], []
+    first_facet = first_node = first_geom = 0
+    for number, body in enumerate(bodies):
+        facets, owners, slack = _body_facets(body, geometry, number, first_geom)
+        order, tree = _tree(facets.points, facets.sides)
+        sets.append(taken(facets, order))
+        geoms.append(owners[order])
+        tree[2][tree[2] >= 0] += first_node
+        trees.append((tree[0], tree[1], tree[2], tree[3] + first_facet, tree[4] + first_facet))
+        roots.append(first_node)
+        slacks.append(slack)
+        first_facet += len(facets)
+        first_node += len(tree[0])
+        first_geom += len(body.geoms)
+    facets = joined(sets)
+    owner = np.repeat(np.arange(len(bodies)), [len(s) for s in sets])
+    place, spread, mapping = _on_texture(facets, owner, bodies, geometry)
+    rows, count_rows = _rows(facets)
+    low, high, child, first, last = (np.concatenate(part) for part in zip(*trees, strict=True))
+    return FacetTable(
+        points=facets.points, sides=facets.sides, origin=facets.origin, axes=facets.axes,
+        corners=facets.corners, half=facets.half, rows=rows, count_rows=count_rows,
+        w=facets.w.reshape(-1, 9).copy(),
+        unit=np.all(facets.w[:, 1:] == 0.0, axis=(1, 2)).astype(np.float64),
+        bends=facets.bends,
+        least=facets.least, place=place, spread=spread, body=owner, mapping=mapping,
+        top=_tops(facets, owner, textures, geometry, place, mapping),
+        shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
+        slack=np.array(slacks), middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
+        first=first, last=last, root=np.array(roots, dtype=np.int64),
+    )  # fmt: skip
+
+
+def _body_facets(
+    body: Body, geometry: Geometry, number: int, first_geom: int
+) -> tuple[Facets, NDArray[np.int64], float]:
+    """Return a body's facets in its frame, the round geom of each or -1, and their slack."""
+    if body.mesh is not None:
+        mesh = body.mesh
+        facets = mesh_facets(mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body))
+        return facets, np.full(len(facets), -1), 0.0
+    parts, owners, slack = [], [], 0.0
+    for i, geom in enumerate(body.geoms):
+        vertices, faces, normals, off = geom_triangles(geom)
+        turn = rotation_of(geom.quaternion)
+        vertices = vertices @ turn.T + np.asarray(geom.position)
+        normals = normals @ turn.T
+        facets = mesh_facets(vertices, faces, normals, None)
+        if not is_round(geom):
+            facets = taken(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
+        parts.append(facets)
+        owners.append(np.full(len(facets), first_geom + i if is_round(geom) else -1))
+        slack = max(slack, off)
+    return joined(parts), np.concatenate(owners).astype(np.int64), slack
+
+
+def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:
+    """Return which flat facets lie wholly against or within one other box of the body."""
+    hidden = np.zeros(len(facets), dtype=bool)
+    for geom in geoms:
+        if geom is own or geom.kind != "box":
+            continue
+        out = facets.points + 1e-6 * facets.axes[:, None, 2]
+        local = (out - np.asarray(geom.position)) @ rotation_of(geom.quaternion)
+        hidden |= np.all(np.abs(local) < np.asarray(geom.size) + 1e-9, axis=(1, 2))
+    return hidden
+
+
+def _on_texture(
+    facets: Facets, owner: NDArray, bodies: Sequence[Body], geometry: Geometry
+) -> tuple[Array, Array, Array]:
+    """Return where facets lie on their textures, how that map stretches, and its kind."""
+    place = np.zeros((len(facets), 3, 3))
+    spread = np.zeros((len(facets), 2))
+    kinds = np.full(len(bodies), PLANAR)
+    for number, body in enumerate(bodies):
+        mine = owner == number
+        if geometry.texture[number] < 0:
+            continue
+        if body.mapping == "triplanar":
+            kinds[number] = TRIPLANAR
+            place[mine, 0] = facets.origin[mine]
+            place[mine, 1:] = facets.axes[mine, :2]
+            spread[mine, 1] = 1.0
+        elif body.mesh is None:
+            place[mine, 0] = facets.origin[mine] - geometry.origin[number]
+            place[mine, 1:] = facets.axes[mine, :2]
+        else:
+            place[mine, :, :2] = np.swapaxes(facets.uv[mine], 1, 2)
+        if kinds[number] == PLANAR:
+            spread[mine] = np.linalg.svd(place[mine, 1:, :2], compute_uv=False)[:, ::-1]
+    return place.reshape(-1, 9).copy(), spread, kinds
+
+
+def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
+    """Return the sides of facets as borders; none for rectangles along their axes."""
+    corners = facets.corners
+    rows = np.zeros((len(facets), MOST_SIDES, 4))
+    count = facets.sides.copy()
+    for k in range(MOST_SIDES):
+        there = k < facets.sides
+        after = np.where(
+            (k + 1 < facets.sides)[:, None], corners[:, (k + 1) % MOST_SIDES], corners[:, 0]
+        )
+        side = after - corners[:, k]
+        size = np.maximum(np.hypot(side[:, 0], side[:, 1]), 1e-300)
+        out = np.stack([side[:, 1], -side[:, 0]], axis=1) / size[:, None]
+        rows[:, k, 0] = np.where(there, -np.sum(out * corners[:, k], axis=1), 0.0)
+        rows[:, k, 1:3] = np.where(there[:, None], out, 0.0)
+        rows[:, k, 3] = facets.hard[:, k]
+    on_sides = (
+        np.abs(np.abs(corners) - facets.half[:, None]).max(axis=2)
+        <= 1e-12 + 1e-9 * facets.half.max(axis=1)[:, None]
+    )
+    box = (
+        (facets.sides == 4) & on_sides[:, :4].all(axis=1) & (facets.hard[:, :4] == 1.0).all(axis=1)
+    )
+    count[box] = 0
+    return rows, count
+
+
+def _shares(normals: Array) -> Array:
+    """Return how much facets count for each direction, shared smoothly where two are near."""
+    along = np.stack([normals, -normals], axis=2).reshape(-1, BINS)
+    raw = np.maximum(along, 0.0) ** _SHARPNESS
+    raw /= raw.sum(axis=1)[:, None]
+    raw = np.maximum(raw - _LEAST_SHARE, 0.0)
+    return raw / raw.sum(axis=1)[:, None]
+
+
+def _tops(
+    facets: Facets, owner: NDArray, textures: Textures, geometry: Geometry, place: Array,
+    mapping: Array,
+) -> Array:  # fmt: skip
+    """Return the highest point of the texture on each facet."""
+    which = geometry.texture[owner]
+    at = place.reshape(-1, 3, 3)
+    corners = facets.corners
+    uv = at[:, None, 0, :2] + corners @ at[:, 1:, :2]
+    box = np.stack([uv.min(axis=1), uv.max(axis=1)], axis=1)
+    box[mapping[owner] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
+    out = np.zeros(len(facets))
+    if len(textures.table):
+        _highest(textures, which, box, out)
+    return out
+
+
+@kernel
+def _highest(textures, which, box, out):
+    for i in range(which.size):
+        if which[i] >= 0:
+            out[i] = texture_top(
+                textures, which[i], box[i, 0, 0], box[i, 1, 0], box[i, 0, 1], box[i, 1, 1]
+            )
+
+
+def _tree(
+    points: Array, sides: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], tuple[Array, Array, NDArray, NDArray, NDArray]]:
+    """Return an order of facets and a tree of boxes over them: low, high, child, first, last."""
+    low, high = points.min(axis=1), points.max(axis=1)
+    middle = 0.5 * (low + high)
+    order = np.arange(len(points))
+    lows, highs, child, first, last = [], [], [], [], []
+
+    def add(start: int, end: int) -> int:
+        mine = order[start:end]
+        lows.append(low[mine].min(axis=0))
+        highs.append(high[mine].max(axis=0))
+        child.append(-1)
+        first.append(start)
+        last.append(end)
+        return len(lows) - 1
+
+    waiting = [add(0, len(points))]
+    while waiting:
+        node = waiting.pop()
+        start, end = first[node], last[node]
+        if end - start <= _LEAF:
+            continue
+        mine = order[start:end]
+        axis = int(np.argmax(np.ptp(middle[mine], axis=0)))
+        order[start:end] = mine[np.argsort(middle[mine, axis], kind="stable")]
+        half = (start + end) // 2
+        child[node] = add(start, half)
+        add(half, end)
+        waiting += [child[node], child[node] + 1]
+    return order, (
+        np.array(lows), np.array(highs), np.array(child, dtype=np.int64),
+        np.array(first, dtype=np.int64), np.array(last, dtype=np.int64),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Contact regions, their normals, and what is remembered of them."""

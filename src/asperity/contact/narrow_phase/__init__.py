@@ -1,0 +1,1 @@
+"""The deepest overlap of two displaced surfaces, by branch and bound."""

@@ -1,0 +1,1 @@
+"""Upper bounds of texture, overlap and curvature over a box of parameters."""

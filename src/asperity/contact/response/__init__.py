@@ -1,0 +1,1 @@
+"""From depths to forces: shares of stiffness, friction, baseline laws."""

@@ -1,0 +1,225 @@
+"""A picture of the tool on the scene at one moment: close to the contact, and as a whole.
+
+The tool is drawn where it touches: raised by its depth. Penetration stands for force here, not
+for a place where a stiff tool could be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.parts import Part, scene_parts
+from asperity.drawing.renderer.render import Lamp, camera_at, halved, hollows, look, shade
+from asperity.drawing.renderer.view import Camera, Sheet, View
+from asperity.geometry.bodies import Body
+from asperity.scene.scene import Scene
+from asperity.spatial.poses import rotation_of
+
+Array = NDArray[np.float64]
+_ONE_PLACE = 1e-6
+"""Contacts nearer than about this are drawn as one [m]."""
+_SHADOW = 900
+"""Of the light's view [pixels]."""
+_SHADOW_COARSER = 3
+"""By how much surfaces are coarser that only throw shadows."""
+_CLOSE = (float(np.radians(-24.0)), float(np.radians(27.0)))
+"""Azimuth and elevation of the close picture [rad]."""
+_AZIMUTHS = tuple(float(np.radians(angle)) for angle in (-35.0, -50.0, -62.0))
+_ELEVATION = float(np.radians(22.0))
+"""Of the whole picture [rad]."""
+_CLEAREST = 0.3
+"""Opacity of the tool in the close picture where it faces the eye."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The tool's pose (7,) and its contacts: `point`, `normal`, `force` (m, 3), `depth` (m,)."""
+
+    time: float
+    pose: Array
+    point: Array
+    normal: Array
+    force: Array
+    depth: Array
+
+    @classmethod
+    def of(cls, time: float, pose: Array, contacts: Any) -> Moment:
+        """Return a copy of what the engine's `contacts` hold now; those at one place are one."""
+        n = int(contacts.count[0])
+        _, first, one = np.unique(
+            np.round(contacts.point[:n] / _ONE_PLACE), axis=0, return_index=True,
+            return_inverse=True,
+        )  # fmt: skip
+        force = np.zeros((len(first), 3))
+        np.add.at(force, one.reshape(-1), contacts.force[:n])
+        return cls(
+            time,
+            pose.copy(),
+            contacts.point[:n][first].copy(),
+            contacts.normal[:n][first].copy(),
+            force,
+            contacts.depth[:n][first].copy(),
+        )
+
+    @property
+    def pushed(self) -> Array:
+        """Force-weighted mean of the normals times the largest depth: how the tool is raised."""
+        if not len(self.depth):
+            return np.zeros(3)
+        normal = (self.normal * np.maximum(self.depth, 1e-12)[:, None]).sum(axis=0)
+        return np.asarray(normal / np.linalg.norm(normal) * self.depth.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image (rows, columns, 4) and the camera that took it, in pixels of that image."""
+
+    image: Array
+    camera: Camera
+
+
+def contact_width(scene: Scene, moment: Moment) -> float:
+    """Return how wide a close picture should be [m]: some of the tool, and all contacts."""
+    tool = _tool(scene)
+    if tool.mesh is None:
+        width = float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
+    else:
+        width = float(np.clip(0.3 * np.ptp(tool.mesh.vertices, axis=0).max(), 2e-3, 3.5e-2))
+    if len(moment.point) > 1:
+        width = max(width, 1.7 * float(np.linalg.norm(np.ptp(moment.point, axis=0))))
+    return min(width, 0.2)
+
+
+def _tool(scene: Scene) -> Body:
+    return next(body for body in scene.bodies if body.name == scene.tool)
+
+
+def close_picture(scene: Scene, moment: Moment, *, columns: int = 760, rows: int = 620) -> Picture:
+    """Return the surroundings of the contact; the tool is drawn like tinted glass."""
+    width = contact_width(scene, moment)
+    vertical, along = _frame(moment, moment.force.sum(axis=0))
+    camera = camera_at(
+        _middle(moment) + 0.17 * width * vertical, vertical, along, width=width,
+        azimuth=_CLOSE[0], elevation=_CLOSE[1], columns=2 * columns, rows=2 * rows,
+    )  # fmt: skip
+    return _picture(scene, moment, camera, vertical, _CLOSE[1], glass=True)
+
+
+def whole_picture(scene: Scene, moment: Moment, *, columns: int = 380, rows: int = 620) -> Picture:
+    """Return the whole tool on the scene, from the side from which it fits the picture best."""
+    vertical, along = _frame(moment, np.array([1.0, 0.0, 0.0]))
+    corners = _corners(_tool(scene), moment)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    widths = []
+    for azimuth in _AZIMUTHS:
+        eye = camera_at(
+            middle, vertical, along, azimuth=azimuth, elevation=_ELEVATION, width=1.0,
+            columns=1, rows=1,
+        )  # fmt: skip
+        spans = [float(np.ptp(corners @ axis)) for axis in (eye.right, eye.up)]
+        widths.append(1.3 * max(spans[0], spans[1] * columns / rows, 0.3 * spans[1]))
+    best = int(np.argmin(np.array(widths) * [1.0, *[1.1] * (len(widths) - 1)]))
+    camera = camera_at(
+        middle, vertical, along, azimuth=_AZIMUTHS[best], elevation=_ELEVATION,
+        width=widths[best], columns=2 * columns, rows=2 * rows,
+    )  # fmt: skip
+    return _picture(scene, moment, camera, vertical, _ELEVATION, glass=False)
+
+
+def _picture(
+    scene: Scene, moment: Moment, camera: Camera, vertical: Array, elevation: float, *, glass: bool
+) -> Picture:
+    """Draw the scene at twice the size, and halve it."""
+    # Level ground has to fill the image.
+    tall = camera.rows * camera.pixel / np.sin(elevation)
+    radius = 0.5 * float(np.hypot(camera.width, tall))
+    view = View(camera.centre, radius, int(radius / camera.pixel), camera)
+    raised = moment.pose.copy()
+    raised[:3] += moment.pushed
+    parts = scene_parts(scene, raised)
+    ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
+    colours = [part.colour for part in parts]
+    below, above = look(ground, camera), look(tool, camera)
+    rough = view._replace(samples=view.samples // _SHADOW_COARSER)
+    lamps = _lamps(parts, rough, camera, vertical)
+    hollow = hollows(below, camera)
+    image = shade(below, camera, lamps[0], colours, hollow)
+    over = shade(above, camera, lamps[0], colours)
+    opacity = np.where(above.depth < below.depth, 1.0, 0.0)
+    if glass:
+        # Its shadow is light; it is clear where it faces the eye, opaque at its outline.
+        image = 0.35 * image + 0.65 * shade(below, camera, lamps[1], colours, hollow)
+        facing = np.clip(above.normal @ camera.towards, 0.0, 1.0)
+        opacity *= _CLEAREST + (1.0 - _CLEAREST) * (1.0 - facing) ** 2
+    colour = np.where(image[..., 3:] > 0.0, image[..., :3], 1.0)
+    colour += opacity[..., None] * (over[..., :3] - colour)
+    image = np.dstack([colour, np.maximum(image[..., 3], opacity > 0.0)])
+    small = replace(camera, columns=camera.columns // 2, rows=camera.rows // 2)
+    return Picture(halved(image), small)
+
+
+def _sheets(parts: list[Part], view: View, *, is_tool: bool) -> list[tuple[int, Sheet]]:
+    """Return the sheets of the tool or of all else, with the numbers of their parts."""
+    sheets = []
+    for number, part in enumerate(parts):
+        if part.is_tool != is_tool:
+            continue
+        wide = view
+        if is_tool and part.body.mesh is None:
+            # Also what is nearer to the eye than the ground in view: else one sees into it.
+            wide = view._replace(radius=2.0 * view.radius, samples=2 * view.samples)
+        sheets += [(number, sheet) for sheet in part.sheets(wide)]
+    return sheets
+
+
+def _lamps(parts: list[Part], view: View, camera: Camera, vertical: Array) -> tuple[Lamp, Lamp]:
+    """Return light in which all throws shadows, and light in which the tool does not."""
+    view = view._replace(samples=max(view.samples, 60))
+    ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
+    return (
+        Lamp.over(ground + tool, camera, vertical, _SHADOW),
+        Lamp.over(ground, camera, vertical, _SHADOW),
+    )
+
+
+def _frame(moment: Moment, along: Array) -> tuple[Array, Array]:
+    """Return the vertical of the picture, and what runs to the right in it, like `along`."""
+    pushed = moment.pushed
+    size = float(np.linalg.norm(pushed))
+    vertical = pushed / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+    for wanted in (along, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
+        level = wanted - (wanted @ vertical) * vertical
+        length = float(np.linalg.norm(level))
+        if length > 1e-3 * float(np.linalg.norm(wanted)) > 0.0:
+            break
+    return vertical, level / length
+
+
+def _middle(moment: Moment) -> Array:
+    """Return the middle of the contacts, on the surface."""
+    if not len(moment.depth):
+        return moment.pose[:3]
+    return np.asarray(moment.point.mean(axis=0) + moment.pushed)
+
+
+def _corners(body: Body, moment: Moment) -> Array:
+    """Return the corners (n, 3) of a body's mesh or of boxes round its geoms, where it is drawn."""
+    rotation = rotation_of(moment.pose[3:])
+    if body.mesh is not None:
+        return body.mesh.vertices @ rotation.T + moment.pose[:3] + moment.pushed
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = []
+    for geom in body.geoms:
+        half = np.asarray(geom.size)
+        if geom.kind == "sphere":
+            half = np.full(3, geom.size[0])
+        elif geom.kind in ("capsule", "cylinder"):
+            tip = geom.size[0] if geom.kind == "capsule" else 0.0
+            half = np.array([geom.size[0], geom.size[0], geom.size[1] + tip])
+        in_body = (signs * half) @ rotation_of(geom.quaternion).T + np.asarray(geom.position)
+        corners.append(in_body @ rotation.T)
+    return np.concatenate(corners) + moment.pose[:3] + moment.pushed

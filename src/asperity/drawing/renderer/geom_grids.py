@@ -1,0 +1,196 @@
+"""Displaced simple geoms as sheets: grids of points with normals, fine near what is looked at.
+
+A sheet follows `p = base + t w`: base point, height of the texture there, unit normal of the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.mesh_patches import mesh_sheets
+from asperity.drawing.renderer.raster import displace
+from asperity.drawing.renderer.view import Sheet, View, coarsened
+from asperity.geometry.bodies import Body, Geom
+from asperity.spatial.poses import rotation_of
+from asperity.texture.height_field import HeightField
+
+Array = NDArray[np.float64]
+
+
+class Chart(NamedTuple):
+    """A face of a geom as a grid of points."""
+
+    geom: Geom
+    base: Array
+    """Points of the smooth face in the body's frame [m], (a, b, 3)."""
+    normals: Array
+    """Of the smooth face, unit, (a, b, 3)."""
+    heights: Array
+    """Of the texture [m], (a, b)."""
+
+
+def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
+    """Yield the displaced surface of a body, as far as it lies in the view.
+
+    Parameters
+    ----------
+    body : Body
+    pose : (7,) array
+        Of the body's frame.
+    view : View
+    """
+    if body.mesh is not None:
+        yield from mesh_sheets(body, pose, view)
+        return
+    rotation = rotation_of(pose[3:])
+    for chart in body_charts(body, pose, view):
+        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
+        displace(chart.base, chart.normals, chart.heights, rotation, pose[:3], points, normals)
+        yield Sheet(points, normals, height=None if body.texture is None else chart.heights)
+
+
+def body_charts(body: Body, pose: Array, view: View) -> Iterator[Chart]:
+    """Yield the faces of a body of simple geoms as grids in its frame, as far as in the view."""
+    rotation = rotation_of(pose[3:])
+    field = None if body.texture is None else coarsened(body.texture, view.spacing)
+    if field is None:
+        view = view._replace(samples=max(view.samples // 3, 60))
+    for geom in body.geoms:
+        turn = rotation_of(geom.quaternion)
+        place = np.asarray(geom.position)
+        middle = view.centre
+        if geom.kind == "plane":
+            middle = _ahead(view, pose[:3] + rotation @ place, rotation @ turn[:, 2])
+        centre = turn.T @ (rotation.T @ (middle - pose[:3]) - place)
+        for base, w in _charts(geom, centre, view):
+            if min(base.shape[:2]) < 2:
+                continue
+            in_body = base @ turn.T + place
+            w_body = w @ turn.T
+            yield Chart(geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body))
+
+
+def _ahead(view: View, place: Array, normal: Array) -> Array:
+    """Return what a camera's middle shows of a plane, or what lies under the view's without one."""
+    towards = normal if view.camera is None else view.camera.towards
+    slope = float(towards @ normal)
+    if abs(slope) < 0.05:
+        return view.centre
+    return np.asarray(view.centre - towards * (float((view.centre - place) @ normal) / slope))
+
+
+def _heights(
+    body: Body, field: HeightField | None, geom: Geom, base: Array, in_body: Array, w: Array
+) -> Array:
+    """Return the texture's height [m] at base points given in the geom's and the body's frame."""
+    if field is None or body.texture is None:
+        return np.zeros(base.shape[:2])
+    shift = np.zeros(2) if field.border == "wrap" else 0.5 * np.asarray(body.texture.size)
+
+    def at(u: Array, v: Array) -> Array:
+        return np.asarray(
+            field.heights(u - body.offset[0] + shift[0], v - body.offset[1] + shift[1])
+        )
+
+    x, y, z = np.moveaxis(in_body, -1, 0)
+    if body.mapping == "planar":
+        return at(x, y)
+    if body.mapping == "cylindrical":
+        angle = np.arctan2(base[..., 1], base[..., 0])
+        radius, half = geom.size[0], geom.size[1]
+        side = np.abs(np.hypot(base[..., 0], base[..., 1]) - radius) < 1e-9 * radius
+        side &= np.abs(base[..., 2]) <= half * (1.0 + 1e-9)
+        return np.where(side, at(radius * angle, base[..., 2]), 0.0)
+    weights = np.abs(w) ** 4
+    weights /= weights.sum(axis=-1, keepdims=True)
+    return weights[..., 0] * at(y, z) + weights[..., 1] * at(z, x) + weights[..., 2] * at(x, y)
+
+
+def _charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array, Array]]:
+    """Yield base points and unit normals of a geom, in its frame; `centre` is the view's there."""
+    size, reach = geom.size, view.radius
+    if geom.kind in ("plane", "box"):
+        yield from _flat_charts(geom, centre, view)
+    elif geom.kind == "sphere":
+        yield _ball(np.array([size[0]] * 3), -0.5, 0.5, view)
+    elif geom.kind == "ellipsoid":
+        yield _ball(np.asarray(size), -0.5, 0.5, view)
+    else:
+        radius, half = size[0], size[1]
+        low, high = max(-half, centre[2] - reach), min(half, centre[2] + reach)
+        if high > low:
+            count = _count(high - low, view)
+            angle, z = np.meshgrid(np.linspace(0, 2 * np.pi, _round(radius, view)),
+                                   np.linspace(low, high, count))  # fmt: skip
+            w = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(z)], axis=-1)
+            yield np.concatenate([radius * w[..., :2], z[..., None]], axis=-1), w
+        for sign in (-1.0, 1.0):
+            if abs(sign * half - centre[2]) > reach + radius:
+                continue
+            if geom.kind == "capsule":
+                turns = (-0.5, 0.0) if sign < 0 else (0.0, 0.5)
+                base, w = _ball(np.array([radius] * 3), *turns, view)
+                yield base + np.array([0.0, 0.0, sign * half]), w
+            else:
+                yield _lid(radius, sign * half, sign, view)
+
+
+def _flat_charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array, Array]]:
+    half = [s if s > 0.0 else math.inf for s in geom.size]
+    faces = [(2, 1.0)] if geom.kind == "plane" else [(i, s) for i in range(3) for s in (-1.0, 1.0)]
+    for axis, sign in faces:
+        level = 0.0 if geom.kind == "plane" else sign * half[axis]
+        if abs(centre[axis] - level) > view.radius:
+            continue
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        lines = []
+        for k in (i, j):
+            low, high = (
+                max(-half[k], centre[k] - view.radius),
+                min(half[k], centre[k] + view.radius),
+            )
+            lines.append(np.linspace(low, high, _count(high - low, view)) if high > low else None)
+        if lines[0] is None or lines[1] is None:
+            continue
+        a, b = np.meshgrid(lines[0], lines[1], indexing="ij")
+        base = np.empty((*a.shape, 3))
+        base[..., i], base[..., j], base[..., axis] = a, b, level
+        w = np.zeros_like(base)
+        w[..., axis] = sign
+        yield base, w
+
+
+def _ball(axes: Array, low: float, high: float, view: View) -> tuple[Array, Array]:
+    """Return an ellipsoid from latitude `low` to `high`, in half turns."""
+    around = _round(float(axes.max()), view)
+    latitudes = np.linspace(low * np.pi, high * np.pi, max(int(around * (high - low) / 2), 8))
+    angle, latitude = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, around), latitudes)
+    unit = np.stack(
+        [np.cos(latitude) * np.cos(angle), np.cos(latitude) * np.sin(angle), np.sin(latitude)],
+        axis=-1,
+    )
+    w = unit / axes
+    return unit * axes, w / np.linalg.norm(w, axis=-1, keepdims=True)
+
+
+def _lid(radius: float, z: float, sign: float, view: View) -> tuple[Array, Array]:
+    """Return a cylinder's end."""
+    r, angle = np.meshgrid(
+        np.linspace(0.0, radius, _count(radius, view)),
+        np.linspace(0.0, 2.0 * np.pi, _round(radius, view)),
+    )
+    base = np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(r, z)], axis=-1)
+    return base, np.broadcast_to([0.0, 0.0, sign], base.shape)
+
+
+def _count(length: float, view: View) -> int:
+    return int(np.clip(length / (2.0 * view.radius) * view.samples, 2, 1.5 * view.samples))
+
+
+def _round(radius: float, view: View) -> int:
+    return max(_count(2.0 * np.pi * radius, view), 96)

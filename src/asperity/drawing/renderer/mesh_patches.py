@@ -1,0 +1,178 @@
+"""A body's mesh as patches of triangles, displaced, fine where it is looked at.
+
+A triangle in view is halved along its longest side until it is a few points of a sheet long, and
+then divided evenly. What is out of view, or faces away from the eye, stays coarse: it is drawn
+only for its shadow. Where the texture or the normals are torn, along an edge, the displaced surface
+opens; a strip closes it, or one would see through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.mesh_displacement import MeshRelief
+from asperity.drawing.renderer.view import Sheet, View
+from asperity.geometry.bodies import Body
+from asperity.spatial.poses import rotation_of
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+_DIVISIONS = 16
+"""A triangle is divided into this many along each side, at most."""
+_AT_ONCE = 100_000
+"""Points that are displaced at once."""
+_FACES_AWAY = -0.25
+"""Cosine of the angle between normal and eye below which a triangle is hidden by others."""
+
+
+class _Parts(NamedTuple):
+    """Parts of a mesh's triangles."""
+
+    face: Whole
+    """Which triangle each is a part of, (n,)."""
+    corners: Array
+    """Weights of the triangle's corners at those of the part, (n, 3, 3)."""
+    divisions: Whole
+    """Of each side, (n,)."""
+    fine: NDArray[np.bool_]
+    """Which are in view, (n,)."""
+
+
+def mesh_sheets(
+    body: Body, pose: Array, view: View, faces: NDArray[np.bool_] | None = None,
+    *, closed: bool = True,
+) -> Iterator[Sheet]:  # fmt: skip
+    """Yield the displaced surface of a body with a mesh as sheets of patches.
+
+    Parameters
+    ----------
+    body : Body
+    pose : (7,) array
+        Of the body's frame.
+    view : View
+    faces : (m,) array of bool, optional
+        Which triangles to draw; by default all.
+    closed : bool
+        Whether strips close the edges at which the surface opens.
+    """
+    assert body.mesh is not None
+    rotation = rotation_of(pose[3:])
+    chosen = np.ones(len(body.mesh.faces), bool) if faces is None else faces
+    relief = MeshRelief(body, view.spacing)
+    view = view._replace(
+        centre=(view.centre - pose[:3]) @ rotation,
+        camera=None if view.camera is None else view.camera.turned(rotation, pose[:3]),
+    )
+    sheets = [*_patches(relief, view, np.flatnonzero(chosen))]
+    if closed:
+        sheets += _strips(relief, view, chosen)
+    for sheet in sheets:
+        yield sheet._replace(
+            points=sheet.points @ rotation.T + pose[:3], normals=sheet.normals @ rotation.T
+        )
+
+
+def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
+    """Yield the displaced triangles, in the body's frame."""
+    parts = _parts(relief, view, faces)
+    for divisions in np.unique(parts.divisions):
+        template, corners = _template(int(divisions))
+        chosen = np.flatnonzero(parts.divisions == divisions)
+        for some in np.array_split(chosen, 1 + len(chosen) * len(template) // _AT_ONCE):
+            weights = template @ parts.corners[some]
+            points, normals, height = relief.displaced(parts.face[some], weights)
+            if view.camera is None:
+                # Points far apart say nothing of the slopes between them.
+                coarse = ~parts.fine[some]
+                normals[coarse] = relief.smooth_normals(parts.face[some][coarse], weights[coarse])
+            yield Sheet(points, normals, corners, height, parts.face[some], weights)
+
+
+def _parts(relief: MeshRelief, view: View, face: Whole) -> _Parts:
+    """Return what each of some triangles is divided into."""
+    triangles = relief.triangles
+    hidden = np.zeros(len(triangles), bool)
+    if view.camera is not None:
+        hidden = (relief.normals @ view.camera.towards).max(axis=1) < _FACES_AWAY
+    done = []
+    corners = np.tile(np.eye(3), (len(face), 1, 1))
+    while True:
+        points = corners @ triangles[face]
+        sides = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
+        fine = ~hidden[face] & _in_view(points, view)
+        wanted = np.where(fine, np.ceil(sides.max(axis=1) / view.spacing), 1.0)
+        whole = wanted <= _DIVISIONS
+        divisions = np.maximum(wanted[whole], 1.0).astype(np.int64)
+        done.append(_Parts(face[whole], corners[whole], divisions, fine[whole]))
+        if whole.all():
+            return _Parts(*(np.concatenate(column) for column in zip(*done, strict=True)))
+        face, corners = _halved(face[~whole], corners[~whole], sides[~whole])
+
+
+def _in_view(points: Array, view: View) -> NDArray[np.bool_]:
+    """Return whether triangles (n, 3, 3) may reach into the view."""
+    if view.camera is not None:
+        return view.camera.sees(points)
+    middle = points.mean(axis=1)
+    reach = np.linalg.norm(points - middle[:, None], axis=2).max(axis=1)
+    away = np.linalg.norm(middle - view.centre, axis=1)
+    return np.asarray(away <= view.radius + reach)
+
+
+def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
+    """Return the two halves of triangles that are cut across their longest sides."""
+    turn = (np.argmax(sides, axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(corners, turn[:, :, None], axis=1), 1, 0)
+    middle = 0.5 * (a + b)
+    halves = [np.stack(corner, axis=1) for corner in ((a, middle, c), (middle, b, c))]
+    return np.tile(face, 2), np.concatenate(halves)
+
+
+def _template(divisions: int) -> tuple[Array, Whole]:
+    """Return the points (k, 3) of an evenly divided triangle, by weights, and its triangles."""
+    n = divisions
+    number: dict[tuple[int, int], int] = {}
+    for i in range(n + 1):
+        for j in range(n + 1 - i):
+            number[i, j] = len(number)
+    weights = np.array([((n - i - j) / n, i / n, j / n) for i, j in number])
+    corners = []
+    for i, j in number:
+        if i + j < n:
+            corners.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+        if i + j < n - 1:
+            corners.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
+    return weights, np.array(corners, dtype=np.int64)
+
+
+def _strips(relief: MeshRelief, view: View, faces: NDArray[np.bool_]) -> Iterator[Sheet]:
+    """Yield strips between the two sides of torn edges in view, in the body's frame."""
+    torn = relief.torn
+    torn = torn[faces[torn[:, 0, 0]]]
+    ends = [relief.triangles[torn[:, 0, 0], torn[:, 0, k]] for k in (1, 2)]
+    seen = _in_view(np.stack([*ends, ends[0]], axis=1), view)
+    lengths = np.linalg.norm(ends[1] - ends[0], axis=1)
+    wanted = np.ceil(np.where(seen, lengths / view.spacing, 1.0))
+    # Few sizes, so that there are few sheets.
+    divisions = 2 ** np.ceil(np.log2(np.maximum(wanted, 1.0))).astype(np.int64)
+    for n in np.unique(divisions):
+        some = torn[divisions == n]
+        share = np.linspace(0.0, 1.0, n + 1)
+        weights = [
+            np.eye(3)[some[:, side, 1]][:, None] * (1.0 - share[:, None])
+            + np.eye(3)[some[:, side, 2]][:, None] * share[:, None]
+            for side in (0, 1)
+        ]
+        a, b = (relief.displaced(some[:, side, 0], weights[side]) for side in (0, 1))
+        points, normals = (np.concatenate([a[k], b[k]], axis=1) for k in (0, 1))
+        height = None if a[2] is None or b[2] is None else np.concatenate([a[2], b[2]], axis=1)
+        i = np.arange(n)
+        corners = np.stack([i, i + 1, i + n + 1, i + 1, i + n + 2, i + n + 1], axis=1)
+        yield Sheet(
+            points, normals, corners.reshape(-1, 3), height, some[:, 0, 0],
+            np.tile(weights[0], (1, 2, 1)),  # one side's, or it would lie across the whole texture
+        )  # fmt: skip

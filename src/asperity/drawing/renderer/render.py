@@ -1,0 +1,165 @@
+"""From bodies to a shaded image, seen from afar without perspective: a millimetre is a millimetre.
+
+Light from the upper left with a shadow (the same sheets, drawn once more as the light sees them),
+light from all over that hollows get less of, and a dull gloss.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.raster import draw_patches, draw_sheet, light_pixels, project
+from asperity.drawing.renderer.view import Camera, Sheet
+
+Array = NDArray[np.float64]
+_LIGHT = np.array([-0.62, 0.3, 0.55])
+"""Direction towards the light: to the right, towards the eye, upwards."""
+
+_STEEPEST = 4.0
+"""How steeply a surface may fall away from the eye within one body."""
+_SLACK = 0.3
+"""How far patches are drawn beyond their sides [pixels]."""
+
+
+def camera_at(
+    centre: Array, vertical: Array, along: Array, *, azimuth: float, elevation: float,
+    width: float, columns: int, rows: int,
+) -> Camera:  # fmt: skip
+    """Return a camera that sees `vertical` upright and `along` towards the right.
+
+    Parameters
+    ----------
+    centre, vertical, along : (3,) arrays
+        `along` is perpendicular to `vertical`, both of unit length.
+    azimuth, elevation : float
+        How far the eye is turned round the vertical and raised over the horizon [rad].
+    width, columns, rows
+        As for `Camera`.
+    """
+    aside = np.cross(vertical, along)
+    right = np.cos(azimuth) * along + np.sin(azimuth) * aside
+    level = np.cross(right, vertical)  # horizontal, towards the eye
+    towards = np.cos(elevation) * level + np.sin(elevation) * vertical
+    up = np.cos(elevation) * vertical - np.sin(elevation) * level
+    return Camera(np.asarray(centre), right, up, towards, width, columns, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Buffers:
+    """What a camera sees in each pixel: distance (infinite: nothing), normal, number of a layer."""
+
+    depth: Array
+    normal: Array
+    number: NDArray[np.int64]
+
+
+def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
+    """Return what the camera sees of numbered sheets."""
+    shape = (camera.rows, camera.columns)
+    out = Buffers(np.full(shape, np.inf), np.zeros((*shape, 3)), np.full(shape, -1))
+    for number, sheet in sheets:
+        x, y, z = (np.empty(sheet.points.shape[:2]) for _ in range(3))
+        project(sheet.points, camera.frame, camera.pixel, camera.columns, camera.rows, x, y, z)
+        buffers = (number, out.depth, out.normal, out.number)
+        if sheet.corners is None:
+            draw_sheet(x, y, z, sheet.normals, *buffers)
+        else:
+            draw_patches(x, y, z, sheet.normals, sheet.corners, _SLACK, *buffers)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """Light from one direction, and how far it reaches."""
+
+    camera: Camera
+    reach: Array
+
+    @classmethod
+    def over(
+        cls, sheets: Sequence[tuple[int, Sheet]], camera: Camera, vertical: Array, fine: int
+    ) -> Lamp:
+        """Return a lamp at the upper left of what the camera sees, with `fine` pixels a side."""
+        level = np.cross(camera.right, vertical)
+        light = _LIGHT[0] * camera.right + _LIGHT[1] * level + _LIGHT[2] * vertical
+        light /= np.linalg.norm(light)
+        right = np.cross(camera.up, light)
+        right /= np.linalg.norm(right)
+        width = 1.7 * max(camera.width, camera.rows * camera.pixel)
+        eye = Camera(camera.centre, right, np.cross(light, right), light, width, fine, fine)
+        return cls(eye, look(sheets, eye).depth)
+
+
+def hollows(seen: Buffers, camera: Camera) -> Array:
+    """Return how open each pixel lies to light from all over, about 0.35 to 1.
+
+    Judged by the image: what lies farther away than the middle between places on either side of
+    it is a hollow. Where one of these is much nearer or farther, another body begins.
+    """
+    from scipy.ndimage import gaussian_filter, zoom
+
+    coarse = 4
+    far = seen.depth[::coarse, ::coarse]
+    far = np.where(np.isfinite(far), far, np.nan)
+    out = np.ones(far.shape)
+    for size in (0.006, 0.02):
+        spread = size * camera.columns / coarse
+        lower = np.zeros(far.shape)
+        for radius, turn in itertools.product((0.8, 1.4, 2.0), range(4)):
+            angle = 0.25 * np.pi * turn
+            rows, columns = (round(radius * spread * f(angle)) for f in (np.sin, np.cos))
+            steepest = _STEEPEST * radius * size * camera.width
+            one, two = (far - _moved(far, k * rows, k * columns) for k in (1, -1))
+            near = (np.abs(one) < steepest) & (np.abs(two) < steepest)
+            lower += np.where(near, 0.5 * (one + two), 0.0) / (12.0 * size * camera.width)
+        out -= 0.35 * np.clip(gaussian_filter(lower, 0.3 * spread), 0.0, 1.0)
+    rows, columns = seen.depth.shape
+    fine = zoom(np.clip(out, 0.35, 1.0), coarse, order=1)[:rows, :columns]
+    return np.ascontiguousarray(fine)
+
+
+def _moved(values: Array, rows: int, columns: int) -> Array:
+    """Return values moved in the image; nan where there are none."""
+    height, width = values.shape
+    out = np.full(values.shape, np.nan)
+    i, j = (slice(max(n, 0), max(size + n, 0)) for n, size in ((rows, height), (columns, width)))
+    k, m = (slice(max(-n, 0), max(size - n, 0)) for n, size in ((rows, height), (columns, width)))
+    out[i, j] = values[k, m]
+    return out
+
+
+def shade(
+    seen: Buffers,
+    camera: Camera,
+    lamp: Lamp,
+    colours: Sequence[Sequence[float]],
+    open_to: Array | None = None,
+) -> Array:
+    """Return the image (rows, columns, 4): red, green, blue and opacity, 0 to 1.
+
+    `open_to` are the `hollows`, if they are known; `colours` are those of the numbered sheets.
+    """
+    if open_to is None:
+        open_to = hollows(seen, camera)
+    lights = np.zeros((*seen.depth.shape, 3))
+    light_pixels(
+        seen.depth, seen.normal, lamp.reach, camera.pixel, camera.frame, lamp.camera.pixel,
+        lamp.camera.frame, lamp.camera.towards, open_to, lights,
+    )  # fmt: skip
+    colour = np.asarray(colours)[np.maximum(seen.number, 0)]
+    image = colour * (lights[..., 0] + lights[..., 1])[..., None] + lights[..., 2:]
+    return np.dstack([np.clip(image, 0.0, 1.0), np.isfinite(seen.depth).astype(np.float64)])
+
+
+def halved(image: Array) -> Array:
+    """Return an image of half the size, each pixel the mean of four, weighted by opacity."""
+    rows, columns = image.shape[0] // 2 * 2, image.shape[1] // 2 * 2
+    parts = image[:rows, :columns].reshape(rows // 2, 2, columns // 2, 2, 4)
+    opacity = parts[..., 3:].mean(axis=(1, 3))
+    colour = (parts[..., :3] * parts[..., 3:]).mean(axis=(1, 3)) / np.maximum(opacity, 1e-9)
+    return np.dstack([colour, opacity])

@@ -1,0 +1,280 @@
+r"""The hand of Otaduy & Lin (2004, Eq. 7): a mass dragged over a texture by spring and damper.
+
+    m u'' = k (v t - u) + b (v - u') - F_u(u)
+
+`F_u` is the texture force at constant normal force (Eq. 6); positive F_u resists motion along u.
+
+The problem: F_u jumps where the probe's contact leaps from one asperity to the next, and u''
+with it, and the largest u'' often stands exactly at such a jump. A fixed step that runs across
+jumps is wrong there by as much as the jump.
+
+The idea: between two jumps the table of F_u is smooth, and so is the motion. Each step of the
+classical Runge-Kutta method uses the cubics of the current stretch alone (held constant beyond
+its ends); a step that leaves the stretch is cut back, by the secant method, to the moment when
+`u` meets the jump, and the next one starts on the other side. Motion may also turn back; and
+where a slow hand comes to rest in the notch between two asperities it stays until the drive has
+pulled hard enough to lift it out.
+
+How the periodic motion is found stands in `asperity.dynamics.dragged_hand.periodic_motion`.
+
+The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
+*subharmonic* when it repeats only after two to eight periods; a run that never repeats says so,
+and its figures are then statistics over the last stretch of the run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.dragged_hand.periodic_motion import drag_a_length, drag_until_repeat
+from asperity.errors import AsperityError, require_not_negative, require_positive
+from asperity.geometry.offsets.piecewise import PiecewiseCubic
+
+PERIODIC_TOLERANCE = 1e-6
+"""(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
+
+_MAX_SUBHARMONIC = 8
+_LEAST_STEPS = 64
+_RECORDED_STEPS = 256
+"""The least number of samples a period in a record: its spectrum needs more than its motion."""
+_RECORDED_RATE = 5000.0
+"""And the least number a second [Hz]: ten times the highest frequency that people feel."""
+_LONG_PERIOD = 3.0
+"""Time constants of the hand; over a longer period a motion settles by itself."""
+_STEPS_A_RADIAN = 8
+"""Of the hand's own motion, and of what its damper forgets: a slow drive must not outrun them."""
+_LONGEST_RUN = 25.0
+"""Time constants of the hand after which a motion that has not repeated is called aperiodic."""
+_APERIODIC_RECORD = 16
+"""Periods of the surface that are recorded of a motion that does not repeat."""
+
+
+class MotionStatus(IntEnum):
+    """How a run of the hand ended."""
+
+    PERIODIC = 0
+    """(u - v t, u') repeats with the surface."""
+    SUBHARMONIC = 1
+    """It repeats after several periods of the surface."""
+    APERIODIC = 2
+    """It does not repeat; the figures are statistics over the recorded stretch."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Mass, stiffness and damping of the hand that holds the probe.
+
+    The seed paper prints no values; the defaults are asperity's.
+    """
+
+    mass: float = 0.05
+    """[kg], above 0."""
+    stiffness: float = 300.0
+    """[N/m], above 0."""
+    damping: float = 3.0
+    """[N s/m], above 0: without it no motion forgets how it began."""
+
+    def __post_init__(self) -> None:
+        require_positive("mass", self.mass, "[kg]")
+        require_positive("stiffness", self.stiffness, "[N/m]")
+        require_positive("damping", self.damping, "[N s/m]")
+
+    @property
+    def time_constant(self) -> float:
+        """Time in which a free motion of the hand falls by e [s]."""
+        half, square = 0.5 * self.damping / self.mass, self.stiffness / self.mass
+        inside = half**2 - square
+        return (half + math.sqrt(inside)) / square if inside > 0.0 else 1.0 / half
+
+    @property
+    def fastest(self) -> float:
+        """Rate of the fastest thing the hand does of its own [rad/s]."""
+        return max(math.sqrt(self.stiffness / self.mass), self.damping / self.mass)
+
+
+class Motion(NamedTuple):
+    """The hand's motion over one repeat, or over the recorded stretch of a run."""
+
+    status: MotionStatus
+    periods: int
+    """Periods of the surface in the record."""
+    settled_after: float
+    """Time before the record begins [s]."""
+    step: float
+    """Time between samples [s]."""
+    place: NDArray[np.float64]
+    """u [m], relative to the start of the record's first period."""
+    lag: NDArray[np.float64]
+    """u - v t [m]: how far the hand is ahead of its drive."""
+    speed: NDArray[np.float64]
+    """u' [m/s]."""
+    acceleration: NDArray[np.float64]
+    """u'' [m/s^2]."""
+    largest: float
+    """Largest u'' [m/s^2], between samples and on either side of jumps included."""
+    smallest: float
+    """Smallest u'' [m/s^2], likewise."""
+    mismatch: float
+    """What (u - v t, u') still missed a repeat by, in parts of the period and the speed."""
+
+    @property
+    def duration(self) -> float:
+        """Length of the record [s]."""
+        return self.step * self.acceleration.size
+
+
+def drag(
+    force: PiecewiseCubic,
+    hand: Hand,
+    speed: float,
+    *,
+    start: float = 0.0,
+    refine: float = 1.0,
+    settle: float | None = None,
+    length: float | None = None,
+    extrapolate: bool = True,
+) -> Motion:
+    """Drag the hand over a texture at constant speed, and record its motion once it repeats.
+
+    Parameters
+    ----------
+    force : PiecewiseCubic
+        Texture force F_u [N] along the surface; positive resists.
+    hand : Hand
+        Mass, spring and damper of Eq. 7.
+    speed : float
+        Speed of the drive [m/s], above 0.
+    start : float
+        Where on the surface the drive sets out [m].
+    refine : float
+        Factor on the number of steps a period; 1 gives at least one step for each cubic of
+        the table, at least 64, and at least eight for each radian of the hand's own motion.
+    settle, length : float, optional
+        Give both to record `length` [m] of drag after `settle` [s] have passed, whether or not
+        the motion repeats: for long measured surfaces.
+    extrapolate : bool
+        Whether to jump ahead to the periodic motion where one is found (see
+        `asperity.dynamics.dragged_hand.periodic_motion`). Without it the hand, set down at rest
+        on its spring, is dragged until its motion repeats, however long that takes.
+
+    Returns
+    -------
+    Motion
+        Sampled at equal phase; where the motion never repeats, `status` says so.
+
+    References
+    ----------
+    Otaduy & Lin (2004), Eq. 7; the hand after Hasser & Cutkosky (2002).
+    """
+    require_positive("speed", speed, "[m/s]")
+    require_positive("refine", refine)
+    if not math.isfinite(start):
+        raise AsperityError(f"start must be a finite number [m], got {start!r}")
+    if (settle is None) != (length is None):
+        raise AsperityError("give both settle and length, or neither")
+    if settle is not None and length is not None:
+        require_not_negative("settle", settle, "[s]")
+        require_positive("length", length, "[m]")
+    period = force.period
+    swift = _STEPS_A_RADIAN * hand.fastest * period / speed
+    steps = max(math.ceil(refine * max(_LEAST_STEPS, force.edges.size - 1, swift)), 8)
+    step = period / speed / steps
+    finer = math.ceil(max(_RECORDED_STEPS, period / speed * _RECORDED_RATE) / steps)
+    table, numbers = force[:3], (hand.mass, hand.stiffness, hand.damping)
+    status, mismatch = MotionStatus.APERIODIC, math.nan
+    if length is None or settle is None:
+        most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * _MAX_SUBHARMONIC
+        ahead = extrapolate and period / speed < _LONG_PERIOD * hand.time_constant
+        repeat, run, mismatch, *extremes, record = drag_until_repeat(
+            table, numbers, speed, start, steps, most, ahead,
+            (_MAX_SUBHARMONIC, _APERIODIC_RECORD, finer, PERIODIC_TOLERANCE),
+        )  # fmt: skip
+        if repeat:
+            status = MotionStatus.PERIODIC if repeat == 1 else MotionStatus.SUBHARMONIC
+        before = run * period / speed
+    else:
+        settled = math.ceil(settle / step)
+        before = settled * step
+        samples = max(round(length / speed / step * finer), 2)
+        *extremes, record = drag_a_length(
+            table, numbers, speed, start, step, settled, finer, samples
+        )
+    samples, step = record.shape[0], step / finer
+    if not np.all(np.isfinite(extremes)):
+        raise AsperityError(
+            f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"
+        )
+    times = np.arange(samples) * step
+    # Whole periods are left out before rounding can make one of nothing.
+    phase = math.fmod(start, period) + math.fmod(speed * before + 0.5 * step * speed, period)
+    phase -= 0.5 * step * speed
+    return Motion(
+        status=status,
+        periods=max(round(samples * step * speed / period), 1),
+        settled_after=before,
+        step=step,
+        place=record[:, 0] + phase + speed * times,
+        lag=record[:, 0],
+        speed=record[:, 1],
+        acceleration=record[:, 2],
+        largest=float(extremes[1]),
+        smallest=float(extremes[0]),
+        mismatch=mismatch,
+    )
+
+
+def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> Motion:
+    """Drag the hand under a force that is a series in time, held constant between ticks.
+
+    Eq. 7 is then linear and is solved exactly from tick to tick.
+
+    Parameters
+    ----------
+    force : (n,) array
+        F_u [N] at each tick; positive resists.
+    tick : float
+        Time between ticks [s].
+    hand, speed
+        As for `drag`.
+
+    Returns
+    -------
+    Motion
+        Status `APERIODIC`; the first five time constants of the hand are left out. The samples
+        of u'' stand just after each tick, where it is largest.
+    """
+    from scipy import signal  # slow to import, and seldom needed
+
+    require_positive("tick", tick, "[s]")
+    require_positive("speed", speed, "[m/s]")
+    # Displacement over force of the mass on its spring and damper, held input, tick by tick.
+    inertia = np.array([hand.mass, hand.damping, hand.stiffness])
+    response = (np.array([-1.0]), inertia)
+    numerator, denominator, _ = signal.cont2discrete(response, tick)
+    lag = signal.lfilter(numerator.ravel(), denominator, force)
+    # Its speed: the same, times s.
+    numerator, denominator, _ = signal.cont2discrete((np.array([-1.0, 0.0]), inertia), tick)
+    excess = signal.lfilter(numerator.ravel(), denominator, force)
+    acceleration = -(hand.stiffness * lag + hand.damping * excess + force) / hand.mass
+    settled = min(math.ceil(5.0 * hand.time_constant / tick), force.size - 2)
+    times = np.arange(force.size - settled) * tick
+    acceleration = acceleration[settled:]
+    return Motion(
+        status=MotionStatus.APERIODIC,
+        periods=1,
+        settled_after=settled * tick,
+        step=tick,
+        place=lag[settled:] + speed * times,
+        lag=lag[settled:],
+        speed=excess[settled:] + speed,
+        acceleration=acceleration,
+        largest=float(np.max(acceleration)),
+        smallest=float(np.min(acceleration)),
+        mismatch=math.nan,
+    )

@@ -1,0 +1,6 @@
+"""A simulated hand in six degrees of freedom."""
+
+from asperity._core.moved import forwarded
+
+# Until now this was a module; what it held lies one level deeper.
+__getattr__ = forwarded(__name__, "asperity.dynamics.simulated_hand.hand")

@@ -1,0 +1,1 @@
+"""The virtual coupling between handle and tool, and its integrators, one a file."""

@@ -1,1 +1,0 @@
-"""From a pose of the tool to the wrench on it."""

@@ -1,1 +1,0 @@
-"""Texture force laws, one a file."""

@@ -1,0 +1,6 @@
+"""Convex facets of meshes and of primitives."""
+
+from asperity._core.moved import forwarded
+
+# Until now this was a module; what it held lies one level deeper.
+__getattr__ = forwarded(__name__, "asperity.geometry.facets.facets")

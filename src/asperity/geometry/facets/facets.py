@@ -1,0 +1,249 @@
+"""Facets: a mesh's triangles, those that make one plane piece put together to convex polygons.
+
+How a flat face was cut into triangles says nothing about its shape. So triangles that lie in one
+plane, are displaced along its normal, and see the texture through one map, are joined into
+convex polygons of at most `MOST_SIDES` sides: contact then costs the same, and is the same,
+however finely the face was meshed. All other triangles are facets as they are.
+
+A facet's place is `a = (x, y)` in its own plane. Over it the normal that carries the
+displacement is `w = (w0 + w1 x + w2 y) / |...|`, and the place on the texture is linear in a.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.facets.polygons import convex_parts
+from asperity.geometry.mesh import checks as mesh_checks
+
+MOST_SIDES = 8
+_SAME = 1e-9
+_LEAST_LENGTH = 0.2  # of w before it is made a unit vector: opposite corner normals have no middle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """Convex plane pieces of a body's surface; rows are facets.
+
+    Attributes
+    ----------
+    origin : (n, 3) array
+        Where a = (0, 0), in the body's frame [m]: the middle of its bounding rectangle.
+    axes : (n, 3, 3) array
+        x, y and the outward normal of its plane, in rows.
+    sides : (n,) int64 array
+        How many corners it has.
+    corners : (n, 8, 2) array
+        In its plane, counter-clockwise [m].
+    hard : (n, 8) array
+        1 for each side (from its corner to the next) that is an edge; 0 where the same plane goes
+        on beyond it.
+    half : (n, 2) array
+        Half sides of the bounding rectangle [m].
+    w : (n, 3, 3) array
+        w0 [-], w1 and w2 [1/m] in rows.
+    uv : (n, 2, 3) array
+        u and v [m] at a = 0, and by x and by y; zeros without texture.
+    """
+
+    origin: Array
+    axes: Array
+    sides: NDArray[np.int64]
+    corners: Array
+    hard: Array
+    half: Array
+    w: Array
+    uv: Array
+
+    def __len__(self) -> int:
+        return len(self.sides)
+
+    @property
+    def points(self) -> Array:
+        """The corners in the body's frame [m], (n, 8, 3); those beyond `sides` repeat the last."""
+        return self.origin[:, None] + self.corners @ self.axes[:, :2]
+
+    @property
+    def least(self) -> Array:
+        """Least length of w before it is made a unit vector, over the rectangle; (n,)."""
+        w0, slopes = self.w[:, 0], self.w[:, 1:]
+        middle = w0 / np.linalg.norm(w0, axis=1)[:, None]
+        # Along its middle direction w is linear: least in a corner of the rectangle.
+        least = np.einsum("ij,ij->i", w0, middle)
+        least -= np.sum(np.abs(np.einsum("ijk,ik->ij", slopes, middle)) * self.half, axis=1)
+        return np.maximum(least, _LEAST_LENGTH)
+
+    @property
+    def bends(self) -> Array:
+        """Bounds of the first [1/m] and second [1/m^2] derivatives of w, (n, 2)."""
+        size = np.linalg.norm(self.w[:, 1:], axis=2)
+        first = np.hypot(size[:, 0], size[:, 1]) / self.least
+        return np.stack([first, 3.0 * first**2], axis=1)
+
+
+def joined(parts: list[Facets]) -> Facets:
+    """Return the facets of several sets as one."""
+    return Facets(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facets)}
+    )
+
+
+def mesh_facets(
+    vertices: Array, faces: NDArray[np.int64], normals: Array, uv: Array | None
+) -> Facets:
+    """Return the facets of a mesh.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        [m]
+    faces : (m, 3) int array
+        Triangles of an area above zero, counter-clockwise.
+    normals : (m, 3, 3) array
+        Unit normals at the corners.
+    uv : (m, 3, 2) array or None
+        Places of the corners on the texture [m].
+    """
+    points = vertices[faces]
+    if uv is None:
+        uv = np.zeros((len(faces), 3, 2))
+    single = _triangles(points, normals, uv)
+    groups = _plane_groups(faces, points, normals, single)
+    sizes = np.bincount(groups)
+    alone = sizes[groups] == 1
+    out = [taken(single, alone)]
+    order = np.argsort(groups, kind="stable")
+    starts = np.searchsorted(groups[order], np.arange(len(sizes) + 1))
+    for group in np.flatnonzero(sizes > 1):
+        members = order[starts[group] : starts[group + 1]]
+        out.append(_polygons(single, int(members[0]), points[members]))
+    return joined(out)
+
+
+def _triangles(points: Array, normals: Array, uv: Array) -> Facets:
+    """Return each triangle as a facet, x along its longest side."""
+    lengths = np.linalg.norm(np.roll(points, -1, axis=1) - points, axis=2)
+    first = np.argmax(lengths, axis=1)
+    turn = (first[:, None] + np.arange(3)) % 3
+    rows = np.arange(len(points))[:, None]
+    points, normals, uv = points[rows, turn], normals[rows, turn], uv[rows, turn]
+    x = points[:, 1] - points[:, 0]
+    f = np.cross(x, points[:, 2] - points[:, 0])
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    f /= np.linalg.norm(f, axis=1)[:, None]
+    axes = np.stack([x, np.cross(f, x), f], axis=1)
+    flat = np.einsum("ijk,ilk->ijl", points - points[:, :1], axes[:, :2])
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    middle = 0.5 * (low + high)
+    corners = flat - middle[:, None]
+    origin = points[:, 0] + np.einsum("ij,ijk->ik", middle, axes[:, :2])
+    # Linear functions of a that take the corners' values.
+    ones = np.concatenate([np.ones_like(corners[:, :, :1]), corners], axis=2)
+    linear = np.linalg.solve(ones, np.concatenate([normals, uv], axis=2))
+    w = linear[:, :, :3].copy()
+    level = np.all(np.abs(normals - axes[:, None, 2]) < 1e-7, axis=(1, 2))
+    w[level] = 0.0
+    w[level, 0] = axes[level, 2]
+    same = np.all(np.abs(normals - normals[:, :1]) < _SAME, axis=(1, 2))
+    w[same, 1:] = 0.0
+    return Facets(
+        origin, axes, np.full(len(points), 3), _padded(corners), np.ones((len(points), MOST_SIDES)),
+        0.5 * (high - low), w, np.swapaxes(linear[:, :, 3:], 1, 2).copy(),
+    )  # fmt: skip
+
+
+def _padded(corners: Array) -> Array:
+    more = np.repeat(corners[:, -1:], MOST_SIDES - corners.shape[1], axis=1)
+    return np.concatenate([corners, more], axis=1)
+
+
+def taken(facets: Facets, which: NDArray) -> Facets:
+    """Return some of the facets, or all in another order."""
+    return Facets(**{f.name: getattr(facets, f.name)[which] for f in fields(Facets)})
+
+
+def _plane_groups(
+    faces: NDArray[np.int64], points: Array, normals: Array, single: Facets
+) -> NDArray[np.int64]:
+    """Return a number for each triangle, the same for those that make one plane piece."""
+    corners = _merged_places(points.reshape(-1, 3)).reshape(-1, 3)
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    key = np.sort(edges, axis=1)
+    order = np.lexsort(key.T)
+    same = np.all(key[order][1:] == key[order][:-1], axis=1)
+    i, j = owner[order][:-1][same], owner[order][1:][same]
+    level = np.all(np.abs(normals - single.axes[:, None, 2]) < 1e-7, axis=(1, 2))
+    f = single.axes[:, 2]
+    close = level[i] & level[j] & np.all(np.abs(f[i] - f[j]) < 1e-7, axis=1)
+    span = float(np.max(np.ptp(points.reshape(-1, 3), axis=0)))
+    off = np.abs(np.einsum("ij,ij->i", single.origin[j] - single.origin[i], f[i]))
+    close &= off < 1e-8 * span
+    close &= np.all(np.abs(_in_space(single, i) - _in_space(single, j)) < 1e-7, axis=(1, 2))
+    there = np.abs(_at_origin(single, i) - _at_origin(single, j))
+    close &= np.all(there < 1e-7 * span, axis=1)
+    i, j = i[close], j[close]
+    return mesh_checks.joined(len(faces), i, j)
+
+
+def _merged_places(places: Array) -> NDArray[np.int64]:
+    """Return a number for each place, the same for places that are equal (to rounding)."""
+    span = max(float(np.max(np.ptp(places, axis=0))), 1e-300)
+    _, number = np.unique(np.round(places / (1e-9 * span)), axis=0, return_inverse=True)
+    return np.asarray(number, dtype=np.int64).ravel()
+
+
+def _in_space(facets: Facets, which: NDArray) -> Array:
+    """Return the gradient of (u, v) in the body's frame, (k, 2, 3)."""
+    return facets.uv[which, :, 1:] @ facets.axes[which, :2]
+
+
+def _at_origin(facets: Facets, which: NDArray) -> Array:
+    """Return (u, v) of the map, continued to the origin of the body's frame, (k, 2)."""
+    slope = _in_space(facets, which)
+    return facets.uv[which, :, 0] - np.einsum("ijk,ik->ij", slope, facets.origin[which])
+
+
+def _polygons(single: Facets, one: int, points: Array) -> Facets:
+    """Return the convex facets of triangles that make one plane piece with facet `one`."""
+    axes, origin = single.axes[one], single.origin[one]
+    flat = (points - origin) @ axes[:2].T
+    parts = convex_parts(flat, MOST_SIDES)
+    made = [_polygon(single, one, corners, hard) for corners, hard in parts]
+    return joined(made)
+
+
+def _polygon(single: Facets, one: int, corners: Array, hard: Array) -> Facets:
+    """Return a facet of corners given in the plane of facet `one`, x along its longest side."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    along = sides[np.argmax(np.hypot(sides[:, 0], sides[:, 1]))]
+    along = along / math.hypot(*along)
+    turn = np.array([along, [-along[1], along[0]]])
+    placed = corners @ turn.T
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    middle = 0.5 * (low + high)
+    shift = middle @ turn
+    axes = single.axes[one].copy()
+    axes[:2] = turn @ axes[:2]
+    uv = single.uv[one].copy()
+    uv[:, 0] += uv[:, 1:] @ shift
+    uv[:, 1:] = uv[:, 1:] @ turn.T
+    count = len(corners)
+    edge = np.ones(MOST_SIDES)
+    edge[:count] = hard
+    return Facets(
+        (single.origin[one] + shift @ single.axes[one, :2])[None],
+        axes[None],
+        np.array([count]),
+        _padded((placed - middle)[None]),
+        edge[None],
+        (0.5 * (high - low))[None],
+        single.w[one][None],
+        uv[None],
+    )

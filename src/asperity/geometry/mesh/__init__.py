@@ -1,0 +1,6 @@
+"""Triangle meshes: read, checked, repaired, with normals and texture coordinates."""
+
+from asperity._core.moved import forwarded
+
+# Until now this was a module; what it held lies one level deeper.
+__getattr__ = forwarded(__name__, "asperity.geometry.mesh.mesh")

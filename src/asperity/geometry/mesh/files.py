@@ -1,0 +1,289 @@
+"""Meshes from files, read by trimesh, with what trimesh would lose on the way.
+
+What is looked after here: no vertices are merged or put into another order, so texture coordinates
+stay with their corners; normals are the file's or none, never those that trimesh computes; parts
+of a scene stand where their transforms put them. And four traps of the formats: OBJ counts
+negative indices from the line they stand in; PLY with texture coordinates is split into new
+vertices, its normals are not; texture coordinates in glTF without a material are left out;
+compressed glTF is read as zeros.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from asperity.errors import AsperityError, require_choice
+from asperity.geometry.mesh.checks import UNITS, Indices, check_size, count_of
+from asperity.geometry.mesh.mesh import Array, Mesh, mesh_from_arrays
+
+SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl")
+_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+
+
+class _Part(NamedTuple):
+    """One geometry of a file: vertices, faces, and per corner texture coordinates and normals."""
+
+    vertices: Array
+    faces: Indices
+    uv: Array | None
+    normals: Array | None
+
+
+def read_mesh(
+    path: str | os.PathLike[str],
+    *,
+    unit: str = "m",
+    hard_angle: float | None = None,
+    name: str | None = None,
+) -> Mesh:
+    """Return the mesh in a file: OBJ, GLB, glTF, PLY or STL.
+
+    All geometries of a scene are put together where their transforms put them; polygons are split
+    into triangles as fans. Texture coordinates are taken if every geometry has them. Normals (OBJ
+    vn, glTF NORMAL, PLY nx, ny, nz) are taken if every geometry has them and `hard_angle` is not
+    given; the facet normals in STL never are.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}
+        What one unit of length in the file is. Most formats do not say; glTF is in metres.
+    hard_angle : float, optional
+        As for `mesh_from_arrays` [degrees], 0 to 180. 180 ignores the file's normals.
+    name : str, optional
+        The file's name without its suffix if it is not given.
+
+    Returns
+    -------
+    Mesh
+        Its `notes` say what was found in the file.
+
+    Raises
+    ------
+    AsperityError
+        A file that is missing, damaged, of an unknown kind, or without triangles; a size that
+        calls for another unit; what `mesh_from_arrays` refuses. One line.
+    """
+    path = Path(os.path.expanduser(path))
+    require_choice("unit", unit, UNITS)
+    name = path.stem if name is None else name
+    parts = _load(path)
+    notes = []
+    if len(parts) > 1:
+        notes.append(f"{len(parts)} geometries put together")
+    uv, normals = _of_all(parts, "uv", notes), _of_all(parts, "normals", notes)
+    vertices = np.concatenate([part.vertices for part in parts])
+    first = np.cumsum([0] + [len(part.vertices) for part in parts])
+    faces = np.concatenate([part.faces + n for part, n in zip(parts, first[:-1], strict=True)])
+    _check_unit(name, vertices, faces, unit)
+    mesh = mesh_from_arrays(
+        vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle, name=name
+    )
+    if normals is not None and hard_angle is None:
+        notes.append("the file's normals carry the displacement")
+    return Mesh(mesh.vertices, mesh.faces, mesh.normals, mesh.uv, name, (*notes, *mesh.notes))
+
+
+def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
+    """Refuse a size that calls for another unit; what is worse `mesh_from_arrays` refuses."""
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        return
+    used = vertices[faces.ravel()]
+    if np.isfinite(used).all() and np.ptp(used, axis=0).any():
+        check_size(name, used, unit, of_file=True)
+
+
+def _of_all(parts: list[_Part], what: str, notes: list[str]) -> Array | None:
+    """Return what all parts have at their corners, or None if some have not."""
+    values = [getattr(part, what) for part in parts]
+    having = [value for value in values if value is not None]
+    if len(having) == len(values):
+        return np.concatenate(having)
+    if having:
+        told = "texture coordinates" if what == "uv" else "normals"
+        lack = count_of(len(values) - len(having), "geometry", "geometries")
+        notes.append(f"{lack} of {len(values)} without {told}: those of the others are left out")
+    return None
+
+
+def _load(path: Path) -> list[_Part]:
+    """Return the parts of the file at `path`, one at least."""
+    suffix = path.suffix.lower()
+    try:
+        if not path.exists():
+            _refuse(path, "there is no such file")
+        if path.is_dir():
+            _refuse(path, "this is a folder; valid: a file of a mesh")
+        if suffix not in SUFFIXES:
+            _refuse(path, f"unknown kind of file {suffix!r}; valid: {', '.join(SUFFIXES)}")
+        if path.stat().st_size == 0:
+            _refuse(path, "the file is empty")
+        if suffix == ".stl":
+            _refuse_cut_short(path)
+        parts = list(_parts(path, suffix))
+    except AsperityError:
+        raise
+    except MemoryError:
+        _refuse(path, "too large for this computer's memory")
+    except Exception as error:  # whatever a reader makes of a damaged file
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        _refuse(path, f"cannot be read as a {suffix} file: {reason}")
+    if not parts:
+        _refuse(path, "there are no triangles in it (points or lines only?); valid: one at least")
+    return parts
+
+
+def _refuse(path: Path, reason: str) -> Any:
+    raise AsperityError(f"{path}: {reason}") from None
+
+
+def _refuse_cut_short(path: Path) -> None:
+    """Refuse a binary STL file that ends before its last triangle: 84 bytes, and 50 for each."""
+    data = path.read_bytes()
+    if data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000]:
+        return  # text
+    said = int.from_bytes(data[80:84], "little")
+    if len(data) < 84 or len(data) < 84 + 50 * said:
+        if data and b"\0" not in data:
+            _refuse(path, "it is no STL file: it is text, and does not begin with solid")
+        needs = (
+            f"{said} triangles need {84 + 50 * said}" if len(data) >= 84 else "its head needs 84"
+        )
+        _refuse(path, f"it is cut short: {needs} bytes, there are {len(data)}")
+
+
+def _parts(path: Path, suffix: str) -> Iterator[_Part]:
+    """Yield the parts of a file, placed in the frame of the whole."""
+    scene = _scene(path, suffix)
+    for node in scene.graph.nodes_geometry:
+        transform, key = scene.graph[node]
+        geometry = scene.geometry[key]
+        faces = getattr(geometry, "faces", None)
+        if faces is None or len(faces) == 0:
+            continue
+        uv = getattr(geometry.visual, "uv", None)
+        normals = _normals(path, suffix, geometry)
+        faces = np.array(faces, dtype=np.int64)
+        yield _placed(
+            _Part(
+                np.array(geometry.vertices, dtype=np.float64),
+                faces,
+                None if uv is None or len(uv) == 0 else np.asarray(uv, dtype=np.float64)[faces],
+                normals,
+            ),
+            np.asarray(transform, dtype=np.float64),
+        )
+
+
+def _scene(path: Path, suffix: str, **options: Any) -> Any:
+    """Return the file as a trimesh scene, nothing merged."""
+    import trimesh  # a second to import: only where a mesh is read
+
+    if suffix == ".obj":
+        text = _absolute(path.read_text(encoding="utf-8", errors="replace"))
+        # `maintain_order=True` would keep one texture coordinate a vertex and break the seams.
+        options |= {"skip_materials": True}
+        file: Any = io.BytesIO(text.encode())
+    elif suffix in (".glb", ".gltf"):
+        file = io.BytesIO(_with_materials(path, path.read_bytes()))
+        options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
+    else:
+        file = io.BytesIO(path.read_bytes())
+    return trimesh.load_scene(file, file_type=suffix[1:], process=False, **options)
+
+
+def _normals(path: Path, suffix: str, geometry: Any) -> Array | None:
+    """Return the normals at the corners that are in the file, not computed by trimesh."""
+    if suffix == ".stl":
+        return None
+    if suffix == ".ply":
+        # Vertices split at seams of the texture come in another order than their normals.
+        (geometry,) = _scene(path, suffix, fix_texture=False).geometry.values()
+    # Computed ones come into this cache too, but only when they are asked for.
+    if "vertex_normals" not in geometry._cache:
+        return None
+    return np.asarray(geometry.vertex_normals, dtype=np.float64)[np.asarray(geometry.faces)]
+
+
+def _placed(part: _Part, transform: Array) -> _Part:
+    """Return a part moved by a transform (4, 4), which may mirror or shear it."""
+    if np.array_equal(transform, np.eye(4)):
+        return part
+    matrix = transform[:3, :3]
+    vertices = part.vertices @ matrix.T + transform[:3, 3]
+    # The cofactors are the inverse transposed but for a factor, and exist without an inverse.
+    cofactors = np.cross(np.roll(matrix, -1, axis=0), np.roll(matrix, -2, axis=0))
+    mirrored = np.linalg.det(matrix) < 0.0
+    faces, uv, normals = part.faces, part.uv, part.normals
+    if normals is not None:
+        normals = normals @ (-cofactors.T if mirrored else cofactors.T)
+    if mirrored:
+        faces = faces[:, ::-1]
+        uv = None if uv is None else uv[:, ::-1]
+        normals = None if normals is None else normals[:, ::-1]
+    return _Part(vertices, faces, uv, normals)
+
+
+def _absolute(text: str) -> str:
+    """Return the text of an OBJ with the indices that count backwards made absolute."""
+    if not re.search(r"^f[^\n]*[ /]-\d", text, flags=re.MULTILINE):
+        return text
+    seen = {"v": 0, "vt": 0, "vn": 0}
+    lines = []
+    for line in text.replace("\\\n", " ").split("\n"):
+        key, *words = line.split() or [""]
+        if key in seen:
+            seen[key] += 1
+        if key == "f":
+            corners = []
+            for word in words:
+                fields = zip(word.split("/"), seen.values(), strict=False)
+                absolute = (str(int(i) + n + 1) if i.startswith("-") else i for i, n in fields)
+                corners.append("/".join(absolute))
+            line = " ".join(["f", *corners])
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def _with_materials(path: Path, data: bytes) -> bytes:
+    """Return a GLB or glTF file in which every primitive has a material, or refuse it.
+
+    trimesh takes the texture coordinates with the material alone.
+    """
+    binary = data[:4] == b"glTF"
+    if binary:
+        (size,) = struct.unpack("<I", data[12:16])
+        text, rest = data[20 : 20 + size], data[20 + size :]
+    else:
+        text, rest = data, b""
+    tree = json.loads(text)
+    wrong = [e for e in tree.get("extensionsRequired", []) if e in _COMPRESSED]
+    if wrong:
+        _refuse(path, f"it is compressed ({', '.join(wrong)}); valid: exported uncompressed")
+    bare = [
+        primitive
+        for mesh in tree.get("meshes", [])
+        for primitive in mesh.get("primitives", [])
+        if "material" not in primitive
+    ]
+    if not bare:
+        return data
+    tree.setdefault("materials", []).append({})
+    for primitive in bare:
+        primitive["material"] = len(tree["materials"]) - 1
+    text = json.dumps(tree).encode()
+    if not binary:
+        return text
+    text += b" " * (-len(text) % 4)
+    head = b"glTF" + struct.pack("<II", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<I", len(text)) + b"JSON" + text + rest

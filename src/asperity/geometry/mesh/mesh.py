@@ -1,0 +1,131 @@
+"""Triangle meshes: low-resolution bodies whose detail is in their texture.
+
+A mesh knows three things at each corner of each triangle: where it is, the unit normal along
+which the texture displaces it, and where it lies on the texture. Corners that share a vertex
+share the normal unless an edge between them is declared hard; so a displaced surface does not
+tear at its creases.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.errors import require_between
+from asperity.geometry.mesh.checks import Corners, checked_corners, cleaned, count_of
+from asperity.geometry.mesh.crossings import crossing_triangles
+from asperity.geometry.mesh.normals import given_normals, smooth_normals
+from asperity.geometry.mesh.topology import edges_of, wound_alike
+from asperity.geometry.mesh.uv import uv_notes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A surface of triangles, checked; `mesh_from_arrays` makes it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) array
+        [m], in the body's frame.
+    faces : (m, 3) int64 array
+        Vertices of each triangle, counter-clockwise as seen from outside.
+    normals : (m, 3, 3) array
+        Unit normals at the corners of each triangle; the texture moves the surface along them.
+    uv : (m, 3, 2) array or None
+        Texture coordinates of the corners [-], 0 to 1 over the texture's whole extent, v upwards.
+    name : str
+    notes : tuple of str
+        What was found or changed when it was made: mirrored charts, open borders, and so on.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    normals: Array
+    uv: Array | None = None
+    name: str = "mesh"
+    notes: tuple[str, ...] = ()
+
+
+def mesh_from_arrays(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    uv: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    hard_angle: float | None = None,
+    name: str = "mesh",
+) -> Mesh:
+    """Return a mesh of triangles, checked and put right where that can be done.
+
+    Put right, with a note: triangles without area or there twice are dropped; neighbours are
+    wound alike; a closed mesh that is inside out is turned round. Only noted: borders, edges of
+    more than two triangles, triangles that cross (looked for in up to 20,000), and texture
+    coordinates that are mirrored, overlap, leave 0..1 or have no area.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+        [m]; the largest extent from 0.1 mm to 2 m.
+    faces : (m, 3) array of int
+        Vertices of each triangle, counter-clockwise as seen from outside; at most 2,000,000.
+        Vertices at one place (to 1e-7 of the size) count as one, as files split them at seams.
+    uv : (m, 3, 2) or (n, 2) array, optional
+        Texture coordinates of the triangles' corners or of the vertices [-], v upwards, within
+        1e6.
+    normals : (m, 3, 3) or (n, 3) array, optional
+        Directions along which the texture displaces the surface, of any length; they are turned
+        to the side that the triangles face. Where they differ at one place the displaced surface
+        opens.
+    hard_angle : float, optional
+        Computes the normals even where some are given; edges at which the normals of two triangles
+        differ by more than this are hard [degrees], 0 to 180. None: no edge is hard.
+    name : str
+        For messages.
+
+    Returns
+    -------
+    Mesh
+        Its arrays are copies that cannot be written to. Without given normals all triangles
+        round a place share one, weighted by their angles there (Thuermer and Wuethrich, J.
+        Graphics Tools 3, 43 (1998)); round a place in a plane, exactly the plane's.
+
+    Raises
+    ------
+    AsperityError
+        Arrays that are empty, of another shape or type, not finite; indices out of range;
+        triangles all without area; a size outside the range. One line.
+    """
+    if hard_angle is not None:
+        require_between("hard_angle", hard_angle, 0.0, 180.0, "degrees")
+    notes: list[str] = []
+    corners, places = cleaned(checked_corners(vertices, faces, uv, normals, name), name, notes)
+    corners = wound_alike(corners, places, notes)
+    at = places[corners.faces]
+    if corners.normals is None or hard_angle is not None:
+        limit = None if hard_angle is None else math.radians(hard_angle)
+        directions = smooth_normals(corners.vertices, corners.faces, at, limit, notes)
+    else:
+        given = corners.normals
+        directions = given_normals(corners.vertices, corners.faces, at, given, notes)
+    _note_crossings(corners, at, notes)
+    if corners.uv is not None:
+        notes += uv_notes(corners.vertices[corners.faces], corners.uv, at, edges_of(at))
+    for array in (corners.vertices, corners.faces, directions, corners.uv):
+        if array is not None:
+            array.setflags(write=False)
+    return Mesh(corners.vertices, corners.faces, directions, corners.uv, name, tuple(notes))
+
+
+def _note_crossings(corners: Corners, at: NDArray[np.int64], notes: list[str]) -> None:
+    crossed = crossing_triangles(corners.vertices[corners.faces], at)
+    if crossed is None:
+        notes.append("not looked for triangles that cross: there are too many")
+    elif crossed:
+        notes.append(
+            f"the surface runs through itself: {count_of(crossed, 'triangle')} cross another"
+        )

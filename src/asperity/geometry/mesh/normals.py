@@ -1,0 +1,219 @@
+"""Unit normals at the corners of triangles, along which a texture displaces them.
+
+A displaced surface tears wherever the corners that meet at a place have different normals. So all
+triangles round a place share one normal, weighted by their angles there (Thuermer and Wuethrich,
+J. Graphics Tools 3, 43 (1998)), except across edges that are declared hard. Which corners share
+is decided fan by fan: round a place, corners are joined from triangle to triangle over edges that
+are not hard, so a crease that ends half way over a surface separates nothing at its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.mesh.checks import Array, Indices, count_of, facet_heights, joined
+from asperity.geometry.mesh.topology import Edges, crosses, edges_of, next_corner
+
+FLAT = 1e-6
+"""Facets whose unit normals differ by less are coplanar [rad]: float32 files are no better."""
+_SLIVER = 1e-6
+_CROWD = 64
+
+
+def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, NDArray[np.bool_]]:
+    """Return the normals of facets, exactly equal within a plane, their planes, and the slivers.
+
+    Parameters
+    ----------
+    triangles : (m, 3, 3) array
+    edges : Edges
+
+    Returns
+    -------
+    normals : (m, 3) array
+    plane : (m,) array
+        The number of the connected coplanar set of each facet.
+    sliver : (m,) array
+        Facets too thin for their normals to be more than the rounding of their vertices.
+    """
+    product = crosses(triangles)
+    area = np.linalg.norm(product, axis=1)
+    normals = product / area[:, None]
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    sliver = facet_heights(triangles) < _SLIVER * size
+    f, g = edges.pairs.T // 3
+    flat = np.linalg.norm(normals[f] - normals[g], axis=1) < FLAT
+    flat &= ~sliver[f] & ~sliver[g]
+    plane = joined(len(normals), f[flat], g[flat])
+    mean = _unit(_sums(plane, product, plane.max() + 1))[plane]
+    # A very finely curved surface is one chain of coplanar pairs, but no plane.
+    bent = np.linalg.norm(mean - normals, axis=1) > 2.0 * FLAT
+    bent = np.isin(plane, plane[bent])
+    plane = np.where(bent, plane.max() + 1 + np.arange(len(plane)), plane)
+    return np.where(bent[:, None], normals, mean), plane, sliver
+
+
+def smooth_normals(
+    vertices: Array, faces: Indices, at: Indices, hard_angle: float | None, notes: list[str]
+) -> Array:
+    """Return the corners' normals (m, 3, 3) computed from the triangles themselves.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+    faces : (m, 3) array
+    at : (m, 3) array
+        Places of the corners.
+    hard_angle : float or None
+        Edges whose normals differ by more are hard [rad]; None is none.
+    notes : list of str
+        Is added to.
+    """
+    triangles = vertices[faces]
+    edges = edges_of(at)
+    facets, plane, sliver = flat_normals(triangles, edges)
+    limit = -2.0 if hard_angle is None else np.cos(hard_angle)
+    group = _fans(at, edges, facets, sliver, limit, notes)
+    weights = _angles(triangles)
+    # The middle corner of a sliver has half a turn of angle and a normal made of rounding.
+    alone = _sums(group, np.where(sliver[:, None], 0.0, weights).ravel(), group.max() + 1) == 0.0
+    weights = np.where(sliver[:, None] & ~alone[group].reshape(-1, 3), 0.0, weights)
+    weighted = (weights[:, :, None] * facets[:, None]).reshape(-1, 3)
+    total = _sums(group, weighted, group.max() + 1)
+    lost = np.linalg.norm(total, axis=1) < 1e-6 * _sums(group, weights.ravel(), group.max() + 1)
+    lost |= ~np.isfinite(total).all(axis=1) | ~total.any(axis=1)
+    normals = _unit(np.where(lost[:, None], 1.0, total))
+    _level(normals, group, np.repeat(plane, 3), weights.ravel() > 0.0, np.repeat(facets, 3, axis=0))
+    corners = normals[group].reshape(-1, 3, 3)
+    lost_corners = lost[group].reshape(-1, 3)
+    if lost.any():
+        told = count_of(lost.sum(), "place")
+        notes.append(f"at {told} the triangles' normals cancel: each keeps its own there")
+    return np.where(lost_corners[:, :, None], facets[:, None], snapped(corners, facets))
+
+
+def snapped(corners: Array, facets: Array) -> Array:
+    """Return corner normals (m, 3, 3), those of a plane exactly equal to the plane's (m, 3)."""
+    near = np.linalg.norm(corners - facets[:, None], axis=2) < FLAT
+    return np.where(near[:, :, None], facets[:, None], corners)
+
+
+def _level(
+    normals: Array, group: Indices, plane: Indices, counts: NDArray[np.bool_], facets: Array
+) -> None:
+    """Give fans that lie in one plane exactly the plane's normal, slivers in them too."""
+    low, high = (np.full(len(normals), k) for k in (np.iinfo(np.int64).max, -1))
+    np.minimum.at(low, group[counts], plane[counts])
+    np.maximum.at(high, group[counts], plane[counts])
+    level = counts & (low == high)[group]
+    normals[group[level]] = facets[level]
+
+
+def _fans(
+    at: Indices,
+    edges: Edges,
+    facets: Array,
+    sliver: NDArray[np.bool_],
+    limit: float,
+    notes: list[str],
+) -> Indices:
+    """Return the number of the fan of each corner (3 m,); the corners of one share a normal."""
+    h, g = edges.pairs.T
+    cosine = np.einsum("ij,ij->i", facets[h // 3], facets[g // 3])
+    soft = (cosine >= limit - 1e-12) | sliver[h // 3] | sliver[g // 3]
+    if not soft.all():
+        hard = count_of(np.count_nonzero(~soft), "hard edge")
+        notes.append(f"the displaced surface opens at {hard}")
+    start, end = _meeting(at.ravel(), h, g)
+    over = np.concatenate([start[soft], end[soft]])
+    # A fan that ends at borders may be the rest of another: cracks and T-junctions split them.
+    whole = joined(at.size, *np.concatenate([start, end]).T)
+    over = np.concatenate([over, _over_borders(at.ravel(), edges, facets, whole, limit)])
+    return joined(at.size, over[:, 0], over[:, 1])
+
+
+def _meeting(places: Indices, h: Indices, g: Indices) -> tuple[Indices, Indices]:
+    """Return the pairs of corners that meet at both ends of pairs of half-edges."""
+    to_h, to_g = next_corner(h), next_corner(g)
+    same_way = places[h] == places[g]
+    start = np.stack([h, np.where(same_way, g, to_g)], axis=1)
+    return start, np.stack([to_h, np.where(same_way, to_g, g)], axis=1)
+
+
+def _over_borders(
+    places: Indices, edges: Edges, facets: Array, whole: Indices, limit: float
+) -> Indices:
+    """Return pairs of corners at borders that meet at a place, but over no edge."""
+    half = np.flatnonzero(edges.borders)
+    corners = np.unique(np.concatenate([half, next_corner(half)]))
+    corners = corners[np.argsort(places[corners], kind="stable")]
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for step in range(1, min(_CROWD, len(corners))):
+        a, b = corners[:-step], corners[step:]
+        met = places[a] == places[b]
+        if not met.any():
+            break
+        met &= whole[a] != whole[b]
+        met &= np.einsum("ij,ij->i", facets[a // 3], facets[b // 3]) >= limit - 1e-12
+        found.append(np.stack([a[met], b[met]], axis=1))
+    return np.concatenate(found)
+
+
+def _angles(triangles: Array) -> Array:
+    """Return the angles at the corners of triangles [rad], (m, 3, 3) -> (m, 3)."""
+    ahead = np.roll(triangles, -1, axis=1) - triangles
+    back = np.roll(triangles, 1, axis=1) - triangles
+    across = np.linalg.norm(np.cross(ahead, back), axis=2)
+    return np.arctan2(across, np.einsum("ijk,ijk->ij", ahead, back))
+
+
+def _sums(group: Indices, values: Array, count: int) -> Array:
+    """Return the sums of values (n,) or (n, 3) over groups."""
+    if values.ndim == 1:
+        return np.bincount(group, values, count).astype(np.float64)
+    return np.stack([np.bincount(group, column, count) for column in values.T], axis=1)
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def given_normals(
+    vertices: Array, faces: Indices, at: Indices, normals: Array, notes: list[str]
+) -> Array:
+    """Return normals that were given, of unit length, on the side that their triangles face."""
+    edges = edges_of(at)
+    facets, _, sliver = flat_normals(vertices[faces], edges)
+    largest = np.abs(normals).max(axis=2, keepdims=True)
+    unit = _unit(normals / np.where(largest > 0.0, largest, 1.0))
+    none = np.all(unit == 0.0, axis=2)
+    if none.any():
+        notes.append(f"{count_of(none.sum(), 'given normal')} of no length: the facet's taken")
+    unit = np.where(none[:, :, None], facets[:, None], unit)
+    cosine = np.einsum("ijk,ik->ij", unit, facets)
+    behind = (cosine.sum(axis=1) < 0.0) & ~sliver
+    if behind.any():
+        notes.append(
+            f"given normals of {count_of(behind.sum(), 'triangle')} pointed inwards: turned round"
+        )
+        unit = np.where(behind[:, None, None], -unit, unit)
+        cosine = np.where(behind[:, None], -cosine, cosine)
+    steep = np.count_nonzero((cosine <= 0.0) & ~sliver[:, None])
+    if steep:
+        notes.append(f"{count_of(steep, 'given normal')} more than 90 degrees off the triangle's")
+    _note_partings(at, edges, unit, notes)
+    return snapped(unit, facets)
+
+
+def _note_partings(at: Indices, edges: Edges, unit: Array, notes: list[str]) -> None:
+    flat = unit.reshape(-1, 3)
+    parted = np.zeros(len(edges.pairs), dtype=bool)
+    for ends in _meeting(at.ravel(), *edges.pairs.T):
+        parted |= np.linalg.norm(flat[ends[:, 0]] - flat[ends[:, 1]], axis=1) > 1e-3
+    if parted.any():
+        notes.append(
+            f"given normals differ across {100 * parted.mean():.3g} % of the edges, where the "
+            "displaced surface opens; hard_angle=180 computes smooth ones"
+        )

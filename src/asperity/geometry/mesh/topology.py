@@ -1,0 +1,157 @@
+"""Which triangles meet at which edges; which way round they are wound; what is inside.
+
+Everything here works on *places*, not vertices: a vertex that was split at a seam of the texture,
+or as STL splits all of them, is one place. A *half-edge* h = 3 f + c runs from corner c of
+triangle f to the next; an edge is met by one half-edge (a border), two, or more.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.mesh.checks import Array, Corners, Indices, count_of, joined
+
+
+class Edges(NamedTuple):
+    """The edges of triangles.
+
+    Attributes
+    ----------
+    of_half : (3 m,) array
+        The edge of each half-edge.
+    size : (e,) array
+        How many half-edges meet in each edge.
+    pairs : (p, 2) array
+        Half-edges that meet; of an edge of more than two, all their pairs.
+    """
+
+    of_half: Indices
+    size: Indices
+    pairs: Indices
+
+    @property
+    def borders(self) -> NDArray[np.bool_]:
+        """(3 m,): whether a half-edge is alone in its edge."""
+        return self.size[self.of_half] == 1
+
+
+def edges_of(at: Indices) -> Edges:
+    """Return the edges of triangles whose corners are `at` the places (m, 3)."""
+    start, end = at.ravel(), np.roll(at, -1, axis=1).ravel()
+    keys = np.minimum(start, end) * (int(at.max()) + 1) + np.maximum(start, end)
+    _, of_half, count = np.unique(keys, return_inverse=True, return_counts=True)
+    order = np.argsort(of_half, kind="stable")
+    begin = np.cumsum(count) - count
+    pairs = [np.stack([order[begin[count == 2] + k] for k in (0, 1)], axis=1)]
+    for edge in np.flatnonzero(count > 2):
+        halves = order[begin[edge] : begin[edge] + count[edge]]
+        # All pairs of a book's pages would be too many; of a thick one the neighbours do.
+        few = combinations(halves, 2) if count[edge] <= 16 else pairwise(halves)
+        pairs.append(np.array(list(few)))
+    return Edges(of_half.astype(np.int64), count.astype(np.int64), np.concatenate(pairs))
+
+
+def next_corner(half: Indices) -> Indices:
+    """Return the corner that a half-edge runs to; it starts at the corner of its own number."""
+    return half - half % 3 + (half + 1) % 3
+
+
+def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
+    """Return the mesh with neighbouring triangles wound alike, and closed ones facing outwards.
+
+    Where triangles disagree the smaller area is turned. A closed part with a negative volume is
+    turned round, unless it is a cavity in another.
+    """
+    at = places[corners.faces]
+    edges = edges_of(at)
+    many = np.count_nonzero(edges.size > 2)
+    if many:
+        notes.append(f"{count_of(many, 'edge')} shared by more than two triangles: kept")
+    pairs = edges.pairs[edges.size[edges.of_half[edges.pairs[:, 0]]] == 2]
+    part = joined(len(at), pairs[:, 0] // 3, pairs[:, 1] // 3)
+    turn = _disagreeing(corners, at, pairs, part, notes)
+    corners = corners.turned(turn)
+    closed = np.ones(part.max() + 1, dtype=bool)
+    closed[part[np.flatnonzero(edges.borders) // 3]] = False
+    inside_out = _inside_out(corners, part, closed)
+    if inside_out.any():
+        area = f"{np.count_nonzero(inside_out)} of {len(at)} triangles"
+        notes.append(f"inside out (negative volume): turned round, {area}")
+    open_edges = np.count_nonzero(edges.size == 1)
+    if open_edges:
+        notes.append(f"it is open: {count_of(open_edges, 'border edge')}")
+    return corners.turned(inside_out)
+
+
+def _disagreeing(
+    corners: Corners, at: Indices, pairs: Indices, part: Indices, notes: list[str]
+) -> NDArray[np.bool_]:
+    """Return which triangles to turn so that all of a part are wound alike."""
+    m = len(at)
+    start = at.ravel()
+    same_way = start[pairs[:, 0]] == start[pairs[:, 1]]
+    f, g = pairs[:, 0] // 3, pairs[:, 1] // 3
+    # A triangle as it is has the number f, turned round f + m: those that agree are joined.
+    first = np.concatenate([f, f + m])
+    second = np.concatenate([np.where(same_way, g + m, g), np.where(same_way, g, g + m)])
+    label = joined(2 * m, first, second)
+    one_sided = label[:m] == label[m:]
+    if one_sided.any():
+        strips = len(np.unique(part[one_sided]))
+        notes.append(f"{count_of(strips, 'part')} with one side only, like a Moebius strip")
+    area = np.linalg.norm(crosses(corners.vertices[corners.faces]), axis=1)
+    total = np.bincount(label[:m], area, label.max() + 1)
+    turn = (total[label[:m]] < total[label[m:]]) & ~one_sided
+    # Of two equal halves the one with the lower label stays, which is that of the first triangle.
+    equal = (total[label[:m]] == total[label[m:]]) & ~one_sided
+    turn |= equal & (label[:m] > label[m:])
+    if turn.any():
+        notes.append(f"winding was inconsistent: {count_of(turn.sum(), 'triangle')} turned round")
+    return turn
+
+
+def crosses(triangles: Array) -> Array:
+    """Return the cross products of the sides of triangles: twice their area along their normal."""
+    a, b, c = triangles.swapaxes(0, 1)
+    return np.cross(b - a, c - a)
+
+
+def _inside_out(corners: Corners, part: Indices, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which triangles belong to closed parts that are inside out."""
+    triangles = corners.vertices[corners.faces]
+    triangles = triangles - corners.vertices.mean(axis=0)
+    sixfold = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2]))
+    volume = np.where(closed, np.bincount(part, sixfold, len(closed)), 0.0)
+    # Noise of a part without volume is no sign: compare with its bounding box.
+    low, high = (np.full((len(closed), 3), s * np.inf) for s in (1, -1))
+    np.minimum.at(low, part, triangles.min(axis=1))
+    np.maximum.at(high, part, triangles.max(axis=1))
+    volume[np.abs(volume) < 1e-9 * (high - low).max(axis=1) ** 3] = 0.0
+    turned = closed & (volume.sum() < 0.0)
+    volume[turned] *= -1.0
+    for k in np.flatnonzero(volume < 0.0):
+        point = triangles[np.argmax(part == k), 0]
+        round_it = closed & ((low <= point) & (point <= high)).all(axis=1)
+        round_it[k] = False
+        others = triangles[round_it[part]]
+        if len(others) == 0 or abs(_winding_number(point, others)) < 0.5:
+            turned[k] = ~turned[k]
+    return np.asarray(turned[part])
+
+
+def _winding_number(point: Array, triangles: Array) -> float:
+    """Return how often closed triangles enclose a point.
+
+    Their solid angles by van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30, 125 (1983).
+    """
+    a, b, c = (triangles - point).swapaxes(0, 1)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", s, t) for s, t in ((a, b), (b, c), (c, a)))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    return float(
+        2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (4.0 * np.pi)
+    )

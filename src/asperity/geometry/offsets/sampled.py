@@ -1,0 +1,318 @@
+"""Measured or synthesised heights, in one or two dimensions, as surfaces a probe can trace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
+from asperity.geometry.offsets import disk_search, sphere_search
+from asperity.geometry.offsets.surface import OffsetTrace, Tracer, slope_of
+from asperity.texture.bounds import pyramid_of
+from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, values_2d
+
+_Search = Callable[
+    [NDArray[np.float64], NDArray[np.float64]],
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+]
+
+CERTIFIED_TO = 1e-12
+"""An offset height lies at most this far below the true maximum [m]."""
+
+STEEPEST = 50.0
+"""Largest slope between samples that is taken for a surface: 89 degrees."""
+
+
+def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> NDArray[np.float64]:
+    """Return `heights` as a float array, or raise `SurfaceError` saying what is wrong with it."""
+    try:
+        array = np.asarray(heights, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(f"heights must be an array of numbers: {error}") from None
+    if array.ndim not in dimensions:
+        wanted = " or ".join(f"{d}-D" for d in dimensions)
+        raise SurfaceError(f"heights must be {wanted}, got shape {array.shape}")
+    if min(array.shape) < 2:
+        raise SurfaceError(f"heights need 2 samples or more along each axis, got {array.shape}")
+    bad = int(np.count_nonzero(~np.isfinite(array)))
+    if bad:
+        raise SurfaceError(f"heights hold {bad} NaN or infinite values of {array.size}; fill them")
+    return array
+
+
+def check_steepness(samples: NDArray[np.float64], pixel_size: float) -> None:
+    """Raise `SurfaceError` if neighbouring samples are steeper than any probe can follow."""
+    for axis in range(samples.ndim):
+        slope = float(np.max(np.abs(np.diff(samples, axis=axis)))) / pixel_size
+        if slope > STEEPEST:
+            raise SurfaceError(
+                f"heights are too steep: slope {slope:.3g} between neighbouring samples, at most "
+                f"{STEEPEST:g} is valid; are heights and pixel_size both in metres?"
+            )
+
+
+def _radius_of(diameter: float, extent: float) -> float:
+    require_positive("diameter", diameter, "[m]")
+    if diameter > extent:
+        raise SurfaceError(
+            f"a probe of diameter {diameter * 1e3:g} mm is wider than the surface; "
+            f"valid: at most {extent * 1e3:g} mm"
+        )
+    return 0.5 * diameter
+
+
+def _fold(
+    u: NDArray[np.float64], length: float, border: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `u` brought into [0, length], and -1 where that runs the map backwards."""
+    if border == "wrap":
+        return np.mod(u, length), np.ones_like(u)
+    place = np.mod(u, 2.0 * length)
+    back = place > length
+    return np.where(back, 2.0 * length - place, place), np.where(back, -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """What a line of samples and a grid of them have in common: how they lie along u."""
+
+    samples: NDArray[np.float64]
+    pixel_size: float
+    border: str = "mirror"
+
+    def _check(self, dimensions: int) -> None:
+        object.__setattr__(self, "samples", check_heights(self.samples, (dimensions,)))
+        require_positive("pixel_size", self.pixel_size, "[m]")
+        require_choice("border", self.border, BORDERS)
+        check_steepness(self.samples, self.pixel_size)
+
+    @property
+    def length(self) -> float:
+        """Extent of the samples along u [m]."""
+        return self.samples.shape[-1] * self.pixel_size
+
+    @property
+    def period(self) -> float:
+        """Distance after which the surface repeats [m]: the length, twice that if mirrored."""
+        return self.length * (2.0 if self.border == "mirror" else 1.0)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the second half of the period is the first, run backwards."""
+        return self.border == "mirror"
+
+    @property
+    def cells(self) -> int:
+        """Number of intervals in which a table of one period should begin."""
+        return round(self.period / self.pixel_size)
+
+    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return the heights [m] of the spline at places `u` [m]."""
+        return self._along(u)[0]
+
+    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Return dh/du of the spline at places `u` [m]."""
+        return self._along(u)[1]
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return heights and slopes at places `u`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SampledProfile(_Sampled):
+    """Heights along one line, with a cubic spline between the samples.
+
+    Parameters
+    ----------
+    samples : (n,) array
+        Heights [m] at `(i + 1/2) * pixel_size`.
+    pixel_size : float
+        Distance between samples [m], above 0.
+    border : {"mirror", "wrap"}
+        How the profile goes on beyond its ends.
+    spacing : float
+        Distance between neighbouring elements [m], if there is one; for labels only.
+    """
+
+    spacing: float = float("nan")
+
+    def __post_init__(self) -> None:
+        self._check(1)
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
+        coefficients = spline_coefficients(self.samples, self.border)
+        values, slopes = values_1d(coefficients, place / self.pixel_size)
+        return values, slopes * sign / self.pixel_size
+
+    def tracer(self, diameter: float) -> Tracer:
+        """Return the function that traces a disk of `diameter` [m] over this profile."""
+        radius = _radius_of(diameter, self.length) / self.pixel_size
+        margin = int(radius) + 2
+        coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
+        pyramid = pyramid_of(coefficients)
+        tolerance = CERTIFIED_TO / self.pixel_size
+
+        def trace(u: ArrayLike) -> OffsetTrace:
+            u = np.asarray(u, dtype=np.float64)
+            folded, sign = _fold(u, self.length, self.border)
+            places = np.atleast_1d(folded / self.pixel_size + 0.5 + margin).ravel()
+            heights, contacts = np.empty(places.size), np.empty(places.size)
+            disk_search.search_many(
+                coefficients, pyramid, places, radius, tolerance, heights, contacts
+            )
+            across = (contacts - places).reshape(u.shape) * sign
+            return OffsetTrace(
+                heights.reshape(u.shape) * self.pixel_size,
+                slope_of(across, across**2, radius),
+                u + across * self.pixel_size,
+            )
+
+        return trace
+
+
+@dataclass(frozen=True)
+class HeightMap(_Sampled):
+    """Heights on a square grid, with a bicubic spline between the samples.
+
+    Parameters
+    ----------
+    samples : (nv, nu) array
+        Heights [m] at `(i + 1/2) * pixel_size`, row 0 at v = 0.
+    pixel_size : float
+        Distance between samples along both axes [m], above 0.
+    border : {"mirror", "wrap"}
+        How the map goes on beyond its ends.
+    line : float or None
+        The v [m] at which a probe is dragged along u; None is half-way up.
+    spacing : float
+        Distance between neighbouring elements [m], if there is one; for labels only.
+    """
+
+    line: float | None = None
+    spacing: float = float("nan")
+
+    def __post_init__(self) -> None:
+        self._check(2)
+        width = self.samples.shape[0] * self.pixel_size
+        if self.line is None:
+            object.__setattr__(self, "line", 0.5 * width)
+        elif not 0.0 <= self.line <= width:
+            raise AsperityError(f"line must lie on the map, 0 to {width:g} m, got {self.line!r}")
+
+    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
+        coefficients = spline_coefficients(self.samples, self.border)
+        assert self.line is not None
+        row = np.full_like(place, self.line / self.pixel_size)
+        values, slopes = values_2d(coefficients, row, place / self.pixel_size)
+        return values, slopes * sign / self.pixel_size
+
+    def tracer(self, diameter: float) -> Tracer:
+        """Return the function that traces a sphere of `diameter` [m] along the line."""
+        assert self.line is not None
+        search = self._search(diameter, line=self.line)
+        radius = 0.5 * diameter
+
+        def trace(u: ArrayLike) -> OffsetTrace:
+            u = np.asarray(u, dtype=np.float64)
+            folded, sign = _fold(u, self.length, self.border)
+            heights, along, across = search(folded, np.full_like(folded, self.line))
+            return OffsetTrace(
+                heights,
+                sign * slope_of(along, along**2 + across**2, radius),
+                u + sign * along,
+            )
+
+        return trace
+
+    def offset(self, diameter: float) -> NDArray[np.float64]:
+        """Return the offset surface [m] for a sphere of `diameter` [m], at every sample."""
+        rows, columns = self.samples.shape
+        v, u = np.meshgrid(
+            (np.arange(rows) + 0.5) * self.pixel_size,
+            (np.arange(columns) + 0.5) * self.pixel_size,
+            indexing="ij",
+        )
+        return self._search(diameter)(u, v)[0]
+
+    def _search(self, diameter: float, line: float | None = None) -> _Search:
+        """Return a function of (u, v) [m] that gives height and contact along u and v [m].
+
+        For places on one `line` only, the strip that the sphere can touch is searched.
+        """
+        shortest = min(self.samples.shape) * self.pixel_size
+        radius = _radius_of(diameter, shortest) / self.pixel_size
+        margin = int(radius) + 2
+        coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
+        first_row = 0
+        if line is not None:
+            first_row = int(line / self.pixel_size)
+            coefficients = np.ascontiguousarray(
+                coefficients[first_row : first_row + 2 * margin + 4]
+            )
+        pyramid = pyramid_of(coefficients)
+        tolerance = CERTIFIED_TO / self.pixel_size
+
+        def search(
+            u: NDArray[np.float64], v: NDArray[np.float64]
+        ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+            places_u = np.atleast_1d(u / self.pixel_size + 0.5 + margin).ravel()
+            places_v = np.atleast_1d(v / self.pixel_size + 0.5 + margin - first_row).ravel()
+            heights, contacts = np.empty(places_u.size), np.empty((places_u.size, 2))
+            sphere_search.search_many(
+                coefficients, pyramid, places_u, places_v, radius, tolerance, heights, contacts
+            )
+            return (
+                heights.reshape(u.shape) * self.pixel_size,
+                (contacts[:, 0] - places_u).reshape(u.shape) * self.pixel_size,
+                (contacts[:, 1] - places_v).reshape(u.shape) * self.pixel_size,
+            )
+
+        return search
+
+
+def offset_surface(
+    heights: ArrayLike, pixel_size: float, diameter: float, *, border: str = "mirror"
+) -> NDArray[np.float64]:
+    """Return the offset surface of sampled heights: where the lowest point of a probe goes.
+
+    Between the samples the surface is their interpolating cubic spline, and the result is the
+    maximum over that surface, certified to `CERTIFIED_TO`, not over the samples.
+
+    Parameters
+    ----------
+    heights : (n,) or (nv, nu) array
+        Heights [m] at `(i + 1/2) * pixel_size`. One-dimensional heights meet a disk,
+        two-dimensional ones a sphere.
+    pixel_size : float
+        Distance between samples [m], above 0.
+    diameter : float
+        Diameter of the probe [m], above 0 and at most the extent of the heights.
+    border : {"mirror", "wrap"}
+        How the surface goes on beyond its ends.
+
+    Returns
+    -------
+    array of the shape of `heights`
+        Height [m] of the probe's lowest point when its centre is above the sample.
+
+    Raises
+    ------
+    AsperityError
+        Heights that are not finite, not 1-D or 2-D, or smaller than the probe.
+
+    References
+    ----------
+    Otaduy & Lin (2004), section 3.2 and Figure 1.
+    """
+    array = check_heights(heights)
+    if array.ndim == 2:
+        return HeightMap(array, pixel_size, border).offset(diameter)
+    profile = SampledProfile(array, pixel_size, border)
+    places = (np.arange(array.size) + 0.5) * profile.pixel_size
+    return profile.tracer(diameter)(places).height

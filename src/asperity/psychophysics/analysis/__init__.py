@@ -1,0 +1,1 @@
+"""What the answers say: psychometric functions, magnitude estimates, scales."""

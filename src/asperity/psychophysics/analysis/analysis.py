@@ -1,0 +1,237 @@
+"""What follows from the answers: numbers for `analysis.json`, and what the figures show."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.errors import AsperityError
+from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
+from asperity.psychophysics.analysis.psychometric_fit import Fit, fit_psychometric
+from asperity.psychophysics.analysis.results import SessionResult
+from asperity.psychophysics.analysis.scales import (
+    Scale,
+    circular_triads,
+    fit_scale,
+    predicted,
+    wins,
+)
+from asperity.psychophysics.procedures.procedures import quest_plus, staircases
+from asperity.psychophysics.procedures.questplus import QuestPlusSettings
+from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What one session of a forced choice says."""
+
+    result: SessionResult
+    fit: Fit | None
+    told: dict[str, Any]
+    tracks: list[Staircase]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of an analysis."""
+
+    function: str = "weibull"
+    samples: int = 1000
+    confidence: float = 0.95
+    seed: int = 0
+
+
+def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
+    """Return the psychometric function of a session, and what the adaptive method itself says."""
+    settings, adaptive = result.design.forced_choice, result.design.adaptive
+    x = [i for given in result.given if (i := given.trial.intensity) is not None]
+    right = [bool(given.right) for given in result.given]
+    told: dict[str, Any] = {
+        "session": result.name, "complete": result.complete, "simulated": result.simulated,
+        "trials": len(x), "right": float(np.mean(right)), "scale": settings.scale,
+    }  # fmt: skip
+    fit = None
+    try:
+        fit = fit_psychometric(
+            x, right, function=options.function, samples=options.samples,
+            confidence=options.confidence, seed=options.seed,
+        )  # fmt: skip
+    except AsperityError as error:
+        told["not_fitted"] = str(error)
+    else:
+        found = fit.function
+        told["psychometric"] = {
+            "function": found.function, "guess": found.guess, "lapse": found.lapse,
+            "threshold": _level(settings.scale, found.threshold),
+            "threshold_low": _level(settings.scale, fit.threshold.low),
+            "threshold_high": _level(settings.scale, fit.threshold.high),
+            "width": found.width, "width_low": fit.width.low, "width_high": fit.width.high,
+            "confidence": fit.confidence, "deviance": fit.deviance, "deviance_p": fit.deviance_p,
+            "at_bound": fit.at_bound,
+        }  # fmt: skip
+    tracks: list[Staircase] = []
+    if isinstance(adaptive, StaircaseSettings):
+        tracks = staircases(result.design)
+        for given in result.given:
+            assert given.trial.track is not None
+            tracks[given.trial.track - 1].answer(bool(given.right))
+        told["staircase"] = {
+            "target": adaptive.target,
+            "tracks": [
+                {"trials": t.done, "reversals": len(t.turned), "over": t.is_over,
+                 "mean_of_reversals": _level(settings.scale, t.threshold())}
+                for t in tracks
+            ],
+        }  # fmt: skip
+    if isinstance(adaptive, QuestPlusSettings):
+        quest = quest_plus(result.design)
+        for intensity, was in zip(x, right, strict=True):
+            quest.answer(intensity, was)
+        estimate = quest.estimate()
+        told["quest+"] = {
+            "threshold": _level(settings.scale, estimate["threshold"][0]),
+            "threshold_sd_intensity": estimate["threshold"][1],
+            "width": estimate["width"][0], "lapse": estimate["lapse"][0],
+        }  # fmt: skip
+    return Threshold(result, fit, told, tracks)
+
+
+def _level(scale: str, intensity: float) -> float | None:
+    if not np.isfinite(intensity):
+        return None
+    return float(10.0**intensity) if scale == "log" else float(intensity)
+
+
+def orders(results: list[SessionResult], names: list[str]) -> list[list[int]]:
+    """Return each answer as stimuli in order, the one with most first."""
+    out = []
+    for result in results:
+        for given in result.given:
+            places = [names.index(stimulus.name) for stimulus in given.trial.stimuli]
+            answer = given.answer
+            if isinstance(answer, list):
+                out.append([places[i - 1] for i in answer])
+            else:
+                first = places[int(answer) - 1]
+                out.append([first, *(place for place in places if place != first)])
+    return out
+
+
+def analyse_scales(
+    results: list[SessionResult], options: Options
+) -> tuple[dict[str, Any], list[Scale]]:
+    """Return the scales of paired comparisons or rankings, all sessions together."""
+    stimuli = results[0].design.all_stimuli()
+    names = [stimulus.name for stimulus in stimuli]
+    rows = orders(results, names)
+    scales = [
+        fit_scale(
+            names, rows, model=model, samples=options.samples, confidence=options.confidence,
+            seed=options.seed,
+        )
+        for model in ("bradley-terry", "thurstone")
+    ]  # fmt: skip
+    table = wins(len(names), rows)
+    circular, triads = circular_triads(table)
+    told = {
+        "trials": len(rows), "stimuli": names, "values": [s.value for s in stimuli],
+        "wins": table.astype(int).tolist(),
+        "circular_triads": circular, "triads": triads,
+        "scales": [
+            {
+                "model": scale.model, "values": scale.values.tolist(), "low": scale.low.tolist(),
+                "high": scale.high.tolist(), "separated": scale.separated,
+                "agreement": _agreement(scale, table),
+            }
+            for scale in scales
+        ],
+    }  # fmt: skip
+    return told, scales
+
+
+def _agreement(scale: Scale, table: Any) -> float:
+    """Return the mean probability that the scale gives to what was chosen."""
+    return float(np.sum(table * predicted(scale)) / np.sum(table))
+
+
+def magnitudes_told(found: Magnitudes) -> dict[str, Any]:
+    """Return magnitudes for JSON."""
+    fit = found.fit
+    quadratic = None
+    if fit is not None:
+        quadratic = {
+            "coefficients_log10_mm": fit.coefficients.tolist(), "r_squared": fit.r_squared,
+            "peak": None if not np.isfinite(fit.peak_spacing) else fit.peak_spacing,
+            "peak_low": found.peak[0] if found.peak else None,
+            "peak_high": found.peak[1] if found.peak else None,
+        }  # fmt: skip
+    exponent = None
+    if found.exponent is not None:
+        exponent = dict(zip(("slope", "low", "high"), found.exponent, strict=True))
+    return {
+        "stimuli": list(found.names), "values": _plain(found.values), "mean": _plain(found.mean),
+        "low": _plain(found.low), "high": _plain(found.high),
+        "by_session": {
+            name: _plain(row)
+            for name, row in zip(found.sessions, found.by_session, strict=True)
+        },
+        "quadratic": quadratic, "power_law": exponent,
+    }  # fmt: skip
+
+
+def _plain(values: Any) -> list[float | None]:
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def analyse(results: list[SessionResult], folder: Path, options: Options) -> dict[str, Any]:
+    """Analyse sessions; write `analysis.json` and figures into a folder; return the numbers.
+
+    Parameters
+    ----------
+    results : list of SessionResult
+        Of one experiment.
+    folder : Path
+        An existing folder.
+    options : Options
+    """
+    from asperity.drawing import figure_style
+    from asperity.psychophysics.analysis import figures
+
+    design = results[0].design
+    told: dict[str, Any] = {
+        "schema": 1, "experiment": design.name, "method": design.method,
+        "sessions": [
+            {"name": r.name, "answers": len(r.given), "complete": r.complete,
+             "simulated": r.simulated}
+            for r in results
+        ],
+        "seed": options.seed, "bootstrap_samples": options.samples,
+        "confidence": options.confidence,
+    }  # fmt: skip
+    if design.method == "magnitude":
+        found = analyse_magnitudes(
+            results, samples=options.samples, confidence=options.confidence, seed=options.seed
+        )
+        told["magnitude"] = magnitudes_told(found)
+        figure_style.save(figures.magnitude_figure(found, design), folder, "magnitude")
+    elif design.method == "forced-choice":
+        thresholds = [analyse_threshold(result, options) for result in results]
+        told["forced-choice"] = [threshold.told for threshold in thresholds]
+        for threshold in thresholds:
+            name = threshold.result.name
+            figure_style.save(figures.track_figure(threshold), folder, f"trials_{name}")
+            if threshold.fit is not None:
+                figure_style.save(
+                    figures.psychometric_figure(threshold), folder, f"psychometric_{name}"
+                )
+    else:
+        told[design.method], scales = analyse_scales(results, options)
+        figure_style.save(figures.scale_figure(scales, design), folder, "scale")
+        figure_style.save(figures.wins_figure(told[design.method], design), folder, "choices")
+    text = json.dumps(told, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    (folder / "analysis.json").write_text(text, "utf-8")
+    return told

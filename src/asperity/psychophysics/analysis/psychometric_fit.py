@@ -1,0 +1,126 @@
+"""Psychometric functions fitted by maximum likelihood, with confidence intervals.
+
+Intervals are by profile likelihood (Venzon & Moolgavkar 1988, Appl. Stat. 37, 87-94): all values
+for which the likelihood, with the other parameters at their best, is not significantly less. It
+does not matter to it that adaptive levels came of the answers. A parametric bootstrap at the levels
+that were presented, which is what many programs do, does not know of that either way: of 200
+simulated staircases its 95 % had the true threshold in 87 to 90.5 %, the profile in 91 to 93.5 %
+(over all designs 94.4 %; `tests/psychophysics/test_recovery.py`).
+
+The fit itself is judged by such a bootstrap (Wichmann & Hill 2001, Percept. Psychophys. 63,
+1293-1313): answers are drawn from the fitted function and fitted again, and their deviances
+compared. The width of adaptive data is biased towards steepness (Kaernbach 2001, ibid. 1389-1398)
+and not to be taken at its word.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+from asperity.errors import AsperityError
+from asperity.psychophysics.analysis.psychometric import Psychometric
+from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, Search
+
+
+class Interval(NamedTuple):
+    """A confidence interval."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted function and how sure it is."""
+
+    function: Psychometric
+    threshold: Interval
+    width: Interval
+    confidence: float
+    deviance: float
+    """Twice the log likelihood ratio to the saturated model."""
+    deviance_p: float
+    """Part of the bootstrap samples with a larger deviance: a small one speaks against the fit."""
+    trials: int
+    at_bound: bool
+    """Whether threshold or width lies at an end of what was searched: then nothing is found."""
+
+
+def fit_psychometric(
+    intensities: ArrayLike,
+    right: ArrayLike,
+    *,
+    guess: float = 0.5,
+    function: str = "weibull",
+    lapse: float | None = None,
+    samples: int = 1000,
+    confidence: float = 0.95,
+    seed: int = 0,
+) -> Fit:
+    """Fit a psychometric function to answers.
+
+    Parameters
+    ----------
+    intensities : (n,) array
+        Of each trial.
+    right : (n,) array of bool
+        Whether the answer was right.
+    guess : float
+    function : str
+        A key of `FUNCTIONS`.
+    lapse : float, optional
+        Hold the lapse rate. Default: it is free between 0 and `HIGHEST_LAPSE`.
+    samples : int
+        Of the bootstrap that judges the fit.
+    confidence : float
+        Of the intervals. An end that is not within what was searched is the end of that.
+    seed : int
+        Of the bootstrap.
+
+    Raises
+    ------
+    AsperityError
+        Fewer than ten answers, or all at one intensity.
+    """
+    x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
+    count = np.bincount(inverse).astype(np.float64)
+    weights = np.asarray(right, dtype=np.float64)
+    hits = np.asarray(np.bincount(inverse, weights=weights), dtype=np.float64)
+    trials = int(count.sum())
+    if trials < 10 or x.size < 2:
+        raise AsperityError(
+            f"a psychometric function needs ten answers at two levels, got {trials} at {x.size}"
+        )
+    search = Search(x, count, guess, function, lapse)
+    best = search.best(hits[None, :])[0]
+    fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
+    rng = np.random.default_rng(seed)
+    drawn = rng.binomial(count.astype(np.int64), np.clip(fitted(x), 0.0, 1.0), (samples, x.size))
+    again = search.best(drawn.astype(np.float64))
+    deviance = _deviance(hits[None, :], count, search.psi(best[None, :]))[0]
+    deviances = _deviance(drawn.astype(np.float64), count, search.psi(again))
+    fall = 0.5 * float(chi2.ppf(confidence, 1))
+    spans = [Interval(*search.interval(hits, best, which, fall)) for which in (THRESHOLD, WIDTH)]
+    low, high = search.bounds
+    return Fit(
+        fitted, spans[0], spans[1], confidence, float(deviance),
+        float(np.mean(deviances >= deviance - 1e-9)), trials,
+        bool(np.any((best[:2] <= low[:2] + 1e-9) | (best[:2] >= high[:2] - 1e-9))),
+    )  # fmt: skip
+
+
+def _deviance(
+    hits: NDArray[np.float64], count: NDArray[np.float64], p: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return twice the log likelihood ratio between the observed parts and p."""
+    p = np.clip(p, 1e-9, 1.0 - 1e-9)
+    seen = hits / count
+    with np.errstate(divide="ignore", invalid="ignore"):
+        terms = np.where(hits > 0.0, hits * np.log(seen / p), 0.0)
+        terms += np.where(hits < count, (count - hits) * np.log((1.0 - seen) / (1.0 - p)), 0.0)
+    return np.asarray(2.0 * np.sum(terms, axis=1))

@@ -1,0 +1,380 @@
+"""An experiment as its TOML file describes it: read, checked wholly, and made into a `Design`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from asperity.errors import AsperityError, require_between, require_choice, require_positive
+from asperity.psychophysics.interfaces.simulated_participants import SimulatedSettings
+from asperity.psychophysics.procedures.questplus import QuestPlusSettings
+from asperity.psychophysics.procedures.staircase import StaircaseSettings
+from asperity.psychophysics.stimuli import Stimuli, Stimulus, check_scene, read_stimuli
+from asperity.scene.document import Table, arguments, at, read_toml, require_keys, require_table
+
+SCHEMA = 1
+METHODS = ("magnitude", "forced-choice", "pairs", "ranking")
+ADAPTIVE = ("staircase", "quest+", "constant")
+_TEXTS = ("name", "method", "instructions", "question")
+_TABLES = ("stimulus", "stimuli", "levels", "presentation", *METHODS, *ADAPTIVE, "simulated")
+SECTIONS = ("schema", "seed", *_TEXTS, *_TABLES)
+_QUESTIONS = {
+    "magnitude": "How rough did it feel? Give a number above 0.",
+    "forced-choice": "Which felt rougher, 1 or 2?",
+    "pairs": "Which felt rougher, 1 or 2?",
+    "ranking": "Put them in order, the roughest first.",
+}
+
+
+@dataclass(frozen=True)
+class Presentation:
+    """How stimuli are presented.
+
+    Parameters
+    ----------
+    seconds : float
+        How long each is felt [s]; at most, if `self_paced`.
+    pause : float
+        Between two intervals of a trial [s].
+    self_paced : bool
+        Whether the participant may end an interval before.
+    show : bool
+        Whether the live page shows the texture and the plots to the participant.
+    hand : bool
+        Whether, without a device, a simulated hand holds the tool and yields.
+    """
+
+    seconds: float = 3.0
+    pause: float = 0.5
+    self_paced: bool = False
+    show: bool = False
+    hand: bool = False
+
+    def __post_init__(self) -> None:
+        require_between("seconds", self.seconds, 0.05, 600.0, "s")
+        require_between("pause", self.pause, 0.0, 60.0, "s")
+
+
+@dataclass(frozen=True)
+class MagnitudeSettings:
+    """Magnitude estimation, with a free modulus: any number above 0, in proportion.
+
+    Parameters
+    ----------
+    blocks : int
+        In each, every stimulus comes once, in an order of its own.
+    practice : int
+        Trials before the first block that are not analysed.
+    """
+
+    blocks: int = 3
+    practice: int = 0
+
+    def __post_init__(self) -> None:
+        require_between("blocks", self.blocks, 1, 1000)
+        require_between("practice", self.practice, 0, 1000)
+
+
+@dataclass(frozen=True)
+class ForcedChoiceSettings:
+    """Two intervals, a standard and a comparison: which has more of it.
+
+    Parameters
+    ----------
+    standard : float
+        Value of the levels' key.
+    low, high : float
+        Smallest and largest level.
+    level : {"weber", "difference", "value"}
+        What a level is: the comparison is `standard (1 + level)`, `standard + level`, or `level`.
+    direction : {"up", "down"}
+        With "down" the comparison is `standard (1 - level)` or `standard - level`.
+    more : {"larger", "smaller"}
+        Which value of the key has more of what is asked for.
+    scale : {"log", "linear"}
+        Of the levels: steps are factors, or differences.
+    adaptive : {"staircase", "quest+", "constant"}
+    practice : int
+        Trials at the highest level, before the others, that are not analysed.
+    feedback : bool
+        Whether the participant is told if the answer was right.
+    """
+
+    standard: float
+    low: float
+    high: float
+    level: str = "weber"
+    direction: str = "up"
+    more: str = "larger"
+    scale: str = "log"
+    adaptive: str = "staircase"
+    practice: int = 0
+    feedback: bool = False
+
+    def __post_init__(self) -> None:
+        require_choice("level", self.level, ("weber", "difference", "value"))
+        require_choice("direction", self.direction, ("up", "down"))
+        require_choice("more", self.more, ("larger", "smaller"))
+        require_choice("scale", self.scale, ("log", "linear"))
+        require_choice("adaptive", self.adaptive, ADAPTIVE)
+        require_between("practice", self.practice, 0, 1000)
+        if not self.low < self.high:
+            raise AsperityError(f"low ({self.low:g}) must be below high ({self.high:g})")
+        if self.scale == "log":
+            require_positive("low", self.low)
+
+    def intensity(self, level: float) -> float:
+        """Return a level on its scale."""
+        return math.log10(level) if self.scale == "log" else level
+
+    def level_of(self, intensity: float) -> float:
+        """Return the level of an intensity, held between `low` and `high`."""
+        # Above the largest power of ten that fits, the high end is meant anyway.
+        level = 10.0 ** min(intensity, 300.0) if self.scale == "log" else intensity
+        return float(f"{min(max(level, self.low), self.high):.9g}")
+
+    def comparison(self, level: float) -> float:
+        """Return the value of the comparison at a level."""
+        if self.level == "value":
+            return level
+        apart = level * self.standard if self.level == "weber" else level
+        return self.standard + (apart if self.direction == "up" else -apart)
+
+    @property
+    def comparison_is_right(self) -> bool:
+        """Whether the comparison has more of what is asked for."""
+        larger = self.direction == "up"
+        if self.level == "value":
+            larger = self.comparison(self.high) > self.standard
+        return larger == (self.more == "larger")
+
+
+@dataclass(frozen=True)
+class ConstantSettings:
+    """The method of constant stimuli: every level so many times, in random order."""
+
+    levels: tuple[float, ...]
+    repeats: int = 20
+
+    def __post_init__(self) -> None:
+        if len(self.levels) < 2:
+            raise AsperityError("levels must hold two at least")
+        require_between("repeats", self.repeats, 1, 10000)
+
+
+@dataclass(frozen=True)
+class PairsSettings:
+    """Paired comparison: every pair of stimuli, in both orders.
+
+    Parameters
+    ----------
+    repeats : int
+        How often every pair comes; even numbers balance the two orders.
+    practice : int
+        Trials before the others that are not analysed.
+    """
+
+    repeats: int = 2
+    practice: int = 0
+
+    def __post_init__(self) -> None:
+        require_between("repeats", self.repeats, 1, 1000)
+        require_between("practice", self.practice, 0, 1000)
+
+
+@dataclass(frozen=True)
+class RankingSettings:
+    """Ranking: all stimuli in each trial, put in order.
+
+    Parameters
+    ----------
+    repeats : int
+    practice : int
+        Trials before the others that are not analysed.
+    """
+
+    repeats: int = 3
+    practice: int = 0
+
+    def __post_init__(self) -> None:
+        require_between("repeats", self.repeats, 1, 1000)
+        require_between("practice", self.practice, 0, 1000)
+
+
+Settings = MagnitudeSettings | ForcedChoiceSettings | PairsSettings | RankingSettings
+_MAKES: dict[str, Any] = {
+    "magnitude": MagnitudeSettings, "forced-choice": ForcedChoiceSettings,
+    "pairs": PairsSettings, "ranking": RankingSettings,
+}  # fmt: skip
+_ADAPTIVE: dict[str, Any] = {
+    "staircase": StaircaseSettings, "quest+": QuestPlusSettings, "constant": ConstantSettings,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Design:
+    """An experiment. `read_design` makes it.
+
+    Parameters
+    ----------
+    name, method, instructions, question : str
+    seed : int
+    stimuli : Stimuli
+    values : tuple of float
+        The levels of methods without adaptation; empty where stimuli are named.
+    presentation : Presentation
+    settings : MagnitudeSettings, ForcedChoiceSettings, PairsSettings or RankingSettings
+    adaptive : StaircaseSettings, QuestPlusSettings or ConstantSettings, optional
+        Of a forced choice.
+    simulated : SimulatedSettings
+    document : dict
+        The file, as it was read.
+    """
+
+    name: str
+    method: str
+    instructions: str
+    question: str
+    seed: int
+    stimuli: Stimuli
+    values: tuple[float, ...]
+    presentation: Presentation
+    settings: Settings
+    adaptive: StaircaseSettings | QuestPlusSettings | ConstantSettings | None
+    simulated: SimulatedSettings
+    document: dict[str, Any] = field(repr=False)
+
+    @property
+    def forced_choice(self) -> ForcedChoiceSettings:
+        """The settings of a forced choice; only where it is one."""
+        assert isinstance(self.settings, ForcedChoiceSettings)
+        return self.settings
+
+    def all_stimuli(self) -> list[Stimulus]:
+        """Return the stimuli: all of them, or of a forced choice the standard and the extremes."""
+        if self.method == "forced-choice":
+            chosen = self.forced_choice
+            ends = (chosen.comparison(chosen.low), chosen.comparison(chosen.high))
+            return [self.stimuli.level(value) for value in (chosen.standard, *ends)]
+        if self.stimuli.named:
+            return self.stimuli.names()
+        return [self.stimuli.level(value) for value in self.values]
+
+    def check_scenes(self) -> dict[str, str]:
+        """Make the scene of every stimulus; return a mark of each by name."""
+        return {s.name: check_scene(self.stimuli, s) for s in self.all_stimuli()}
+
+    @property
+    def mark(self) -> str:
+        """A digest of the document."""
+        text = json.dumps(self.document, sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def read_design(path: Path) -> Design:
+    """Return the experiment that a TOML file describes.
+
+    Raises
+    ------
+    AsperityError
+        One line: the file, what is wrong in which key, and what is valid.
+    """
+    if not path.is_file():
+        raise AsperityError(f"no such file: {path}; give the TOML file of an experiment")
+    document = read_toml(path)
+    design: Design = at(str(path), lambda: design_of(document, path.resolve().parent))
+    return design
+
+
+def design_of(document: dict[str, Any], folder: Path | None = None) -> Design:
+    """Return the experiment that a document describes; scenes are looked for beside `folder`."""
+    require_keys(document, "", SECTIONS)
+    schema = document.get("schema")
+    if schema != SCHEMA or isinstance(schema, bool):
+        raise AsperityError(f"schema must be {SCHEMA}, got {schema!r}")
+    for name in _TEXTS:
+        if name in document and not isinstance(document[name], str):
+            raise AsperityError(f"{name} must be a text, got {document[name]!r}")
+    for name in _TABLES:
+        require_table(document.get(name, {}), name)
+    for name in ("name", "method"):
+        if not document.get(name):
+            raise AsperityError(f"{name} is missing")
+    method = require_choice("method", document["method"], METHODS)
+    seed = document.get("seed", 0)
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**31:
+        raise AsperityError(f"seed must be a whole number, 0 or above, got {seed!r}")
+    for other in METHODS:
+        if other != method and other in document:
+            raise AsperityError(f"{other} is given, but the method is {method!r}")
+    settings = _made(document.get(method, {}), method, _MAKES[method])
+    adaptive = _adaptive(document, method, settings)
+    design = Design(
+        document["name"], method, document.get("instructions", ""),
+        document.get("question", _QUESTIONS[method]), seed, read_stimuli(document, folder),
+        _values(document, method),
+        _made(document.get("presentation", {}), "presentation", Presentation),
+        settings, adaptive, _made(document.get("simulated", {}), "simulated", SimulatedSettings),
+        document,
+    )  # fmt: skip
+    _check_stimuli(design)
+    return design
+
+
+def _made(table: Table, where: str, makes: Any) -> Any:
+    options = arguments(table, where, makes)
+    return at(where, lambda: makes(**options))
+
+
+def _values(document: Table, method: str) -> tuple[float, ...]:
+    """Return the values of the levels, which a forced choice finds by itself."""
+    given = document.get("levels", {}).get("values")
+    if given is None:
+        return ()
+    if method == "forced-choice":
+        raise AsperityError("levels.values is for the other methods; a forced choice has low, high")
+    numbers = [v for v in given if isinstance(v, int | float)] if isinstance(given, list) else []
+    if len(numbers) < 2 or len(numbers) != len(given) or len(set(numbers)) < len(numbers):
+        raise AsperityError(f"levels.values must be a list of different numbers, got {given!r}")
+    return tuple(float(value) for value in numbers)
+
+
+def _adaptive(document: Table, method: str, settings: Any) -> Any:
+    given = [name for name in ADAPTIVE if name in document]
+    if method != "forced-choice":
+        if given:
+            raise AsperityError(f"{given[0]} is for the method 'forced-choice', not {method!r}")
+        return None
+    wanted = settings.adaptive
+    for name in given:
+        if name != wanted:
+            raise AsperityError(f"{name} is given, but forced-choice.adaptive is {wanted!r}")
+    made = _made(document.get(wanted, {}), wanted, _ADAPTIVE[wanted])
+    starts = {"staircase": "start", "constant": "levels"}.get(wanted)
+    for value in getattr(made, starts) if starts else ():
+        at(
+            f"{wanted}.{starts}",
+            partial(require_between, "a level", value, settings.low, settings.high),
+        )
+    if wanted == "staircase" and settings.scale == "log":
+        for step in made.steps:
+            if step <= 1.0:
+                raise AsperityError(f"staircase.steps must be factors above 1, got {step!r}")
+    return made
+
+
+def _check_stimuli(design: Design) -> None:
+    if design.method == "forced-choice":
+        if design.stimuli.levels is None:
+            raise AsperityError("a forced choice needs [levels]: the key that it varies")
+    elif design.stimuli.levels is not None and not design.values:
+        raise AsperityError("levels.values is missing: the values of the key")
+    count = len(design.all_stimuli())
+    least, most = {"pairs": (2, 50), "ranking": (2, 9)}.get(design.method, (1, 1000))
+    if not least <= count <= most:
+        raise AsperityError(f"{design.method} needs {least} to {most} stimuli, got {count}")

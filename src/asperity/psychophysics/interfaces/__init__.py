@@ -1,0 +1,1 @@
+"""Who answers: a terminal, the page, or a simulated participant."""

@@ -1,0 +1,1 @@
+"""Which trial comes next: staircases, QUEST+, constant stimuli."""

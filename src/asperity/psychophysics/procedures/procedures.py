@@ -1,0 +1,297 @@
+"""Which trial comes next: one class a method.
+
+A procedure is a function of the design, the participant, the session and the answers so far.
+Everything random in it is drawn anew for each trial from these, so that a session that is taken up
+again goes on as it would have.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from typing import Protocol
+
+import numpy as np
+
+from asperity.psychophysics.design import (
+    ConstantSettings,
+    Design,
+    MagnitudeSettings,
+    PairsSettings,
+    RankingSettings,
+)
+from asperity.psychophysics.procedures.questplus import QuestPlus, QuestPlusSettings
+from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
+from asperity.psychophysics.session.trials import Answer, Trial
+from asperity.psychophysics.stimuli import Stimulus
+
+
+class Procedure(Protocol):
+    """What a session asks a method."""
+
+    @property
+    def most(self) -> int:
+        """How many trials there are, at most."""
+
+    def next(self) -> Trial | None:
+        """Return the trial that comes next, the same until it is answered; None after the last."""
+
+    def answer(self, trial: Trial, answer: Answer) -> None:
+        """Take the answer to that trial into account."""
+
+
+def seeds(design: Design, participant: str, session: int) -> list[int]:
+    """Return what everything random in a session follows from."""
+    told = hashlib.sha256(f"{participant}/{session}".encode()).digest()
+    return [design.seed, int.from_bytes(told[:6], "big")]
+
+
+def procedure(design: Design, participant: str, session: int) -> Procedure:
+    """Return the procedure of an experiment for a participant's session."""
+    seed = seeds(design, participant, session)
+    settings = design.settings
+    if isinstance(settings, MagnitudeSettings):
+        return _Listed(_magnitude(design, settings, seed))
+    if isinstance(settings, PairsSettings):
+        return _Listed(_pairs(design, settings, seed))
+    if isinstance(settings, RankingSettings):
+        return _Listed(_rankings(design, settings, seed))
+    return ForcedChoice(design, seed)
+
+
+class _Listed:
+    """Trials in an order that does not depend on the answers."""
+
+    def __init__(self, trials: list[Trial]) -> None:
+        self._trials = trials
+        self._done = 0
+
+    @property
+    def most(self) -> int:
+        return len(self._trials)
+
+    def next(self) -> Trial | None:
+        return self._trials[self._done] if self._done < len(self._trials) else None
+
+    def answer(self, trial: Trial, answer: Answer) -> None:
+        del trial, answer
+        self._done += 1
+
+
+def _magnitude(design: Design, settings: MagnitudeSettings, seed: list[int]) -> list[Trial]:
+    """Return blocks of all stimuli, each in an order of its own; none twice in a row."""
+    rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
+    rows: list[tuple[Stimulus, int]] = []
+    left = settings.practice
+    while left > 0:  # practice is spread over the range too
+        for i in rng.permutation(len(stimuli))[:left]:
+            rows.append((stimuli[i], 0))
+        left = settings.practice - len(rows)
+    for block in range(1, settings.blocks + 1):
+        order = rng.permutation(len(stimuli))
+        if rows and len(stimuli) > 1 and rows[-1][0] == stimuli[order[0]]:
+            order = np.roll(order, -1)
+        rows += [(stimuli[i], block) for i in order]
+    return [Trial(n, "number", (s,), block) for n, (s, block) in enumerate(rows, 1)]
+
+
+def _pairs(design: Design, settings: PairsSettings, seed: list[int]) -> list[Trial]:
+    """Return every pair so often, half of them in either order, in random order within a block."""
+    rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
+    pairs = list(itertools.combinations(stimuli, 2))
+    rows: list[tuple[tuple[Stimulus, Stimulus], int]] = []
+    for i in rng.integers(0, len(pairs), settings.practice):
+        rows.append((pairs[i], 0))
+    turned = rng.random(len(pairs)) < 0.5
+    for block in range(1, settings.repeats + 1):
+        for i in rng.permutation(len(pairs)):
+            a, b = pairs[i]
+            rows.append(((b, a) if turned[i] else (a, b), block))
+        turned = ~turned
+    return [Trial(n, "choice", pair, block) for n, (pair, block) in enumerate(rows, 1)]
+
+
+def _rankings(design: Design, settings: RankingSettings, seed: list[int]) -> list[Trial]:
+    """Return trials of all stimuli, each time in an order of its own."""
+    rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
+    blocks = [0] * settings.practice + list(range(1, settings.repeats + 1))
+    return [
+        Trial(n, "order", tuple(stimuli[i] for i in rng.permutation(len(stimuli))), block)
+        for n, block in enumerate(blocks, 1)
+    ]
+
+
+class ForcedChoice:
+    """A standard and a comparison in random order, at the level that the adaptive method wants."""
+
+    def __init__(self, design: Design, seed: list[int]) -> None:
+        self._design, self._seed = design, seed
+        self._settings = design.forced_choice
+        self._levels = _levels(design, seed)
+        self._done = 0
+        self._next: Trial | None = None
+
+    @property
+    def most(self) -> int:
+        """How many trials there are, at most."""
+        return self._settings.practice + self._levels.most
+
+    def next(self) -> Trial | None:
+        """Return the trial that comes next."""
+        if self._next is None:
+            number = self._done + 1
+            rng = np.random.default_rng([*self._seed, number])
+            if number <= self._settings.practice:
+                self._next = self._trial(number, self._settings.high, None, 0, rng)
+            elif not self._levels.is_over:
+                intensity, track = self._levels.next(rng)
+                self._next = self._trial(number, self._settings.level_of(intensity), track, 1, rng)
+        return self._next
+
+    def answer(self, trial: Trial, answer: Answer) -> None:
+        """Tell the adaptive method, unless it was practice."""
+        if not trial.practice:
+            assert trial.intensity is not None
+            self._levels.answer(trial.intensity, trial.track, answer == trial.right)
+        self._done += 1
+        self._next = None
+
+    def _trial(
+        self, number: int, level: float, track: int | None, block: int, rng: np.random.Generator
+    ) -> Trial:
+        settings, stimuli = self._settings, self._design.stimuli
+        pair = [stimuli.level(settings.standard), stimuli.level(settings.comparison(level))]
+        turned = bool(rng.random() < 0.5)
+        # The comparison is second, or first if the pair is turned.
+        right = 2 if settings.comparison_is_right else 1
+        if turned:
+            pair, right = pair[::-1], 3 - right
+        return Trial(
+            number, "choice", tuple(pair), block, level, settings.intensity(level), right, track
+        )
+
+
+class _Levels(Protocol):
+    """Where the next trial is put."""
+
+    @property
+    def most(self) -> int: ...
+
+    @property
+    def is_over(self) -> bool: ...
+
+    def next(self, rng: np.random.Generator) -> tuple[float, int | None]: ...
+
+    def answer(self, intensity: float, track: int | None, right: bool) -> None: ...
+
+
+def _levels(design: Design, seed: list[int]) -> _Levels:
+    adaptive = design.adaptive
+    if isinstance(adaptive, StaircaseSettings):
+        return _Staircases(staircases(design))
+    if isinstance(adaptive, QuestPlusSettings):
+        return _Quest(quest_plus(design), adaptive)
+    assert isinstance(adaptive, ConstantSettings)
+    return _Constant(design, adaptive, seed)
+
+
+def staircases(design: Design) -> list[Staircase]:
+    """Return the tracks of an experiment with staircases, at their beginnings."""
+    settings, adaptive = design.forced_choice, design.adaptive
+    assert isinstance(adaptive, StaircaseSettings)
+    return [
+        Staircase(
+            settings.intensity(start),
+            tuple(map(settings.intensity, adaptive.steps)),  # of a factor: its logarithm
+            adaptive.down, adaptive.up_ratio, adaptive.reversals, adaptive.trials,
+            settings.intensity(settings.low), settings.intensity(settings.high),
+        )
+        for start in adaptive.start
+    ]  # fmt: skip
+
+
+def quest_plus(design: Design) -> QuestPlus:
+    """Return the QUEST+ of an experiment, at its beginning."""
+    settings, adaptive = design.forced_choice, design.adaptive
+    assert isinstance(adaptive, QuestPlusSettings)
+    low, high = settings.intensity(settings.low), settings.intensity(settings.high)
+    return QuestPlus(
+        np.linspace(low, high, adaptive.levels), np.linspace(low, high, adaptive.thresholds),
+        np.array(adaptive.widths), np.array(adaptive.lapses), 0.5, adaptive.function,
+    )  # fmt: skip
+
+
+class _Staircases:
+    def __init__(self, tracks: list[Staircase]) -> None:
+        self._tracks = tracks
+
+    @property
+    def most(self) -> int:
+        return sum(track.trials for track in self._tracks)
+
+    @property
+    def is_over(self) -> bool:
+        return all(track.is_over for track in self._tracks)
+
+    def next(self, rng: np.random.Generator) -> tuple[float, int | None]:
+        live = [i for i, track in enumerate(self._tracks) if not track.is_over]
+        # The one that is behind, or one of those, so that they end at about the same time.
+        fewest = min(self._tracks[i].done for i in live)
+        behind = [i for i in live if self._tracks[i].done == fewest]
+        i = behind[int(rng.integers(len(behind)))]
+        return self._tracks[i].intensity, i + 1
+
+    def answer(self, intensity: float, track: int | None, right: bool) -> None:
+        del intensity
+        assert track is not None
+        self._tracks[track - 1].answer(right)
+
+
+class _Quest:
+    def __init__(self, quest: QuestPlus, settings: QuestPlusSettings) -> None:
+        self._quest, self._settings = quest, settings
+
+    @property
+    def most(self) -> int:
+        return self._settings.trials
+
+    @property
+    def is_over(self) -> bool:
+        sure = self._quest.done > 0 and (
+            self._quest.estimate()["threshold"][1] < self._settings.until
+        )
+        return sure or self._quest.done >= self._settings.trials
+
+    def next(self, rng: np.random.Generator) -> tuple[float, int | None]:
+        del rng
+        return self._quest.next(), None
+
+    def answer(self, intensity: float, track: int | None, right: bool) -> None:
+        del track
+        self._quest.answer(intensity, right)
+
+
+class _Constant:
+    def __init__(self, design: Design, settings: ConstantSettings, seed: list[int]) -> None:
+        rng = np.random.default_rng(seed)
+        levels = np.array(settings.levels)
+        # A block holds each level once, so that none crowds at an end.
+        order = [rng.permutation(levels) for _ in range(settings.repeats)]
+        self._order = [design.forced_choice.intensity(float(v)) for v in np.concatenate(order)]
+        self._done = 0
+
+    @property
+    def most(self) -> int:
+        return len(self._order)
+
+    @property
+    def is_over(self) -> bool:
+        return self._done >= len(self._order)
+
+    def next(self, rng: np.random.Generator) -> tuple[float, int | None]:
+        del rng
+        return self._order[self._done], None
+
+    def answer(self, intensity: float, track: int | None, right: bool) -> None:
+        del intensity, track, right
+        self._done += 1

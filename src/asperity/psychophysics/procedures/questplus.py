@@ -1,0 +1,139 @@
+"""QUEST+: each trial where the answer is expected to tell most about the participant.
+
+Watson (2017), QUEST+: a general multidimensional Bayesian adaptive psychometric method, J. Vision
+17(3):10. Written from the paper: over a grid of parameters a posterior is kept; for each possible
+intensity the entropy that the posterior is expected to have after the answer is computed, and the
+intensity is taken for which it is least. All of it is three products of matrices a trial.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_between, require_choice, require_not_negative
+from asperity.psychophysics.analysis.psychometric import FUNCTIONS, probability
+
+PARAMETERS = ("threshold", "width", "lapse")
+
+
+@dataclass(frozen=True)
+class QuestPlusSettings:
+    """What QUEST+ chooses between, and when it ends.
+
+    Parameters
+    ----------
+    trials : int
+        How many, at most.
+    levels : int
+        Levels to choose between, from the lowest to the highest of the experiment, on its scale.
+    thresholds : int
+        Values of the threshold on the grid of parameters, over the same range.
+    widths : tuple of float
+        Values of the width, as intensities (decades on a logarithmic scale).
+    lapses : tuple of float
+        Values of the lapse rate.
+    function : {"logistic", "normal", "weibull"}
+    until : float
+        End before, when the posterior's standard deviation of the threshold is below this
+        [intensity]. Default 0: never.
+    """
+
+    trials: int = 60
+    levels: int = 41
+    thresholds: int = 61
+    widths: tuple[float, ...] = (0.25, 0.4, 0.63, 1.0, 1.6)
+    lapses: tuple[float, ...] = (0.0, 0.02, 0.04)
+    function: str = "weibull"
+    until: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_between("trials", self.trials, 1, 10000)
+        require_between("levels", self.levels, 2, 1000)
+        require_between("thresholds", self.thresholds, 2, 1000)
+        require_not_negative("until", self.until)
+        require_choice("function", self.function, FUNCTIONS)
+        if not self.widths or not self.lapses:
+            raise AsperityError("widths and lapses must hold a value each at least")
+        for width in self.widths:
+            require_between("widths", width, 1e-9, 1e9)
+        for lapse in self.lapses:
+            require_between("lapses", lapse, 0.0, 0.5)
+
+
+@dataclass
+class QuestPlus:
+    """The posterior, and where to ask next.
+
+    Parameters
+    ----------
+    intensities : (s,) array
+        To choose between.
+    thresholds, widths, lapses : array
+        Values of the parameters; the grid is their product.
+    guess : float
+    function : str
+    prior : (thresholds, widths, lapses) array, optional
+        Default: all equally likely.
+    """
+
+    intensities: NDArray[np.float64]
+    thresholds: NDArray[np.float64]
+    widths: NDArray[np.float64]
+    lapses: NDArray[np.float64]
+    guess: float = 0.5
+    function: str = "weibull"
+    prior: NDArray[np.float64] | None = None
+    posterior: NDArray[np.float64] = field(init=False)
+    """(thresholds, widths, lapses), sums to 1."""
+    done: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        grid = np.meshgrid(self.thresholds, self.widths, self.lapses, indexing="ij")
+        shape = grid[0].shape
+        t, w, lapse = (axis.reshape(1, -1) for axis in grid)
+        x = np.asarray(self.intensities, dtype=np.float64)[:, None]
+        right = np.clip(probability(x, t, w, lapse, self.guess, self.function), 1e-12, 1.0 - 1e-12)
+        self._likelihood = np.stack([1.0 - right, right])  # (answer, intensity, parameters)
+        self._entropy_rate = -np.einsum("asp,asp->sp", self._likelihood, np.log(self._likelihood))
+        prior = np.ones(shape) if self.prior is None else np.asarray(self.prior, dtype=np.float64)
+        if prior.shape != shape or not np.all(prior >= 0.0) or not prior.sum() > 0.0:
+            raise AsperityError(f"a prior must be of shape {shape}, 0 or above, and not all 0")
+        self.posterior = prior / prior.sum()
+
+    def expected_entropy(self) -> NDArray[np.float64]:
+        """Return the entropy [nat] that the posterior is expected to have after asking at each x.
+
+        H(theta | answer) = H(theta) + H(answer | theta) - H(answer): an identity that spares the
+        posteriors of both answers.
+        """
+        p = self.posterior.ravel()
+        now = -np.sum(p * np.log(np.where(p > 0.0, p, 1.0)))
+        given = self._entropy_rate @ p
+        answer = np.clip(self._likelihood @ p, 1e-300, 1.0)  # (answer, intensity)
+        return np.asarray(now + given + np.sum(answer * np.log(answer), axis=0))
+
+    def next(self) -> float:
+        """Return the intensity at which the answer is expected to tell most."""
+        return float(self.intensities[int(np.argmin(self.expected_entropy()))])
+
+    def answer(self, intensity: float, right: bool) -> None:
+        """Take an answer into account; `intensity` is taken as the nearest of the grid."""
+        at = int(np.argmin(np.abs(self.intensities - intensity)))
+        posterior = self.posterior * self._likelihood[int(right), at].reshape(self.posterior.shape)
+        self.posterior = posterior / posterior.sum()
+        self.done += 1
+
+    def estimate(self) -> dict[str, tuple[float, float]]:
+        """Return mean and standard deviation of the posterior, by parameter."""
+        told = {}
+        for axis, (name, values) in enumerate(
+            zip(PARAMETERS, (self.thresholds, self.widths, self.lapses), strict=True)
+        ):
+            others = tuple(i for i in range(3) if i != axis)
+            marginal = self.posterior.sum(axis=others)
+            mean = float(marginal @ values)
+            told[name] = (mean, float(np.sqrt(max(marginal @ (values - mean) ** 2, 0.0))))
+        return told

@@ -1,0 +1,253 @@
+"""Letting a stimulus be felt, with every tick of it recorded: in simulated time, or by a device."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from asperity.errors import AsperityError
+from asperity.psychophysics.session.trials import Felt
+from asperity.psychophysics.stimuli import Stimuli, Stimulus
+from asperity.realtime.servo.process import ServoSpec
+from asperity.realtime.servo.running import Servo
+from asperity.realtime.servo.session import recording_attributes
+from asperity.runs.recording import Recording, read_recording
+from asperity.runs.run_scene import run_scene
+from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
+from asperity.scene.scene import Scene
+from asperity.scene.trajectory import ScriptedMotion
+
+_LOOKED_AT = 0.05
+"""How often it is asked whether the participant is done [s]."""
+_KEPT = 32
+"""Scenes that are kept, made."""
+
+
+class Presenter(Protocol):
+    """Presents stimuli."""
+
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Make ready what will be presented next, with its recordings. Returns at once."""
+
+    def present(
+        self,
+        stimulus: Stimulus,
+        recording: Path,
+        seconds: float,
+        begun: Callable[[], None],
+        done: Callable[[], bool],
+    ) -> Felt:
+        """Let a stimulus be felt so long, or until `done`; return when the recording is whole.
+
+        `begun` is called when it can be felt.
+        """
+
+    def drop(self) -> None:
+        """Let go of what was made ready and not presented."""
+
+
+class _Scenes:
+    """Scenes of stimuli, the latest of them kept."""
+
+    def __init__(self, stimuli: Stimuli) -> None:
+        self._stimuli = stimuli
+        self._made: dict[str, Scene] = {}
+
+    def __call__(self, stimulus: Stimulus) -> Scene:
+        scene = self._made.pop(stimulus.name, None) or self._stimuli.scene(stimulus)
+        self._made[stimulus.name] = scene
+        if len(self._made) > _KEPT:
+            self._made.pop(next(iter(self._made)))
+        return scene
+
+
+class HeadlessPresenter:
+    """Moves the tool along the scene's own trajectory in simulated time.
+
+    In simulated time a stimulus gives the same recording, to the bit, whenever it is presented; so
+    it is computed once, and each further presentation has a copy.
+
+    Parameters
+    ----------
+    stimuli : Stimuli
+    hand : bool
+        Whether a simulated hand holds the tool and yields.
+    """
+
+    def __init__(self, stimuli: Stimuli, *, hand: bool = False) -> None:
+        self._scene, self._stimuli = _Scenes(stimuli), stimuli
+        self._hand = hand
+        self._before: dict[tuple[str, float], tuple[Path, Felt]] = {}
+
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Nothing needs to be."""
+
+    def present(
+        self,
+        stimulus: Stimulus,
+        recording: Path,
+        seconds: float,
+        begun: Callable[[], None],
+        done: Callable[[], bool],
+    ) -> Felt:
+        """Run the scene; `done` is not asked, since nobody is there to be."""
+        del done
+        begun()
+        path, before = self._before.get((stimulus.name, seconds), (None, None))
+        if path is not None and before is not None and path.is_file():
+            shutil.copyfile(path, recording)
+            return replace(before, recording=recording.name)
+        scene = self._scene(stimulus)
+        motion = scene.motion
+        if isinstance(motion, ScriptedMotion):
+            motion = replace(motion, seconds=seconds)
+        run = run_scene(
+            scene, recording, motion=motion, hand=self._hand,
+            source=self._stimuli.source(stimulus),
+        )  # fmt: skip
+        told = felt(recording, read_recording(recording), {"status": run.summary["status"]})
+        self._before[stimulus.name, seconds] = recording, told
+        return told
+
+    def drop(self) -> None:
+        """Nothing was made ready."""
+
+
+class DevicePresenter:
+    """Lets a scene be felt through a device, by the servo loop.
+
+    All intervals of a trial are made ready before it begins, each a servo process of its own that
+    is held, its contact engine compiled and tried. So the pause between two intervals is as long as
+    the design says, and does not depend on the stimulus. Close it when done.
+
+    Parameters
+    ----------
+    stimuli : Stimuli
+    make_spec : callable
+        Returns what a servo process needs to know, of a scene and a duration [s].
+    on_servo : callable
+        Told of each loop when it ticks, and of None when it has ended: for whoever shows it.
+    """
+
+    def __init__(
+        self,
+        stimuli: Stimuli,
+        make_spec: Callable[[Scene, float], ServoSpec],
+        *,
+        on_servo: Callable[[Servo | None], None] = lambda _: None,
+    ) -> None:
+        self._scene, self._stimuli = _Scenes(stimuli), stimuli
+        self._make_spec, self._on_servo = make_spec, on_servo
+        self._making = ThreadPoolExecutor(1, "asperity-interval")
+        self._ready: dict[Path, Future[Servo]] = {}
+
+    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
+        """Have servo processes made ready, one after the other, in the background."""
+        for stimulus, recording in wanted:
+            self._ready[recording] = self._making.submit(self._made, stimulus, recording, seconds)
+
+    def present(
+        self,
+        stimulus: Stimulus,
+        recording: Path,
+        seconds: float,
+        begun: Callable[[], None],
+        done: Callable[[], bool],
+    ) -> Felt:
+        """Run the loop until the time is over, or `done`."""
+        if recording not in self._ready:
+            self.prepare([(stimulus, recording)], seconds)
+        # All intervals of the trial: the pauses between them shall not depend on the making.
+        for making in self._ready.values():
+            making.result()
+        with self._ready.pop(recording).result() as servo:
+            servo.go()
+            self._on_servo(servo)
+            begun()
+            try:
+                while not servo.wait(_LOOKED_AT) and not done():
+                    pass
+            finally:
+                self._on_servo(None)
+            result = servo.finish()
+        told = {
+            "misses": result["timing"]["misses"], "fallbacks": result["timing"]["fallbacks"],
+            "clamped": result["safety"]["clamped_force"], "recorder": result["recorder"]["error"],
+            "ended": result["ended"],
+        }  # fmt: skip
+        return felt(recording, read_recording(recording), told)
+
+    def drop(self) -> None:
+        """End what was made ready; nothing of it was felt, so its recordings go."""
+        for recording, making in self._ready.items():
+            if not making.cancel():
+                with suppress(AsperityError), making.result():
+                    pass
+            recording.unlink(missing_ok=True)
+        self._ready.clear()
+
+    def close(self) -> None:
+        """End everything."""
+        self.drop()
+        self._making.shutdown()
+
+    def _made(self, stimulus: Stimulus, recording: Path, seconds: float) -> Servo:
+        spec = replace(self._make_spec(self._scene(stimulus), seconds), held=True)
+        attributes = recording_attributes(spec, self._stimuli.source(stimulus))
+        servo = Servo(spec, recording, attributes)
+        try:
+            servo.start()
+        except BaseException:
+            with suppress(AsperityError), servo:
+                pass
+            raise
+        return servo
+
+
+def felt(path: Path, recording: Recording, told: dict[str, Any]) -> Felt:
+    """Return what a recording says was felt."""
+    ticks = len(recording.time)
+    seconds = float(recording.time[-1] - recording.time[0]) if ticks > 1 else 0.0
+    return Felt(path.name, ticks, seconds, measured(recording), told)
+
+
+def measured(recording: Recording) -> dict[str, float]:
+    """Return measures of what the hand felt.
+
+    `band_rms` is the RMS of the force along the direction in which the handle mostly moved, in 20
+    to 200 Hz, as the studies' metric takes it of the acceleration; `largest_force` the largest
+    force in that direction; `normal_force` the mean upward force; `speed` the mean speed [m/s].
+    """
+    ticks = len(recording.time)
+    if ticks < 8:
+        return {"band_rms": 0.0, "largest_force": 0.0, "normal_force": 0.0, "speed": 0.0}
+    place = recording.handle_pose[:, :2] - recording.handle_pose[:, :2].mean(axis=0)
+    _, _, axes = np.linalg.svd(place, full_matrices=False)
+    along = recording.device_wrench[:, :2] @ axes[0]
+    step = float(np.median(np.diff(recording.time)))
+    lines = spectrum(along, step, periodic=False)
+    way = np.linalg.norm(np.diff(recording.handle_pose[:, :3], axis=0), axis=1).sum()
+    return {
+        "band_rms": band_rms(*lines, DEFAULT_BAND),
+        "largest_force": float(np.abs(along).max()),
+        "normal_force": float(recording.device_wrench[:, 2].mean()),
+        "speed": float(way / (recording.time[-1] - recording.time[0])),
+    }
+
+
+@contextmanager
+def private_files() -> Iterator[None]:
+    """Let files that are made in a block, by child processes too, be readable by the owner only."""
+    before = os.umask(0o077)
+    try:
+        yield
+    finally:
+        os.umask(before)

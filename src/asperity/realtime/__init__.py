@@ -1,0 +1,1 @@
+"""Haptic devices and the servo loop that drives them."""

@@ -1,0 +1,176 @@
+"""Haply Inverse3 by its serial port, through the package HaplyHardwareAPI, without the service.
+
+`end_effector_force` sends a force and waits for position and velocity, so it runs in a thread
+(`exchange`). Its axes are asperity's: x right, y forward, z up, from the device's base.
+
+What the package (0.1.13) does that one has to know, seen with a stand-in for the firmware on a
+pseudo-terminal:
+
+- a device that does not answer raises nothing: after the timeout the position is exactly (0, 0, 0),
+  inside the device's base. Such an answer is taken for a failure;
+- a port that cannot be opened is no error either, and a stream that is garbage-collected while
+  the device uses it ends the process with a segmentation fault. The port is tried beforehand, and
+  the stream is kept;
+- it sends a force of nan to the device. `write` lets none through.
+
+*When writes stop*, the thread sends zero after 20 ms. If the process is killed nobody does; what
+the firmware does then is not documented. Never tried on hardware.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+from asperity.errors import AsperityError
+from asperity.realtime.devices.orientation import TurnRate, unit_quaternion
+from asperity.realtime.devices.polling_thread import Answer, Exchange, Exchanging
+from asperity.realtime.devices.presets import PRESETS
+from asperity.realtime.devices.protocol import Limits, Reading
+from asperity.realtime.devices.wrench_check import ZERO
+
+_TIMEOUT = 0.05
+_FARTHEST = 2.0
+
+
+class HaplyHardwareDevice(Exchanging):
+    """An Inverse3 on a serial port, with a VerseGrip on another if there is one.
+
+    Parameters
+    ----------
+    port : str, optional
+        Serial port of the Inverse3. Default: the first that the package detects.
+    grip_port : str, optional
+        Of the VerseGrip's receiver. Default: the first detected. Empty: none.
+    limits : Limits
+        What is known of the device.
+    clock : callable
+        Monotonic time [s].
+    """
+
+    name = "haply-serial"
+
+    def __init__(
+        self,
+        *,
+        port: str | None = None,
+        grip_port: str | None = None,
+        limits: Limits = PRESETS["inverse3"],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.limits = limits
+        self._port, self._grip_port = port, grip_port
+        self._clock = clock
+        self._api: Any = None
+        self._streams: list[Any] = []  # kept: see the module's notes
+        self._device: Any = None
+        self._grip: Any = None
+        self._grip_exchange: Exchange | None = None
+        self._grip_reading = Reading.empty()
+        self._rate = TurnRate()
+        self._gone = False
+
+    def open(self) -> None:
+        """Find the ports, wake the device, and begin to exchange."""
+        if self._exchange is not None:
+            return
+        try:
+            import HaplyHardwareAPI as api  # noqa: N813
+        except ImportError as error:
+            raise AsperityError(
+                f"the serial Haply backend needs HaplyHardwareAPI ({error}): "
+                "pip install 'asperity[haply]'"
+            ) from None
+        self._api = api
+        port = self._port or next(iter(api.detect_inverse3s()), None)
+        if port is None:
+            raise AsperityError(
+                "no Inverse3 found on a serial port; plug it in, or give port=; on Linux your user "
+                "has to be in the group dialout"
+            )
+        try:
+            self._device = self._opened(port, api.Inverse3)
+            self._device.set_read_timeout(_TIMEOUT)
+            self._ask(ZERO)
+            grip_port = (
+                next(iter(api.detect_handles()), "") if self._grip_port is None else self._grip_port
+            )
+            if grip_port:
+                self._grip = self._opened(grip_port, api.Handle)
+        except (OSError, RuntimeError, ValueError) as error:
+            self._drop()
+            raise AsperityError(f"the Inverse3 on {port} does not answer: {error}") from None
+        self._exchange = Exchange(self._ask, reopen=lambda: self._reopen(port), clock=self._clock)
+        self._exchange.start()
+        if self._grip is not None:
+            self._grip_exchange = Exchange(lambda _: self._ask_grip(), clock=self._clock)
+            self._grip_exchange.start()
+
+    def read(self, out: Reading) -> bool:
+        """Fill the newest answer of the device, and of its grip; return whether there is one."""
+        new = super().read(out)
+        grip = self._grip_exchange
+        if self._exchange is not None and grip is not None:
+            held = self._grip_reading
+            grip.take(held)
+            out.pose[3:], out.twist[3:], out.buttons = held.pose[3:], held.twist[3:], held.buttons
+            out.error = out.error or held.error
+        return new
+
+    def close(self) -> None:
+        """Send zero and let go of the ports."""
+        for exchange in (self._exchange, self._grip_exchange):
+            if exchange is not None:
+                exchange.stop()
+        self._exchange = self._grip_exchange = None
+        self._drop()
+
+    def _opened(self, port: str, kind: Callable[[Any], Any]) -> Any:
+        _require_port(port)
+        stream = self._api.SerialStream(port)
+        self._streams.append(stream)
+        return kind(stream)
+
+    def _reopen(self, port: str) -> None:
+        """Open the port anew if it has been away; a device that is only silent is asked again."""
+        try:
+            _require_port(port)
+        except OSError:
+            self._gone = True
+            raise
+        if self._gone:
+            self._device = self._opened(port, self._api.Inverse3)
+            self._device.set_read_timeout(_TIMEOUT)
+            self._gone = False
+
+    def _drop(self) -> None:
+        # The device before the stream that it uses.
+        self._device = self._grip = None
+        with contextlib.suppress(Exception):
+            self._streams.clear()
+
+    def _ask(self, wrench: tuple[float, ...]) -> Answer:
+        position, velocity = self._device.end_effector_force(list(wrench[:3]))
+        x, y, z = position
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            raise OSError("the Inverse3 does not answer")
+        if not math.hypot(x, y, z) <= _FARTHEST or not all(map(math.isfinite, velocity)):
+            raise OSError(f"the Inverse3 tells of {x:.3g}, {y:.3g}, {z:.3g} m, which cannot be")
+        return Answer((x, y, z), tuple(velocity))
+
+    def _ask_grip(self) -> Answer:
+        status = self._grip.GetVersegripStatus()
+        orientation = unit_quaternion(*status["quaternion"])
+        self._rate.add(self._clock(), orientation)
+        nowhere = (0.0, 0.0, 0.0)
+        return Answer(nowhere, nowhere, orientation, self._rate.rate, int(status["buttons"]))
+
+
+def _require_port(port: str) -> None:
+    """Raise OSError if a port cannot be opened; the package would not tell."""
+    if os.name == "posix":
+        os.close(os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))

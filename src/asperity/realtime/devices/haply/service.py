@@ -1,0 +1,231 @@
+"""Haply Inverse3 through Haply's Inverse service (WebSocket, JSON).
+
+The service answers each message with one frame of state and says nothing unasked. A thread
+(`exchange`) sends the newest force, waits for its frame, and waits for the next force; the servo
+only hands over and takes. So there is never more than one force under way, however slow the service
+is, and the pose of a tick is the answer to the force of the tick before.
+
+Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
+is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
+takes the servo's place for a slice of the scheduler's. Over eight runs on two cores, most of them
+busy, the servo's read and write took 0.4 to 6.4 ms (p99.9) that way, and 0.1 to 0.8 ms with the
+thread; in seven of them more ticks were late without it (with both cores taken by others a third
+of them, against a seventh).
+
+- *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
+  any more: commands are documented as non-persistent, the service then idles and the force ends.
+  After how long is not documented.
+- *A zero that is late*: while a frame is awaited and zero is wanted, zero is sent at once.
+- *A frame that repeats* a position bit for bit, and tells of a velocity that would have led 2 mm
+  away by now, is a frozen one: it does not count as new, and `age` grows. A frozen frame without
+  velocity cannot be told from a hand that holds still.
+- *A lost connection* is made anew with a growing pause; `read` tells the loss, and `age` grows.
+
+Never tried on hardware: it is tested against `haply_fake`, written from the same documentation.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from asperity.errors import AsperityError, require_choice
+from asperity.realtime.devices.haply.messages import (
+    GRIPS,
+    SPELLINGS,
+    device_ids,
+    first_part,
+    force_message,
+    read_state,
+)
+from asperity.realtime.devices.haply.websocket import Link
+from asperity.realtime.devices.orientation import TurnRate
+from asperity.realtime.devices.polling_thread import Answer, Exchange, Exchanging, UnusableError
+from asperity.realtime.devices.presets import PRESETS
+from asperity.realtime.devices.protocol import Limits
+from asperity.realtime.devices.wrench_check import ZERO
+
+URI = "ws://localhost:10001"
+_SILENCE = 0.25
+"""How long a frame is awaited [s]."""
+_LOOK = 0.002
+"""How often it is looked meanwhile whether zero is wanted [s]."""
+_FROZEN_TRAVEL = 2e-3
+_OPENING, _REOPENING = 1.0, 0.5
+
+
+class HaplyServiceDevice(Exchanging):
+    """An Inverse3, with a VerseGrip or without, behind the Inverse service.
+
+    Parameters
+    ----------
+    uri : str
+        Of the service.
+    device_id : str, optional
+        Which Inverse3. Default: the first listed.
+    spelling : str
+        `vector` (service 3.5) or `values` (3.1).
+    grip : str
+        Which VerseGrip gives orientation and buttons: `auto` (wireless before wired), `wireless`,
+        `wired`, `none`. Without one the orientation stays that of the base.
+    profile : str
+        Name of this program that the service is told. Empty: none.
+    limits : Limits
+        What is known of the device.
+    clock : callable
+        Monotonic time [s].
+    """
+
+    name = "haply"
+
+    def __init__(
+        self,
+        *,
+        uri: str = URI,
+        device_id: str | None = None,
+        spelling: str = "vector",
+        grip: str = "auto",
+        profile: str = "asperity",
+        limits: Limits = PRESETS["inverse3"],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.limits = limits
+        self._uri = uri
+        self._wanted_id = device_id
+        self._spelling = require_choice("spelling", spelling, SPELLINGS)
+        self._grip = require_choice("grip", grip, GRIPS)
+        self._first = first_part(profile, spelling) if profile else ""
+        self._clock = clock
+        self._link: Link | None = None
+        self._rate = TurnRate()
+        self._device_id = ""
+        self._greeted = 0
+        self._position = (0.0, 0.0, 0.0)
+        self._moved_at = -math.inf
+
+    def open(self) -> None:
+        """Connect, and wait for the first frame that tells of the device."""
+        if self._exchange is not None:
+            return
+        try:
+            self._link = Link(self._uri, self._clock)
+        except ImportError:
+            raise AsperityError(
+                "the Haply service needs websockets: pip install 'asperity[haply]'"
+            ) from None
+        try:
+            self._connect(_OPENING)
+        except OSError as error:
+            self._link.close()
+            raise AsperityError(
+                f"no Inverse3 at {self._uri}: {error}; start Haply Hub or the Inverse service, and "
+                "see 'asperity devices'"
+            ) from None
+        self._exchange = Exchange(self._ask, reopen=self._reopen, clock=self._clock)
+        self._exchange.start()
+
+    def close(self) -> None:
+        """Send a force of zero, and disconnect."""
+        exchange, self._exchange = self._exchange, None
+        if exchange is not None:
+            exchange.stop()
+        if self._link is not None:
+            self._link.close()
+
+    def _connect(self, patience: float) -> None:
+        """Wait until the service has told of the device; raise OSError if it does not."""
+        link = self._link
+        assert link is not None
+        reason = ""
+        deadline = time.monotonic() + patience
+        while time.monotonic() < deadline:
+            for text in link.poll():
+                try:
+                    # Once found it stays the same one: no force goes to another.
+                    wanted = self._device_id or self._wanted_id
+                    state = read_state(text, wanted, self._grip)
+                except ValueError as error:
+                    reason = _with_ids(str(error), device_ids(text))
+                    continue
+                self._device_id = state.device_id
+                self._moved_at = -math.inf
+                self._rate.forget()
+                return
+            link.wait(_LOOK)
+        raise OSError(reason or link.error or "nothing was said")
+
+    def _reopen(self) -> None:
+        link = self._link
+        assert link is not None
+        if not link.is_open:
+            self._connect(_REOPENING)
+
+    def _ask(self, wrench: tuple[float, ...]) -> Answer:
+        """Send a force and return what the frame that answers it tells."""
+        link = self._link
+        assert link is not None
+        link.poll()  # what came late answers nothing of now
+        self._send(link, wrench)
+        deadline = time.monotonic() + _SILENCE
+        while time.monotonic() < deadline:
+            texts = link.poll()
+            if texts:
+                return self._told(texts[-1])
+            if not link.is_open:
+                break
+            if wrench[:3] != ZERO[:3] and self._zero_is_wanted():
+                wrench = ZERO
+                self._send(link, wrench)
+            link.wait(_LOOK)
+        else:
+            link.drop("it went silent")
+        raise OSError(f"lost the Haply service: {link.error}")
+
+    def _send(self, link: Link, force: tuple[float, ...]) -> None:
+        greeting = self._first if link.openings != self._greeted else ""
+        message = force_message(self._device_id, force, self._spelling, greeting)
+        if not link.send(message):
+            raise OSError(f"lost the Haply service: {link.error or 'it takes no messages'}")
+        self._greeted = link.openings
+
+    def _zero_is_wanted(self) -> bool:
+        return self._exchange is not None and self._exchange.wanted()[:3] == ZERO[:3]
+
+    def _told(self, text: str) -> Answer:
+        try:
+            state = read_state(text, self._device_id, self._grip)
+        except ValueError as error:
+            raise UnusableError(str(error)) from None
+        now = self._clock()
+        if state.position != self._position:
+            self._moved_at, self._position = now, state.position
+        # By its own velocity it would have gone this far since.
+        elif math.hypot(*state.velocity) * (now - self._moved_at) > _FROZEN_TRAVEL:
+            raise UnusableError("the Haply service repeats one frame")
+        if state.orientation is not None:
+            self._rate.add(now, state.orientation)
+        return Answer(
+            state.position, state.velocity, state.orientation, self._rate.rate, state.buttons
+        )
+
+
+def attached(uri: str = URI, patience: float = 0.5) -> list[str]:
+    """Return the ids of the Inverse3 devices that a service lists; empty if there is none.
+
+    It connects and reads the inventory, and sends no command.
+    """
+    link = Link(uri, time.monotonic)
+    deadline = time.monotonic() + patience
+    try:
+        while time.monotonic() < deadline:
+            for text in link.poll():
+                return device_ids(text)
+            link.wait(0.02)
+        return []
+    finally:
+        link.close()
+
+
+def _with_ids(reason: str, ids: list[str]) -> str:
+    return f"{reason} It lists: {', '.join(ids)}" if ids else reason

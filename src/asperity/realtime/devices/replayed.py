@@ -1,0 +1,147 @@
+"""A recorded motion of a hand as a device: a session's `recording.h5`, or a file of poses.
+
+It moves by the clock, not by the number of readings, as a hand would, and feels nothing. The poses
+are those of the scene, so it wants no mapping.
+"""
+
+from __future__ import annotations
+
+import bisect
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_choice
+from asperity.realtime.devices.protocol import Limits, Reading
+from asperity.realtime.devices.wrench_check import REFUSED, taken
+from asperity.spatial.poses import between, twist
+
+End = Literal["hold", "loop"]
+_ENDS = ("hold", "loop")
+
+
+class ReplayedDevice:
+    """Plays a motion back.
+
+    Parameters
+    ----------
+    source : str or Path
+        A `recording.h5` (its handle is replayed), or poses as `.csv`, `.npy` or `.npz`.
+    end : str
+        `hold`: stay at the last pose. `loop`: begin again, with a jump if it does not close.
+    limits : Limits, optional
+        What the forces are limited to that nobody feels. Default: 10 N, 1 N m, and a workspace
+        that holds the whole motion.
+    clock : callable
+        Monotonic time [s].
+
+    Attributes
+    ----------
+    wrench : tuple
+        What was last written.
+    finished : bool
+        The end was reached; never with `loop`.
+    """
+
+    name = "replay"
+    in_loop = True
+
+    def __init__(
+        self,
+        source: str | Path,
+        *,
+        end: End = "hold",
+        limits: Limits | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._end = require_choice("end of a replay", end, _ENDS)
+        times, poses = _motion(Path(source))
+        self._times = [float(t - times[0]) for t in times]
+        self._poses = poses
+        self._still = np.zeros(6)
+        self._clock = clock
+        self._start: float | None = None
+        self._error = ""
+        self.wrench: tuple[float, ...] = (0.0,) * 6
+        self.finished = False
+        reach = float(np.linalg.norm(poses[:, :3], axis=1).max())
+        self.limits = limits or Limits(
+            max_force=10.0, max_torque=1.0, max_stiffness=1e5, max_damping=100.0,
+            max_rotational_stiffness=100.0, radius=max(0.1, 1.01 * reach), torque_dof=3,
+        )  # fmt: skip
+
+    @property
+    def seconds(self) -> float:
+        """Return how long the motion lasts [s]."""
+        return self._times[-1]
+
+    @property
+    def first_pose(self) -> NDArray[np.float64]:
+        """Return where it begins (7,)."""
+        return self._poses[0].copy()
+
+    def open(self) -> None:
+        """Begin."""
+        if self._start is None:
+            self._start = self._clock()
+            self.finished = False
+
+    def read(self, out: Reading) -> bool:
+        """Fill the pose of this moment; always a new one while it is open."""
+        if self._start is None:
+            out.age, out.error = float("inf"), "the device is not open"
+            return False
+        now = self._clock() - self._start
+        if self._end == "loop" and self.seconds > 0.0:
+            now %= self.seconds
+        elif now >= self.seconds:
+            now, self.finished = self.seconds, True
+        i = min(max(bisect.bisect_right(self._times, now), 1), len(self._times) - 1)
+        if len(self._times) == 1 or self.finished:
+            out.pose[:], out.twist[:] = self._poses[-1], self._still
+        else:
+            first, last = self._times[i - 1], self._times[i]
+            a, b = self._poses[i - 1], self._poses[i]
+            out.pose[:] = between(a, b, (now - first) / (last - first))
+            out.twist[:] = twist(a, b, last - first)
+        out.buttons, out.age = 0, 0.0
+        out.error, self._error = self._error, ""
+        return True
+
+    def write(self, wrench: NDArray[np.float64]) -> None:
+        """Keep the wrench in `wrench`; nobody feels it."""
+        values = taken(wrench)
+        if values is None:
+            self._error = REFUSED
+        self.wrench = values or (0.0,) * 6
+
+    def close(self) -> None:
+        """End; opening it again begins anew."""
+        self._start = None
+        self.wrench = (0.0,) * 6
+
+
+def _motion(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times (n,) [s] and poses (n, 7) of a file."""
+    if path.is_dir() and (path / "recording.h5").is_file():
+        path = path / "recording.h5"
+    if path.suffix.lower() in (".h5", ".hdf5", ".nc"):
+        from asperity.runs.recording import read_recording
+
+        recording = read_recording(path)
+        times, poses = recording.time, recording.handle_pose
+        if len(times) == 0:
+            raise AsperityError(f"{path} has no ticks to replay")
+        if not (np.isfinite(times).all() and np.isfinite(poses).all()):
+            raise AsperityError(f"{path} has poses that are not finite")
+        if len(times) > 1 and not (np.diff(times) > 0.0).all():
+            raise AsperityError(f"{path}: its times do not grow")
+        return times, poses
+    from asperity.scene.trajectory_file import read_poses
+
+    trajectory = read_poses(path)
+    return np.asarray(trajectory.times, np.float64), np.asarray(trajectory.poses, np.float64)

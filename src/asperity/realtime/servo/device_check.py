@@ -1,0 +1,288 @@
+"""Finding out whether a device does what its backend believes: `asperity devices check NAME`.
+
+    listen      does it send poses, how often, how quietly
+    axes        the user pushes right, away, up; the axis that moves is the one; right-handed?
+    home        where the user wants the middle of the workspace
+    force       along each axis a force grows to 0.5 N and back; the end effector has to give way
+                in its direction and must not run away
+
+The force is cut at once, and the check fails, if the end effector leaves 30 mm or moves faster than
+0.3 m/s, if the device tells of an error, or if anything at all is raised; zero is sent before
+anything else is done. Everything that is sent goes through a `SafeDevice`, as in a session; it
+holds the force to 0.5 N, whatever is asked for here. If readings only go stale the force is cut as
+well, and begins anew once they come again, as often as `_MOST_STALLS`: a busy computer does that.
+Time, sleep and the user are injected.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.realtime.devices.calibration import Calibration
+from asperity.realtime.devices.protocol import Device
+from asperity.realtime.servo.safety import SafeDevice, SafetySettings
+
+TOP_FORCE = 0.5
+"""Largest force of the check [N]."""
+RUN_AWAY_DISTANCE, RUN_AWAY_SPEED = 0.03, 0.3
+"""From where the force began [m]; [m/s]."""
+_LISTEN = 1.0
+_RISE, _STAY, _FALL = 1.0, 0.3, 0.3
+_TICK = 1e-3
+_LONGEST_AGE = 0.05
+_MOST_STALLS = 10
+_RECOVERY = 1.0
+_SAFETY = SafetySettings(
+    max_force=TOP_FORCE, max_torque=0.0, soft_start=0.0, silent_after=_LONGEST_AGE
+)
+"""The ramp is soft by itself, and a busy computer is no reason to fail a device."""
+_LEAST_PUSH = 0.015
+_SEEN = 2e-4
+_DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a check found.
+
+    `notes` are lines to show; `calibration` is fit to be saved.
+    """
+
+    calibration: Calibration
+    notes: tuple[str, ...]
+
+
+def check_device(
+    device: Device,
+    *,
+    home: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ask: Callable[[str], None] | None = None,
+    tell: Callable[[str], None] = print,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Outcome:
+    """Check a device that is not yet opened, in the vendor's axes; leave it closed.
+
+    Parameters
+    ----------
+    device : Device
+        As `catalogue.device(name, calibrated=False)` makes it.
+    home : tuple of float
+        Where home is if nobody is asked [m].
+    ask : callable, optional
+        Shows a request and returns when the user has done it. None: nobody is there; then axes
+        and home are taken as the backend has them, and only listening and forces are checked.
+    tell : callable
+        Shows a line.
+    clock, sleep : callable
+        Monotonic time, and waiting [s].
+
+    Raises
+    ------
+    AsperityError
+        The device failed the check: one line that says at what.
+    """
+    safe = SafeDevice(device, dt=_TICK, settings=_SAFETY)
+    check = _Check(safe, ask, tell, clock, sleep)
+    safe.open()
+    try:
+        safe.begin(clock())
+        check.listen()
+        axes, home = (check.axes(), check.home()) if ask else (("+x", "+y", "+z"), home)
+        force = check.forces(axes)
+        return Outcome(Calibration(axes, home, force), tuple(check.notes))
+    finally:
+        safe.close()
+
+
+class _Check:
+    def __init__(
+        self,
+        device: SafeDevice,
+        ask: Callable[[str], None] | None,
+        tell: Callable[[str], None],
+        clock: Callable[[], float],
+        sleep: Callable[[float], None],
+    ) -> None:
+        self._device, self._ask, self._tell = device, ask, tell
+        self._clock, self._sleep = clock, sleep
+        self._reading = device.said
+        self._zero = np.zeros(6)
+        self._stalls = 0
+        self.notes: list[str] = []
+
+    def listen(self) -> None:
+        """Read for a second: frames, noise, errors."""
+        places, new, errors = self._readings(_LISTEN)
+        if new < 10:
+            raise AsperityError(
+                f"{self._device.name} told {new} new poses in {_LISTEN:g} s"
+                + (f": {errors[-1]}" if errors else "; is it switched on?")
+            )
+        if errors:
+            raise AsperityError(f"{self._device.name}: {errors[-1]}")
+        spread = float(np.linalg.norm(places.std(axis=0)))
+        self._note(
+            f"{new / _LISTEN:.0f} new poses a second; moved {spread * 1e3:.3f} mm (rms) meanwhile"
+        )
+
+    def axes(self) -> tuple[str, str, str]:
+        """Let the user push in three directions; return which axis each is."""
+        found: list[str] = []
+        moves: list[NDArray[np.float64]] = []
+        for direction in _DIRECTIONS:
+            self._please("Hold the end effector in the middle of its workspace")
+            before = self._place()
+            self._please(f"Move it about 5 cm {direction}, and keep it there")
+            move = self._place() - before
+            axis = int(np.abs(move).argmax())
+            others = math.sqrt(max(0.0, float(move @ move) - move[axis] ** 2))
+            if abs(move[axis]) < _LEAST_PUSH or others > 0.6 * abs(move[axis]):
+                x, y, z = move * 1e3
+                raise AsperityError(
+                    f"pushed {direction} it moved {x:.0f}, {y:.0f}, {z:.0f} mm (x, y, z); needed: "
+                    f"{_LEAST_PUSH * 1e3:.0f} mm or more, mostly along one axis. Begin again"
+                )
+            found.append(("-" if move[axis] < 0.0 else "+") + "xyz"[axis])
+            moves.append(move / np.linalg.norm(move))
+        handedness = float(np.linalg.det(np.array(moves)))
+        right, away, up = found
+        if handedness < 0.0 and len({axis[1] for axis in found}) == 3:
+            raise AsperityError(
+                f"right, away, up are {right}, {away}, {up}: left-handed. Either a push went "
+                "the other way, or the device tells mirrored poses, which no turn can undo"
+            )
+        calibration = Calibration((right, away, up))  # refuses one axis twice
+        told = "as the backend says" if found == ["+x", "+y", "+z"] else "unlike the backend says"
+        self._note(f"right, away, up are {right}, {away}, {up}: right-handed, {told}")
+        return calibration.axes
+
+    def home(self) -> tuple[float, float, float]:
+        """Let the user choose the middle of the workspace."""
+        self._please("Hold it where the middle of your workspace shall be")
+        x, y, z = self._place().tolist()
+        self._note(f"home is {x * 1e3:.0f}, {y * 1e3:.0f}, {z * 1e3:.0f} mm in the device's axes")
+        return x, y, z
+
+    def forces(self, axes: tuple[str, str, str]) -> float:
+        """Push along each axis; return the largest force that was held [N]."""
+        top = min(TOP_FORCE, self._device.limits.max_force)
+        if self._device.limits.force_dof == 0:
+            self._note("it has no motors to check")
+            return 0.0
+        self._please(f"Hold it loosely: it will push up to {top:g} N along each axis in turn")
+        rows = Calibration(axes).rows
+        felt = [self._ramp(rows[i], _DIRECTIONS[i], top) for i in range(3)]
+        shown = ", ".join(f"{x * 1e3:.1f}" for x in felt)
+        if min(felt) < _SEEN:
+            self._note(
+                f"pushed with {top:g} N it gave way by {shown} mm: too little along an axis to "
+                "know that the motors push at all (held fast, or they are off)"
+            )
+            return 0.0
+        self._note(f"pushed right, away, up with {top:g} N it gave way by {shown} mm that way")
+        if self._stalls:
+            self._note(
+                f"{self._stalls} times no pose came for {_LONGEST_AGE * 1e3:.0f} ms: the computer "
+                "is busy, or the connection is poor"
+            )
+        return top
+
+    def _ramp(self, direction: NDArray[np.float64], told: str, top: float) -> float:
+        """Push along a unit vector; return how far it gave way along it [m]."""
+        while (given := self._push(direction, told, top)) is None:
+            self._stalls += 1
+            began = self._clock()
+            while not (self._device.read(self._clock()) and self._reading.age < _LONGEST_AGE):
+                self._cut()
+                self._sleep(_TICK)
+                silent = self._clock() - began
+                if self._stalls > _MOST_STALLS or silent > _RECOVERY or self._reading.error:
+                    why = self._reading.error or f"{self._reading.age * 1e3:.0f} ms without a pose"
+                    raise AsperityError(f"{self._device.name} fell silent under force: {why}")
+        if given < -_SEEN:
+            raise AsperityError(
+                f"pushed {told} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: its "
+                "forces have the wrong sign. Do not use it"
+            )
+        return given
+
+    def _push(self, direction: NDArray[np.float64], told: str, top: float) -> float | None:
+        """Let a force grow and go; return how far it gave way [m], or None if it had to be cut."""
+        wrench = np.zeros(6)
+        start = self._place()
+        given = 0.0
+        began = self._clock()
+        try:
+            while (since := self._clock() - began) < _RISE + _STAY + _FALL:
+                self._device.read(self._clock())
+                if self._reading.age > _LONGEST_AGE and not self._reading.error:
+                    return None
+                force = float(np.linalg.norm(wrench[:3]))
+                self._stop_runaway(self._reading.pose[:3] - start, force, told)
+                if _RISE < since < _RISE + _STAY:
+                    given = float((self._reading.pose[:3] - start) @ direction)
+                part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
+                wrench[:3] = top * part * direction
+                self._device.write(wrench, self._clock())
+                self._sleep(_TICK)
+        finally:
+            self._cut()
+        return given
+
+    def _stop_runaway(self, move: NDArray[np.float64], force: float, told: str) -> None:
+        """Raise if the end effector runs away or tells of an error; the caller sends zero."""
+        if self._reading.error:
+            raise AsperityError(
+                f"{self._device.name} fell silent under force: {self._reading.error}"
+            )
+        distance = float(np.linalg.norm(move))
+        speed = float(np.linalg.norm(self._reading.twist[:3]))
+        if not (distance <= RUN_AWAY_DISTANCE and speed <= RUN_AWAY_SPEED):  # also for nan
+            raise AsperityError(
+                f"pushed {told} with {force:.2f} N it ran away ({distance * 1e3:.0f} mm, "
+                f"{speed * 1e3:.0f} mm/s); the force was cut. Hold it, and begin again"
+            )
+
+    def _readings(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
+        """Read for some time without force; return places (n, 3), how many were new, and errors."""
+        places, errors, new = [], [], 0
+        began = self._clock()
+        while self._clock() - began < seconds:
+            fresh = self._device.read(self._clock())
+            if self._reading.error:
+                errors.append(self._reading.error)
+            if fresh:
+                new += 1
+                places.append(self._reading.pose[:3].copy())
+            self._cut()
+            self._sleep(_TICK)
+        return (np.array(places) if places else np.zeros((1, 3))), new, errors
+
+    def _cut(self) -> None:
+        """Send zero, at once."""
+        self._device.write(self._zero, self._clock(), known=False)
+
+    def _place(self) -> NDArray[np.float64]:
+        """Return where the end effector is, over a tenth of a second [m]."""
+        places, new, errors = self._readings(0.1)
+        if new == 0:
+            why = errors[-1] if errors else "no new poses"
+            raise AsperityError(f"{self._device.name} fell silent: {why}")
+        place: NDArray[np.float64] = np.median(places, axis=0)
+        return place
+
+    def _please(self, request: str) -> None:
+        if self._ask is not None:
+            self._ask(request)
+
+    def _note(self, line: str) -> None:
+        self.notes.append(line)
+        self._tell(line)

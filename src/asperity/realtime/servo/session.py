@@ -1,0 +1,126 @@
+"""A session: somebody feels a scene through a device, and this is what it leaves on disk.
+
+`recording.h5` grows in its place while the session goes on, so that nothing that was felt is lost
+however it ends. `summary.json` and figures come after the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity._core.output import growing_folder
+from asperity.drawing.renderer.contact import Moment as PictureMoment
+from asperity.errors import AsperityError
+from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.process import ServoSpec
+from asperity.realtime.servo.recording_on_request import attributes_of
+from asperity.realtime.servo.running import Servo
+from asperity.realtime.servo.snapshot import Moment
+from asperity.runs.recording import Recording, read_recording
+from asperity.runs.run_scene import Run, summary_of, take_pictures, write_figures, write_summary
+from asperity.scene.scene import Scene
+from asperity.simulation.simulation import Rollout
+from asperity.simulation.tool_contact import ContactStage
+
+LOOKED_AT = 0.1
+"""How often the parent looks at the loop [s]."""
+
+
+def run_session(
+    spec: ServoSpec,
+    out: Path,
+    *,
+    source: str = "",
+    figures: bool = True,
+    overwrite: bool = False,
+    on_moment: Callable[[Moment], None] = lambda _: None,
+    on_start: Callable[[dict[str, Any]], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Let a scene be felt until its time is over or Ctrl-C; return the summary that was written.
+
+    Parameters
+    ----------
+    spec : ServoSpec
+    out : Path
+        Folder for the results.
+    source : str
+        What `load_scene` makes the scene of, for `replay`.
+    figures : bool
+        Draw the figures of a run afterwards.
+    overwrite : bool
+        Replace what is in the folder.
+    on_moment, on_start : callable
+        Called a few times a second with the latest moment; and once, when ticking begins.
+    """
+    folder = growing_folder(out, overwrite=overwrite)
+    recording = folder / "recording.h5"
+    recording.unlink(missing_ok=True)
+    with Servo(spec, recording, recording_attributes(spec, source)) as servo:
+        try:
+            on_start(servo.start())
+            while not servo.wait(LOOKED_AT):
+                moment = servo.snapshot()
+                if moment is not None:
+                    on_moment(moment)
+        except KeyboardInterrupt:
+            # Ctrl-C ends a session well, if it has begun.
+            if servo.snapshot_path.exists():
+                servo.stop()
+            else:
+                raise
+        result = servo.finish()
+    return _write(spec, folder, result, figures)
+
+
+def recording_attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
+    """Return what is kept with the recording of a session in a scene that `source` names."""
+    return attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
+
+
+def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:
+    """Write what there is to say of a session that is over."""
+    recording = read_recording(folder / "recording.h5")
+    if len(recording.time) == 0:
+        raise AsperityError("the session ended before its first tick was recorded")
+    rollout = _rollout(recording, np.array(result["status"]))
+    told = {
+        "kind": "device", "device": result["device"], "rate_hz": spec.rate,
+        "seconds": float(recording.time[-1]),
+    }  # fmt: skip
+    summary = summary_of(spec.scene, told, rollout)
+    timing = result["timing"]
+    tick = timing["stages_us"]["tick"]
+    summary["tick_seconds"] = 1.0 / spec.rate
+    summary["tick_us"] = {
+        "median": tick["p50"],
+        **{k: tick[k] for k in ("p95", "p99", "p999", "max")},
+    }
+    summary |= {
+        name: result[name] for name in ("timing", "safety", "recorder", "real_time", "ended")
+    }
+    summary["passivity"] = result["passivity"]
+    run = Run(rollout, _moment(spec.scene, rollout), summary)
+    write_summary(run, folder / "summary.json")
+    if figures:
+        write_figures(run, take_pictures(run, spec.scene), folder)
+    return summary
+
+
+def _rollout(recording: Recording, statuses: Any) -> Rollout:
+    names = ("time", "handle_pose", "tool_pose", "contact_wrench", "device_wrench")
+    arrays = {name: getattr(recording, name) for name in (*names, "contact_count", "flags")}
+    none = np.zeros(len(recording.time))
+    return Rollout(**arrays, tick_seconds=none, statuses=statuses)
+
+
+def _moment(scene: Scene, rollout: Rollout) -> PictureMoment:
+    """Return the contact where it pushed hardest, looked at once more."""
+    hardest = int(np.argmax(np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)))
+    stage = ContactStage(scene)
+    pose = rollout.tool_pose[hardest]
+    stage.evaluate(pose)
+    return PictureMoment.of(float(rollout.time[hardest]), pose, stage.contacts)

@@ -1,0 +1,1 @@
+"""A scene run once: recording, dataset, figures, vibration metrics, sound."""

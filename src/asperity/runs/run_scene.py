@@ -1,0 +1,257 @@
+"""One run of a scene in simulated time, and what it leaves on disk."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity import __version__
+from asperity.drawing.renderer.contact import Moment, Picture, close_picture, whole_picture
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.passivity.controller import PassivityController
+from asperity.runs.recording import RecordingWriter, variables_of
+from asperity.scene.scene import Scene
+from asperity.scene.trajectory import ScriptedMotion, Trajectory
+from asperity.simulation.anti_aliasing import SPAN
+from asperity.simulation.simulation import BUDGET_SPENT, SUB_POSES, TOO_FAST, Rollout, Simulation
+
+_ROWS = 256
+"""Ticks that go into the recording at once."""
+_LINE = {"radius", "turning"}
+_UNUSED: dict[str, set[str]] = {
+    "slide": _LINE,
+    "press-and-slide": _LINE,
+    "circle": {"length", "turning"},
+    "rotate": {"speed", "length", "direction", "radius"},
+}
+"""What does not matter to each kind of motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of a run."""
+
+    rollout: Rollout
+    moment: Moment
+    """When the force across the mean normal was largest."""
+    summary: dict[str, Any]
+
+
+def run_scene(
+    scene: Scene,
+    recording: Path | None,
+    *,
+    motion: ScriptedMotion | Trajectory | None = None,
+    dt: float = 1e-3,
+    hand: bool | Hand = False,
+    source: str = "",
+    on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
+) -> Run:
+    """Move the tool along a trajectory; write the recording, if any, while it moves.
+
+    Parameters
+    ----------
+    scene : Scene
+    recording : Path or None
+        The file to write; must not exist. None writes none.
+    motion : ScriptedMotion or Trajectory, optional
+        Default: the scene's own.
+    dt : float
+        Tick [s].
+    hand : bool or Hand
+        Whether a simulated hand holds the handle and yields to what it feels, aiming along the
+        trajectory and pressing as it says; kept passive by a controller. A `Hand` says which.
+    source : str
+        What `load_scene` makes the scene of, for `replay`. Default: the scene's name.
+    on_tick : callable
+        Called after each tick with its number and what there is so far.
+    """
+    motion = scene.motion if motion is None else motion
+    simulation = Simulation(scene, dt=dt)
+    trajectory = simulation.trajectory(motion)
+    best = Moment.of(0.0, trajectory.poses[0], simulation.contacts)
+    largest, written = -1.0, 0
+    attributes = {
+        "scene": scene.name, "source": source, "trajectory": trajectory.name,
+        "dt": simulation.dt,
+        "anti_alias": scene.anti_alias, "coupling": scene.coupling.mode,
+        "hand": "simulated" if hand else "none", "version": __version__, "document": json.dumps(
+            scene.document), "notes": "\n".join(scene.notes),
+    }  # fmt: skip
+    which = hand if isinstance(hand, Hand) else None
+    held = simulation.hand(motion, hand=which) if hand else None
+    controller = PassivityController(simulation.dt) if hand else None
+    with ExitStack() as stack:
+        writer = recording and stack.enter_context(RecordingWriter(recording, attributes))
+
+        def keep(i: int, rollout: Rollout) -> None:
+            nonlocal best, largest, written
+            across = _across(simulation)
+            if across > largest:
+                largest = across
+                best = Moment.of(float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts)
+            if writer and i + 1 - written == _ROWS:
+                writer.add_rows(_rows(rollout, written, i + 1))
+                written = i + 1
+            on_tick(i, rollout)
+
+        rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
+        if writer:
+            writer.add_rows(_rows(rollout, written, len(rollout.time)))
+    summary = summary_of(scene, _told(motion), rollout) | {
+        "coupling": _coupling(simulation),
+        "hand": None if controller is None else _energy(controller, rollout),
+    }
+    return Run(rollout, best, summary)
+
+
+def _coupling(simulation: Simulation) -> dict[str, Any]:
+    """Return how the tool hung on the handle."""
+    mode, gains = simulation.scene.coupling.mode, simulation.tool.gains
+    if mode == "direct":
+        return {"mode": mode}
+    return {
+        "mode": mode,
+        "stiffness_n_m": gains.stiffness,
+        "damping_n_s_m": 0.0 if mode == "static" else gains.damping,
+        "rotational_stiffness_n_m_rad": gains.rotational_stiffness,
+        "tool_mass_kg": 0.0 if mode == "static" else simulation.tool.body.mass,
+        "tool_put_back": simulation.tool.resets,
+    }
+
+
+def _energy(controller: PassivityController, rollout: Rollout) -> dict[str, Any]:
+    """Return what a simulated hand felt and how the account of its energy stood."""
+    return {
+        "mean_force_n": rollout.device_wrench[:, :3].mean(axis=0).tolist(),
+        **controller.told(),
+    }
+
+
+def _across(simulation: Simulation) -> float:
+    """Return the size of the contact forces across their normals [N]; -1 without contact."""
+    n = simulation.contact_count
+    if n == 0:
+        return -1.0
+    force, normal = simulation.contacts.force[:n], simulation.contacts.normal[:n]
+    along = np.einsum("ij,ij->i", force, normal)
+    return float(np.linalg.norm((force - along[:, None] * normal).sum(axis=0)))
+
+
+def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
+    return {name: rows[first:last] for name, rows in variables_of(rollout).items()}
+
+
+def _told(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
+    """Return a motion as texts and numbers."""
+    if isinstance(motion, Trajectory):
+        return {"kind": "poses", "file": motion.name, "seconds": motion.seconds}
+    unused = _UNUSED[motion.kind] | ({"press_force"} if motion.press_depth is not None else set())
+    values = dataclasses.asdict(motion)
+    return {k: v for k, v in values.items() if v is not None and k not in unused}
+
+
+def summary_of(scene: Scene, told: dict[str, Any], rollout: Rollout) -> dict[str, Any]:
+    """Return the numbers of a run, in SI units but for the times of ticks.
+
+    Parameters
+    ----------
+    scene : Scene
+    told : dict
+        What moved the handle, with its `kind`.
+    rollout : Rollout
+        Of one tick at least.
+    """
+    us = rollout.tick_seconds * 1e6
+    quantiles = {"median": 50.0, "p95": 95.0, "p99": 99.0, "p999": 99.9, "max": 100.0}
+    ticks = len(rollout.time)
+    dt = float(rollout.time[1] - rollout.time[0]) if ticks > 1 else 1e-3
+    force = np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)
+    torque = np.linalg.norm(rollout.contact_wrench[:, 3:], axis=1)
+
+    def flagged(bit: int) -> int:
+        return int(np.count_nonzero(rollout.flags & bit))
+
+    return {
+        "schema": 1,
+        "version": __version__,
+        "scene": scene.name,
+        "trajectory": told,
+        "ticks": ticks,
+        "tick_seconds": dt,
+        "tick_us": {name: float(np.percentile(us, q)) for name, q in quantiles.items()},
+        "status": dict(
+            zip(("certified", "budget_spent", "overflow"), rollout.statuses.tolist(), strict=True)
+        ),
+        "contacts": {
+            "ticks_in_contact": int(np.count_nonzero(rollout.contact_count)),
+            "mean": float(rollout.contact_count.mean()),
+            "largest": int(rollout.contact_count.max()),
+        },
+        "largest_force_n": float(force.max()),
+        "largest_torque_n_m": float(torque.max()),
+        "anti_alias": {
+            "mode": scene.anti_alias,
+            "delay_s": 0.5 * SPAN[scene.anti_alias] * dt,
+            "ticks_active": flagged(SUB_POSES),
+            "ticks_beyond_budget": flagged(BUDGET_SPENT),
+            "ticks_too_fast_and_off": flagged(TOO_FAST),
+        },
+        "notes": list(scene.notes),
+    }
+
+
+def take_pictures(run: Run, scene: Scene, *, rows: int = 620) -> tuple[Picture, Picture]:
+    """Return pictures of the run's moment, `rows` pixels high: close, and of the whole tool."""
+    return (
+        close_picture(scene, run.moment, columns=rows * 38 // 31, rows=rows),
+        whole_picture(scene, run.moment, columns=rows * 19 // 31, rows=rows),
+    )
+
+
+def write_figures(
+    run: Run,
+    pictures: tuple[Picture, Picture],
+    folder: Path,
+    *,
+    prefix: str = "",
+    kinds: Sequence[str] = ("png", "svg"),
+) -> None:
+    """Write the picture (PNG) and the plots of force, torque and spectrum."""
+    from asperity.drawing import figure_style
+    from asperity.runs import figures
+
+    title = f"{run.summary['scene']}: {described(run.summary)}"
+    picture = figures.contact_figure(*pictures, run.moment, title)
+    figure_style.save(picture, folder, f"{prefix}picture", ("png",))
+    for name, figure in (
+        ("force", figures.force_figure),
+        ("torque", figures.torque_figure),
+        ("spectrum", figures.spectrum_figure),
+    ):
+        figure_style.save(figure(run.rollout, title), folder, prefix + name, kinds)
+
+
+def write_summary(run: Run, path: Path) -> None:
+    """Write the numbers of a run as JSON."""
+    path.write_text(json.dumps(run.summary, indent=2, allow_nan=False) + "\n", "utf-8")
+
+
+def described(summary: dict[str, Any]) -> str:
+    """Return the trajectory of a summary in words."""
+    motion = summary["trajectory"]
+    kind = motion["kind"]
+    if kind == "poses":
+        return f"poses of {motion['file']}"
+    if kind == "device":
+        return f"felt with the device {motion['device']}"
+    if kind == "rotate":
+        return f"rotate at {motion['turning']:.3g} rad/s"
+    return f"{kind} at {motion['speed'] * 1e3:.3g} mm/s"

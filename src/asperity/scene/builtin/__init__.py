@@ -1,0 +1,60 @@
+"""Scenes that come with asperity, made by code, and scenes from folders: `load_scene`."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from pathlib import Path
+
+from asperity.errors import AsperityError
+from asperity.scene.builtin.file_cad import file_cad
+from asperity.scene.builtin.hammer_blocks import hammer_blocks
+from asperity.scene.builtin.probe_plate import probe_plate
+from asperity.scene.scene import Scene, read_scene
+from asperity.scene.texture import with_seed
+
+SCENES: dict[str, Callable[[], Scene]] = {
+    "probe-plate": lambda: probe_plate("sinusoid"),
+    "probe-plate-dots": lambda: probe_plate("jittered_dots"),
+    "probe-plate-grating": lambda: probe_plate("grating"),
+    "hammer-blocks": hammer_blocks,
+    "file-cad": file_cad,
+}
+"""What makes each built-in scene."""
+PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
+"""Those made by `probe_plate`, whose probe has a diameter."""
+
+
+def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
+    """Return a built-in scene, or the one in a folder.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of `SCENES`, or a folder with `scene.xml` and `scene.toml`.
+    seed : int, optional
+        Of all textures that have one; by default as the scene says.
+
+    Raises
+    ------
+    AsperityError
+        No such scene, or one that is wrong: one line that names the key and what is valid.
+    """
+    name = str(name_or_path)
+    if name in SCENES:
+        scene = SCENES[name]()
+    elif Path(name_or_path).exists():
+        scene = read_scene(name_or_path)
+    else:
+        near = difflib.get_close_matches(name, SCENES, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise AsperityError(
+            f"no scene {name!r}{hint}; give a folder with scene.xml and scene.toml, or one of: "
+            f"{', '.join(SCENES)}"
+        )
+    if seed is None:
+        return scene
+    return scene.changed(bodies=with_seed(scene.document.get("bodies", {}), seed))
+
+
+__all__ = ["PROBE_PLATES", "SCENES", "file_cad", "hammer_blocks", "load_scene", "probe_plate"]

@@ -1,0 +1,278 @@
+"""A scene of two meshes and two textures, straight from files: `make_scene`.
+
+What files do not say is chosen here, and told in the scene's notes: how high an image's relief
+is, how far it reaches, where the tool begins and how it moves. All such numbers are ours.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.scene.document import require_table
+from asperity.scene.mesh import body_mesh, body_pieces, uv_size
+from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms
+from asperity.scene.placement import fall, slide_over
+from asperity.scene.scene import Scene, scene_of
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
+
+HEIGHT_RANGE = 2e-4
+"""Of an image whose relief is not given [m]."""
+DENSITY = 1000.0
+"""Of the tool [kg/m^3]."""
+_CLEARANCE = 1e-4
+"""How far above contact the tool is drawn, beside both textures' reach [m]."""
+_LEAST = 4
+"""Vertices that MuJoCo draws a mesh of."""
+_COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
+
+Array = NDArray[np.float64]
+File = str | Path | Mapping[str, Any]
+
+_XML = """<mujoco model="{name}">
+  <!-- Metres and kilograms. Geoms in group 2 are the shapes, only seen; those in group 3 the
+       convex pieces that may touch. Textures, force and motion stand in scene.toml. -->
+  <!-- The least inertia is for tools of tenths of a millimetre, which MuJoCo would refuse. -->
+  <compiler angle="radian" boundmass="1e-12" boundinertia="2e-15"/>
+  <visual>
+    <map znear="0.001"/>
+  </visual>
+  <statistic extent="{extent:.6g}" center="{centre}"/>
+  <asset>
+{assets}
+  </asset>
+  <worldbody>
+    <light pos="{light}" dir="-0.2 0.4 -0.8"/>
+    <body name="target">
+{target_geoms}
+    </body>
+    <body name="tool" pos="{tool_pos}">
+      <freejoint name="hand"/>
+{tool_geoms}
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One of the two bodies."""
+
+    mesh: Mesh
+    pieces: Sequence[Array]
+    table: dict[str, Any]
+    """What stands under `[bodies.NAME]`."""
+    notes: tuple[str, ...]
+
+
+def make_scene(
+    *,
+    tool: File,
+    target: File,
+    tool_texture: File | None = None,
+    target_texture: File | None = None,
+    unit: str = "m",
+    stiffness: float = 400.0,
+    name: str | None = None,
+) -> Scene:
+    """Return a scene of a textured tool and a textured target, from files of meshes and images.
+
+    The target stands with its frame at the origin; the tool above it, z upwards, where its lowest
+    place meets the target's top. It slides along the longer side of that top. `Scene.save` makes
+    a folder of it, where everything can be changed.
+
+    Parameters
+    ----------
+    tool, target : path or mapping
+        A file of a mesh, or what would stand under `[bodies.NAME.mesh]`: `file`, `unit`,
+        `hard_angle`, `atlas`, and, if its z is not upwards, `quaternion`.
+    tool_texture, target_texture : path or mapping, optional
+        A file of heights, or what would stand under `[bodies.NAME.texture]`. Without, the body
+        is smooth. Where not given: *mapping* is "uv" for files (texture coordinates are made
+        where the mesh has none) and "triplanar" for patterns; *height_range* of an image is
+        0.2 mm; an image reaches as far as the UV coordinates say, otherwise once over the body's
+        largest side. The scene's notes tell what was chosen.
+    unit : str
+        Of meshes that do not name theirs: "m", "mm", ...
+    stiffness : float
+        Of the contact [N/m].
+    name : str, optional
+        By default from the files' names.
+
+    Raises
+    ------
+    AsperityError
+        A file that cannot be used, or a value that is not valid; one line.
+
+    Examples
+    --------
+    >>> scene = asperity.make_scene(
+    ...     tool="file.obj", tool_texture={"kind": "cross_cut", "pitch": 1e-3, "height": 2e-4},
+    ...     target="part.stl", target_texture="cast.png", unit="mm",
+    ... )
+    >>> scene.save("file-on-part")
+    """
+    parts = {
+        "tool": _part("tool", tool, tool_texture, unit),
+        "target": _part("target", target, target_texture, unit),
+    }
+    if name is None:
+        name = f"{parts['tool'].mesh.name}-on-{parts['target'].mesh.name}"
+    tool_mesh, ground = (part.mesh.vertices[part.mesh.faces] for part in parts.values())
+    slide, place = slide_over(ground, tool_mesh)
+    document = {
+        "schema": 1,
+        "tool": {"body": "tool"},
+        "bodies": {key: part.table for key, part in parts.items()},
+        "force": {"stiffness": stiffness, "anti_alias": "tick"},
+        "coupling": {"mode": "direct"},
+        "trajectory": slide,
+    }
+    place[2] -= fall(compiled(_xml(name, parts, place)))
+    scene = scene_of(_xml(name, parts, place), document, name=name)
+    # Asperities meet before the smooth surfaces do.
+    reach = [max(b.texture.highest, 0.0) for b in scene.bodies if b.texture is not None]
+    place[2] += sum(reach) + _CLEARANCE
+    scene = scene_of(_xml(name, parts, place), document, name=name)
+    told = tuple(f"{key}: {note}" for key, part in parts.items() for note in part.notes)
+    return replace(scene, notes=(*told, *scene.notes))
+
+
+def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
+    """Return the tool or the target: its mesh, pieces and tables, with what was chosen."""
+    table = _table(which, source)
+    if "file" in table:
+        table.setdefault("unit", unit)
+    mesh = body_mesh(table, which, None)
+    if mesh is None:
+        raise AsperityError(f"{which} must be a file of a mesh, got {source!r}")
+    if len(mesh.vertices) < _LEAST:
+        raise AsperityError(
+            f"{which}: {mesh.name} has {len(mesh.vertices)} vertices; valid: {_LEAST} or more"
+        )
+    notes: list[str] = []
+    body: dict[str, Any] = {"mesh": table}
+    if texture is not None:
+        key = f"{which}_texture"
+        told = _table(key, texture)
+        mesh = _with_mapping(told, table, mesh, key, notes)
+        if "file" in told:
+            _scale(told, mesh, key, notes)
+        body["texture"] = told
+    return _Part(mesh, body_pieces(table, which, mesh), body, tuple(notes))
+
+
+def _table(key: str, source: File) -> dict[str, Any]:
+    """Return a path or a mapping as a table; the path absolute."""
+    table = {"file": str(source)} if isinstance(source, str | Path) else source
+    require_table(table, key)
+    out = dict(table)
+    if isinstance(out.get("file"), str | Path):
+        path = Path(out["file"]).expanduser().absolute()
+        if not path.is_file():
+            raise AsperityError(f"{key}: no such file: {out['file']}")
+        out["file"] = str(path)
+    return out
+
+
+def _with_mapping(
+    texture: dict[str, Any], table: dict[str, Any], mesh: Mesh, key: str, notes: list[str]
+) -> Mesh:
+    """Set how a texture is laid where that is not said; return the mesh, maybe with an atlas."""
+    wanted = texture.get("mapping", "uv" if "file" in texture else "triplanar")
+    if wanted == "uv" and mesh.uv is None:
+        if importlib.util.find_spec("xatlas") is not None:
+            table["atlas"] = True
+            mesh = body_mesh(table, key.removesuffix("_texture"), None) or mesh
+            notes.append("the mesh has no texture coordinates: an atlas was made")
+        elif "mapping" not in texture:
+            wanted = "triplanar"
+            notes.append(
+                "the mesh has no texture coordinates, and xatlas, which makes some, is not "
+                "installed (pip install 'asperity[bake]'): mapping triplanar"
+            )
+    texture["mapping"] = wanted
+    return mesh
+
+
+def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> None:
+    """Give a file of heights the size and relief that it does not have itself."""
+    path = Path(texture["file"])
+    if path.suffix.lower() not in IMAGE_SUFFIXES:
+        return
+    on_uv = texture["mapping"] == "uv" and mesh.uv is not None
+    if "border" not in texture:
+        beyond = not on_uv or mesh.uv.min() < -1e-6 or mesh.uv.max() > 1.0 + 1e-6  # type: ignore[union-attr]
+        texture["border"] = "wrap" if beyond else "clamp"
+    normals = str(texture.get("kind", "height")).startswith("normal")
+    if "height_range" not in texture and not normals:
+        texture["height_range"] = HEIGHT_RANGE
+        notes.append(f"no height_range for {path.name}: {1e3 * HEIGHT_RANGE:g} mm (ours)")
+    if "pixel_size" in texture or "size" in texture:
+        return
+    rows, columns = _image_shape(path)
+    if on_uv:
+        size = uv_size(mesh)
+        why = "as its texture coordinates reach on average"
+    else:
+        pixel = float(np.ptp(mesh.vertices, axis=0).max()) / max(rows, columns)
+        size = (pixel * columns, pixel * rows)
+        why = "once over the body's largest side"
+    if on_uv and not normals:
+        texture["size"] = list(size)
+    else:  # its pixels are square
+        texture["pixel_size"] = math.sqrt(size[0] / columns * size[1] / rows)
+        size = (texture["pixel_size"] * columns, texture["pixel_size"] * rows)
+    notes.append(
+        f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, {why} (ours)"
+    )
+
+
+def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
+    """Return the MJCF with the tool at a place."""
+    corners = np.concatenate([parts["target"].mesh.vertices, parts["tool"].mesh.vertices + place])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    extent = float(np.linalg.norm(high - low))
+
+    def told(values: Any) -> str:
+        return " ".join(f"{value:.9g}" for value in values)
+
+    return _XML.format(
+        name=name.replace("&", "and").replace('"', "").replace("<", ""),
+        extent=extent,
+        centre=told(0.5 * (low + high)),
+        light=told(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
+        assets="\n".join(mesh_assets(key, part.mesh, part.pieces) for key, part in parts.items()),
+        tool_pos=told(place),
+        **{
+            f"{key}_geoms": mesh_geoms(
+                key,
+                part.mesh,
+                density=[DENSITY] * len(part.pieces),
+                rgba=[_COLOURS[key]] * len(part.pieces),
+            )
+            for key, part in parts.items()
+        },
+    )
+
+
+def _image_shape(path: Path) -> tuple[int, int]:
+    """Return rows and columns of an image, or say that it cannot be read."""
+    try:
+        rows, columns = read_pixels(path)[0].shape[:2]
+    except AsperityError:
+        raise
+    except Exception as error:  # every format's reader has errors of its own
+        line = " ".join(str(error).split())[:200]
+        raise AsperityError(f"{path}: cannot be read: {line}") from None
+    return int(rows), int(columns)

@@ -1,0 +1,254 @@
+"""A body's mesh, as `scene.toml` describes it: from a file, or made by its kind.
+
+Geoms of type mesh say where a body may touch: they are its convex pieces. Its surface is the
+mesh, in the body's frame. MuJoCo moves every mesh so that its middle is at 0 and its axes are
+those of its inertia; what is here stays where it was.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_choice, require_finite
+from asperity.geometry.bodies import Geom, unit_quaternion
+from asperity.geometry.mesh.atlas import with_atlas
+from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.shapes.block import block
+from asperity.geometry.shapes.cad_part import cad_part
+from asperity.geometry.shapes.file_tool import file_tool
+from asperity.geometry.shapes.hammer import hammer
+from asperity.geometry.shapes.patchwork import Shape
+from asperity.scene.document import Table, arguments, at, beside, require_keys
+from asperity.scene.mjcf import model_mesh
+from asperity.spatial.poses import rotation_of
+
+MESHES: dict[str, Callable[..., Shape]] = {
+    maker.__name__: maker for maker in (hammer, block, file_tool, cad_part)
+}
+"""All makers of meshes by name, as scenes name them."""
+SMOOTH_UP_TO = 30.0
+"""Edges of a plain MuJoCo mesh that bend more are hard [degrees]; ours."""
+_ALIKE = 0.25
+"""By how much, in diagonals of the mesh, it and its pieces may be apart."""
+_LARGER = 3.0
+"""How many times as large as a mesh the boxes round its pieces may be."""
+
+
+def geoms_mesh(
+    model: mujoco.MjModel, name: str, geoms: Sequence[tuple[int, Geom]], table: Table, key: str,
+    folder: Path | None,
+) -> Mesh | None:  # fmt: skip
+    """Return the mesh of a body of geoms of type mesh, None for one of simple geoms.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    name : str
+        Of the body.
+    geoms : sequence of (int, Geom)
+        Its geoms and their numbers in the model.
+    table : mapping
+        What `scene.toml` says of its mesh.
+    key : str
+        The table's dotted key.
+    folder : Path or None
+        Where the table's file lies.
+    """
+    simple = [geom.kind for _, geom in geoms if geom.kind != "mesh"]
+    if len(simple) == len(geoms) and not table:
+        return None
+    if simple:
+        raise AsperityError(
+            f"{key if table else f'body {name!r}'}: the geoms of a body with a mesh are all of "
+            f"type mesh, but scene.xml has a {simple[0]}; put it into a body of its own"
+        )
+    mesh = body_mesh(table, key, folder)
+    if mesh is None:
+        return at(f"body {name!r}", lambda: union_mesh(model, name, [i for i, _ in geoms]))
+    check_pieces(mesh, [geom for _, geom in geoms], key)
+    return mesh
+
+
+def body_mesh(table: Table, key: str, folder: Path | None) -> Mesh | None:
+    """Return the mesh that `[bodies.NAME.mesh]` describes, None for an empty table.
+
+    Parameters
+    ----------
+    table : mapping
+    key : str
+        Its dotted key.
+    folder : Path or None
+        Where its file lies.
+    """
+    if not table:
+        return None
+    if "file" in table:
+        mesh = _mesh_of_file(table, key, folder)
+    elif "kind" in table:
+        shape = _shape(table, key)
+        arrays = (shape.vertices, shape.faces)
+        mesh = at(
+            key,
+            lambda: mesh_from_arrays(*arrays, normals=shape.normals, name=table["kind"]),
+        )
+        # Its texture coordinates overlap and leave 0..1 as they were made to: no notes on that.
+        mesh = replace(mesh, uv=shape.uv, notes=())
+    else:
+        raise AsperityError(f"{key} needs either kind (one of: {', '.join(MESHES)}) or file")
+    place = _place(table, key)
+    if place is None:
+        return mesh
+    turn, position = place
+    return replace(mesh, vertices=mesh.vertices @ turn.T + position, normals=mesh.normals @ turn.T)
+
+
+def body_pieces(table: Table, key: str, mesh: Mesh) -> tuple[NDArray[np.float64], ...]:
+    """Return the vertices (n, 3) of the convex pieces of a mesh that `body_mesh` returned."""
+    if "kind" not in table:
+        from asperity.geometry.convex.pieces import convex_pieces  # slow to import
+
+        return at(key, lambda: convex_pieces(mesh))
+    turn, position = _place(table, key) or (np.eye(3), np.zeros(3))
+    return tuple(np.asarray(piece) @ turn.T + position for piece in _shape(table, key).pieces)
+
+
+def mesh_and_pieces(table: Table, key: str) -> tuple[Mesh, tuple[NDArray[np.float64], ...]]:
+    """Return the mesh that a table describes, and the vertices of its convex pieces."""
+    mesh = body_mesh(table, key, None)
+    if mesh is None:
+        raise AsperityError(f"{key} is empty; it needs file or kind ({', '.join(MESHES)})")
+    return mesh, body_pieces(table, key, mesh)
+
+
+def _shape(table: Table, key: str) -> Shape:
+    """Return what the maker named by `kind` makes."""
+    kind = table["kind"]
+    at(f"{key}.kind", lambda: require_choice("mesh", kind, MESHES))
+    options = _options(table, key, MESHES[kind], "kind")
+    return at(key, lambda: MESHES[kind](**options))
+
+
+def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
+    name = table["file"]
+    if not isinstance(name, str):
+        raise AsperityError(f"{key}.file must be a text, got {name!r}")
+    options = _options(table, key, _file_keys, "file")
+    path = beside(folder, name)
+    if not path.exists():
+        raise AsperityError(f"{key}.file: no such file: {path}")
+    atlas = options.pop("atlas", False)
+    mesh = at(key, lambda: read_mesh(path, **options))
+    return at(f"{key}.atlas", lambda: with_atlas(mesh)) if atlas else mesh
+
+
+def _file_keys(unit: str = "m", hard_angle: float | None = None, atlas: bool = False) -> None:
+    """Say which keys go with a mesh's file, and their types."""
+
+
+def _place_keys(
+    position: tuple[float, ...] = (0.0, 0.0, 0.0),
+    quaternion: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0),
+) -> None:
+    """Say which keys place a mesh in its body's frame, and their types."""
+
+
+def _options(table: Table, key: str, makes: Callable[..., Any], source: str) -> dict[str, Any]:
+    """Return the arguments of `makes`; errors list all keys that the table may have."""
+    names, placing = (inspect.signature(f).parameters for f in (makes, _place_keys))
+    require_keys(table, key, [source, *names, *placing])
+    return arguments({k: v for k, v in table.items() if k in names}, key, makes)
+
+
+def _place(table: Table, key: str) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return how a mesh is turned (3, 3) and then moved (3,) into its body's frame."""
+    given = {k: v for k, v in table.items() if k in inspect.signature(_place_keys).parameters}
+    if not given:
+        return None
+    place = arguments(given, key, _place_keys)
+    quaternion = at(key, lambda: unit_quaternion(place.get("quaternion", (1.0, 0.0, 0.0, 0.0))))
+    position = at(key, lambda: require_finite("position", place.get("position", (0, 0, 0)), 3))
+    return rotation_of(quaternion), np.asarray(position)
+
+
+def union_mesh(model: mujoco.MjModel, name: str, numbers: Sequence[int]) -> Mesh:
+    """Return the mesh that a body's geoms of type mesh make together.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    name : str
+        Of the body.
+    numbers : sequence of int
+        Its geoms in the model.
+    """
+    vertices: list[NDArray[np.float64]] = []
+    faces: list[NDArray[np.int64]] = []
+    for i in numbers:
+        points, triangles = model_mesh(model, int(model.geom_dataid[i]))
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[i])
+        faces.append(triangles + sum(map(len, vertices)))
+        vertices.append(points @ turn.reshape(3, 3).T + model.geom_pos[i])
+    mesh = mesh_from_arrays(
+        np.concatenate(vertices), np.concatenate(faces), hard_angle=SMOOTH_UP_TO, name=name
+    )
+    note = (
+        f"no [bodies.{name}.mesh]: its surface is that of its {len(numbers)} MuJoCo meshes, "
+        f"edges hard beyond {SMOOTH_UP_TO:g} degrees"
+    )
+    if len(numbers) > 1:
+        note += ", with the walls between them"
+    return replace(mesh, notes=(note, *mesh.notes))
+
+
+def check_pieces(mesh: Mesh, geoms: Sequence[Geom], key: str) -> None:
+    """Refuse a mesh that does not lie where the convex pieces of its body do."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = np.concatenate(
+        [signs * g.size @ rotation_of(g.quaternion).T + np.asarray(g.position) for g in geoms]
+    )
+    of_mesh, of_pieces = (
+        np.array([points.min(axis=0), points.max(axis=0)]) for points in (mesh.vertices, corners)
+    )
+    diagonal = float(np.linalg.norm(of_mesh[1] - of_mesh[0]))
+    # Boxes round turned geoms are larger than what they hold: they have to cover the mesh, and not
+    # be of another order.
+    slack = _ALIKE * diagonal
+    covered = (of_mesh[0] > of_pieces[0] - slack).all() and (
+        of_mesh[1] < of_pieces[1] + slack
+    ).all()
+    if not covered or np.linalg.norm(of_pieces[1] - of_pieces[0]) > _LARGER * diagonal:
+        told = [
+            f"({', '.join(f'{1e3 * x:.4g}' for x in low)}) to "
+            f"({', '.join(f'{1e3 * x:.4g}' for x in high)}) mm"
+            for low, high in (of_mesh, of_pieces)
+        ]
+        raise AsperityError(
+            f"{key}: the mesh reaches from {told[0]}, but the geoms of scene.xml from {told[1]}; "
+            "they must be one body in one frame (is the unit right?)"
+        )
+
+
+def uv_size(mesh: Mesh) -> tuple[float, float]:
+    """Return how far one unit of u and one of v reach on a mesh [m], averaged over its area."""
+    assert mesh.uv is not None
+    points = mesh.vertices[mesh.faces]
+    p, q = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    normal = np.cross(p, q)
+    square = np.maximum(np.sum(normal**2, axis=1), 1e-300)[:, None]
+    dual = np.stack([np.cross(q, normal) / square, np.cross(normal, p) / square], axis=1)
+    steps = np.swapaxes(mesh.uv[:, 1:] - mesh.uv[:, :1], 1, 2)
+    per_metre = np.linalg.norm(steps @ dual, axis=2)  # of u and of v, on each triangle
+    mean = np.average(per_metre, axis=0, weights=np.sqrt(square[:, 0]))
+    if not (mean > 0.0).all():
+        raise AsperityError(f"mesh {mesh.name!r} has texture coordinates that cover no area")
+    return 1.0 / float(mean[0]), 1.0 / float(mean[1])

@@ -1,0 +1,226 @@
+"""A scene's MJCF: read, judged, and written where bodies are meshes.
+
+MuJoCo collides a mesh as its convex hull. So a body with a mesh has convex pieces, geoms of type
+mesh in group 3, which viewers hide; and one geom in group 2 with the whole mesh, which is only
+seen, so that any tool of MuJoCo shows the real shape. All meshes stand in the XML itself.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.geometry.bodies import Geom
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.spatial.poses import require_pose
+
+GEOMS = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+}
+MOST_SEEN = 50_000
+"""A mesh of more triangles is not written into the XML to be seen."""
+_FILES = re.compile(r"<(include|mesh|texture)\b[^>]*\bfile\s*=")
+_A_LINE = 8
+"""Triples of numbers in a line of the XML."""
+
+
+def compiled(xml: str) -> mujoco.MjModel:
+    """Return the model of MJCF text, or say in one line what is wrong with it."""
+    try:
+        return mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        raise AsperityError(f"scene.xml is not MJCF: {_line(error)}") from None
+
+
+def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Return MJCF as one text without files, and notes on what was left out.
+
+    What is included, and meshes in files, are written into the text. Pictures on materials are
+    left out.
+    """
+    if not path.is_file():
+        raise AsperityError(f"no such file: {path}; a scene is scene.xml and scene.toml")
+    try:
+        xml = path.read_text("utf-8")
+        if not _FILES.search(xml):
+            return xml, ()
+        # Through MuJoCo's own reader, so that files are found beside this one.
+        spec = mujoco.MjSpec.from_file(str(path))
+        model = spec.compile()
+        for mesh in spec.meshes:
+            if mesh.file:
+                _write_in(mesh, model)
+        notes = _without_pictures(spec)
+        return spec.to_xml(), notes
+    except (ValueError, OSError) as error:
+        raise AsperityError(f"{path} is not MJCF: {_line(error)}") from None
+
+
+def _write_in(mesh: Any, model: mujoco.MjModel) -> None:
+    """Put into a spec's mesh the vertices and faces of its file, scaled and placed as it says."""
+    vertices, faces = model_mesh(model, mesh.id)
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh.id])
+    vertices = vertices @ turn.reshape(3, 3).T + model.mesh_pos[mesh.id]
+    mesh.name = mesh.name or Path(mesh.file).stem
+    mesh.file = ""
+    mesh.scale, mesh.refpos, mesh.refquat = [1.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0]
+    mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
+
+
+def _without_pictures(spec: Any) -> tuple[str, ...]:
+    """Make every texture of a spec that is a file a plain one."""
+    names = []
+    for texture in spec.textures:
+        files = [texture.file, *texture.cubefiles]
+        if any(files):
+            names.append(next(Path(file).name for file in files if file))
+            texture.name = texture.name or Path(texture.file).stem
+            texture.file, texture.cubefiles = "", [""] * 6
+            texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+            if texture.type == mujoco.mjtTexture.mjTEXTURE_CUBE:
+                texture.height = 6
+    return (f"pictures on materials are left out: {', '.join(names)}",) if names else ()
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]
+
+
+def model_mesh(model: mujoco.MjModel, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return vertices (n, 3) and faces (m, 3) of a mesh as MuJoCo has it: about its middle."""
+    first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
+    vertices = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
+    first, count = model.mesh_faceadr[number], model.mesh_facenum[number]
+    return vertices, np.asarray(model.mesh_face[first : first + count], dtype=np.int64)
+
+
+def touchable_geoms(model: mujoco.MjModel) -> dict[str, list[tuple[int, Geom]]]:
+    """Return the geoms that can be touched, with their numbers, by the name of their body."""
+    owned: dict[str, list[tuple[int, Geom]]] = {}
+    for i in range(model.ngeom):
+        if model.geom_contype[i] == 0 and model.geom_conaffinity[i] == 0:
+            continue  # only seen, never touched
+        body = model.body(int(model.geom_bodyid[i]))
+        if not body.name:
+            raise AsperityError(f"body {body.id} of scene.xml has geoms but no name; give it one")
+        kind = GEOMS.get(mujoco.mjtGeom(int(model.geom_type[i])))
+        if kind is None:
+            raise AsperityError(
+                f"body {body.name!r} has a geom of type "
+                f"{mujoco.mjtGeom(int(model.geom_type[i])).name[7:].lower()}; "
+                f"valid: {', '.join(GEOMS.values())}"
+            )
+        size = model.geom_size[i]
+        if kind == "mesh":  # a box round its place
+            size = np.abs(model.geom_aabb[i, :3]) + model.geom_aabb[i, 3:]
+        geom = Geom(kind, size, model.geom_pos[i], model.geom_quat[i])
+        owned.setdefault(body.name, []).append((i, geom))
+    return owned
+
+
+def tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
+    """Return the tool's pose in the file; refuse a tool that is not free, or others that are."""
+    for i in range(model.njnt):
+        body = model.body(int(model.jnt_bodyid[i])).name
+        free = model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE
+        if body != tool:
+            raise AsperityError(f"body {body!r} has a joint; only the tool ({tool!r}) may move")
+        if not free:
+            raise AsperityError(f"the tool {tool!r} has a joint that is no freejoint")
+    if model.njnt == 0:
+        raise AsperityError(f"the tool {tool!r} must have a freejoint; scene.xml has no joint")
+    tool_id = model.body(tool).id
+    for i in range(model.nbody):
+        if i != tool_id and model.body_rootid[i] == tool_id:
+            raise AsperityError(
+                f"body {model.body(i).name!r} hangs on the tool {tool!r}; put its geoms into it"
+            )
+    return require_pose(model.qpos0[:7], f"pose of {tool!r}")
+
+
+def mesh_assets(name: str, mesh: Mesh, pieces: Sequence[NDArray[np.float64]]) -> str:
+    """Return the `<mesh>` elements of a body: its pieces, and the whole to be seen.
+
+    Parameters
+    ----------
+    name : str
+        Of the body; theirs begin with it.
+    mesh : Mesh
+    pieces : sequence of (n, 3) arrays
+        Vertices of convex pieces [m], in the body's frame.
+    """
+    lines = [
+        f'    <mesh name="{name}-{i}" vertex="{_numbers(piece, ".9g")}"/>'
+        for i, piece in enumerate(pieces, start=1)
+    ]
+    if len(mesh.faces) <= MOST_SEEN:
+        inertia = "exact" if is_closed(mesh) else "shell"
+        lines.append(
+            f'    <mesh name="{name}-shape" inertia="{inertia}" '
+            f'vertex="{_numbers(mesh.vertices, ".9g")}"\n          '
+            f'face="{_numbers(mesh.faces, "d")}"/>'
+        )
+    return "\n".join(lines)
+
+
+def mesh_geoms(name: str, mesh: Mesh, *, density: Sequence[float], rgba: Sequence[str]) -> str:
+    """Return the `<geom>` elements of a body whose assets `mesh_assets` wrote.
+
+    Parameters
+    ----------
+    name : str
+        Of the body.
+    mesh : Mesh
+    density : sequence of float
+        Of each piece [kg/m^3]. If all are the same, and the mesh is closed and written, its mass is
+        that of the whole mesh; else of the pieces.
+    rgba : sequence of str
+        Colour of each piece; the whole is seen in that of the first.
+    """
+    seen = len(mesh.faces) <= MOST_SEEN
+    weighed = seen and len(set(density)) == 1 and is_closed(mesh)
+    lines = []
+    if seen:
+        mass = f'density="{density[0]:.9g}"' if weighed else 'mass="0"'
+        lines.append(
+            f'      <geom name="{name}-shape" type="mesh" mesh="{name}-shape" group="2" '
+            f'contype="0" conaffinity="0" {mass} rgba="{rgba[0]}"/>'
+        )
+    for i, (value, colour) in enumerate(zip(density, rgba, strict=True), start=1):
+        mass = 'mass="0"' if weighed else f'density="{value:.9g}"'
+        lines.append(
+            f'      <geom name="{name}-{i}" type="mesh" mesh="{name}-{i}" '
+            f'group="{3 if seen else 2}" {mass} rgba="{colour}"/>'
+        )
+    return "\n".join(lines)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Return whether each side of each triangle is that of one other, run the other way."""
+    # Corners in one place are one, whether or not they are one vertex.
+    _, place = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = place.reshape(-1)[mesh.faces]
+    sides = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
+    ways, count = np.unique(sides, axis=0, return_counts=True)
+    return bool((count == 1).all()) and bool(np.array_equal(ways, np.unique(ways[:, ::-1], axis=0)))
+
+
+def _numbers(rows: NDArray[Any], form: str) -> str:
+    """Return rows of three numbers, a few to a line."""
+    texts = [" ".join(format(value, form) for value in row) for row in rows.tolist()]
+    lines = ["  ".join(texts[i : i + _A_LINE]) for i in range(0, len(texts), _A_LINE)]
+    return "\n          ".join(lines)

@@ -1,0 +1,284 @@
+"""A scene: bodies, their textures, how they push, and how the tool moves by default.
+
+On disk it is a folder of two files. `scene.xml` is MJCF, for any tool of MuJoCo: bodies of simple
+geoms, or of convex pieces of a mesh; the tool is a body with a freejoint. `scene.toml` adds what
+MJCF has no words for:
+
+    schema = 1
+
+    [tool]
+    body = "probe"
+
+    [bodies.part.mesh]           # the surface of a body whose geoms are of type mesh
+    file = "part.stl"
+    unit = "mm"
+
+    [bodies.plate.texture]
+    kind = "sinusoid"            # or: file = "coin.png", pixel_size = 1e-5, height_range = 1e-4
+    wavelength = 2e-3            # all in SI units
+
+    [force]
+    stiffness = 400.0
+    anti_alias = "tick"
+
+    [coupling]
+    mode = "direct"              # or implicit, semi-implicit, static
+
+    [trajectory]
+    kind = "slide"
+    speed = 0.083
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.output import result_folder
+from asperity.contact.response.settings import ForceSettings
+from asperity.dynamics.virtual_coupling.settings import MODES as COUPLINGS
+from asperity.dynamics.virtual_coupling.settings import CouplingSettings
+from asperity.errors import AsperityError, require_choice
+from asperity.geometry.bodies import Body, Geom
+from asperity.scene.document import (
+    BODY,
+    Table,
+    arguments,
+    at,
+    beside,
+    check_document,
+    read_toml,
+    require_keys,
+    write_toml,
+)
+from asperity.scene.mesh import geoms_mesh
+from asperity.scene.mjcf import compiled, read_mjcf, tool_start, touchable_geoms
+from asperity.scene.texture import body_texture
+from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
+from asperity.scene.trajectory_file import read_poses
+
+ANTI_ALIAS_MODES = ("off", "tick", "band")
+"""What is done about texture that passes faster than the tick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that stays as it is while the tool moves. `scene_of` makes it.
+
+    Parameters
+    ----------
+    name : str
+    xml : str
+        The MJCF.
+    document : mapping
+        What `scene.toml` holds, checked.
+    folder : Path or None
+        Where the files lie that `document` names.
+    model : mujoco.MjModel
+    bodies : tuple of Body
+        With the tool, as MuJoCo orders them.
+    tool : str
+        The body that is held.
+    start : (7,) array
+        The tool's pose where it is drawn in `xml`.
+    force : ForceSettings
+    anti_alias : {"off", "tick", "band"}
+        What is done about texture that passes faster than the tick.
+    coupling : CouplingSettings
+        How the tool hangs on the handle.
+    motion : ScriptedMotion or Trajectory
+        What the handle does if nothing else is said.
+    notes : tuple of str
+        What was chosen or changed while textures were read.
+    """
+
+    name: str
+    xml: str
+    document: Table
+    folder: Path | None
+    model: mujoco.MjModel
+    bodies: tuple[Body, ...]
+    tool: str
+    start: NDArray[np.float64]
+    force: ForceSettings
+    anti_alias: str
+    coupling: CouplingSettings
+    motion: ScriptedMotion | Trajectory
+    notes: tuple[str, ...]
+
+    @property
+    def shortest_wavelength(self) -> float:
+        """The shortest wave in any texture [m]; infinite without texture."""
+        lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
+        return min(lengths, default=float("inf"))
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that the document names, by what it calls them."""
+        names = [table["file"] for table in _tables_with_files(self.document)]
+        return {name: beside(self.folder, name) for name in names}
+
+    def changed(self, **sections: Table) -> Scene:
+        """Return the scene with keys of some sections of its document set, checked again.
+
+        >>> scene.changed(force={"stiffness": 800.0}, trajectory={"speed": 0.169})
+        """
+        document = {key: value for key, value in self.document.items()}
+        for section, table in sections.items():
+            document[section] = _merged(document.get(section, {}), table)
+        return scene_of(self.xml, document, name=self.name, folder=self.folder)
+
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
+        """Write `scene.xml`, `scene.toml` and the files that they name into a folder."""
+        document = _merged(self.document, {})
+        with result_folder(Path(folder), overwrite=overwrite) as fresh:
+            for table in _tables_with_files(document):
+                source = beside(self.folder, table["file"])
+                table["file"] = _free_name(fresh, source)
+                shutil.copyfile(source, fresh / table["file"])
+            (fresh / "scene.xml").write_text(self.xml, "utf-8")
+            (fresh / "scene.toml").write_text(write_toml(document), "utf-8")
+
+
+def _tables_with_files(document: Table) -> list[Any]:
+    """Return the tables of a document that name a file: textures, meshes, poses."""
+    bodies = document.get("bodies", {}).values()
+    tables = [body[part] for body in bodies for part in BODY if part in body]
+    return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Return the scene in a folder, or of a file `scene.xml` or `scene.toml` in it."""
+    path = Path(path)
+    folder = path.parent if path.name in ("scene.xml", "scene.toml") else path
+    if not folder.is_dir():
+        raise AsperityError(f"no such folder of a scene: {folder}")
+    document = read_toml(folder / "scene.toml")
+    xml, notes = read_mjcf(folder / "scene.xml")
+    scene = at(
+        str(folder),
+        lambda: scene_of(xml, document, name=folder.resolve().name, folder=folder),
+    )
+    return replace(scene, notes=(*notes, *scene.notes))
+
+
+def scene_of(
+    xml: str, document: Table, *, name: str = "scene", folder: Path | None = None
+) -> Scene:
+    """Return a scene made of MJCF and of what `scene.toml` would hold.
+
+    Parameters
+    ----------
+    xml : str
+        MJCF, without files.
+    document : mapping
+        What `scene.toml` would hold.
+    name : str
+    folder : Path, optional
+        Where the files lie that `document` names.
+
+    Raises
+    ------
+    AsperityError
+        One line: what is wrong in which key, and what is valid.
+    """
+    model = compiled(xml)
+    owned = touchable_geoms(model)
+    check_document(document, owned)
+    tool = document["tool"]["body"]
+    start = tool_start(model, tool)
+    bodies = []
+    for body, geoms in owned.items():
+        table = document.get("bodies", {}).get(body, {})
+        bodies.append(_body(model, body, geoms, table, folder))
+    force, anti_alias = _force(document.get("force", {}))
+    return Scene(
+        name=name,
+        xml=xml,
+        document=_merged(document, {}),
+        folder=folder,
+        model=model,
+        bodies=tuple(bodies),
+        tool=tool,
+        start=start,
+        force=force,
+        anti_alias=anti_alias,
+        coupling=_coupling(document.get("coupling", {})),
+        motion=_motion(document.get("trajectory", {}), folder),
+        notes=tuple(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
+    )
+
+
+def _body(
+    model: mujoco.MjModel, name: str, geoms: list[tuple[int, Geom]], table: Table,
+    folder: Path | None,
+) -> Body:  # fmt: skip
+    """Return one body of the model as its table says."""
+    solids = [geom for _, geom in geoms]
+    key = f"bodies.{name}"
+    mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
+    texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
+    return at(f"{key}.texture", lambda: Body(name, solids, texture, mesh=mesh, **placing))
+
+
+def _notes(body: Body) -> tuple[str, ...]:
+    """Return what was chosen or changed while a body's mesh and texture were read."""
+    notes = body.mesh.notes if body.mesh is not None else ()
+    if body.texture is not None:
+        notes += body.texture.notes
+    return notes
+
+
+def _force(table: Table) -> tuple[ForceSettings, str]:
+    rest = {key: value for key, value in table.items() if key != "anti_alias"}
+    require_keys(table, "force", [*(f.name for f in fields(ForceSettings)), "anti_alias"])
+    mode = table.get("anti_alias", "off")
+    at("force.anti_alias", lambda: require_choice("mode", mode, ANTI_ALIAS_MODES))
+    options = arguments(rest, "force", ForceSettings)
+    return at("force", lambda: ForceSettings(**options)), mode
+
+
+def _coupling(table: Table) -> CouplingSettings:
+    options = arguments(table, "coupling", CouplingSettings)
+    mode = options.get("mode", "direct")
+    at("coupling.mode", lambda: require_choice("mode", mode, COUPLINGS))
+    return at("coupling", lambda: CouplingSettings(**options))
+
+
+def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
+    if "file" in table:
+        require_keys(table, "trajectory", ("file",))
+        if not isinstance(table["file"], str):
+            raise AsperityError(f"trajectory.file must be a text, got {table['file']!r}")
+        return at("trajectory.file", lambda: read_poses(beside(folder, table["file"])))
+    if "kind" in table:
+        at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
+    options = arguments(table, "trajectory", ScriptedMotion)
+    return at("trajectory", lambda: ScriptedMotion(**options))
+
+
+def _free_name(folder: Path, source: Path) -> str:
+    name, count = source.name, 1
+    while (folder / name).exists():
+        name, count = f"{source.stem}-{count}{source.suffix}", count + 1
+    return name
+
+
+def _merged(old: Table, new: Table) -> dict[str, Any]:
+    """Return a deep copy of `old` with the values of `new`; None takes a key out."""
+    out = {k: _merged(v, {}) if isinstance(v, Mapping) else v for k, v in old.items()}
+    for key, value in new.items():
+        if value is None:
+            out.pop(key, None)
+        elif isinstance(value, Mapping):
+            out[key] = _merged(out.get(key, {}), value)
+        else:
+            out[key] = value
+    return out

@@ -1,0 +1,88 @@
+"""Motions of the handle from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.scene.trajectory import Trajectory
+
+
+def read_poses(path: str | Path) -> Trajectory:
+    """Return a trajectory from a file.
+
+    CSV: columns time, x, y, z, qw, qx, qy, qz (s, m), parted by commas, semicolons, tabs or
+    blanks, with or without one line of names; lines that begin with # are left out. `.npy`: an
+    array (n, 8) of the same columns. `.npz`: arrays `times` (n,) and `poses` (n, 7).
+    """
+    path = Path(path)
+    if not path.exists():
+        raise AsperityError(f"no such file of poses: {path}")
+    if path.is_dir():
+        raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .npy, .npz)")
+    if path.suffix.lower() in (".npy", ".npz"):
+        table = _read_arrays(path)
+        origins: tuple[str, ...] = ()
+    else:
+        table, origins = _read_csv(path)
+    return Trajectory(table[:, 0], table[:, 1:], path.name, origins)
+
+
+def _read_arrays(path: Path) -> NDArray[np.float64]:
+    try:
+        with open(path, "rb") as stream:
+            loaded = np.load(stream, allow_pickle=False)
+            if path.suffix.lower() == ".npz":
+                times, poses = loaded["times"], loaded["poses"]
+                loaded = np.concatenate([np.reshape(times, (-1, 1)), poses], axis=1)
+        table = np.asarray(loaded, dtype=np.float64)
+    except KeyError:
+        raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)") from None
+    except Exception as error:  # np.load raises many kinds for files that are no arrays
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise AsperityError(f"{path} cannot be read as poses: {reason}") from None
+    if table.ndim != 2 or table.shape[1] != 8 or len(table) == 0:
+        raise AsperityError(
+            f"{path} has shape {table.shape}; valid: (n, 8), columns time, x, y, z, qw, qx, qy, qz"
+        )
+    return table
+
+
+def _read_csv(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    try:
+        lines = path.read_text("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise AsperityError(f"{path} is no text; valid: .csv, .npy or .npz of poses") from None
+    rows: list[list[float]] = []
+    origins: list[str] = []
+    for number, line in enumerate(lines, start=1):
+        words = line.replace(",", " ").replace(";", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            if not rows and not any(_is_number(word) for word in words):
+                continue  # the line of names
+            raise AsperityError(f"{path}, line {number}: {line.strip()!r} are no numbers") from None
+        if len(values) != 8:
+            raise AsperityError(
+                f"{path}, line {number}: {len(values)} numbers; valid: 8 "
+                "(time, x, y, z, qw, qx, qy, qz)"
+            )
+        rows.append(values)
+        origins.append(f"line {number}")
+    if not rows:
+        raise AsperityError(f"{path} has no poses; each line needs time, x, y, z, qw, qx, qy, qz")
+    return np.array(rows), tuple(origins)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

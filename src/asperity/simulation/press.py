@@ -1,0 +1,71 @@
+"""Where a tool touches, and how deep it has to be pressed for a force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+
+_FIRST_STEP = 1e-4
+_FARTHEST = 1.0
+"""How far the surface is searched, above and below the start [m]."""
+
+
+def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the pose `start` (7,) moved up or down to where the tool just touches.
+
+    Parameters
+    ----------
+    engine : asperity.contact.solver.Engine
+    start : (7,) array
+    """
+    return _level(engine, start, lambda wrench: engine.contacts.count[0] == 0, "meets nothing")
+
+
+def pressed_pose(engine: Any, touching: NDArray[np.float64], force: float) -> NDArray[np.float64]:
+    """Return the pose `touching` (7,) moved down to where the force upwards is `force` [N]."""
+    if force == 0.0:
+        return touching.copy()
+    return _level(
+        engine, touching, lambda wrench: wrench[2] < force, f"is not pushed up with {force:g} N"
+    )
+
+
+def _level(
+    engine: Any,
+    start: NDArray[np.float64],
+    is_above: Callable[[NDArray[np.float64]], bool],
+    told: str,
+) -> NDArray[np.float64]:
+    """Return `start` moved along z to the place below which `is_above` no longer holds."""
+    pose = start.copy()
+
+    def above(z: float) -> bool:
+        pose[2] = z
+        engine.reset()
+        return bool(is_above(engine.wrench(pose, 0.0)))
+
+    z, step = float(start[2]), _FIRST_STEP
+    free = above(z)
+    other = z - step if free else z + step
+    while above(other) == free:
+        z, step = other, 2.0 * step
+        if step > _FARTHEST:
+            place = ", ".join(f"{1e3 * value:.4g}" for value in start[:3])
+            raise AsperityError(
+                f"the tool {told} within {_FARTHEST:g} m of its start at ({place}) mm; "
+                "set trajectory.start, or press less"
+            )
+        other = z - step if free else z + step
+    high, low = (z, other) if free else (other, z)
+    while high - low > 1e-15 + 1e-15 * abs(high):
+        middle = 0.5 * (high + low)
+        if middle in (high, low):
+            break
+        high, low = (middle, low) if above(middle) else (high, middle)
+    pose[2] = low
+    return pose

@@ -1,0 +1,262 @@
+"""The contact of a tool at a pose: what `Simulation` and the servo loop ask for in every tick.
+
+pose of the tool --> sub-poses where texture is faster than the tick --> contacts
+                 --> wrench, and how it changes with the pose
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.kernels import Repeated, is_compiled
+from asperity.contact.response.settings import ForceSettings
+from asperity.contact.solver import Engine
+from asperity.dynamics.linear_contact import LinearContact
+from asperity.errors import require_between
+from asperity.scene.scene import Scene
+from asperity.simulation.anti_aliasing import (
+    BUDGET,
+    LEAP,
+    PER_WAVE,
+    Window,
+    make_ready,
+    moved_most,
+    sub_poses,
+)
+from asperity.spatial.poses import between
+
+SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
+FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
+CUT_SHORT = 1024
+FLAGS = {
+    SUB_POSES: "wrench from several poses within the tick",
+    BUDGET_SPENT: "more sub-poses wanted than allowed or than there was time for",
+    TOO_FAST: "texture faster than half the tick rate, and anti_alias is off",
+    NOT_CERTIFIED: "a depth was not certified within its budget",
+    OVERFLOW: "a search or the list of contacts overflowed",
+    FALLBACK: "an older contact, taken on to the present pose",
+    PASSIVITY: "wrench changed by the passivity controller",
+    LIMITED: "wrench held back by soft start or a limit of force torque or slew",
+    SILENT: "wrench not known or device silent, zero was sent",
+    LATE: "finished after its deadline",
+    CUT_SHORT: "a search was ended by its time before its depth was certified",
+}
+"""Bits of a tick's flags, and what they say."""
+
+
+_MODULES = {"tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick"}
+"""Where the kernels are that a first force waits for."""
+
+
+@functools.cache
+def announce_compiling(tick: str = "tick") -> None:
+    """Say, once, that the first force takes a while, if no machine code of it is kept yet.
+
+    `tick`: of which there is to be some; where meshes touch, "mesh_tick".
+    """
+    if not is_compiled(_MODULES[tick], tick):
+        logging.getLogger(__name__).warning(
+            "compiling the contact engine, once after an installation: takes less than a minute"
+        )
+
+
+class ContactStage:
+    """Contacts of a scene's tool, one pose after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+    dt : float
+        Tick [s], 1e-5 to 0.1: how far apart in time the poses are.
+    now : callable
+        The time [s], by which `evaluate` keeps to the seconds it is given.
+    """
+
+    def __init__(
+        self, scene: Scene, *, dt: float = 1e-3, now: Callable[[], float] = time.perf_counter
+    ) -> None:
+        meshes = any(body.mesh is not None for body in scene.bodies)
+        announce_compiling("mesh_tick" if meshes else "tick")
+        self.scene = scene
+        self._now = now
+        self._end = math.inf
+        self._cost = 0.0
+        """How long one evaluation of the wrench takes, rather more than less [s]."""
+        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self.engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
+        """Asked directly it knows nothing of ticks: see `Engine.wrench`."""
+        self._window = None
+        if scene.anti_alias != "off":
+            self._window = Window(scene.anti_alias)
+            make_ready()
+        self._wavelength = scene.shortest_wavelength
+        # Bristles remember: their wrench is asked for in the order of time.
+        self._halve = getattr(scene.force, "friction", 0.0) == 0.0
+        self._moved = Repeated(moved_most)
+        self._extent = max(float(scene.model.stat.extent), 1e-3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the poses so far: contacts, friction, what was averaged."""
+        self.engine.reset()
+        if self._window is not None:
+            self._window.reset()
+        self._last: NDArray[np.float64] | None = None
+        self._last_wrench = np.zeros(6)
+        self._before: tuple[NDArray[np.float64], ...] = ()
+        self._flags = 0
+
+    @property
+    def contacts(self) -> Any:
+        """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
+        return self.engine.contacts
+
+    @property
+    def contact_count(self) -> int:
+        """How many contacts there are at the last pose."""
+        return int(self.engine.contacts.count[0])
+
+    @property
+    def energy(self) -> float:
+        """U of Eq. 1: what the contacts of the last pose hold [J]."""
+        contacts, n = self.engine.contacts, self.contact_count
+        depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
+        return float(0.5 * self.scene.force.stiffness * depths)
+
+    def evaluate(
+        self,
+        pose: NDArray[np.float64],
+        *,
+        jumped: bool = False,
+        seconds: float = math.inf,
+        search_seconds: float = math.inf,
+    ) -> LinearContact:
+        """Return the contact at the tool's next pose (7,), one tick after the last one.
+
+        With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
+        contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
+        is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
+        there are as many as fit into `seconds`; the pose itself is always looked at. After
+        `search_seconds` searches end with what they have found (`Engine.wrench`).
+        """
+        # Of its own: it is kept, and a kernel is told the type of it and the last only once.
+        pose = np.array(pose, dtype=np.float64)
+        last = pose if self._last is None else self._last
+        self._flags, begun = 0, self._now()
+        self._end = begun + search_seconds
+        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, begun + seconds)
+        self._last = pose
+        self._flag_contacts()
+        return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
+
+    def change(self, *, force: ForceSettings, dt: float) -> None:
+        """Go on with another stiffness and friction, and another tick [s]."""
+        self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
+        self.scene = replace(self.scene, force=force)
+        self.engine.change(force)
+        self._halve = force.friction == 0.0
+
+    def _wrench_there(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the wrench at a pose; averaging begins anew from there."""
+        if self._window is not None:
+            self._window.reset()
+        self._last_wrench = self._asked(pose, self.dt)
+        self._before = ()
+        return self._last_wrench.copy()
+
+    def _asked(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+        """Return the engine's wrench at a pose; note whether it had to be found in a hurry."""
+        left = max(self._end - self._now(), 0.0)
+        wrench = np.array(self.engine.wrench(pose, piece, left))
+        if self.engine.was_cut:
+            self._flags |= CUT_SHORT
+        return wrench
+
+    def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+        """Do as `_asked`, and note how long that took."""
+        begun = self._now()
+        wrench = self._asked(pose, piece)
+        took = self._now() - begun
+        # What takes long is believed soon, what is quick after a while.
+        self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
+        return wrench
+
+    def _wrench(
+        self, last: NDArray[np.float64], pose: NDArray[np.float64], until: float
+    ) -> NDArray[np.float64]:
+        """Return the wrench of this tick: at its pose, or averaged over the way there."""
+        waves = self._waves(last, pose)
+        if self._window is None:
+            if waves > 0.5:
+                self._flags |= TOO_FAST
+            return self._asked(pose, self.dt)
+        if self._last is None:
+            self._last_wrench = self._asked(pose, self.dt)
+        wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        seconds = until - self._now()
+        count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
+        piece = self.dt / min(count, BUDGET)
+
+        def evaluate(s: float) -> NDArray[np.float64]:
+            return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
+
+        def in_time() -> bool:
+            # Another one, and the last pose.
+            return self._now() + 2.0 * self._cost < until
+
+        nodes = sub_poses(
+            evaluate,
+            self._last_wrench,
+            count,
+            lever=self._extent,
+            leap=LEAP[self.scene.anti_alias],
+            halve=self._halve and waves > 0,
+            before=self._before,
+            in_time=in_time,
+        )
+        if nodes.s.size > 2:
+            self._flags |= SUB_POSES
+            if nodes.s.size > count + 1:
+                # The contacts to show are those of the last pose, not of the last halving.
+                self._asked(pose, 0.0)
+        if nodes.spent or count < wanted:
+            self._flags |= BUDGET_SPENT
+        self._before = (self._last_wrench, *self._before[:1])
+        self._last_wrench = nodes.wrench[-1]
+        return self._window.weigh(nodes)
+
+    def _waves(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+        """Return how many of the shortest waves the tool passes in this tick, at most."""
+        if self._last is None or math.isinf(self._wavelength):
+            return 0.0
+        contacts = self.engine.contacts
+        return float(self._moved(contacts.count, contacts.point, last, pose) / self._wavelength)
+
+    def _flag_contacts(self) -> None:
+        contacts = self.engine.contacts
+        count, left_out = contacts.count.tolist()
+        if count and max(contacts.status[:count].tolist()) >= 1:
+            self._flags |= NOT_CERTIFIED
+        if left_out:
+            self._flags |= OVERFLOW
+
+    def count_statuses(self, statuses: NDArray[np.int64]) -> None:
+        """Add the contacts by status to `statuses` (3,): certified, budget spent, overflow.
+
+        Where there was no room for any contact, that is one overflow.
+        """
+        contacts = self.engine.contacts
+        count, left_out = contacts.count.tolist()
+        for status in contacts.status[:count].tolist():
+            statuses[min(status, 2)] += 1
+        if left_out and not count:
+            statuses[2] += 1

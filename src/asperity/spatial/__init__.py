@@ -1,0 +1,1 @@
+"""Poses, quaternions, twists and wrenches: checked, interpolated, moved between frames."""

@@ -1,0 +1,1 @@
+"""Studies in simulation: the paper, the literature, stability, other methods, sweeps."""

@@ -1,0 +1,48 @@
+"""The methods that people compare, behind one interface, by name: `METHODS`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from asperity.errors import require_choice
+from asperity.studies.baselines import (
+    asperity_laws,
+    contact_levels,
+    convex_pieces,
+    full_meshes,
+    local_minimum_distances,
+    offset_sphere,
+    recorded_vibration,
+    voxmap,
+)
+from asperity.studies.baselines.protocol import Method, MethodWrench, Renderer
+
+METHODS: dict[str, Method] = {
+    method.name: method
+    for method in (
+        asperity_laws.ASPERITY,
+        asperity_laws.MINSKY,
+        asperity_laws.HO,
+        asperity_laws.SIIRA_PAI,
+        voxmap.FULL,
+        voxmap.LOW,
+        contact_levels.CONTACT_LEVELS,
+        contact_levels.LOW_RESOLUTION,
+        full_meshes.FULL_MESHES,
+        offset_sphere.OFFSET_SPHERE,
+        convex_pieces.CONVEX_PIECES,
+        local_minimum_distances.LOW,
+        local_minimum_distances.DETAIL,
+        recorded_vibration.RECORDED_VIBRATION,
+    )
+}
+"""In the order of tables and figures; asperity's own is the first."""
+
+
+def chosen(names: Iterable[str]) -> list[Method]:
+    """Return methods by name, all if there are none, each once, in the order of `METHODS`."""
+    wanted = {require_choice("method", name, METHODS) for name in names}
+    return [method for name, method in METHODS.items() if not wanted or name in wanted]
+
+
+__all__ = ["METHODS", "Method", "MethodWrench", "Renderer", "chosen"]

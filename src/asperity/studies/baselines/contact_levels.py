@@ -1,0 +1,212 @@
+r"""Contact levels of detail: each contact at the coarsest resolution that may still be felt.
+
+Otaduy & Lin, *Sensation preserving simplification for haptic rendering* and *CLODs: dual
+hierarchies for multiresolution collision detection* (both 2003). A mesh is simplified step by
+step, each level a filtered one; at each contact the coarsest level is taken whose surface deviation
+s, weighted by the size of what it leaves out and averaged over the contact's area D, is below a
+tolerance:
+
+    s* = s / (r^2 D) < s_0,     r = 1 / (size of the smallest feature of that level)
+
+So fine detail is dropped where the contact is wide, which for shape is what people feel, and for
+texture is what they miss (Otaduy & Lin 2004, section 2.2).
+
+The rule is quoted from memory, with medium confidence; `s_0` is ours, as is what it is applied to:
+levels here are the scene's own base bodies with height fields low-passed at wavelengths that
+double from level to level, up to none. It is the same criterion on the same quantity, since
+displacing a base by a band-limited map *is* a filtered surface with deviation `max |h - h_l|`; a
+hierarchy of simplified meshes with hulls would cost less for each contact and feel no more. D is
+the area of the tool's smooth surface that lies inside a body, counted by a coarse pointshell (see
+`voxmap`). The wrench of a contact is asperity's, on the surfaces of its level.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.bodies import Body
+from asperity.scene.scene import Scene
+from asperity.studies.baselines import voxmap
+from asperity.studies.baselines.asperity_laws import EngineRenderer
+from asperity.studies.baselines.displaced_surfaces import smooth_area
+from asperity.studies.baselines.placement import placed, require
+from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+
+Array = NDArray[np.float64]
+TOLERANCE = 10e-6
+"""s_0 [m]: ours."""
+_MOST_LEVELS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """All bodies of a scene at one resolution."""
+
+    size: float
+    """Wavelength below which there is nothing [m]; 0 for the surfaces as they are."""
+    deviation: float
+    """s: how far any surface is off its full detail [m]."""
+    bodies: tuple[Body, ...]
+
+    def weighted(self, area: float) -> float:
+        """Return s* [m] for a contact of an area [m^2]."""
+        return self.deviation * self.size**2 / area if area > 0.0 else math.inf
+
+
+def levels_of(scene: Scene) -> list[Level]:
+    """Return the levels of a scene, the finest first, the last without texture."""
+    shortest = scene.shortest_wavelength
+    found = [Level(0.0, 0.0, scene.bodies)]
+    if math.isinf(shortest):
+        return found
+    relief = max(b.texture.relief for b in scene.bodies if b.texture is not None)
+    for i in range(1, _MOST_LEVELS + 1):
+        size = shortest * 2.0**i
+        bodies = tuple(_low_passed(body, size) for body in scene.bodies)
+        deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, bodies, strict=True))
+        left = max((b.texture.relief for b in bodies if b.texture is not None), default=0.0)
+        if left <= 1e-3 * relief or i == _MOST_LEVELS:
+            smooth = tuple(replace(body, texture=None) for body in scene.bodies)
+            deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, smooth, strict=True))
+            return [*found, Level(size, deviation, smooth)]
+        found.append(Level(size, deviation, bodies))
+    raise AssertionError("unreachable")
+
+
+def _low_passed(body: Body, size: float) -> Body:
+    if body.texture is None:
+        return body
+    return replace(body, texture=body.texture.low_passed(size))
+
+
+def _deviation(full: Body, coarse: Body) -> float:
+    if full.texture is None:
+        return 0.0
+    samples = full.texture.samples
+    return float(
+        np.abs(samples - (0.0 if coarse.texture is None else coarse.texture.samples)).max()
+    )
+
+
+class LevelsRenderer:
+    """Contacts of a scene, each at its own level.
+
+    Parameters
+    ----------
+    scene : Scene
+    dt : float
+        Tick [s].
+    tolerance : float
+        s_0 [m].
+    """
+
+    def __init__(self, scene: Scene, dt: float, tolerance: float) -> None:
+        self.levels = levels_of(scene)
+        self._scene, self._dt, self._tolerance = scene, dt, tolerance
+        bodies = placed(scene)
+        self._probe = voxmap.LOW.prepare(scene)
+        self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
+        names = [body.name for body in scene.bodies]
+        self._number = [names.index(there.body.name) for there in bodies.standing]
+        self._engines: dict[tuple[int, int], EngineRenderer] = {}
+        self.taken: dict[str, int] = {}
+        """The level of each body that was near at the last pose."""
+
+    def reset(self) -> None:
+        """Forget all poses so far."""
+        for engine in self._engines.values():
+            engine.reset()
+
+    def level(self, area: float) -> int:
+        """Return the coarsest level for a contact of an area [m^2]."""
+        fit = [i for i, one in enumerate(self.levels) if one.weighted(area) < self._tolerance]
+        return max(fit, default=0)
+
+    def wrench(self, pose: Array) -> MethodWrench:
+        """Return the wrench at the tool's next pose (7,)."""
+        self._probe.wrench(pose)
+        self.taken = {}
+        met = []
+        for number, touching in zip(self._number, self._probe.touching, strict=True):
+            level = self.level(touching * self._each)
+            self.taken[self._scene.bodies[number].name] = level
+            part = self._renderer(level, number).wrench(pose)
+            if part.contacts:
+                met.append(part)
+        if not met:
+            return NOTHING
+        return MethodWrench(
+            np.sum([part.force for part in met], axis=0),
+            np.sum([part.torque for part in met], axis=0),
+            max(part.depth for part in met),
+            sum(part.contacts for part in met),
+        )
+
+    def _renderer(self, level: int, number: int) -> EngineRenderer:
+        """Return the contact of the tool with one body, at one level."""
+        if (level, number) not in self._engines:
+            scene = self._scene
+            two = tuple(
+                body
+                for i, body in enumerate(self.levels[level].bodies)
+                if i == number or body.name == scene.tool
+            )
+            pair = replace(scene, bodies=two)
+            self._engines[level, number] = EngineRenderer(pair, scene.force, self._dt)
+        return self._engines[level, number]
+
+
+@dataclass(frozen=True)
+class LevelsMethod:
+    """Contact levels of detail.
+
+    Parameters
+    ----------
+    tolerance : float
+        s_0 [m].
+    """
+
+    tolerance: float = TOLERANCE
+    name: str = "contact-levels"
+    label: str = "contact levels of detail"
+    source: str = "Otaduy & Lin 2003"
+    what_it_is_not: str = (
+        "Levels of height fields on one base body, not of simplified meshes; the criterion is "
+        "recalled, and the tolerance is ours."
+    )
+
+    def can(self, scene: Scene) -> str | None:
+        """Return None: it can render all scenes."""
+        return None
+
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LevelsRenderer:
+        """Return a renderer of a scene."""
+        require(self.can(scene), self.label, scene)
+        return LevelsRenderer(scene, dt, self.tolerance)
+
+
+@dataclass(frozen=True)
+class SmoothMethod:
+    """The low-resolution bodies alone, without any texture: what filtering leaves in the end."""
+
+    name: str = "low-resolution"
+    label: str = "low resolution alone"
+    source: str = "the base of Otaduy & Lin 2003 and 2004"
+    what_it_is_not: str = "No texture at all: the contact of the base bodies, for comparison."
+
+    def can(self, scene: Scene) -> str | None:
+        """Return None: it can render all scenes."""
+        return None
+
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> EngineRenderer:
+        """Return a renderer of a scene."""
+        smooth = tuple(replace(body, texture=None) for body in scene.bodies)
+        return EngineRenderer(replace(scene, bodies=smooth), scene.force, dt)
+
+
+CONTACT_LEVELS = LevelsMethod()
+LOW_RESOLUTION = SmoothMethod()

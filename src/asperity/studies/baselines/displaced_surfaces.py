@@ -1,0 +1,221 @@
+"""Really displaced surfaces of bodies as points and triangles, at a spacing that is asked for.
+
+What the methods of full detail are given: every point of the smooth surface, moved along its normal
+by the texture's height. Where geoms of one body overlap or meet, what lies inside is no surface of
+it and is left out, so that a plate of sixteen boxes has the same surface as one of one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.geom_grids import Chart, body_charts
+from asperity.drawing.renderer.mesh_patches import mesh_sheets
+from asperity.drawing.renderer.raster import displace
+from asperity.drawing.renderer.view import View
+from asperity.geometry.bodies import Body, Geom, covers
+from asperity.spatial.poses import rotation_of
+
+Array = NDArray[np.float64]
+_STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+_FAR = 1.0
+"""Half side of an unbounded plane [m]."""
+_INSIDE = 1e-9
+"""How far out of a face it is asked whether another geom covers it [m]."""
+_BESIDE = 1e-6
+"""How far beyond a border it is asked whether another geom goes on there [m]."""
+
+
+class Surface(NamedTuple):
+    """A triangulated surface in its body's frame."""
+
+    points: Array
+    """[m], (n, 3)."""
+    normals: Array
+    """Outwards, unit, (n, 3)."""
+    faces: NDArray[np.int64]
+    """(m, 3)."""
+
+
+def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Surface:
+    """Return a body's surface, with its texture unless `smooth`.
+
+    Parameters
+    ----------
+    body : Body
+        An unbounded plane is cut at a metre from its middle.
+    spacing : float
+        Between points [m], about. Relief finer than this is averaged.
+    smooth : bool
+        Leave the texture out.
+    """
+    if smooth:
+        body = replace(body, texture=None)
+    centre, radius = bounding_ball(body)
+    view = View(centre, 1.01 * radius, max(round(2.02 * radius / spacing), 8))
+    if body.mesh is not None:
+        return _of_mesh(body, view)
+    parts = []
+    if body.texture is None:
+        # Smooth faces are otherwise drawn with a third of the points.
+        view = view._replace(samples=3 * view.samples)
+    for chart in body_charts(body, _STILL, view):
+        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
+        displace(
+            chart.base, chart.normals, chart.heights, np.eye(3), np.zeros(3), points, normals
+        )  # fmt: skip
+        shown = np.ones(chart.base.shape[:2], bool)
+        for other in body.geoms:
+            if other is not chart.geom:
+                shown &= ~covers(other, chart.base + _INSIDE * chart.normals)
+        # The lit normals of `displace` may point either way round; the base's do not.
+        sign = np.sign(np.sum(normals * chart.normals, axis=-1, keepdims=True))
+        parts.append(_of_grid(points, normals * np.where(sign == 0.0, 1.0, sign), shown))
+        if body.texture is not None:
+            parts += _skirts(body, chart, points, shown)
+    return _joined(parts)
+
+
+def _skirts(
+    body: Body, chart: Chart, points: Array, shown: NDArray[np.bool_]
+) -> Iterator[Surface]:  # fmt: skip
+    """Yield strips from the borders of a displaced face down to its base.
+
+    Where two faces meet at an edge, each is displaced its own way and the surface opens. Their
+    bases meet, so that these strips close it. Where a face goes on as that of another geom, or
+    comes round to itself, it is not open.
+    """
+    base, w = chart.base, chart.normals
+    sides = [(base[i], base[j], points[i], w[i], shown[i]) for i, j in ((0, 1), (-1, -2))]
+    sides += [
+        (base[:, i], base[:, j], points[:, i], w[:, i], shown[:, i]) for i, j in ((0, 1), (-1, -2))
+    ]
+    for k, (low, inner, high, out, there) in enumerate(sides):
+        opposite = sides[k ^ 1][0]
+        if np.allclose(low, opposite, atol=1e-9) or np.ptp(low, axis=0).max() < 1e-9:
+            continue
+        beyond = low - inner
+        beyond /= np.maximum(np.linalg.norm(beyond, axis=1, keepdims=True), 1e-12)
+        near = low + _BESIDE * (beyond - out)
+        open_here = there.copy()
+        for other in body.geoms:
+            if other is not chart.geom:
+                open_here &= ~covers(other, near)
+        strip = np.stack([low, high])
+        surface = _of_grid(strip, np.broadcast_to(beyond, strip.shape), np.stack([open_here] * 2))
+        if len(surface.faces):
+            yield surface
+
+
+def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface:
+    """Return a grid of points (a, b, 3) as triangles, but for those that are hidden."""
+    rows, columns = shown.shape
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (i * columns + j).ravel()
+    b, c, d = a + 1, a + columns, a + columns + 1
+    faces = np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)])
+    flat, outwards = points.reshape(-1, 3), normals.reshape(-1, 3)
+    p, q, r = np.moveaxis(flat[faces], 1, 0)
+    inside_out = np.sum(np.cross(q - p, r - p) * outwards[faces].sum(axis=1), axis=1) < 0.0
+    faces[inside_out] = faces[inside_out][:, ::-1]
+    keep = shown.ravel()
+    faces = faces[keep[faces].any(axis=1)]
+    used = np.zeros(keep.size, bool)
+    used[faces] = True
+    number = np.cumsum(used) - 1
+    return Surface(flat[used], outwards[used], number[faces])
+
+
+def _of_mesh(body: Body, view: View) -> Surface:
+    parts = []
+    for sheet in mesh_sheets(body, _STILL, view):
+        assert sheet.corners is not None
+        patches, each = sheet.points.shape[:2]
+        first = each * np.arange(patches)[:, None, None]
+        faces = (sheet.corners[None] + first).reshape(-1, 3).astype(np.int64)
+        parts.append(Surface(sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), faces))
+    return _joined(parts)
+
+
+def _joined(parts: list[Surface]) -> Surface:
+    first = np.cumsum([0, *(len(part.points) for part in parts)])
+    return Surface(
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.faces + k for part, k in zip(parts, first, strict=False)]),
+    )
+
+
+def bounding_ball(body: Body) -> tuple[Array, float]:
+    """Return the middle and radius [m] of a ball round a smooth body, in its frame."""
+    if body.mesh is not None:
+        low, high = body.mesh.vertices.min(axis=0), body.mesh.vertices.max(axis=0)
+    else:
+        boxes = [_box(geom) for geom in body.geoms]
+        low = np.min([a for a, _ in boxes], axis=0)
+        high = np.max([b for _, b in boxes], axis=0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def _box(geom: Geom) -> tuple[Array, Array]:
+    """Return the corners of a box with axes of the body's frame round a geom."""
+    size = np.asarray(geom.size)
+    half = {
+        "plane": np.array([size[0] or _FAR, size[1] or _FAR, 0.0]),
+        "sphere": np.full(3, size[0]),
+        "capsule": np.array([size[0], size[0], size[0] + size[1]]),
+        "cylinder": np.array([size[0], size[0], size[1]]),
+    }.get(geom.kind, size)
+    reach = np.abs(rotation_of(geom.quaternion)) @ half
+    place = np.asarray(geom.position)
+    return place - reach, place + reach
+
+
+def area(surface: Surface) -> float:
+    """Return a surface's area [m^2]."""
+    a, b, c = np.moveaxis(surface.points[surface.faces], 1, 0)
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def smooth_area(body: Body) -> float:
+    """Return about how large the smooth surface of a body is [m^2]."""
+    _, radius = bounding_ball(body)
+    return area(displaced_surface(body, radius / 50.0, smooth=True))
+
+
+def is_unbounded(body: Body) -> bool:
+    """Return whether a body is a plane without end."""
+    return any(geom.kind == "plane" and 0.0 in geom.size[:2] for geom in body.geoms)
+
+
+def finite_reason(body: Body) -> str | None:
+    """Return why a body has no surface of finitely many points, or None."""
+    if body.texture is not None and is_unbounded(body):
+        return f"{body.name} is a textured plane without end, which has no finite surface to sample"
+    return None
+
+
+def spacing_for(body: Body, most: int) -> float:
+    """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
+    # Triangles of a mesh are divided one by one, each into more than it needs.
+    return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
+
+
+def points_between(surface: Surface, spacing: float) -> Array:
+    """Return points (n, 3) of a surface, none farther than `spacing` [m] from its neighbours."""
+    corners = surface.points[surface.faces]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    pieces = np.maximum(np.ceil(sides / spacing), 1.0).astype(np.int64)
+    out = [surface.points]
+    for n in np.unique(pieces[pieces > 1]):
+        i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
+        inside = i + j <= n
+        weights = np.stack([n - i - j, i, j], axis=-1)[inside] / n
+        out.append((weights @ corners[pieces == n]).reshape(-1, 3))
+    return np.concatenate(out)

@@ -1,0 +1,196 @@
+r"""Local minimum distances, and repulsion before contact.
+
+Johnson & Willemsen, *Six degree-of-freedom haptic rendering of complex polygonal models* (2003);
+Johnson, Willemsen & Cohen (2005). Every place where the distance between the two surfaces is least
+among its surroundings pushes the tool away, from a stand-off distance s on:
+
+    F = sum_i k (s - d_i) n_i   where d_i < s,    T = sum_i (p_i - centre of mass) x F_i ,
+
+p_i and q_i the nearest points on tool and body, d_i = |p_i - q_i|, n_i = (p_i - q_i) / d_i. The
+places are found by a search down two trees of spheres and normal cones (`normal_cones`): a pair of
+nodes is left alone if it is farther than s, or if no line between its spheres lies within both
+cones. Of the triangles that are left, a pair counts if no neighbour of either is nearer to the
+other: that is what a local minimum is between surfaces of facets.
+
+As quoted from memory and from the beginning of the paper of 2005; the formulas of the paper of 2003
+were not at hand. What is ours: the linear repulsion; local minima nearer to each other than
+`merged` count as one, or a face on a face would push as often as it has triangles; and surfaces
+that cross push with k s along their normals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import require_positive
+from asperity.geometry.bodies import Body
+from asperity.scene.scene import Scene
+from asperity.spatial.poses import rotation_of
+from asperity.studies.baselines.displaced_surfaces import (
+    displaced_surface,
+    finite_reason,
+    is_unbounded,
+    spacing_for,
+)
+from asperity.studies.baselines.normal_cones import Tree, crossing, local_minima, tree_of
+from asperity.studies.baselines.placement import Standing, placed, require
+from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+
+Array = NDArray[np.float64]
+_MOST = 4096
+"""Local minima of one body that are kept."""
+_SAME_WAY = 0.9
+"""Cosine between directions of local minima that may count as one."""
+
+
+class LmdRenderer:
+    """The tree of the tool and those of the bodies around it.
+
+    Parameters
+    ----------
+    tool : Tree
+    others : list of (Tree, Standing)
+    centre : (3,) array
+        The tool's centre of mass in its frame [m].
+    stiffness : float
+        k [N/m].
+    stand_off : float
+        s [m].
+    merged : float
+        Local minima nearer than this to a nearer one are left out [m].
+    """
+
+    def __init__(
+        self, tool: Tree, others: list[tuple[Tree, Standing]], centre: Array, *,
+        stiffness: float, stand_off: float, merged: float,
+    ) -> None:  # fmt: skip
+        self.tool, self.others = tool, others
+        self._centre, self._stiffness = centre, stiffness
+        self._stand_off, self._merged = stand_off, merged
+        self._points, self._distances = np.empty((_MOST, 3, 3)), np.empty(_MOST)
+        self._crossing = np.empty((2, 3))
+        self.looked = np.zeros(2, np.int64)
+        """Pairs of nodes and of triangles that were looked at so far."""
+
+    def reset(self) -> None:
+        """Forget all poses so far: there is nothing to forget but the counts."""
+        self.looked[:] = 0
+
+    def minima(self, pose: Array) -> tuple[Array, Array]:
+        """Return the local minima at a pose (7,), the nearest first.
+
+        Points (n, 3, 3), on the tool, on the body, and the unit direction from there to the tool,
+        world axes; and distances (n,) [m]. Surfaces that cross are one more, at distance 0.
+        """
+        rotation = rotation_of(pose[3:])
+        points, distances = [np.empty((0, 3, 3))], [np.empty(0)]
+        for tree, there in self.others:
+            turn = np.ascontiguousarray(there.rotation.T @ rotation)
+            shift = np.ascontiguousarray(there.rotation.T @ (pose[:3] - there.position))
+            found = local_minima(
+                self.tool, tree, turn, shift, self._stand_off, self._points, self._distances,
+                self.looked,
+            )  # fmt: skip
+            own = self._points[:found] @ there.rotation.T
+            own[:, :2] += there.position
+            points.append(own)
+            distances.append(self._distances[:found].copy())
+            if crossing(self.tool, tree, turn, shift, self._crossing):
+                place, way = self._crossing @ there.rotation.T
+                size = float(np.linalg.norm(way))
+                if size > 0.0:
+                    place = place + there.position
+                    points.append(np.array([[place, place, way / size]]))
+                    distances.append(np.zeros(1))
+        return _merged(np.concatenate(points), np.concatenate(distances), self._merged)
+
+    def wrench(self, pose: Array) -> MethodWrench:
+        """Return the wrench at the tool's next pose (7,)."""
+        points, distances = self.minima(pose)
+        if not len(distances):
+            return NOTHING
+        forces = self._stiffness * (self._stand_off - distances)[:, None] * points[:, 2]
+        middle = pose[:3] + rotation_of(pose[3:]) @ self._centre
+        torque = np.cross(points[:, 0] - middle, forces).sum(axis=0)
+        deepest = self._stand_off - float(distances[0])
+        return MethodWrench(forces.sum(axis=0), torque, deepest, len(distances))
+
+
+def _merged(points: Array, distances: Array, near: float) -> tuple[Array, Array]:
+    """Return the local minima but for those close to a nearer one that point the same way."""
+    order = np.argsort(distances, kind="stable")
+    points, distances = points[order], distances[order]
+    kept: list[int] = []
+    for i in range(len(distances)):
+        if kept:
+            away = np.linalg.norm(points[kept, 0] - points[i, 0], axis=1)
+            same = points[kept, 2] @ points[i, 2] > _SAME_WAY
+            if (same & (away < near)).any():
+                continue
+        kept.append(i)
+    return points[kept], distances[kept]
+
+
+@dataclass(frozen=True)
+class LmdMethod:
+    """Local minimum distances between two surfaces.
+
+    Parameters
+    ----------
+    detail : bool
+        Of the displaced surfaces; else of the smooth ones.
+    points : int
+        Most points of a body's surface, about.
+    stand_off : float
+        Where repulsion begins [m], above 0.
+    """
+
+    detail: bool
+    points: int
+    name: str
+    label: str
+    what_it_is_not: str
+    stand_off: float = 2e-3
+    source: str = "Johnson & Willemsen 2003"
+
+    def __post_init__(self) -> None:
+        require_positive("stand_off", self.stand_off, "m")
+
+    def can(self, scene: Scene) -> str | None:
+        """Return why the method cannot render a scene, or None."""
+        for body in scene.bodies:
+            if is_unbounded(body):
+                return f"{body.name} is a plane without end: no tree of triangles"
+        return next(filter(None, map(finite_reason, scene.bodies)), None)
+
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LmdRenderer:
+        """Return a renderer of a scene."""
+        require(self.can(scene), self.label, scene)
+        bodies = placed(scene)
+        others = [(self._tree(there.body), there) for there in bodies.standing]
+        merged = max(self._spacing(there.body) for there in bodies.standing)
+        return LmdRenderer(
+            self._tree(bodies.tool), others, bodies.centre, stiffness=scene.force.stiffness,
+            stand_off=self.stand_off, merged=2.0 * max(merged, self._spacing(bodies.tool)),
+        )  # fmt: skip
+
+    def _spacing(self, body: Body) -> float:
+        return spacing_for(body, self.points)
+
+    def _tree(self, body: Body) -> Tree:
+        return tree_of(displaced_surface(body, self._spacing(body), smooth=not self.detail))
+
+
+LOW = LmdMethod(
+    False, 4000, "lmd", "local minimum distances",
+    "Of the smooth surfaces: it never feels a texture. Repulsion is linear from a stand-off of "
+    "2 mm, so that nothing touches while less than k s presses.",
+)  # fmt: skip
+DETAIL = LmdMethod(
+    True, 60_000, "lmd-detail", "local minimum distances, displaced",
+    "Of the displaced surfaces, no finer than 60,000 points each; the authors had models of tens "
+    "of thousands of triangles. Local minima come and go, and the force jumps where one does.",
+)  # fmt: skip

@@ -1,0 +1,206 @@
+r"""A sphere on the offset surface of what it touches.
+
+Okamura & Cutkosky, *Feature detection for haptic exploration with robotic fingers* (2001). The
+middle of a spherical fingertip of radius r that slides over a surface h traces its offset surface:
+in one dimension the points
+
+    ( x - r h' / s ,  h + r / s ),   s = sqrt(1 + h'^2),
+
+less the loops that this curve makes where h is more sharply curved than the sphere. What is left is
+the upper envelope `r + H(u) = max_x [h(x) + sqrt(r^2 - |x - u|^2)]` (`geometry.offset`), and it is
+found here as such, certified (`geometry.sphere_search`). The sphere is rendered as a *point*, its
+middle c, against that surface: with delta = H(u) + r - c_z the depth under it,
+
+    n = (-H_u, -H_v, 1) / sqrt(1 + |grad H|^2),    d = delta n_z,    F = k d n ,
+
+d the distance to the offset surface's tangent plane. The force goes through the middle, and so
+through the place of contact. Beside asperity's own, `F = k delta (-grad H, 1)`, which is the
+gradient of an energy of the same depth, it has the same direction and is smaller by
+1 + |grad H|^2: on slopes it is no energy's gradient.
+
+As quoted from memory and by other work (the paper is about finding features, by the curvature of
+the trace against the fingertip's; rendering with it is what Otaduy & Lin name it for).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.bodies import Body, Geom, origin_of_map
+from asperity.geometry.offsets import sphere_search
+from asperity.geometry.offsets.sampled import CERTIFIED_TO
+from asperity.scene.scene import Scene
+from asperity.spatial.poses import rotation_of
+from asperity.studies.baselines.placement import Standing, only_one_target, placed, require
+from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.texture.bounds import Pyramid, pyramid_of
+from asperity.texture.spline import spline_coefficients
+
+Array = NDArray[np.float64]
+
+
+class OffsetSurface:
+    """The offset surface of a texture, for one sphere.
+
+    Parameters
+    ----------
+    body : Body
+        With a planar texture of square pixels, or none.
+    radius : float
+        Of the sphere [m].
+    """
+
+    def __init__(self, body: Body, radius: float) -> None:
+        self.radius, self._field = radius, body.texture
+        if self._field is None:
+            return
+        self._pixel = self._field.pixel_size[0]
+        self._origin = origin_of_map(body)[:2]
+        self._margin = int(radius / self._pixel) + 2
+        border = "wrap" if self._field.border == "wrap" else "mirror"
+        samples = np.asarray(self._field.samples)
+        if border == "wrap":
+            # The search wants one period at least as wide as the sphere.
+            needed = [-(-2 * self._margin // n) for n in samples.shape]
+            samples = np.tile(samples, needed)
+        self._shape = samples.shape
+        self._coefficients = spline_coefficients(samples, border, self._margin) / self._pixel
+        self._pyramid: Pyramid = pyramid_of(self._coefficients)
+        self._nodes, self._bounds = np.empty((512, 3), np.int64), np.empty(512)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where the sphere touched last."""
+        self._shift = np.zeros(2)
+
+    def at(self, x: float, y: float) -> tuple[float, float, float]:
+        """Return H [m] and its two slopes above a place of the body [m]."""
+        if self._field is None:
+            return 0.0, 0.0, 0.0
+        u, v = (np.array([x, y]) - self._origin) / self._pixel
+        rows, columns = self._shape
+        if self._field.border == "wrap":
+            u, v = u % columns, v % rows
+        else:
+            u, v = min(max(u, 0.0), float(columns)), min(max(v, 0.0), float(rows))
+        # As `geometry.sampled` counts: samples stand in the middles of pixels.
+        u, v = u + 0.5 + self._margin, v + 0.5 + self._margin
+        r = self.radius / self._pixel
+        height, px, py = sphere_search.search(
+            self._coefficients, self._pyramid, u, v, r, CERTIFIED_TO / self._pixel,
+            u + self._shift[0], v + self._shift[1], self._nodes, self._bounds,
+        )  # fmt: skip
+        self._shift[:] = px - u, py - v
+        root = math.sqrt(max(r * r - float(self._shift @ self._shift), 1e-12 * r * r))
+        # The envelope theorem: the slope is that of the sphere at the place of contact.
+        return height * self._pixel, float(self._shift[0] / root), float(self._shift[1] / root)
+
+
+class OffsetRenderer:
+    """A sphere of the tool over the tops of one body."""
+
+    def __init__(self, sphere: Geom, there: Standing, centre: Array, stiffness: float) -> None:
+        self.surface = OffsetSurface(there.body, float(sphere.size[0]))
+        self._sphere, self._there = np.asarray(sphere.position), there
+        self._centre, self._stiffness = centre, stiffness
+
+    def reset(self) -> None:
+        """Forget all poses so far."""
+        if self._there.body.texture is not None:
+            self.surface.reset()
+
+    def wrench(self, pose: Array) -> MethodWrench:
+        """Return the wrench at the tool's next pose (7,)."""
+        rotation = rotation_of(pose[3:])
+        middle = pose[:3] + rotation @ self._sphere
+        x, y, z = self._there.rotation.T @ (middle - self._there.position)
+        top = _top_under(self._there.body, x, y)
+        if top is None:
+            return NOTHING
+        height, along, across = self.surface.at(x, y)
+        depth = top + height + self.surface.radius - z
+        # From below, a body's inside has no end here: what is deeper than the sphere is missed.
+        if not 0.0 < depth < 2.0 * self.surface.radius + abs(height):
+            return NOTHING
+        normal = np.array([-along, -across, 1.0]) / math.sqrt(1.0 + along**2 + across**2)
+        force = self._there.rotation @ (self._stiffness * depth * normal[2] * normal)
+        arm = middle - (pose[:3] + rotation @ self._centre)
+        return MethodWrench(force, np.cross(arm, force), float(depth), 1)
+
+
+def _top_under(body: Body, x: float, y: float) -> float | None:
+    """Return the height of the highest top face over a place of the body [m], or None."""
+    tops = []
+    for geom in body.geoms:
+        half, (gx, gy, gz) = geom.size, geom.position
+        if geom.kind == "plane":
+            inside = all(
+                size == 0.0 or abs(a - b) <= size
+                for size, a, b in zip(half[:2], (x, y), (gx, gy), strict=True)
+            )
+            top = gz
+        else:
+            inside = abs(x - gx) <= half[0] and abs(y - gy) <= half[1]
+            top = gz + half[2]
+        if inside:
+            tops.append(float(top))
+    return max(tops, default=None)
+
+
+def _sphere_of(body: Body) -> Geom | None:
+    """Return the lowest sphere of the tool, or None."""
+    spheres = [geom for geom in body.geoms if geom.kind == "sphere"]
+    return min(spheres, key=lambda geom: geom.position[2] - geom.size[0], default=None)
+
+
+@dataclass(frozen=True)
+class OffsetMethod:
+    """A sphere as a point on the offset surface."""
+
+    name: str = "offset-sphere"
+    label: str = "offset surface"
+    source: str = "Okamura & Cutkosky 2001"
+    what_it_is_not: str = (
+        "Their paper finds features with it and does not render. Only the tool's lowest sphere "
+        "is felt, on the tops of boxes and planes; no edges, no friction."
+    )
+
+    def can(self, scene: Scene) -> str | None:
+        """Return why the method cannot render a scene, or None."""
+        reason = only_one_target(scene)
+        if reason is not None:
+            return reason
+        tool = next(body for body in scene.bodies if body.name == scene.tool)
+        target = next(body for body in scene.bodies if body.name != scene.tool)
+        sphere = _sphere_of(tool)
+        if sphere is None or tool.texture is not None:
+            return f"made for a smooth sphere, and {tool.name} is none"
+        for geom in target.geoms:
+            if geom.kind not in ("box", "plane") or abs(geom.quaternion[0]) < 1.0 - 1e-9:
+                return f"made for the tops of level boxes, and {target.name} is none"
+        field = target.texture
+        if field is None:
+            return None
+        if (
+            target.mapping == "cylindrical"
+            or abs(field.pixel_size[0] / field.pixel_size[1] - 1) > 1e-9
+        ):
+            return f"made for a flat map of square pixels, and that of {target.name} is none"
+        if field.border != "wrap" and 2.0 * sphere.size[0] > min(field.size):
+            return f"the map of {target.name} is smaller than the sphere"
+        return None
+
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> OffsetRenderer:
+        """Return a renderer of a scene."""
+        require(self.can(scene), self.label, scene)
+        bodies = placed(scene)
+        sphere = _sphere_of(bodies.tool)
+        assert sphere is not None
+        return OffsetRenderer(sphere, bodies.standing[0], bodies.centre, scene.force.stiffness)
+
+
+OFFSET_SPHERE = OffsetMethod()

@@ -1,0 +1,187 @@
+r"""A smooth surface that vibrates: recorded vibration, played back by force and speed.
+
+Culbertson, Lopez Delgado & Kuchenbecker, *One hundred data-driven haptic texture models and
+open-source methods for rendering on 3D objects* (2014). The surface is smooth; what a tool felt on
+the real one is a set of filters over normal force F_n and speed v (see `vibration.model`), mixed
+for the F_n and v of the moment and driven by white noise to an acceleration a. Then
+
+    F = F_smooth + m a t,   t = n x v / |n x v| ,
+
+m the effective mass of the hand and the device. Vibration acts across the motion and along the
+surface, because along the motion friction acts already.
+
+Here the model is fitted by `vibration.fit`, as `asperity fit` does, to slides of the same tool over
+a sample of the same texture at a grid of forces and speeds; or it is given. F_smooth and F_n are
+those of the scene's bodies without their textures; v is low-passed at 125 rad/s, as a port of the
+authors' code to another device has it. The direction across the motion is quoted from other work.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import require_positive
+from asperity.scene.scene import Scene, scene_of
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.spatial.poses import rotation_of
+from asperity.studies.baselines.asperity_laws import EngineRenderer
+from asperity.studies.baselines.placement import only_one_target, placed, require
+from asperity.studies.baselines.protocol import MethodWrench
+from asperity.vibrotactile.explore import explore
+from asperity.vibrotactile.fit import fit
+from asperity.vibrotactile.model import TextureModel
+from asperity.vibrotactile.rates import at_rate
+from asperity.vibrotactile.synthesis import Synthesiser
+
+Array = NDArray[np.float64]
+SPEEDS = (0.03, 0.08, 0.16)
+"""Of the slides that a model is fitted to [m/s]."""
+FORCES = (0.3, 0.6, 1.2)
+"""And pressed with [N]."""
+_SECONDS = 0.8
+_LOW_PASS = 125.0
+"""Of the speed [rad/s]."""
+
+
+class VibrationRenderer:
+    """The smooth contact of a scene, and a vibration on it.
+
+    Parameters
+    ----------
+    smooth : EngineRenderer
+    model : TextureModel
+        At the rate of the poses.
+    centre : (3,) array
+        The tool's centre of mass in its frame [m].
+    mass : float
+        m [kg].
+    dt : float
+        Between poses [s].
+    """
+
+    def __init__(
+        self, smooth: EngineRenderer, model: TextureModel, centre: Array, *, mass: float,
+        dt: float, seed: int,
+    ) -> None:  # fmt: skip
+        self.smooth, self.synthesiser = smooth, Synthesiser(model, seed=seed)
+        self._centre, self._mass, self._dt = centre, mass, dt
+        self._share = -math.expm1(-_LOW_PASS * dt)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all poses so far, and begin the noise again."""
+        self.smooth.reset()
+        self.synthesiser.reset()
+        self._last: Array | None = None
+        self._velocity = np.zeros(3)
+
+    def wrench(self, pose: Array) -> MethodWrench:
+        """Return the wrench at the tool's next pose (7,)."""
+        felt = self.smooth.wrench(pose)
+        moved = np.zeros(3) if self._last is None else (pose[:3] - self._last) / self._dt
+        self._velocity += self._share * (moved - self._velocity)
+        self._last = np.array(pose[:3])
+        normal = float(np.linalg.norm(felt.force))
+        n = felt.force / normal if normal > 0.0 else np.zeros(3)
+        along = self._velocity - (self._velocity @ n) * n
+        speed = float(np.linalg.norm(along))
+        a = self.synthesiser.next(speed, normal)
+        if normal == 0.0 or speed == 0.0:
+            return felt
+        force = self._mass * a * np.cross(n, along / speed)
+        contacts = self.smooth.engine.contacts
+        deepest = int(np.argmax(contacts.depth[: felt.contacts]))
+        arm = contacts.point[deepest] - pose[:3] - rotation_of(pose[3:]) @ self._centre
+        return felt._replace(force=felt.force + force, torque=felt.torque + np.cross(arm, force))
+
+
+@dataclass(frozen=True)
+class VibrationMethod:
+    """Recorded vibration over a smooth surface.
+
+    Parameters
+    ----------
+    model : TextureModel, optional
+        Default: fitted to the scene.
+    mass : float
+        The effective mass [kg], above 0.
+    seed : int
+        Of the noise.
+    """
+
+    model: TextureModel | None = None
+    mass: float = 0.05
+    seed: int = 0
+    name: str = "recorded-vibration"
+    label: str = "recorded vibration"
+    source: str = "Culbertson, Lopez Delgado & Kuchenbecker 2014"
+    what_it_is_not: str = (
+        "Fitted to asperity's own forces, not to recordings of a real tool. It repeats a spectrum, "
+        "not a surface: nothing is where it was."
+    )
+
+    def __post_init__(self) -> None:
+        require_positive("mass", self.mass, "kg")
+
+    def can(self, scene: Scene) -> str | None:
+        """Return why the method cannot render a scene, or None."""
+        reason = only_one_target(scene)
+        if reason is not None or self.model is not None:
+            return reason
+        if all(body.texture is None for body in scene.bodies):
+            return "nothing is textured, so nothing vibrates"
+        if any(body.mesh is not None for body in scene.bodies):
+            return "a grid of slides over meshes would take minutes; give a model"
+        if not isinstance(scene.motion, ScriptedMotion):
+            return "its motion is a file of poses, so where to slide is not known; give a model"
+        return None
+
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VibrationRenderer:
+        """Return a renderer of a scene; without a model, it is fitted first."""
+        require(self.can(scene), self.label, scene)
+        smooth = tuple(replace(body, texture=None) for body in scene.bodies)
+        base = EngineRenderer(replace(scene, bodies=smooth), scene.force, dt)
+        model = self.model
+        if model is None:
+            runs = explore(
+                sample_of(scene), SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass
+            )
+            model = fit(runs, name=scene.name).model
+        return VibrationRenderer(
+            base, at_rate(model, 1.0 / dt), placed(scene).centre, mass=self.mass, dt=dt,
+            seed=self.seed,
+        )  # fmt: skip
+
+
+def sample_of(scene: Scene) -> Scene:
+    """Return the scene with a sample of its texture that is large enough to slide over.
+
+    Whoever records a texture takes a piece as large as the hand's strokes. A body of level boxes
+    with a texture that repeats becomes a plane without end; any other stays what it is.
+    """
+    target = next(body for body in scene.bodies if body.name != scene.tool)
+    level = all(
+        geom.kind in ("box", "plane") and abs(geom.quaternion[0]) > 1.0 - 1e-9
+        for geom in target.geoms
+    )
+    repeats = target.texture is not None and target.texture.border == "wrap"
+    if not level or not repeats or target.mapping != "planar":
+        return scene
+    root = ElementTree.fromstring(scene.xml)
+    body = next(one for one in root.iter("body") if one.get("name") == target.name)
+    top = max(
+        geom.position[2] + (geom.size[2] if geom.kind == "box" else 0.0) for geom in target.geoms
+    )
+    for geom in body.findall("geom"):
+        body.remove(geom)
+    ElementTree.SubElement(body, "geom", type="plane", size="0 0 0.01", pos=f"0 0 {top:.9g}")
+    xml = ElementTree.tostring(root, encoding="unicode")
+    return scene_of(xml, scene.document, name=scene.name, folder=scene.folder)
+
+
+RECORDED_VIBRATION = VibrationMethod()

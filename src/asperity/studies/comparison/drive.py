@@ -1,0 +1,162 @@
+"""Driving a method along a path: pressed to the same force as the others, timed tick by tick.
+
+Methods differ in how stiff they are: the same depth is a touch for one and a dent for another. So
+all follow one path, each raised or lowered as a whole until its mean force upwards is the same.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
+from asperity.errors import AsperityError
+from asperity.studies.baselines import Renderer
+from asperity.studies.stability.measure import Symptoms, symptoms_of
+
+Array = NDArray[np.float64]
+LOOKS = 12
+"""Poses of a path over which the mean force is taken."""
+_FIRST_STEP, _FARTHEST = 2e-5, 8e-3
+"""How a height is searched [m]."""
+_OFF = 3e-3
+"""Part of the force by which it may be missed."""
+WARM_UP = 16
+"""Ticks before those that are timed."""
+
+
+class Felt(NamedTuple):
+    """What a tool felt along a path, one row a tick."""
+
+    force: Array
+    """[N], (n, 3)."""
+    torque: Array
+    """About the centre of mass [N m], (n, 3)."""
+    depth: Array
+    """[m], (n,)."""
+    contacts: NDArray[np.int64]
+    """(n,)."""
+    seconds: Array
+    """Processor time of each tick [s], (n,)."""
+
+
+def raised(poses: Array, height: float) -> Array:
+    """Return poses (n, 7) moved up [m]."""
+    out = np.array(poses)
+    out[:, 2] += height
+    return out
+
+
+def mean_push(renderer: Renderer, poses: Array) -> float:
+    """Return the mean force upwards [N] over `LOOKS` poses of a path."""
+    renderer.reset()
+    looks = poses[np.linspace(0, len(poses) - 1, min(LOOKS, len(poses))).astype(int)]
+    return float(np.mean([renderer.wrench(pose).force[2] for pose in looks]))
+
+
+def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
+    """Return how far to raise a path [m] so that its mean force upwards is `force` [N].
+
+    Raises
+    ------
+    AsperityError
+        If no height within 8 mm gives that force.
+    """
+
+    def over(height: float) -> float:
+        return mean_push(renderer, raised(poses, height)) - force
+
+    low, off_low = 0.0, over(0.0)
+    sign, step = (1.0 if off_low > 0.0 else -1.0), _FIRST_STEP
+    high, off_high = low, off_low
+    while sign * off_high > 0.0:
+        low, off_low = high, off_high
+        if abs(high) >= _FARTHEST:
+            raise AsperityError(
+                f"at no height within {1e3 * _FARTHEST:g} mm of the path is it pushed up with "
+                f"{force:.3g} N"
+            )
+        # The last step would go farther than is looked: it ends there.
+        high, step = sign * min(abs(high) + step, _FARTHEST), 2.0 * step
+        off_high = over(high)
+    # False position (Illinois): the push is nearly a power of the depth.
+    while abs(high - low) > 1e-8:
+        middle = (low * off_high - high * off_low) / (off_high - off_low)
+        off = over(middle)
+        if abs(off) < _OFF * force:
+            return middle
+        if sign * off > 0.0:
+            low, off_low, off_high = middle, off, 0.5 * off_high
+        else:
+            high, off_high, off_low = middle, off, 0.5 * off_low
+    return high
+
+
+def follow(
+    renderer: Renderer,
+    poses: Array,
+    *,
+    budget: float | None = None,
+    on_tick: Callable[[], None] = lambda: None,
+) -> Felt:
+    """Ask for the wrench at every pose of a path, in order.
+
+    Parameters
+    ----------
+    renderer : Renderer
+    poses : (n, 7) array
+    budget : float, optional
+        Stop after so much processor time [s], 64 ticks at least; what was felt is returned.
+    on_tick : callable
+        Called after each tick.
+    """
+    # Of this thread alone: on a busy machine a wall clock times the others.
+    clock = time.thread_time
+    renderer.reset()
+    for pose in poses[:WARM_UP]:
+        renderer.wrench(pose)
+    renderer.reset()
+    rows, seconds = [], []
+    begun = clock()
+    for i, pose in enumerate(poses):
+        start = clock()
+        wrench = renderer.wrench(pose)
+        seconds.append(clock() - start)
+        rows.append(wrench)
+        on_tick()
+        if budget is not None and i >= 63 and clock() - begun > budget:
+            break
+    return Felt(
+        np.array([row.force for row in rows]),
+        np.array([row.torque for row in rows]),
+        np.array([row.depth for row in rows]),
+        np.array([row.contacts for row in rows]),
+        np.array(seconds),
+    )
+
+
+def held_still(
+    renderer: Renderer, pose: Array, centre: Array, force: float, *, ticks: int = 800
+) -> Symptoms:
+    """Return what a simulated hand feels that presses at one place and wants to be still.
+
+    As `asperity stability` has it: the last half of 0.8 s at 1 kHz.
+    """
+
+    def target(_: float) -> Array:
+        return pose
+
+    hand = SimulatedHand(target, HandSettings(press_force=force), dt=1e-3, centre=centre)
+    renderer.reset()
+    forces, places = np.empty((ticks, 3)), np.empty((ticks, 3))
+    for i in range(ticks):
+        places[i] = hand.pose[:3]
+        wrench: Any = renderer.wrench(np.array(hand.pose))
+        forces[i] = wrench.force
+        hand.advance(np.concatenate([wrench.force, wrench.torque]))
+    half = ticks // 2
+    return symptoms_of(forces[half:], places[half:], 1e-3)

@@ -1,0 +1,269 @@
+"""Properties of a method, each measured on a scene in which one thing is changed.
+
+Every property is one number and a criterion. A verdict says whether the number meets it, not
+whether the method is good. The limits of speed and silence were set after the noise of two methods
+had been seen, the others before any method was measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.runs.figures import across_mean
+from asperity.scene.scene import Scene
+from asperity.studies.baselines import Method, Renderer
+from asperity.studies.baselines.placement import placed
+from asperity.studies.comparison import stimuli
+from asperity.studies.comparison.drive import Felt, follow, held_still, pressed_to, raised
+from asperity.studies.stability.measure import Symptoms
+
+Array = NDArray[np.float64]
+
+
+class Criterion(NamedTuple):
+    """What is measured, and from where on it counts."""
+
+    title: str
+    what: str
+    """The number, in words."""
+    unit: str
+    limit: float
+    above: bool
+    """Whether the property holds from the limit upwards, or downwards."""
+
+
+CRITERIA = {
+    "torque": Criterion(
+        "torque by texture",
+        "a flat foot of 6 x 3 mm: RMS change of the torque about its middle, beyond that on a "
+        "plate without texture, over the normal force and half its length",
+        "%", 1.0, True,
+    ),
+    "probe_size": Criterion(
+        "size of the probe",
+        "RMS tangential force with balls of 0.5, 1.5 and 3 mm: largest less smallest, over mean",
+        "%", 10.0, True,
+    ),
+    "force": Criterion(
+        "normal force",
+        "RMS tangential force pressed with 0.87 N over that with 0.29 N",
+        "times", 1.5, True,
+    ),
+    "speed": Criterion(
+        "speed",
+        "RMS tangential force at 166 mm/s, less that at 42 mm/s, over it, in size",
+        "%", 10.0, True,
+    ),
+    "silence": Criterion(
+        "silence on a smooth plate",
+        "RMS tangential force on the plate without texture, over the normal force, with the "
+        "noisier of balls of 0.5 and 3 mm",
+        "%", 1.0, False,
+    ),
+    "meshing": Criterion(
+        "invariance to meshing",
+        "RMS difference of the force on the plate as 4 and as 16 boxes from that as one, over the "
+        "RMS tangential force",
+        "%", 2.0, False,
+    ),
+}  # fmt: skip
+"""In the order of tables. The limits are asperity's."""
+
+
+class Measured(NamedTuple):
+    """One property of one method."""
+
+    value: float | None
+    """None where it could not be measured."""
+    holds: bool | None
+    detail: str
+    """The numbers behind it, or why there are none."""
+
+
+class Properties(NamedTuple):
+    """All properties of one method."""
+
+    measured: dict[str, Measured]
+    still: Symptoms | None
+    """What a hand feels that wants to be still."""
+
+
+STEPS = len(CRITERIA) + 1
+"""How often `measure_properties` reports progress."""
+
+
+def measure_properties(
+    method: Method, on_step: Callable[[], None] = lambda: None
+) -> Properties:  # fmt: skip
+    """Return the properties of a method. Takes seconds to a minute."""
+    bench = _Bench(method)
+    ways = {
+        "torque": bench.torque,
+        "probe_size": bench.probe_size,
+        "force": bench.normal_force,
+        "speed": bench.speed,
+        "silence": bench.silence,
+        "meshing": bench.meshing,
+    }
+    out = {}
+    for name, way in ways.items():
+        try:
+            value, detail = way()
+        except AsperityError as error:
+            out[name] = Measured(None, None, str(error).rpartition("'stimulus': ")[2])
+        else:
+            limit, above = CRITERIA[name].limit, CRITERIA[name].above
+            out[name] = Measured(value, value >= limit if above else value <= limit, detail)
+        on_step()
+    try:
+        still = bench.still()
+    except AsperityError:
+        still = None
+    on_step()
+    return Properties(out, still)
+
+
+class _Bench:
+    """A method on the scenes of `stimuli`; what several properties need is made once."""
+
+    def __init__(self, method: Method) -> None:
+        self._method = method
+        self._ready: dict[str, tuple[Scene, Renderer]] = {}
+
+    def _renderer(self, key: str, scene: Callable[[], Scene]) -> tuple[Scene, Renderer]:
+        if key not in self._ready:
+            made = scene()
+            self._ready[key] = made, self._method.prepare(made)
+        return self._ready[key]
+
+    def _ball(self, diameter: float = 3e-3, boxes: int = 1) -> tuple[Scene, Renderer]:
+        key = f"ball {diameter:g} {boxes}"
+        return self._renderer(key, lambda: stimuli.ball_on_plate(diameter, boxes=boxes))
+
+    def _smooth_ball(self, diameter: float) -> tuple[Scene, Renderer]:
+        return self._renderer(
+            f"smooth ball {diameter:g}",
+            lambda: _smooth(stimuli.ball_on_plate(diameter)),
+        )
+
+    def _slid(self, ready: tuple[Scene, Renderer], force: float) -> Felt:
+        """Return what is felt along the path, pressed to a mean force."""
+        scene, renderer = ready
+        path = stimuli.line(scene, stimuli.SPEED)
+        return follow(renderer, raised(path, pressed_to(renderer, path, force)))
+
+    def torque(self) -> tuple[float, str]:
+        """Slide a flat foot, and see whether texture turns it."""
+        felt = self._slid(self._renderer("foot", stimuli.foot_on_plate), stimuli.FORCE)
+        rms, push = _turning(felt), float(felt.force[:, 2].mean())
+        try:
+            smooth = self._renderer("smooth foot", lambda: _smooth(stimuli.foot_on_plate()))
+            alone = _turning(self._slid(smooth, stimuli.FORCE))
+        except AsperityError:  # without texture there is nothing that it could render
+            alone = 0.0
+        value = 100.0 * math.sqrt(max(rms**2 - alone**2, 0.0)) / (push * stimuli.FOOT[0])
+        return value, f"{1e3 * rms:.3g} mN m at {push:.2g} N, {1e3 * alone:.3g} without texture"
+
+    def probe_size(self) -> tuple[float, str]:
+        """Slide balls of three sizes."""
+        sizes = [
+            tangential_rms(self._slid(self._ball(diameter), stimuli.FORCE).force)
+            for diameter in stimuli.DIAMETERS
+        ]
+        return _spread(sizes), ", ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
+
+    def normal_force(self) -> tuple[float, str]:
+        """Slide with two forces, three-fold."""
+        low, high = (
+            tangential_rms(self._slid(self._ball(), force).force) for force in (0.29, 0.87)
+        )
+        if low <= 1e-6:
+            return 1.0, "no tangential force"
+        return high / low, f"{1e3 * low:.3g} and {1e3 * high:.3g} mN"
+
+    def speed(self) -> tuple[float, str]:
+        """Slide at two speeds, four-fold, for as long: to and fro."""
+        ready = self._ball()
+        scene, renderer = ready
+        path = stimuli.line(scene, stimuli.SPEED)
+        height = pressed_to(renderer, path, stimuli.FORCE)
+        sizes = []
+        for share, passes in ((0.5, 2), (2.0, 8)):
+            there = raised(stimuli.line(scene, share * stimuli.SPEED), height)
+            poses = np.concatenate([there, there[::-1]] * (passes // 2))
+            sizes.append(tangential_rms(follow(renderer, poses).force))
+        slow, fast = sizes
+        value = 0.0 if slow <= 1e-6 else 100.0 * abs(fast / slow - 1.0)
+        return value, f"{1e3 * slow:.3g} and {1e3 * fast:.3g} mN"
+
+    def silence(self) -> tuple[float, str]:
+        """Slide over a smooth plate."""
+        sizes = [
+            tangential_rms(self._slid(self._smooth_ball(diameter), stimuli.FORCE).force)
+            for diameter in (stimuli.DIAMETERS[0], stimuli.DIAMETERS[-1])
+        ]
+        told = " and ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
+        return 100.0 * max(sizes) / stimuli.FORCE, told
+
+    def meshing(self) -> tuple[float, str]:
+        """Slide over one plate of 1, 4 and 16 boxes, at the same places."""
+        scene, renderer = self._ball()
+        poses = stimuli.line(scene, stimuli.SPEED)
+        poses = raised(poses, pressed_to(renderer, poses, stimuli.FORCE))
+        one = follow(renderer, poses).force
+        others = [follow(self._ball(boxes=boxes)[1], poses).force for boxes in (4, 16)]
+        return _difference(one, others)
+
+    def still(self) -> Symptoms:
+        """Let a hand press on a slope of a wave."""
+        scene, renderer = self._ball()
+        poses = stimuli.line(scene, stimuli.SPEED)
+        height = pressed_to(renderer, poses, stimuli.FORCE)
+        pose = raised(poses, height)[len(poses) // 2].copy()
+        pose[0] = 0.25 * stimuli.WAVELENGTH
+        return held_still(renderer, pose, placed(scene).centre, stimuli.FORCE)
+
+
+def _smooth(scene: Scene) -> Scene:
+    return scene.changed(bodies={"plate": {"texture": None}})
+
+
+def _turning(felt: Felt) -> float:
+    """Return the RMS change of the torque on the foot about the middle of its sole [N m].
+
+    What the lateral force does at that lever is not counted.
+    """
+    change = felt.torque - felt.torque.mean(axis=0)
+    down = np.array([0.0, 0.0, -stimuli.FOOT[2]])
+    change = change - np.cross(down, felt.force - felt.force.mean(axis=0))
+    return float(np.sqrt((change**2).sum(axis=1).mean()))
+
+
+def tangential_rms(force: Array) -> float:
+    """Return the RMS of the change of the part of forces (n, 3) across their mean [N]."""
+    across = across_mean(force)
+    change = across - across.mean(axis=0)
+    return float(np.sqrt((change**2).sum(axis=1).mean()))
+
+
+def _spread(values: list[float]) -> float:
+    """Return the largest less the smallest value over the mean, in per cent."""
+    mean = float(np.mean(values))
+    return 0.0 if mean <= 1e-6 else 100.0 * float(np.ptp(values)) / mean
+
+
+def _difference(one: Array, others: list[Array]) -> tuple[float, str]:
+    """Return the largest RMS difference from `one`, in per cent of its tangential force's RMS."""
+    differences = [float(np.sqrt(((other - one) ** 2).sum(axis=1).mean())) for other in others]
+    size = tangential_rms(one)
+    told = ", ".join(f"{1e3 * difference:.3g}" for difference in differences)
+    if size <= 1e-6:
+        # Where nothing is felt of the texture the normal force is the measure.
+        size = float(np.abs(one).max())
+    return 100.0 * max(differences) / size, f"{told} of {1e3 * size:.3g} mN"

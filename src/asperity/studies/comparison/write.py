@@ -1,0 +1,131 @@
+"""What a comparison leaves on disk: tables, traces, figures, a page."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.drawing import figure_style
+from asperity.studies.comparison.compare import Comparison, Row
+from asperity.studies.comparison.figures import (
+    cost_figure,
+    done_rows,
+    spectra_figure,
+    traces_figure,
+)
+from asperity.studies.comparison.page import FIGURES, markdown, page
+from asperity.studies.comparison.properties import CRITERIA
+
+
+def write_comparison(result: Comparison, folder: Path, command: str) -> None:
+    """Fill a folder: comparison.json, methods.csv, traces.csv, figures, comparison.md and .html."""
+    told = json.dumps(summary(result, command), indent=2, allow_nan=False)
+    (folder / "comparison.json").write_text(told + "\n", "utf-8")
+    _methods_csv(result, folder / "methods.csv")
+    _traces_csv(result, folder / "traces.csv")
+    if done_rows(result):
+        figures = (traces_figure(result), spectra_figure(result), cost_figure(result))
+        for name, figure in zip(FIGURES, figures, strict=True):
+            figure_style.save(figure, folder, name)
+    text = markdown(result, command, {name: f"{name}.png" for name in FIGURES})
+    (folder / "comparison.md").write_text(text, "utf-8")
+    (folder / "comparison.html").write_text(page(result, command, folder), "utf-8")
+
+
+def summary(result: Comparison, command: str) -> dict[str, Any]:
+    """Return all numbers for a file of JSON, in SI units."""
+    return {
+        "schema": 1,
+        "command": command,
+        "scene": result.scene.name,
+        "ticks": len(result.poses),
+        "dt_s": result.settings.dt,
+        "mean_push_n": result.push,
+        "criteria": {name: one._asdict() for name, one in CRITERIA.items()},
+        "methods": [_row(row) for row in result.rows],
+    }
+
+
+def _row(row: Row) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "name": row.method.name, "label": row.method.label, "source": row.method.source,
+        "what_it_is_not": row.method.what_it_is_not, "cannot": row.reason,
+    }  # fmt: skip
+    if row.felt is not None and row.cost is not None:
+        out |= {
+            "ticks": len(row.felt.force),
+            "preparing_s": row.preparing,
+            "raised_m": row.height,
+            "tick_median_s": row.cost[0],
+            "tick_p99_s": row.cost[1],
+            "tick_over_asperity": row.ratio,
+            "tangential_rms_n": row.tangential,
+            "band_rms_n": row.band_rms,
+            "mean_force_n": row.felt.force.mean(axis=0).tolist(),
+            "torque_std_n_m": row.felt.torque.std(axis=0).tolist(),
+            "deepest_m": float(row.felt.depth.max()),
+            "contacts_median": float(np.median(row.felt.contacts)),
+        }
+    if row.properties is not None:
+        out["properties"] = {k: m._asdict() for k, m in row.properties.measured.items()}
+        still = row.properties.still
+        out["still_hand"] = None if still is None else still._asdict()
+    return out
+
+
+def _methods_csv(result: Comparison, path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        head = ["method", "source", "cannot", "ticks", "tick_median_s", "tick_p99_s",
+                "tick_over_asperity", "tangential_rms_n", "band_rms_n"]  # fmt: skip
+        named = [f"{name}_{what}" for name in CRITERIA for what in ("value", "holds")]
+        writer.writerow([*head, *named])
+        for row in result.rows:
+            numbers = _row(row)
+            cells: list[object] = [row.method.name, row.method.source, row.reason or ""]
+            cells += [numbers.get(key, "") for key in head[3:]]
+            for name in CRITERIA:
+                one = None if row.properties is None else row.properties.measured[name]
+                cells += ["", ""] if one is None or one.value is None else [one.value, one.holds]
+            writer.writerow(cells)
+
+
+def _traces_csv(result: Comparison, path: Path) -> None:
+    rows = done_rows(result)
+    parts = ("force_x_n", "force_y_n", "force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m")
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            ["time_s", "x_m", "y_m", "z_m"]
+            + [f"{row.method.name}_{part}" for row in rows for part in parts]
+        )
+        for i, pose in enumerate(result.poses):
+            cells = [f"{i * result.settings.dt:.6g}", *(f"{x:.9g}" for x in pose[:3])]
+            for row in rows:
+                assert row.felt is not None
+                if i < len(row.felt.force):
+                    values = np.concatenate([row.felt.force[i], row.felt.torque[i]])
+                    cells += [f"{value:.6g}" for value in values]
+                else:
+                    cells += [""] * 6
+            writer.writerow(cells)
+
+
+def write_docs(folder: Path, docs: Path, result: Comparison, command: str) -> list[Path]:
+    """Put the page and its figures, written in `folder`, into the documentation."""
+    from asperity._core.output import write_whole
+
+    images = docs / "images"
+    images.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name in FIGURES:
+        target = images / f"comparison_{name}.svg"
+        target.write_bytes((folder / f"{name}.svg").read_bytes())
+        paths.append(target)
+    where = {name: f"images/comparison_{name}.svg" for name in FIGURES}
+    write_whole(docs / "comparison.md", markdown(result, command, where))
+    return [*paths, docs / "comparison.md"]

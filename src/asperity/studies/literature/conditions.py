@@ -1,0 +1,165 @@
+"""The simulated condition and the criterion of each finding: from a laboratory to a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.offsets.surface import drop_point
+from asperity.studies.literature import criteria
+from asperity.studies.literature.criteria import top_of
+from asperity.studies.literature.finding import Judge, Verdict
+from asperity.studies.literature.finger import Finger
+from asperity.studies.literature.laboratory import Laboratory, Touch
+from asperity.studies.literature.measures import Measure
+from asperity.studies.literature.plates import Grains, Gratings, Paper, Plate
+
+GRAINS = (("P40", 425e-6), ("P60", 269e-6), ("P80", 201e-6), ("P120", 115e-6))
+"""Grits and their grains [m]; P40 and P120 as the data's notes give them, the others recalled."""
+RELIEFS = (0.3, 1.0)
+"""Reliefs of the measured papers, peak to peak, in grains: their own was lost."""
+_STROKE = (0.5 * np.pi * np.sin((np.arange(4) + 0.5) * np.pi / 8.0)).tolist()
+"""Speeds in a stroke to and fro over their mean, at equal parts of its time."""
+FA1 = (5.0, 50.0)
+FA2 = (50.0, 500.0)
+"""Bands of fast-adapting afferents [Hz]; recalled, and drawn differently by different authors."""
+LOW_FORCE = Measure(signal="force", band=FA1)
+RIVALS = {
+    "force, FA2 band": Measure(signal="force", band=FA2),
+    "force, all frequencies": Measure(signal="force"),
+    "largest force": Measure(signal="force", power=np.inf),
+    "velocity": Measure(signal="velocity"),
+    "position": Measure(signal="position"),
+}
+"""What Unger et al. (2013) tried beside the FA1 band of the force, as near as Eq. 7 has it."""
+
+Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Verdict]
+
+
+def levels(
+    lab: Laboratory, measure: Measure, plate: Plate, touches: Sequence[Touch]
+) -> NDArray[np.float64]:
+    """Return one curve a touch over the plan's spacings."""
+    return np.array([lab.curve(measure, plate, touch, lab.plan.places) for touch in touches])
+
+
+def over(factor: str, rule: Rule, *, dots: bool = False) -> Judge:
+    """Return the judge of a rule on the curves of one of the seed's three factors."""
+
+    def judge(lab: Laboratory, measure: Measure) -> Verdict:
+        plate = lab.dots if dots else lab.sinusoids
+        return rule(lab.plan.places, levels(lab, measure, plate, lab.plan.touches(factor)))
+
+    return judge
+
+
+def at_drop_points(
+    rule: Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]], Verdict],
+    *,
+    heights: bool = False,
+) -> Judge:
+    """Return the judge of a rule on peaks and drop points, over probes and heights of dots."""
+
+    def judge(lab: Laboratory, measure: Measure) -> Verdict:
+        places, drops, inside = [], [], []
+        for height in lab.plan.heights if heights else (lab.dots.height,):
+            plate = replace(lab.dots, height=height)
+            for touch in lab.plan.touches("diameter"):
+                found = top_of(lab.plan.places, lab.curve(measure, plate, touch, lab.plan.places))
+                assert isinstance(touch.probe, float)
+                places.append(found.spacing)
+                drops.append(drop_point(touch.probe, height=height))
+                inside.append(found.inside)
+        return rule(np.array(places), np.array(drops), np.array(inside))
+
+    return judge
+
+
+def probe_alone(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge the shape of the probe's curve over dots."""
+    return criteria.inverted_u(
+        lab.plan.places, levels(lab, measure, lab.dots, lab.plan.touches("diameter")[:1])
+    )
+
+
+def finger_and_probe(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge a finger and the smallest probe over the same dots."""
+    places = lab.plan.places
+    finger = lab.curve(measure, lab.dots, lab.plan.touch(probe=Finger()), places)
+    probe = lab.curve(measure, lab.dots, lab.plan.touches("diameter")[0], places)
+    return criteria.linear_against_quadratic(places, finger, probe)
+
+
+def gratings(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge the curve over the width of grooves."""
+    places = lab.plan.groove_places
+    return criteria.rises_then_levels(
+        places, lab.curve(measure, Gratings(), lab.plan.touch(), places)
+    )
+
+
+def grains(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge generated roughness of the same slopes and four sizes of grain, with three probes."""
+    sizes = [size for _, size in GRAINS]
+    return criteria.ordered(levels_of(lab, measure, Grains(), sizes))
+
+
+def papers(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge the two measured sandpapers, at both ends of the reliefs that they may have had."""
+    rows, same = [], []
+    for touch in lab.plan.touches("diameter"):
+        values = {}
+        for grit, grain in (GRAINS[0], GRAINS[-1]):
+            path = lab.data / f"sandpaper_{grit}_height16.png" if lab.data else None
+            if path is None or not path.is_file():
+                return Verdict(None, {}, "The measured sandpapers are not at hand.")
+            reliefs = [*(part * grain for part in RELIEFS), RELIEFS[0] * GRAINS[-1][1]]
+            values[grit] = lab.curve(measure, Paper(path), touch, reliefs)
+        coarse, fine = values.values()
+        rows += [[coarse[i], fine[i]] for i in range(len(RELIEFS))]
+        same.append(coarse[-1] / max(fine[-1], 1e-300))
+    verdict = criteria.ordered(np.array(rows))
+    verdict.measured["coarse_over_fine_at_same_relief"] = criteria.plain(np.array(same))
+    return verdict
+
+
+def passive_and_active(lab: Laboratory, measure: Measure) -> Verdict:
+    """Judge the effect of speed on a steady plate (passive) and on strokes to and fro (active)."""
+    places = lab.plan.places[:: max(lab.plan.spacings // 6, 1)]
+    steady, strokes = [], []
+    for speed in (lab.plan.speeds[0], lab.plan.speeds[-1]):
+        touch = lab.plan.touch(speed=speed)
+        steady.append(lab.curve(measure, lab.sinusoids, touch, places))
+        parts = [
+            lab.curve(measure, lab.sinusoids, replace(touch, speed=speed * part), places)
+            for part in _STROKE
+        ]
+        strokes.append(measure.together(parts))
+    return criteria.stronger(
+        criteria.size_of_effect(np.array(steady)), criteria.size_of_effect(np.array(strokes))
+    )
+
+
+def levels_of(
+    lab: Laboratory, measure: Measure, plate: Plate, spacings: Sequence[float]
+) -> NDArray[np.float64]:
+    """Return one row a probe of the seed's diameters, over given spacings."""
+    return np.array([lab.curve(measure, plate, t, spacings) for t in lab.plan.touches("diameter")])
+
+
+def low_band_against_rivals(others: Sequence[Judge]) -> Judge:
+    """Return the judge of whether power of force in the FA1 band gets more findings than rivals."""
+
+    def judge(lab: Laboratory, measure: Measure) -> Verdict:
+        def count(one: Measure) -> int:
+            return sum(bool(other(lab, one).holds) for other in others)
+
+        low = count(LOW_FORCE)
+        rivals = {name: count(rival) for name, rival in RIVALS.items()}
+        holds = low > max(rivals.values())
+        return Verdict(holds, {"of": len(others), "force, FA1 band": low, **rivals})
+
+    return judge

@@ -1,0 +1,230 @@
+"""When a finding is said to come out: rules on curves, which know nothing of hands or plates.
+
+Thresholds are asperity's; those that the studies' claims use already are taken from there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.studies.literature.finding import Verdict
+from asperity.studies.otaduy_lin_2004.claims import LARGE_SPACING, LEAST_R_SQUARED, SAME_PLACE
+from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
+
+Curve = NDArray[np.float64]
+
+SHIFT = 0.02
+"""A peak has moved if it moved by more than this part of its spacing."""
+NEAR = 0.25
+"""A peak lies near its drop point if it is at most this part off."""
+LEVEL = 0.8
+"""A curve has levelled, not fallen, if its end is at least this part of its top."""
+RISE = 1.5
+"""A curve has risen if its top is at least this many times its beginning."""
+SLOPE = (0.5, 1.5)
+"""Of log peak on log drop point, where the first follows the second."""
+FOLLOWS = 0.8
+"""Least R^2 of that."""
+STRONGER = 1.05
+"""One effect is stronger than another if it is larger by this factor."""
+
+
+class Top(NamedTuple):
+    """The top of a sampled curve."""
+
+    spacing: float
+    """By the parabola in log-log through the largest sample and its neighbours [m]."""
+    value: float
+    inside: bool
+    """Whether the largest sample has lower ones on both sides."""
+
+
+def top_of(spacing: Curve, values: Curve) -> Top:
+    """Return the top of a curve over rising spacings [m]."""
+    best = int(np.argmax(values))
+    if best in (0, values.size - 1) or not np.all(values[best - 1 : best + 2] > 0.0):
+        return Top(float(spacing[best]), float(values[best]), False)
+    x, y = np.log(spacing[best - 1 : best + 2]), np.log(values[best - 1 : best + 2])
+    c = np.polyfit(x - x[1], y - y[1], 2)
+    if not c[0] < 0.0:
+        return Top(float(spacing[best]), float(values[best]), True)
+    at = float(np.clip(-0.5 * c[1] / c[0], x[0] - x[1], x[2] - x[1]))
+    return Top(float(np.exp(x[1] + at)), float(np.exp(y[1] + np.polyval(c, at))), True)
+
+
+def peaks_fall_with(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: each level's peak is lower than the one before; every peak inside the range."""
+    tops = [top_of(spacing, row) for row in curves]
+    values = np.array([t.value for t in tops])
+    holds = all(t.inside for t in tops) and bool(np.all(np.diff(values) < 0.0))
+    return Verdict(holds, {"peak_value": plain(values), **_tops(tops)})
+
+
+def peaks_move_right(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: each level peaks at a larger spacing than the one before; every peak inside."""
+    tops = [top_of(spacing, row) for row in curves]
+    places = np.array([t.spacing for t in tops])
+    holds = all(t.inside for t in tops) and bool(np.all(places[1:] > (1.0 + SHIFT) * places[:-1]))
+    return Verdict(holds, _tops(tops))
+
+
+def peaks_stay(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: the peaks' places differ by less than 10 % of their mean, every peak inside."""
+    tops = [top_of(spacing, row) for row in curves]
+    places = np.array([t.spacing for t in tops])
+    shift = float(np.ptp(places) / np.mean(places))
+    holds = all(t.inside for t in tops) and shift < SAME_PLACE
+    return Verdict(holds, {"shift": number(shift), **_tops(tops)})
+
+
+def rises_everywhere(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: each level gives more than the one before, at every spacing."""
+    least = np.min(curves[1:] / np.maximum(curves[:-1], 1e-300), axis=1)
+    return Verdict(bool(np.all(least > 1.0)), {"least_ratio": plain(least)})
+
+
+def rises_at_large(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: each level gives more than the one before, at 2.5 mm."""
+    x = np.log(spacing)
+    logs = [np.log(np.maximum(row, 1e-300)) for row in curves]
+    at = np.exp([np.interp(np.log(LARGE_SPACING), x, row) for row in logs])
+    reached = spacing[0] <= LARGE_SPACING <= spacing[-1]
+    return Verdict(bool(reached and np.all(np.diff(at) > 0.0)), {"value": plain(at)})
+
+
+def falls_at_small(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: each level gives less than the one before, at the smallest spacing."""
+    return Verdict(bool(np.all(np.diff(curves[:, 0]) < 0.0)), {"value": plain(curves[:, 0])})
+
+
+def inverted_u(spacing: Curve, curves: Curve) -> Verdict:
+    """Judge: log-log, a quadratic with its top inside the range fits each curve (R^2 of 0.9)."""
+    if not np.all(curves > 0.0):
+        return Verdict(False, {}, "The metric is nought somewhere.")
+    fits = [fit_quadratic(spacing, row) for row in curves]
+    r_squared = np.array([f.r_squared for f in fits])
+    tops = np.array([f.peak_spacing for f in fits])
+    inside = (tops > spacing[0]) & (tops < spacing[-1])
+    return Verdict(
+        bool(np.all(inside & (r_squared >= LEAST_R_SQUARED))),
+        {"r_squared": plain(r_squared), "fitted_peak_mm": plain(tops * 1e3)},
+    )
+
+
+def follows(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
+    """Judge: log peak follows log drop point with a slope near 1; every peak inside its range."""
+    x, y = np.log(drops), np.log(places)
+    slope, offset = np.polyfit(x, y, 1)
+    total = float(np.sum((y - np.mean(y)) ** 2))
+    left = float(np.sum((y - slope * x - offset) ** 2))
+    r_squared = 1.0 - left / total if total > 0.0 else 0.0
+    measured = {"slope": number(slope), "r_squared": number(r_squared), **_against(places, drops)}
+    holds = np.all(inside) and SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
+    return Verdict(bool(holds), measured)
+
+
+def near(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
+    """Judge: every peak lies inside its range and within a quarter of its drop point."""
+    off = np.abs(places / drops - 1.0)
+    return Verdict(bool(np.all(inside) and np.all(off <= NEAR)), _against(places, drops))
+
+
+def above(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
+    """Judge: every peak lies inside its range and above its drop point."""
+    return Verdict(
+        bool(np.all(inside) and np.all(places > (1.0 + SHIFT) * drops)), _against(places, drops)
+    )
+
+
+def rises_then_levels(spacing: Curve, values: Curve) -> Verdict:
+    """Judge: the curve rises by half or more, and at its end keeps four fifths of its top."""
+    top = int(np.argmax(values))
+    rise = float(values[top] / max(values[0], 1e-300))
+    kept = float(values[-1] / max(values[top], 1e-300))
+    return Verdict(
+        rise >= RISE and kept >= LEVEL,
+        {"rise": number(rise), "kept": number(kept), "top_mm": number(spacing[top] * 1e3)},
+    )
+
+
+def linear_against_quadratic(spacing: Curve, finger: Curve, probe: Curve) -> Verdict:
+    """Judge: the finger's curve is a rising line in log-log; the probe's a quadratic, no line."""
+    if not (np.all(finger > 0.0) and np.all(probe > 0.0)):
+        return Verdict(False, {}, "The metric is nought somewhere.")
+    line_finger, slope = _line(spacing, finger)
+    line_probe, _ = _line(spacing, probe)
+    quadratic = fit_quadratic(spacing, probe)
+    inside = spacing[0] < quadratic.peak_spacing < spacing[-1]
+    holds = (
+        line_finger >= LEAST_R_SQUARED
+        and slope > 0.0
+        and quadratic.r_squared >= LEAST_R_SQUARED
+        and inside
+        and line_probe < LEAST_R_SQUARED
+    )
+    return Verdict(
+        bool(holds),
+        {
+            "finger_line_r_squared": number(line_finger),
+            "finger_slope": number(slope),
+            "probe_line_r_squared": number(line_probe),
+            "probe_quadratic_r_squared": number(quadratic.r_squared),
+            "probe_peak_mm": number(quadratic.peak_spacing * 1e3),
+        },
+    )
+
+
+def ordered(values: Curve) -> Verdict:
+    """Judge: each surface gives less than the coarser one before; one row a probe."""
+    rows = np.atleast_2d(values)
+    ratio = rows[:, :-1] / np.maximum(rows[:, 1:], 1e-300)
+    return Verdict(bool(np.all(ratio > 1.0)), {"coarse_over_fine": plain(ratio)})
+
+
+def stronger(one: float, other: float) -> Verdict:
+    """Judge: the first effect is larger than the second by 5 % or more."""
+    holds = one >= STRONGER * other and one > 0.0
+    return Verdict(bool(holds), {"passive": number(one), "active": number(other)})
+
+
+def size_of_effect(curves: Curve) -> float:
+    """Return the mean over spacings of |log(last level / first level)|."""
+    first, last = np.maximum(curves[0], 1e-300), np.maximum(curves[-1], 1e-300)
+    return float(np.mean(np.abs(np.log(last / first))))
+
+
+def _line(spacing: Curve, values: Curve) -> tuple[float, float]:
+    """Return R^2 and slope of a line in log-log."""
+    x, y = np.log(spacing), np.log(values)
+    slope, offset = np.polyfit(x, y, 1)
+    total = float(np.sum((y - np.mean(y)) ** 2))
+    left = float(np.sum((y - slope * x - offset) ** 2))
+    return (1.0 - left / total if total > 0.0 else 0.0), float(slope)
+
+
+def _tops(tops: list[Top]) -> dict[str, Any]:
+    return {
+        "peak_mm": plain(np.array([t.spacing for t in tops]) * 1e3),
+        "inside": [t.inside for t in tops],
+    }
+
+
+def _against(places: Curve, drops: Curve) -> dict[str, Any]:
+    return {
+        "peak_mm": plain(places * 1e3),
+        "drop_point_mm": plain(drops * 1e3),
+        "ratio": plain(places / drops),
+    }
+
+
+def number(value: float) -> float | None:
+    """Return a plain number of six digits; None for NaN and infinities."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def plain(values: NDArray[np.float64]) -> list[Any]:
+    """Return an array as lists of plain numbers."""
+    return [plain(row) if np.ndim(row) else number(float(row)) for row in np.asarray(values)]

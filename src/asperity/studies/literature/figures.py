@@ -1,0 +1,200 @@
+"""Figures of the findings: the curves that the criteria are read off, and the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.geometry.offsets.surface import drop_point
+from asperity.studies.literature.conditions import GRAINS, levels_of
+from asperity.studies.literature.criteria import top_of
+from asperity.studies.literature.finger import Finger
+from asperity.studies.literature.laboratory import Laboratory, Touch
+from asperity.studies.literature.measures import Measure
+from asperity.studies.literature.plates import Grains, Gratings, Plate
+from asperity.studies.literature.table import MARKS, Column, Row
+
+_MARK_COLOURS = {"yes": "#0072B2", "no": "#f0d9cc", "skipped": "#e6e6e6"}
+
+
+def table_figure(rows: Sequence[Row], columns: Sequence[Column]) -> Figure:
+    """Return the table at a glance: filled where a finding comes out."""
+    with style():
+        figure = Figure(figsize=(7.4, 0.31 * len(rows) + 1.2))
+        axis = figure.subplots()
+        for i, (_, verdicts) in enumerate(rows):
+            for j, column in enumerate(columns):
+                mark = MARKS[verdicts[column.name].holds]
+                axis.add_patch(_box(j, i, _MARK_COLOURS[mark]))
+                colour = "white" if mark == "yes" else "#555555"
+                axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=8)
+        axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
+        axis.set_yticks(range(len(rows)), [finding.title for finding, _ in rows])
+        names = [column.measure.name.replace("acceleration", "u''") for column in columns]
+        # No name is wider than its column.
+        names = [name if len(name) < 11 else "\n".join(name.rsplit(" ", 2)) for name in names]
+        names = [
+            f"chosen:\n{name}" if column.name == "chosen" else name
+            for name, column in zip(names, columns, strict=True)
+        ]
+        axis.set_xticks(range(len(columns)), names)
+        axis.xaxis.tick_top()
+        axis.tick_params(length=0)
+        axis.grid(False)
+        for spine in axis.spines.values():
+            spine.set_visible(False)
+        figure.tight_layout()
+    return figure
+
+
+def _box(column: int, row: int, colour: str) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column - 0.47, row - 0.45), 0.94, 0.9, color=colour, lw=0)
+
+
+def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
+    """Return the curves that most criteria are read off, for one hand and metric."""
+    plan = lab.plan
+    with style():
+        figure = Figure(figsize=(10.2, 6.2))
+        axes = figure.subplots(2, 3).ravel()
+        probes = [f"D = {d * 1e3:g} mm" for d in plan.diameters]
+        speeds = [f"v = {v * 1e3:g} mm/s" for v in plan.speeds]
+        _family(axes[0], lab, measure, lab.sinusoids, plan.touches("diameter"), probes)
+        axes[0].set_title("Sinusoids, three probes")
+        _family(axes[1], lab, measure, lab.sinusoids, plan.touches("speed"), speeds)
+        axes[1].set_title("Sinusoids, three speeds")
+        _family(axes[2], lab, measure, lab.dots, plan.touches("diameter"), probes)
+        for colour, diameter in zip(COLOURS, plan.diameters, strict=False):
+            place = drop_point(diameter, height=lab.dots.height) * 1e3
+            axes[2].axvline(place, color=colour, lw=1.0, ls=":")
+        axes[2].set_title("Dots, three probes; dotted: drop points")
+        _family(axes[3], lab, measure, lab.dots, plan.touches("speed"), speeds)
+        axes[3].set_title("Dots, three speeds")
+        grooves = plan.groove_places
+        _draw(axes[4], grooves, lab.curve(measure, Gratings(), plan.touch(), grooves), 0, "probe")
+        axes[4].set_title("Gratings")
+        finger = lab.curve(measure, lab.dots, plan.touch(probe=Finger()), plan.places)
+        probe = lab.curve(measure, lab.dots, plan.touches("diameter")[0], plan.places)
+        _draw(axes[5], plan.places, finger / finger.max(), 0, "finger")
+        _draw(axes[5], plan.places, probe / probe.max(), 1, probes[0])
+        axes[5].set_title("Finger and probe over dots")
+        for axis in axes:
+            _log(axis)
+            axis.legend(loc="lower center")
+        for axis in axes[3:]:
+            axis.set_xlabel("spacing [mm]")
+        axes[4].set_xlabel("width of groove [mm]")
+        for axis in axes[[0, 3]]:
+            axis.set_ylabel(f"{measure.name} [{measure.unit}]")
+        axes[5].set_ylabel("over its largest")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+        figure.tight_layout(w_pad=1.5, h_pad=1.5)
+    return figure
+
+
+def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
+    """Return generated grains by size, one panel a hand and metric."""
+    sizes = [size for _, size in GRAINS]
+    with style():
+        figure = Figure(figsize=(4.4 * len(labs), 3.3))
+        axes = np.atleast_1d(figure.subplots(1, len(labs)))
+        for axis, (lab, measure) in zip(axes, labs, strict=True):
+            for i, row in enumerate(levels_of(lab, measure, Grains(), sizes)):
+                label = f"D = {lab.plan.diameters[i] * 1e3:g} mm"
+                _draw(axis, np.array(sizes), row, i, label)
+            _log(axis)
+            axis.set_xticks([s * 1e3 for s in sizes], [f"{n}\n{s * 1e3:g}" for n, s in GRAINS])
+            axis.set(xlabel="grit, and its grain [mm]", ylabel=f"{measure.name} [{measure.unit}]")
+            axis.legend()
+        figure.tight_layout()
+    return figure
+
+
+def fit_figure(fit: dict[str, Any]) -> Figure:
+    """Return profiles over the hand's parameters, and each finding's share of the designs."""
+    units = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
+    with style():
+        figure = Figure(figsize=(10.2, 6.6))
+        grid = figure.add_gridspec(2, 3, height_ratios=[1.0, 1.25])
+        for i, (name, told) in enumerate(fit["profile"].items()):
+            axis = figure.add_subplot(grid[0, i])
+            edges = np.array(told["edges"])
+            for j, (key, label) in enumerate(
+                (("any_metric", "any metric"), ("chosen_metric", fit["chosen"]["name"]))
+            ):
+                heights = [np.nan if best is None else best for best in told[key]]
+                axis.stairs(heights, edges, color=COLOURS[j], lw=1.8 - 0.5 * j, label=label)
+            spread = fit["bootstrap"][name]
+            axis.axvspan(spread["low"], spread["high"], color="#f2ead2", zorder=0)
+            axis.axvline(fit["chosen"][name], color="#333333", lw=1.0, ls="--")
+            axis.set(xscale="log", xlabel=f"{name} [{units[name]}]", ylim=(0, fit["counted"] + 0.5))
+            axis.set_yticks(range(0, fit["counted"] + 1, 2))
+            if i == 0:
+                axis.set_ylabel(f"most findings, of {fit['counted']}")
+                axis.legend(loc="lower left")
+        axis = figure.add_subplot(grid[1, :])
+        names = list(fit["share_of_designs"])
+        shares = [100.0 * fit["share_of_designs"][name] for name in names]
+        colours = [COLOURS[0] if fit["holds"][name] else "#d3a78f" for name in names]
+        axis.bar(range(len(names)), shares, color=colours, width=0.7)
+        for at, share in enumerate(shares):
+            axis.text(at, share + 1.0, f"{share:.2g}", ha="center", fontsize=8)
+        held = set(fit["held_out_findings"])
+        labels = [f"{name} (held out)" if name in held else name for name in names]
+        axis.set_xticks(range(len(names)), labels, rotation=35, ha="right")
+        axis.set_ylabel("share of hands and metrics [%]")
+        axis.set_title("Who gets each finding; blue: the chosen hand and metric does")
+        axis.set_ylim(0, 112)
+        axis.grid(axis="x", visible=False)
+        figure.suptitle(
+            "Profiles: most findings in each part of a range; shaded: central 90 % of bootstrapped "
+            "choices; dashed: the choice",
+            x=0.01, ha="left", fontsize=9.5,
+        )  # fmt: skip
+        figure.tight_layout()
+    return figure
+
+
+def _family(
+    axis: Axes, lab: Laboratory, measure: Measure, plate: Plate,
+    touches: Sequence[Touch], labels: Sequence[str],
+) -> None:  # fmt: skip
+    """Draw one curve a touch, with its top."""
+    for i, (touch, label) in enumerate(zip(touches, labels, strict=True)):
+        values = lab.curve(measure, plate, touch, lab.plan.places)
+        _draw(axis, lab.plan.places, values, i, label)
+        top = top_of(lab.plan.places, values)
+        if top.inside:
+            axis.plot(top.spacing * 1e3, top.value, "*", color=COLOURS[i], ms=11, mec="white")
+
+
+def _draw(
+    axis: Axes, spacing: NDArray[np.float64], values: NDArray[np.float64], level: int, label: str
+) -> None:
+    axis.plot(
+        spacing * 1e3, np.where(values > 0.0, values, np.nan), f"{MARKERS[level]}-",
+        color=COLOURS[level], ms=3.2, lw=1.1, label=label,
+    )  # fmt: skip
+
+
+def _log(axis: Axes) -> None:
+    axis.set(xscale="log", yscale="log")
+    for one in (axis.xaxis, axis.yaxis):
+        one.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        one.set_minor_formatter(NullFormatter())
+    low, high = axis.get_xlim()
+    ticks = [t for t in (0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5) if low <= t <= high]
+    axis.set_xticks(ticks)
+    bottom, top = axis.get_ylim()
+    marks = (1, 2, 5) if top > 20.0 * bottom else (1, 1.5, 2, 3, 5, 7)
+    steps = [a * 10.0**k for k in range(-8, 6) for a in marks]
+    axis.set_yticks([t for t in steps if bottom <= t <= top])

@@ -1,0 +1,67 @@
+r"""A finger, as a wide and soft probe: a crude one.
+
+A bare finger codes coarse roughness mostly by the skin's deformation in space; nothing here has
+skin. What is kept is one property: a fingertip lies on many elements at once, and a force on the
+whole finger averages over them. Each bit of skin rests on the surface as a ball of diameter
+`skin`, and the texture force is that of the mean penetration depth over the contact,
+
+    delta(u) = sum_x w(x) H_skin(u + x) ,   w parabolic over a disk of diameter `contact`,
+
+after which Eqs 6 and 7 are used as for a probe. All its numbers are asperity's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.offsets.dots import DotPlate
+from asperity.geometry.offsets.piecewise import PiecewiseCubic
+from asperity.geometry.offsets.sampled import SampledProfile
+from asperity.studies.otaduy_lin_2004.force_models import minsky
+
+_PIXEL = 0.05e-3
+
+
+@dataclass(frozen=True)
+class Finger:
+    """Sizes of the finger's contact; asperity's."""
+
+    contact: float = 8e-3
+    """Diameter of the contact [m]."""
+    skin: float = 1e-3
+    """Diameter of the balls that the skin rests on [m]."""
+    lines: int = 7
+    """Across the contact, over which the mean is taken."""
+
+    def slope_table(self, plate: DotPlate) -> PiecewiseCubic:
+        """Return d(delta)/du along a plate of dots, for a normal force of 1 N in Eq. 6."""
+        samples = round(plate.period / _PIXEL)
+        pixel = plate.period / samples
+        places = (np.arange(samples) + 0.5) * pixel
+        across = (np.arange(self.lines) + 0.5) / self.lines - 0.5
+        start = plate.line if plate.line is not None else 0.0
+        total, mass = np.zeros(samples), 0.0
+        for offset in across * self.contact:
+            line = DotPlate(
+                plate.spacing, plate.height, plate.diameter, plate.flank, plate.jitter,
+                plate.seed, plate.rows, plate.columns, start + offset,
+            )  # fmt: skip
+            weights = self._weights(samples, pixel, offset)
+            heights = line.tracer(self.skin)(places).height
+            total += np.fft.irfft(np.fft.rfft(heights) * np.fft.rfft(weights), samples)
+            mass += float(np.sum(weights))
+        return minsky.texture_force(SampledProfile(total / mass, pixel, "wrap"), 1.0)
+
+    def _weights(self, samples: int, pixel: float, across: float) -> NDArray[np.float64]:
+        """Return the weights of a line `across` from the middle, around place 0, periodic."""
+        weights = np.zeros(samples)
+        reach = int(0.5 * self.contact / pixel) + 1
+        along = np.arange(-reach, reach + 1)
+        distance = (along * pixel) ** 2 + across**2
+        np.add.at(
+            weights, along % samples, np.maximum(1.0 - distance / (0.5 * self.contact) ** 2, 0.0)
+        )
+        return weights

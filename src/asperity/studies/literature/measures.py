@@ -1,0 +1,212 @@
+r"""Metrics of a drag, written so that a hundred of them cost little more than one.
+
+A drag is kept as its `Record`: the Fourier series of the hand's lag `u - v t`, and the extremes of
+u''. Every signal of Eq. 7 follows from the lag by a factor that depends on frequency alone:
+
+    position 1,  velocity i w,  acceleration -w^2,  force  -(k + i b w - m w^2) .
+
+A metric is then a band-pass (second-order Butterworth, without its phase) and a norm over time:
+
+    M_p = ( mean |y|^p )^(1/p) ,     p = 2 is the RMS, p = infinity the peak.
+
+Metrics with p other than 2 are asperity's. They were added because the events of a texture become
+rarer as its spacing grows: an RMS falls with their rate, a peak does not, and p lies between.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus
+from asperity.errors import AsperityError, require_choice
+from asperity.runs.vibration_metrics import (
+    DEFAULT_BAND,
+    METRICS,
+    band_gain,
+    threshold_weighted_power,
+)
+
+HIGHEST = 2000.0
+"""Of the frequencies that a record keeps [Hz]; people feel up to about 1000."""
+_LEAST_HARMONICS = 64
+_HANN_SQUARED = 8.0 / 3.0
+"""What a Hann window takes off a power."""
+SIGNALS = ("acceleration", "force", "velocity", "position")
+KINDS = ("largest", "largest_abs", "norm", "threshold")
+_UNITS = {"acceleration": "m/s²", "force": "N", "velocity": "m/s", "position": "m"}
+
+
+class Record(NamedTuple):
+    """One drag, as metrics need it."""
+
+    frequencies: NDArray[np.float64]
+    """[Hz], above 0, shape (m,)."""
+    lag: NDArray[np.complex128]
+    """One-sided Fourier coefficients of u - v t [m]: `sum Re(lag e^(i w t))`."""
+    largest: float
+    """Largest u'' [m/s^2]."""
+    smallest: float
+    """Smallest u'' [m/s^2]."""
+    hand: Hand
+    window: bool
+    """Whether the motion did not repeat, so that the lag stands under a Hann window."""
+
+
+def record_of(motion: Motion, hand: Hand) -> Record:
+    """Return what metrics need of a motion."""
+    lag = motion.lag - np.mean(motion.lag)
+    window = motion.status == MotionStatus.APERIODIC
+    if window:
+        lag = lag * np.hanning(lag.size)
+    series = 2.0 * np.fft.rfft(lag) / lag.size
+    frequencies = np.fft.rfftfreq(lag.size, motion.step).astype(np.float64)
+    kept = max(int(np.searchsorted(frequencies, HIGHEST)), _LEAST_HARMONICS + 1)
+    kept = min(kept, frequencies.size - 1)
+    return Record(
+        frequencies[1:kept], series[1:kept], motion.largest, motion.smallest, hand, window
+    )
+
+
+STILL = Record(np.ones(1), np.zeros(1, dtype=np.complex128), 0.0, 0.0, Hand(), False)
+"""Of a probe that meets nothing."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A metric: one number of one or several records."""
+
+    kind: str = "norm"
+    """One of `KINDS`: max u'', max |u''|, a norm, or threshold-weighted power of u''."""
+    signal: str = "acceleration"
+    """One of `SIGNALS`, for a norm."""
+    band: tuple[float, float] | None = None
+    """[Hz]; None lets everything through."""
+    power: float = 2.0
+    """p of the norm, 2 or above; infinity is the peak."""
+
+    def __post_init__(self) -> None:
+        require_choice("kind", self.kind, KINDS)
+        require_choice("signal", self.signal, SIGNALS)
+        if self.band is not None and not 0.0 < self.band[0] < self.band[1] < math.inf:
+            raise AsperityError(f"band must rise from above 0 Hz and be finite, got {self.band}")
+        if not self.power >= 2.0:
+            raise AsperityError(f"power of a norm must be 2 or above, got {self.power!r}")
+
+    @property
+    def name(self) -> str:
+        """A short name, for tables."""
+        if self.kind != "norm":
+            return {"largest": "max u''", "largest_abs": "max |u''|"}.get(
+                self.kind, "threshold power"
+            )
+        what = "RMS" if self.power == 2.0 else f"L{self.power:g}"
+        what = "peak" if math.isinf(self.power) else what
+        band = f" {self.band[0]:g}-{self.band[1]:g} Hz" if self.band else ""
+        return f"{what} {self.signal}{band}"
+
+    @property
+    def unit(self) -> str:
+        """Of the value."""
+        if self.kind == "threshold":
+            return "1"
+        return _UNITS["acceleration" if self.kind != "norm" else self.signal]
+
+    def __call__(self, records: Sequence[Record]) -> float:
+        """Return the metric of records, which count as one stroke after the other."""
+        return float(evaluate_all(records, [self])[0])
+
+    def together(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Return the metric of strokes of equal length that have these values each (first axis)."""
+        strokes = np.asarray(values, dtype=np.float64)
+        if self.kind == "threshold":
+            return np.asarray(np.mean(strokes, axis=0))
+        if self.kind != "norm" or math.isinf(self.power):
+            return np.asarray(np.max(strokes, axis=0))
+        return np.asarray(np.mean(strokes**self.power, axis=0) ** (1.0 / self.power))
+
+
+def evaluate_all(records: Sequence[Record], measures: Sequence[Measure]) -> NDArray[np.float64]:
+    """Return several metrics of records at once; they share transforms where they can."""
+    values = np.array([_of_one(record, measures) for record in records])
+    return np.array([m.together(values[:, i]) for i, m in enumerate(measures)])
+
+
+def _of_one(record: Record, measures: Sequence[Measure]) -> list[float]:
+    omega = 2.0 * np.pi * record.frequencies
+    hann = _HANN_SQUARED if record.window else 1.0
+    signals: dict[str, NDArray[np.complex128]] = {}
+    squares: dict[str, NDArray[np.float64]] = {}
+    gains: dict[tuple[float, float], NDArray[np.float64]] = {}
+    waves: dict[tuple[str, tuple[float, float] | None], NDArray[np.float64]] = {}
+    values = []
+    for measure in measures:
+        signal, band = measure.signal, measure.band
+        if measure.kind == "largest":
+            values.append(record.largest)
+            continue
+        if measure.kind == "largest_abs":
+            values.append(max(record.largest, -record.smallest))
+            continue
+        if signal not in signals:
+            lines = record.lag * _response(signal, omega, record.hand)
+            signals[signal] = lines
+            squares[signal] = np.square(lines.real) + np.square(lines.imag)
+        if measure.kind == "threshold":
+            power = threshold_weighted_power(record.frequencies, np.sqrt(squares[signal]))
+            values.append(hann * power)
+            continue
+        if band is not None and band not in gains:
+            gains[band] = band_gain(record.frequencies, band)
+        if measure.power == 2.0:
+            kept: NDArray[np.float64] | float = 1.0 if band is None else gains[band]
+            values.append(math.sqrt(0.5 * hann * float(np.sum(squares[signal] * kept))))
+            continue
+        if (signal, band) not in waves:
+            gain = 1.0 if band is None else np.sqrt(gains[band])
+            waves[signal, band] = _squared_wave(signals[signal] * gain)
+        values.append(_norm(waves[signal, band], measure.power, record.window))
+    return values
+
+
+def _squared_wave(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the square of the signal at equal times; the lines are harmonics of the record."""
+    samples = 3 * (lines.size + 1)
+    series = np.zeros(samples // 2 + 1, dtype=np.complex128)
+    series[1 : lines.size + 1] = (0.5 * samples) * lines
+    return np.asarray(np.square(np.fft.irfft(series, samples)))
+
+
+def _norm(squares: NDArray[np.float64], power: float, window: bool) -> float:
+    if math.isinf(power):
+        return math.sqrt(float(np.max(squares)))
+    weight = 1.0 / float(np.mean(np.hanning(squares.size) ** power)) if window else 1.0
+    return float((weight * np.mean(squares ** (0.5 * power))) ** (1.0 / power))
+
+
+def _response(signal: str, omega: NDArray[np.float64], hand: Hand) -> NDArray[np.complex128]:
+    response: NDArray[Any] = np.ones_like(omega)
+    if signal == "velocity":
+        response = 1j * omega
+    elif signal == "acceleration":
+        response = -(omega**2)
+    elif signal == "force":
+        response = -(hand.stiffness + 1j * hand.damping * omega - hand.mass * omega**2)
+    return np.asarray(response, dtype=np.complex128)
+
+
+PAPER = Measure("largest")
+"""The seed paper's metric."""
+COLUMNS = {
+    "max_acceleration": PAPER,
+    "max_abs_acceleration": Measure("largest_abs"),
+    "band_rms": Measure(band=DEFAULT_BAND),
+    "threshold_power": Measure("threshold"),
+}
+"""The studies' metrics, by their names in `METRICS`."""
+assert tuple(COLUMNS) == tuple(METRICS)

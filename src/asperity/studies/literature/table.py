@@ -1,0 +1,157 @@
+"""The table: every finding by the studies' four metrics, and by the chosen hand and metric."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.studies.literature.catalogue import FINDINGS
+from asperity.studies.literature.finding import Finding, Verdict
+from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judged
+from asperity.studies.literature.measures import COLUMNS, Measure
+
+MARKS = {True: "yes", False: "no", None: "skipped"}
+CHOSEN = "chosen"
+"""The column of the hand and metric that the search chose."""
+AFTER_THE_FACT = ("band_rms", CHOSEN)
+"""Columns whose metric was chosen with outcomes in view."""
+
+
+class Column(NamedTuple):
+    """A way to read off a number: a metric, and the hand whose motion it is taken of."""
+
+    name: str
+    hand: Hand
+    measure: Measure
+
+    @property
+    def after_the_fact(self) -> bool:
+        """Whether the metric was chosen with outcomes in view."""
+        return self.name in AFTER_THE_FACT
+
+
+class Row(NamedTuple):
+    """A finding and how it came out, by column's name."""
+
+    finding: Finding
+    verdicts: dict[str, Verdict]
+
+
+def columns_of(chosen: tuple[Hand, Measure] | None = None) -> list[Column]:
+    """Return the studies' metrics with the default hand, and the chosen pair."""
+    columns = [Column(name, Hand(), measure) for name, measure in COLUMNS.items()]
+    return [*columns, Column(CHOSEN, *chosen)] if chosen else columns
+
+
+def judge_all(
+    columns: Sequence[Column],
+    *,
+    findings: Sequence[Finding] = FINDINGS,
+    plan: Plan | None = None,
+    data: Path | None = None,
+    progress: Callable[[], None] | None = None,
+) -> tuple[list[Row], dict[str, Laboratory]]:
+    """Judge findings in every column; return the rows, and each column's laboratory."""
+    tables: Tables = {}
+    labs: dict[Hand, Laboratory] = {}
+    for column in columns:
+        if column.hand not in labs:
+            labs[column.hand] = Laboratory(column.hand, plan or Plan(), data=data, tables=tables)
+    rows = []
+    for finding in findings:
+        row, known = Row(finding, {}), {}
+        for column in columns:
+            lab = labs[column.hand]
+            # Some verdicts are the hand's alone.
+            if not finding.any_metric or column.hand not in known:
+                known[column.hand] = judged(finding, lab, column.measure)
+            row.verdicts[column.name] = known[column.hand]
+        rows.append(row)
+        if progress:
+            progress()
+    return rows, {column.name: labs[column.hand] for column in columns}
+
+
+def counts(rows: Sequence[Row], column: str) -> tuple[int, int]:
+    """Return how many findings come out in a column, and how many could be judged."""
+    verdicts = [row.verdicts[column].holds for row in rows]
+    return sum(bool(holds) for holds in verdicts), sum(holds is not None for holds in verdicts)
+
+
+def as_json(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+    """Return the whole table as JSON."""
+    told = {
+        "schema": 1,
+        "columns": [_column(column, rows) for column in columns],
+        "findings": [_finding(row) for row in rows],
+    }
+    return json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def as_csv(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+    """Return one line a finding: source, how sure, and how it comes out in each column."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [column.name for column in columns]
+    writer.writerow(["id", "finding", "source", "sureness", "criterion_before_outcome", *names])
+    for finding, verdicts in rows:
+        writer.writerow(
+            [
+                finding.id,
+                finding.title,
+                finding.sources[0].short,
+                finding.sureness.value,
+                "yes" if finding.before else "no",
+                *(MARKS[verdicts[name].holds] for name in names),
+            ]
+        )
+    return text.getvalue()
+
+
+def _column(column: Column, rows: Sequence[Row]) -> dict[str, Any]:
+    hold, judged = counts(rows, column.name)
+    return {
+        "name": column.name,
+        "metric": column.measure.name,
+        "unit": column.measure.unit,
+        "metric_after_the_fact": column.after_the_fact,
+        "hand": {
+            "mass": column.hand.mass,
+            "stiffness": column.hand.stiffness,
+            "damping": column.hand.damping,
+        },
+        "hold": hold,
+        "judged": judged,
+    }
+
+
+def _finding(row: Row) -> dict[str, Any]:
+    finding = row.finding
+    return {
+        "id": finding.id,
+        "title": finding.title,
+        "people": finding.people,
+        "sources": [
+            {"who": source.short, "where": source.venue, "doi": source.doi or None}
+            for source in finding.sources
+        ],
+        "where": finding.where,
+        "sureness": finding.sureness.value,
+        "condition": finding.condition,
+        "criterion": finding.criterion,
+        "criterion_before_outcome": finding.before,
+        "caveat": finding.caveat,
+        "verdicts": {
+            name: {
+                "holds": verdict.holds,
+                "measured": verdict.measured,
+                "note": verdict.note,
+            }
+            for name, verdict in row.verdicts.items()
+        },
+    }

@@ -1,0 +1,123 @@
+"""One drag after another: the hand's response over spacing, probe, force and speed, remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus, drag, shake
+from asperity.errors import AsperityError, SurfaceError, require_choice
+from asperity.geometry.offsets.piecewise import PiecewiseCubic
+from asperity.geometry.offsets.sampled import HeightMap
+from asperity.geometry.offsets.surface import Surface
+from asperity.runs.vibration_metrics import DEFAULT_BAND, evaluate
+from asperity.studies.otaduy_lin_2004.force_models import ho, minsky, otaduy_lin, siira_pai
+from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions, surface_maker
+
+MODELS = {
+    "otaduy-lin": "Otaduy & Lin 2004",
+    "minsky": "Minsky 1995",
+    "ho": "Ho et al. 1999",
+    "siira-pai": "Siira & Pai 1996",
+}
+LEAST_SLOPE = 1e-12
+"""A texture that is nowhere steeper than this is flat: an atom's height in a hundred metres."""
+_NOISE_SECONDS = 4.0
+_NOISE_TICK = 1e-3
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is dragged over what: SI units."""
+
+    spacing: float
+    diameter: float
+    normal_force: float
+    speed: float
+
+
+@dataclass
+class Sweep:
+    """Drags by condition. Tables of slopes and motions are kept, since the studies share them."""
+
+    surface: str = "sinusoid"
+    options: StimulusOptions = field(default_factory=StimulusOptions)
+    hand: Hand = field(default_factory=Hand)
+    model: str = "otaduy-lin"
+    band: tuple[float, float] = DEFAULT_BAND
+    _tables: dict[tuple[float, float], PiecewiseCubic] = field(default_factory=dict, repr=False)
+    _motions: dict[Condition, Motion] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        require_choice("model", self.model, MODELS)
+
+    @cached_property
+    def make_surface(self) -> Callable[[float], Surface]:
+        """The function from spacing [m] to surface."""
+        return surface_maker(self.surface, self.options)
+
+    def held_by(self, hand: Hand, band: tuple[float, float]) -> Sweep:
+        """Return a sweep of another hand and band that shares this one's surfaces and tables."""
+        if (hand, band) == (self.hand, self.band):
+            return self
+        other = replace(self, hand=hand, band=band, _motions={})
+        other.__dict__["make_surface"] = self.make_surface
+        return other
+
+    def motion(self, condition: Condition) -> Motion:
+        """Return the hand's motion under a condition."""
+        if condition not in self._motions:
+            self._motions[condition] = self._drag(condition)
+        return self._motions[condition]
+
+    def metric(self, name: str, condition: Condition) -> float:
+        """Return a metric (a key of `METRICS`) of the motion under a condition."""
+        return evaluate(name, self.motion(condition), band=self.band)
+
+    def periodic(self, condition: Condition) -> bool:
+        """Return whether the motion under a condition repeats with the surface."""
+        return self.motion(condition).status == MotionStatus.PERIODIC
+
+    def _drag(self, condition: Condition) -> Motion:
+        if self.model == "siira-pai":
+            # Neither spacing nor diameter enters the model: one motion serves them all.
+            key = Condition(1.0, 1.0, condition.normal_force, condition.speed)
+            if key in self._motions:
+                return self._motions[key]
+            noise = siira_pai.texture_force(
+                condition.normal_force, _NOISE_SECONDS, seed=self.options.seed
+            )
+            self._motions[key] = shake(noise, _NOISE_TICK, self.hand, condition.speed)
+            return self._motions[key]
+        force = self._force(condition)
+        if not np.max(np.abs(force.coefficients)) > LEAST_SLOPE * condition.normal_force:
+            raise SurfaceError(
+                f"surface {self.surface!r} is flat for a probe of {condition.diameter * 1e3:g} mm "
+                f"at spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
+                "give one with relief along the probe's path"
+            )
+        motion = drag(force, self.hand, condition.speed)
+        if not motion.largest > 0.0:
+            raise AsperityError(
+                f"the hand rests in a notch all the time under {condition.normal_force:g} N at "
+                f"spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
+                "give a smaller force or a stiffer hand"
+            )
+        return motion
+
+    def _force(self, condition: Condition) -> PiecewiseCubic:
+        surface, force = self.make_surface(condition.spacing), condition.normal_force
+        if self.model == "minsky":
+            return minsky.texture_force(surface, force)
+        if self.model == "ho":
+            return ho.texture_force(surface, force)
+        key = (condition.spacing, condition.diameter)
+        if key not in self._tables:
+            tolerance = 1e-3 if isinstance(surface, HeightMap) else 1e-6
+            self._tables[key] = otaduy_lin.slope_table(
+                surface, condition.diameter, tolerance=tolerance
+            )
+        return self._tables[key].scaled(force)

@@ -1,0 +1,1 @@
+"""Force models along one line, one a file."""

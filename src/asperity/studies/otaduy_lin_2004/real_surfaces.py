@@ -1,0 +1,108 @@
+"""The real surfaces of the demo, and what stands in for them where they are not at hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from asperity.geometry.offsets.sampled import HeightMap
+from asperity.texture.files.reading import read_heights
+from asperity.texture.patterns.random_surfaces import self_affine
+
+
+@dataclass(frozen=True)
+class RealSurface:
+    """A measured surface, how to read it, and the statistics of a stand-in."""
+
+    name: str
+    title: str
+    file: str
+    """Below the folder of measured data."""
+    pixel_size: float
+    """[m]"""
+    height_range: float | None
+    """Peak to peak [m], where the file carries no vertical scale: then it is chosen."""
+    scale_note: str
+    shape: tuple[int, int]
+    """Samples of the map that are used, and of the stand-in."""
+    hurst: float
+    rms_slope: float
+    rolloff: float
+    """[m]"""
+    seed: int
+
+    def load(self, folder: Path | None) -> tuple[HeightMap, str]:
+        """Return the surface and a sentence that says what it is.
+
+        Without the file, a generated self-affine surface of the same pixel size, roll-off, Hurst
+        exponent and rms slope takes its place, and the sentence says so.
+        """
+        path = folder / self.file if folder else None
+        if path and path.is_file():
+            heights = read_heights(
+                path, pixel_size=self.pixel_size, height_range=self.height_range, missing="fill"
+            )
+            samples = heights.samples[: self.shape[0], : self.shape[1]]
+            return HeightMap(samples, heights.pixel_size), f"Measured. {self.scale_note}"
+        samples = self_affine(
+            self.shape,
+            self.pixel_size,
+            hurst=self.hurst,
+            rms_slope=self.rms_slope,
+            rolloff=self.rolloff,
+            seed=self.seed,
+        )
+        return HeightMap(samples, self.pixel_size, "wrap"), (
+            "Generated: the measured file is not at hand, so a self-affine surface of the same "
+            f"rms slope ({self.rms_slope:g}), Hurst exponent ({self.hurst:g}) and roll-off "
+            f"({self.rolloff * 1e3:g} mm) stands in."
+        )
+
+
+REAL_SURFACES = (
+    RealSurface(
+        name="coin",
+        title="Coin (US dime, GelSight)",
+        file="us_dime_gelsight.npz",
+        pixel_size=63.2e-6,
+        height_range=None,
+        scale_note="Both scales are the instrument's: 63.2 µm a pixel.",
+        shape=(300, 300),
+        hurst=0.8,
+        rms_slope=0.2,
+        rolloff=4e-3,
+        seed=1,
+    ),
+    RealSurface(
+        name="sandpaper_p40",
+        title="Sandpaper P40 (GelSight)",
+        file="sandpaper_P40_height16.png",
+        pixel_size=9e-6,
+        height_range=0.3 * 425e-6,
+        scale_note=(
+            "The file lost its vertical scale: 0.3 of a grain's diameter (425 µm) was chosen; "
+            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
+        ),
+        shape=(1000, 780),
+        hurst=0.8,
+        rms_slope=0.1,
+        rolloff=1.5e-3,
+        seed=2,
+    ),
+    RealSurface(
+        name="sandpaper_p120",
+        title="Sandpaper P120 (GelSight)",
+        file="sandpaper_P120_height16.png",
+        pixel_size=9e-6,
+        height_range=0.3 * 115e-6,
+        scale_note=(
+            "The file lost its vertical scale: 0.3 of a grain's diameter (115 µm) was chosen; "
+            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
+        ),
+        shape=(1000, 780),
+        hurst=0.8,
+        rms_slope=0.05,
+        rolloff=0.5e-3,
+        seed=3,
+    ),
+)

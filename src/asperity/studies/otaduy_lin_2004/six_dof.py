@@ -1,0 +1,132 @@
+"""The studies' drags once more, in six directions: the probe's scene and a simulated hand.
+
+The studies (`perception.studies`) move a hand along one line over the exact offset of a surface,
+with the normal force held constant. Here a sphere meets the sampled plate of `probe-plate` in the
+full contact engine, and a hand with six directions holds it. Two hands are of interest:
+
+- *constant*: along the normal light and soft, so that it presses with the same force all the time;
+  it tilts hardly at all. This is what the studies assume, and has to agree with them.
+- *full*: the same mass, spring and damper in every direction, which regulates the force slowly and
+  yields in rotation. The normal force then rises and falls with the texture.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
+from asperity.errors import require_choice
+from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
+from asperity.scene.builtin.probe_plate import probe_plate
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.simulation.simulation import Simulation
+from asperity.studies.otaduy_lin_2004.drags import Condition
+
+HANDS = ("constant", "full")
+TICK = 1e-4
+"""The studies' hand is moved in finer steps than any device [s]."""
+STIFFNESS = 2000.0
+"""Of the contact [N/m]; the slope at the deepest place does not depend on it."""
+_START = -0.036
+"""Where the probe sets out on the plate, of which it uses 72 mm [m]."""
+_SETTLING = 6.0
+"""Time constants of the hand before the record begins."""
+
+
+class Drag(NamedTuple):
+    """What a drag in six directions gave."""
+
+    max_acceleration: float
+    """Largest u'' of the hand [m/s^2]."""
+    max_abs_acceleration: float
+    """Largest |u''| [m/s^2]."""
+    band_rms: float
+    """RMS of u'' in the band [m/s^2]."""
+    normal_force: float
+    """Mean [N], and"""
+    normal_force_deviation: float
+    """its standard deviation over the record [N]."""
+
+
+def hand_settings(kind: str, condition: Condition, hand: Hand) -> HandSettings:
+    """Return one of `HANDS`, pressing as the condition says."""
+    require_choice("hand", kind, HANDS)
+    if kind == "full":
+        return HandSettings(hand, press_force=condition.normal_force)
+    return HandSettings(
+        hand,
+        along_normal=Hand(mass=1e-3, stiffness=1.0, damping=0.5),
+        rotational_stiffness=100.0,
+        rotational_damping=0.2,
+        press_force=condition.normal_force,
+        press_time=1e3,
+    )
+
+
+def drag_in_scene(
+    condition: Condition,
+    *,
+    kind: str = "constant",
+    hand: Hand | None = None,
+    amplitude: float = 1e-4,
+    band: tuple[float, float] = DEFAULT_BAND,
+) -> Drag:
+    """Drag the probe of `probe-plate` over a sinusoid; return the metrics of the hand's motion.
+
+    Parameters
+    ----------
+    condition : Condition
+        Spacing, diameter, normal force, speed.
+    kind : {"constant", "full"}
+        See the module.
+    hand : Hand, optional
+    amplitude : float
+        Of the sinusoid [m].
+    band : (float, float)
+        Of the band metric [Hz].
+    """
+    hand = hand or Hand()
+    texture = {"kind": "sinusoid", "wavelength": condition.spacing, "amplitude": amplitude}
+    scene = probe_plate(texture, diameter=condition.diameter)
+    scene = scene.changed(force={"stiffness": STIFFNESS, "anti_alias": "off"})
+    simulation = Simulation(scene, dt=TICK)
+    press = ScriptedMotion(
+        seconds=0.01, press_force=condition.normal_force,
+        start=(_START, 0.0, float(scene.start[2])),
+    )  # fmt: skip
+    start = simulation.trajectory(press).poses[0]
+    way = np.zeros(7)
+    way[0] = condition.speed
+
+    def target(seconds: float) -> NDArray[np.float64]:
+        return np.asarray(start + seconds * way)
+
+    held = SimulatedHand(
+        target, hand_settings(kind, condition, hand), dt=TICK, centre=simulation.tool.body.centre
+    )
+    settling = _SETTLING * hand.time_constant
+    period = condition.spacing / condition.speed
+    room = 2.0 * abs(_START) / condition.speed - settling
+    periods = max(math.ceil(0.15 / period), 4)
+    periods = max(min(periods, math.floor(room / period)), 1)
+    record = round(periods * period / TICK)
+    first = math.ceil(settling / TICK)
+    acceleration, force = np.empty(record), np.empty(record)
+    for i in range(first + record):
+        wrench = simulation.step(held.pose)
+        held.advance(wrench)
+        if i >= first:
+            acceleration[i - first], force[i - first] = held.acceleration[0], wrench[2]
+    lines = spectrum(acceleration, TICK, periodic=True)
+    return Drag(
+        float(acceleration.max()),
+        float(np.abs(acceleration).max()),
+        band_rms(*lines, band),
+        float(force.mean()),
+        float(force.std()),
+    )

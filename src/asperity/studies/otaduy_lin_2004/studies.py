@@ -1,0 +1,274 @@
+"""The three studies of Otaduy & Lin (2004, section 4.2, colour plates 1-3), and one of models.
+
+Each varies one factor over a range of spacings and holds the others at the middle of theirs:
+the probe's diameter, the normal force, the speed. The fourth repeats the study of diameter with
+other force models.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.errors import AsperityError, require_choice, require_positive
+from asperity.geometry.offsets.sampled import HeightMap
+from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
+from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, Sweep
+from asperity.studies.otaduy_lin_2004.peak_fit import Peak, QuadraticFit, fit_quadratic, refine_peak
+from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FACTORS = {
+    "diameter": ("diameter", "probe diameter", "m"),
+    "force": ("normal_force", "normal force", "N"),
+    "speed": ("speed", "speed", "m/s"),
+}
+"""Study -> (name of the factor, its label, its unit)."""
+STUDIES = (*FACTORS, "models")
+_PHASES = 2048
+
+Progress = Callable[[str], None]
+"""Called once for every drag that is done, with the study's name."""
+
+
+@dataclass(frozen=True)
+class StudySettings:
+    """What the studies vary, and what with. The paper prints none of these; defaults are ours."""
+
+    surface: str = "sinusoid"
+    stimulus: StimulusOptions = field(default_factory=StimulusOptions)
+    hand: Hand = field(default_factory=Hand)
+    spacing_range: tuple[float, float] = (0.5e-3, 3.5e-3)
+    """[m]"""
+    spacings: int = 40
+    diameters: tuple[float, ...] = (2e-3, 3e-3, 4e-3)
+    """[m]"""
+    forces: tuple[float, ...] = (0.29, 0.58, 0.87)
+    """[N]"""
+    speeds: tuple[float, ...] = (0.042, 0.083, 0.169)
+    """[m/s]"""
+    band: tuple[float, float] = DEFAULT_BAND
+    """[Hz]"""
+
+    def __post_init__(self) -> None:
+        low, high = self.spacing_range
+        require_positive("spacing", low, "[m]")
+        if not high > low:
+            raise AsperityError(f"spacing_range must rise, got {low * 1e3:g} to {high * 1e3:g} mm")
+        if self.spacings < 5:
+            raise AsperityError(f"spacings must be at least 5 for a fit, got {self.spacings}")
+        for name, values in self.levels().items():
+            if not values:
+                raise AsperityError(f"{name} needs at least one value")
+            for value in values:
+                require_positive(name, value, f"[{FACTORS[name][2]}]")
+            if list(values) != sorted(set(values)):
+                raise AsperityError(f"levels of {name} must rise, got {list(values)}")
+        if not 0.0 < self.band[0] < self.band[1] < np.inf:
+            raise AsperityError(
+                f"band must rise from above 0 Hz and be finite, "
+                f"got {self.band[0]:g} to {self.band[1]:g} Hz"
+            )
+
+    def levels(self) -> dict[str, tuple[float, ...]]:
+        """Return the levels of each factor, by study."""
+        return {"diameter": self.diameters, "force": self.forces, "speed": self.speeds}
+
+    def middle(self) -> dict[str, float]:
+        """Return the middle level of each factor, by the factor's name."""
+        return {
+            FACTORS[study][0]: values[(len(values) - 1) // 2]
+            for study, values in self.levels().items()
+        }
+
+    def spacing_values(self) -> NDArray[np.float64]:
+        """Return the spacings [m], equally far apart in log."""
+        return np.geomspace(*self.spacing_range, self.spacings)
+
+    def drags(self, study: str) -> int:
+        """Return how many drags a study makes at each spacing."""
+        if study == "models":
+            return len(MODELS) * len(self.diameters)
+        return len(self.levels()[study])
+
+    def sweep(self, model: str = "otaduy-lin") -> Sweep:
+        """Return a new sweep with these settings."""
+        return Sweep(self.surface, self.stimulus, self.hand, model, self.band)
+
+
+def run_study(
+    name: str,
+    settings: StudySettings | None = None,
+    *,
+    sweep: Sweep | None = None,
+    peaks: bool = True,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Run one study and return what it measured.
+
+    Parameters
+    ----------
+    name : {"diameter", "force", "speed", "models"}
+        The factor that varies; "models" varies the diameter, for each force model.
+    settings : StudySettings, optional
+        Defaults as in the class.
+    sweep : Sweep, optional
+        Motions known from another study with the same settings.
+    peaks : bool
+        Whether to look for each curve's peak between the spacings too.
+    progress : callable, optional
+        Called after every drag.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions `level` (coordinate: the factor) and `spacing`; for each metric its values,
+        the quadratic's coefficients, R^2 and peak, and the refined peak with its uncertainty;
+        `status` of each motion; one repeat of `acceleration` at equal phase. Units in `attrs`.
+        The study of models has a leading dimension `model`.
+    """
+    settings = settings or StudySettings()
+    require_choice("study", name, STUDIES)
+    if name != "models":
+        return _run_factor(name, settings, sweep or settings.sweep(), peaks, progress, name)
+    import xarray as xr  # slow to import
+
+    parts = []
+    for model in MODELS:
+        part_sweep = sweep if sweep and sweep.model == model else settings.sweep(model)
+        parts.append(_run_factor("diameter", settings, part_sweep, peaks, progress, name))
+    dataset = xr.concat(parts, dim="model", join="outer").assign_coords(model=list(MODELS))
+    dataset.attrs = parts[0].attrs | {"study": "models"}
+    return dataset
+
+
+def _run_factor(
+    study: str,
+    settings: StudySettings,
+    sweep: Sweep,
+    peaks: bool,
+    progress: Progress | None,
+    told: str,
+) -> xr.Dataset:
+    factor, label, unit = FACTORS[study]
+    levels, spacing = settings.levels()[study], settings.spacing_values()
+    middle = settings.middle()
+    data: dict[str, list[list[float]]] = {name: [] for name in METRICS}
+    status, periods, waves, peak_rows = [], [], [], []
+    for level in levels:
+        conditions = [Condition(spacing=float(s), **(middle | {factor: level})) for s in spacing]
+        motions = []
+        for condition in conditions:
+            motions.append(sweep.motion(condition))
+            if progress:
+                progress(told)
+        for name, rows in data.items():
+            rows.append([sweep.metric(name, c) for c in conditions])
+        status.append([int(m.status) for m in motions])
+        periods.append([m.duration for m in motions])
+        waves.append([_wave(m.acceleration) for m in motions])
+        fixed = middle | {factor: level}
+        peak_rows.append(_peaks(sweep, fixed, spacing, {n: r[-1] for n, r in data.items()}, peaks))
+
+    dims = ("level", "spacing")
+    both: dict[str, Any] = {}
+    for name, rows in data.items():
+        metric = METRICS[name]
+        attrs = {"units": metric.unit, "long_name": metric.label, "origin": metric.origin}
+        both[name] = (dims, np.array(rows), attrs)
+        fits = [fit_quadratic(spacing, np.array(row)) for row in rows]
+        found = [row[name] for row in peak_rows]
+        both |= _fit_variables(name, fits, found)
+    both["status"] = (
+        dims, np.array(status),
+        {"long_name": "0 periodic, 1 subharmonic, 2 does not repeat", "units": "1"},
+    )  # fmt: skip
+    both["record_length"] = (dims, np.array(periods), {"units": "s"})
+    both["acceleration"] = (
+        (*dims, "phase"), np.array(waves, dtype=np.float32),
+        {"units": "m/s²", "long_name": "u'' over the record, at equal phase"},
+    )  # fmt: skip
+    coords = {
+        "spacing": ("spacing", spacing, {"units": "m", "long_name": "texture spacing"}),
+        factor: ("level", np.array(levels), {"units": unit, "long_name": label}),
+        "phase": ("phase", np.arange(_PHASES) / _PHASES, {"units": "1"}),
+    }
+    import xarray as xr  # slow to import
+
+    return xr.Dataset(both, coords, _attributes(study, factor, settings))
+
+
+def _wave(acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the record at a fixed number of equal phases."""
+    n = acceleration.size
+    phase = np.arange(_PHASES) * n / _PHASES
+    return np.interp(phase, np.arange(n + 1), np.append(acceleration, acceleration[0]))
+
+
+def _peaks(
+    sweep: Sweep,
+    fixed: dict[str, float],
+    spacing: NDArray[np.float64],
+    rows: dict[str, list[float]],
+    refine: bool,
+) -> dict[str, Peak]:
+    """Return the peak of every metric at one level of the factor."""
+    found = {}
+    # A trace over a height map costs a thousand times one over a shape: fewer of them.
+    is_map = isinstance(sweep.make_surface(float(spacing[0])), HeightMap)
+    rounds = 0 if not refine else 1 if is_map else 5
+    for name, values in rows.items():
+
+        def metric(place: float, name: str = name) -> float:
+            return sweep.metric(name, Condition(spacing=place, **fixed))
+
+        found[name] = refine_peak(metric, spacing, np.array(values), rounds=rounds)
+    return found
+
+
+def _fit_variables(name: str, fits: list[QuadraticFit], found: list[Peak]) -> dict[str, Any]:
+    """Return the dataset's variables for one metric's fits and peaks."""
+    level = ("level",)
+    return {
+        f"{name}_fit": (("level", "power"), np.array([f.coefficients for f in fits])),
+        f"{name}_fit_r_squared": (level, np.array([f.r_squared for f in fits])),
+        f"{name}_fit_peak": (level, np.array([f.peak_spacing for f in fits]), {"units": "m"}),
+        f"{name}_fit_peak_error": (level, np.array([f.peak_error for f in fits]), {"units": "m"}),
+        f"{name}_peak": (level, np.array([p.spacing for p in found]), {"units": "m"}),
+        f"{name}_peak_value": (level, np.array([p.value for p in found])),
+        f"{name}_peak_uncertainty": (
+            level, np.array([p.uncertainty for p in found]), {"units": "m"},
+        ),
+        f"{name}_peak_inside": (level, np.array([int(p.inside) for p in found])),
+    }  # fmt: skip
+
+
+def _attributes(study: str, factor: str, settings: StudySettings) -> dict[str, object]:
+    """Return what a reader needs to repeat the study."""
+    stimulus, hand = settings.stimulus, settings.hand
+    held = {f"held_{key}": value for key, value in settings.middle().items() if key != factor}
+    return {
+        "schema": 1,
+        "study": study,
+        "factor": factor,
+        # A file's name may be no text at all.
+        "surface": os.fsencode(settings.surface).decode("utf-8", "replace"),
+        "amplitude": stimulus.amplitude,
+        "element_height": stimulus.element_height,
+        "element_width": stimulus.element_width,
+        "flank": stimulus.flank,
+        "seed": stimulus.seed,
+        "hand_mass": hand.mass,
+        "hand_stiffness": hand.stiffness,
+        "hand_damping": hand.damping,
+        "band": list(settings.band),
+        "source": "Otaduy & Lin (2004), section 4.2; all values are asperity's, see the docs",
+    } | held

@@ -1,0 +1,1 @@
+"""The largest stable stiffness of a scene."""

@@ -1,0 +1,200 @@
+"""A combination of the 2-D study: one drag of the hand of Eq. 7 over one surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.errors import AsperityError, require_between, require_choice
+from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
+from asperity.scene.document import arguments, beside, require_keys
+from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, Sweep
+from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
+from asperity.studies.sweeps.content import nested, seed_of
+
+_RANGES = {
+    "spacing": (5e-5, 2e-2, "m"),
+    "diameter": (5e-5, 5e-2, "m"),
+    "normal_force": (1e-3, 100.0, "N"),
+    "speed": (1e-4, 10.0, "m/s"),
+    "hand.mass": (1e-3, 10.0, "kg"),
+    "hand.stiffness": (10.0, 1e5, "N/m"),
+    "hand.damping": (0.01, 100.0, "N s/m"),
+    "stimulus.amplitude": (1e-7, 1e-2, "m"),
+    "stimulus.element_height": (1e-6, 1e-2, "m"),
+    "stimulus.element_width": (1e-6, 2e-2, "m"),
+    "stimulus.flank": (0.0, 2e-2, "m"),
+    "stimulus.jitter": (0.0, 1.0, ""),
+    "stimulus.hurst": (0.0, 1.0, ""),
+    "stimulus.rms_slope": (1e-3, 10.0, ""),
+    "stimulus.height_range": (1e-7, 1e-2, "m"),
+}
+"""As for the options of `asperity study`: beyond lie slips of the unit."""
+_RANDOM = ("dots", "self-affine")
+"""Surfaces that have a seed."""
+INNER = ("normal_force", "speed", "hand.", "band")
+"""What does not change the table of slopes, so that neighbours share it."""
+BATCH = (16, 1024)
+"""Combinations of a block, at least and at most: they take about a millisecond each."""
+_LABELS = {
+    "surface": "surface", "model": "force model", "spacing": "texture spacing",
+    "diameter": "probe diameter", "normal_force": "normal force", "speed": "speed",
+    "band": "band of the metric", "repeat": "repeat",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Drag:
+    """What is dragged over what, and how: the parameters of `kind = "drag"`, in SI units.
+
+    The defaults are those of `StudySettings`, at its middle levels.
+    """
+
+    surface: str = "sinusoid"
+    """One of `SURFACES`, or a file of heights."""
+    model: str = "otaduy-lin"
+    """A key of `MODELS`."""
+    spacing: float = 1.5e-3
+    diameter: float = 3e-3
+    normal_force: float = 0.58
+    speed: float = 0.083
+    band: tuple[float, float] = DEFAULT_BAND
+    """Of the band metric [Hz]."""
+    repeat: int = 0
+    """Enters the seeds and nothing else."""
+    stimulus: StimulusOptions = field(default_factory=StimulusOptions)
+    hand: Hand = field(default_factory=Hand)
+
+
+_PARTS: dict[str, Any] = {"stimulus": StimulusOptions, "hand": Hand}
+KEYS = (
+    *(f.name for f in fields(Drag) if f.name not in _PARTS),
+    *(f"{part}.{f.name}" for part, of in _PARTS.items() for f in fields(of)),
+)
+
+
+def drag_of(values: Mapping[str, Any]) -> Drag:
+    """Return the drag of checked values with dotted keys."""
+    parts = {name: value for name, value in nested(values).items() if name not in _PARTS}
+    for part, makes in _PARTS.items():
+        parts[part] = makes(
+            **{k.partition(".")[2]: v for k, v in values.items() if k.startswith(f"{part}.")}
+        )
+    return Drag(**parts)
+
+
+def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """Return values with dotted keys as `drag_of` takes them, or refuse them by their key."""
+    require_keys(values, where, KEYS)
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        part, dot, name = key.partition(".")
+        makes, place, name = (_PARTS[part], f"{where}.{part}", name) if dot else (Drag, where, key)
+        out[key] = arguments({name: value}, place, makes)[name]
+        if key in _RANGES and out[key] is not None:
+            low, high, unit = _RANGES[key]
+            require_between(f"{where}.{key}", out[key], low, high, unit)
+    if "model" in out:
+        require_choice(f"{where}.model", out["model"], MODELS)
+    if "stimulus.missing" in out:
+        require_choice(f"{where}.stimulus.missing", out["stimulus.missing"], ("refuse", "fill"))
+    if "band" in out:
+        band = out["band"]
+        if len(band) != 2 or not 0.0 < band[0] < band[1]:
+            raise AsperityError(f"{where}.band must rise from above 0 Hz, got {list(band)}")
+    for key in ("repeat", "stimulus.seed"):
+        if out.get(key, 0) < 0:
+            raise AsperityError(f"{where}.{key} must be 0 or above, got {out[key]}")
+    if "surface" in out and out["surface"] not in SURFACES:
+        path = beside(folder, out["surface"])
+        if not Path(out["surface"]).suffix and not path.exists():
+            require_choice(f"{where}.surface", out["surface"], [*SURFACES, "a file of heights"])
+        if not path.is_file():
+            raise AsperityError(f"{where}.surface: no such file: {path}")
+    return out
+
+
+def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+    """Return the files that values, key -> values, name, with where they lie."""
+    names = [name for name in columns.get("surface", ()) if name not in SURFACES]
+    return {name: beside(folder, name) for name in names}
+
+
+def unit_of(key: str) -> str:
+    """Return the unit of a parameter, "1" for numbers without, "" for texts."""
+    if key in _RANGES:
+        return _RANGES[key][2] or "1"
+    return {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}.get(key, "")
+
+
+def label_of(key: str) -> str:
+    """Return what a parameter is called on an axis."""
+    return _LABELS.get(key, key.replace("stimulus.", "").replace(".", " ").replace("_", " "))
+
+
+NUMBERS: dict[str, tuple[str, str]] = {
+    **{name: (metric.unit, metric.label) for name, metric in METRICS.items()},
+    "motion_status": ("1", "0 periodic, 1 subharmonic, 2 does not repeat"),
+}
+"""What can be kept of a drag: name -> (unit, label)."""
+DEFAULT_KEEP = tuple(NUMBERS)
+
+
+class Drags:
+    """Drags, one combination after the other; surfaces and tables are shared between them.
+
+    Parameters
+    ----------
+    fixed : mapping
+        Values that stay, by dotted key, checked.
+    folder : Path
+        Where relative files lie.
+    seed : int
+        Enters every seed that follows from content.
+    """
+
+    def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
+        self.fixed, self.folder, self.seed = dict(fixed), folder, seed
+        self._sweeps: dict[tuple[Any, ...], Sweep] = {}
+
+    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
+        """Return what is kept of one combination."""
+        values = self.fixed | dict(varied)
+        drag = drag_of(values)
+        options = drag.stimulus
+        if "stimulus.seed" not in values:
+            options = replace(options, seed=self._seed(drag))
+        surface = drag.surface
+        if surface not in SURFACES:
+            surface = str(beside(self.folder, surface))
+        key = (surface, options, drag.model)
+        if key not in self._sweeps:
+            self._sweeps[key] = Sweep(surface, options, drag.hand, drag.model, drag.band)
+        sweep = self._sweeps[key].held_by(drag.hand, drag.band)
+        condition = Condition(drag.spacing, drag.diameter, drag.normal_force, drag.speed)
+        out = []
+        for name in keep:
+            if name == "motion_status":
+                out.append(float(sweep.motion(condition).status))
+            else:
+                out.append(sweep.metric(name, condition))
+        return out
+
+    def _seed(self, drag: Drag) -> int:
+        """Return the seed that follows from what the surface, or the noise, is.
+
+        Combinations with one surface meet one and the same, whatever the hand does.
+        """
+        told = asdict(drag)
+        if drag.model == "siira-pai":
+            return seed_of(told, self.seed)
+        if drag.surface not in _RANDOM:
+            return 0
+        names = ("surface", "spacing", "stimulus", "repeat")
+        return seed_of({name: told[name] for name in names}, self.seed)
+
+
+runner = Drags

@@ -1,0 +1,255 @@
+"""The figures of a sweep, in the style of all others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
+
+from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.errors import AsperityError
+from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
+from asperity.studies.sweeps.sensitivity import Groups, share
+from asperity.studies.sweeps.views import View, is_number, table
+
+_SHOWN = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "m^2": (1e6, "mm²")}
+_MOST_POINTS = 4000
+Values = NDArray[Any]
+
+
+def draw(data: xr.Dataset, view: View) -> Figure:
+    """Return the figure of a view of what `open_sweep` returned."""
+    columns, results = table(data, view.metric)
+    if results.size < 2:
+        raise AsperityError(
+            f"the store holds {results.size} combinations that are done; run the sweep first"
+        )
+    with style():
+        figure: Figure = {"curve": _curve, "map": _map, "effects": _effects}[view.kind](
+            data, view, columns, results
+        )
+        title = figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=10.5)
+        title.set_fontweight("bold")
+        figure.text(0.99, 0.995, _counted(data), ha="right", va="top", fontsize=7, color="#555555")
+    return figure
+
+
+def _counted(data: xr.Dataset) -> str:
+    states = data["state"].values
+    failed, waiting = int((states == 2).sum()), int((states == 0).sum())
+    rest = [f"{failed} failed"] * bool(failed) + [f"{waiting} not run yet"] * bool(waiting)
+    return ", ".join([f"{states.size} combinations", *rest])
+
+
+def _curve(
+    data: xr.Dataset, view: View, columns: dict[str, Values], results: Values
+) -> Figure:  # fmt: skip
+    """Draw the metric over one parameter; others as colour, or as median and quantiles."""
+    figure = Figure(figsize=(6.0, 4.3), layout="constrained")
+    axis = figure.subplots()
+    scale, _ = _scale(data, view.x)
+    x = columns[view.x].astype(np.float64)
+    log = _is_log(x), _is_log(results)
+    levels: list[Any] = [None]
+    if view.colour:
+        levels = list(np.unique(columns[view.colour]))
+    for i, level in enumerate(levels):
+        chosen = np.ones(x.size, bool) if level is None else columns[view.colour] == level
+        _draw_level(axis, data, view, x[chosen] * scale, results[chosen], i, level, all(log))
+    _scales(axis, *log)
+    axis.set_xlabel(_axis_label(data, view.x))
+    axis.set_ylabel(_axis_label(data, view.metric))
+    hidden = [n for n in columns if n not in (view.x, view.colour) and np.unique(columns[n]).size]
+    if hidden:
+        names = ", ".join(str(data[n].attrs.get("long_name", n)) for n in hidden)
+        axis.set_title(f"median and 10-90 % over {names}"[:95], fontsize=8)
+    axis.legend(loc="best", handletextpad=0.4, labelspacing=0.3)
+    return figure
+
+
+def _draw_level(
+    axis: Axes, data: xr.Dataset, view: View, x: Values, y: Values, i: int, level: Any, log: bool
+) -> None:
+    """Draw one colour's points, their spread, and the quadratic where both axes are log."""
+    groups = Groups(x, y)
+    centres = np.asarray(groups.centres, np.float64)
+    low, middle, high = groups.quantiles(0.1, 0.5, 0.9)
+    colour, marker = COLOURS[i % 6], MARKERS[i % 6]
+    label = "" if level is None else _level_label(data, view.colour, level)
+    if max(part.size for part in groups.parts) > 1:
+        axis.fill_between(centres, low, high, color=colour, alpha=0.15, lw=0)
+    if log and centres.size >= 5:
+        # The fit counts in millimetres, and so do lengths here; other units pass as they are.
+        fit = fit_quadratic(centres * 1e-3, middle)
+        fine = np.geomspace(centres[0], centres[-1], 200)
+        axis.plot(fine, fit(fine * 1e-3), color=colour, lw=1.0)
+        peak = fit.peak_spacing * 1e3
+        label += f"{'  ' * bool(label)}R² {fit.r_squared:.2f}"
+        if centres[0] < peak < centres[-1]:
+            axis.plot(
+                peak, float(fit(np.array([peak * 1e-3]))[0]), marker, color=colour, ms=7.5,
+                mec="black", mew=0.9, zorder=5,
+            )  # fmt: skip
+            unit = _scale(data, view.x)[1]
+            label += f", peak {peak:.3g}{'' if unit == '1' else ' ' + unit}"
+        axis.plot(centres, middle, marker, color=colour, ms=3.2, mew=0.0, alpha=0.75, label=label)
+    else:
+        axis.plot(
+            centres, middle, marker + "-", color=colour, ms=3.2, lw=1.0, label=label or "median"
+        )
+
+
+def _map(data: xr.Dataset, view: View, columns: dict[str, Values], results: Values) -> Figure:
+    """Draw the metric over two parameters as a picture; medians over the others."""
+    figure = Figure(figsize=(6.0, 4.6), layout="constrained")
+    axis = figure.subplots()
+    across, up = Groups(columns[view.x], results), Groups(columns[view.y], results)
+    heat = np.full((len(up.centres), len(across.centres)), np.nan)
+    for i in range(heat.shape[0]):
+        for j in range(heat.shape[1]):
+            cell = results[(up.places == i) & (across.places == j)]
+            heat[i, j] = np.median(cell) if cell.size else np.nan
+    edges, logs = [], []
+    for name, groups in ((view.x, across), (view.y, up)):
+        centres = np.asarray(groups.centres, np.float64) * _scale(data, name)[0]
+        logs.append(_is_log(centres))
+        edges.append(_edges(centres, logs[-1]))
+    norm = LogNorm() if _is_log(heat[np.isfinite(heat)]) else None
+    image = axis.pcolormesh(*edges, heat, cmap="cividis", norm=norm)
+    _scales(axis, *logs)
+    axis.set_xlabel(_axis_label(data, view.x))
+    axis.set_ylabel(_axis_label(data, view.y))
+    axis.grid(False)
+    hidden = [n for n in columns if n not in (view.x, view.y)]
+    if hidden:
+        names = ", ".join(str(data[n].attrs.get("long_name", n)) for n in hidden)
+        axis.set_title(f"median over {names}"[:95], fontsize=8)
+    bar = figure.colorbar(image, ax=axis, label=_axis_label(data, view.metric))
+    if norm is not None:
+        _plain_ticks(bar.ax.yaxis, *image.get_clim())
+    return figure
+
+
+def _effects(data: xr.Dataset, view: View, columns: dict[str, Values], results: Values) -> Figure:
+    """Draw the metric over every parameter, and how much each alone explains."""
+    names = [name for name in columns if np.unique(columns[name]).size > 1]
+    if not names:
+        raise AsperityError("no parameter has two values that are done; run the sweep first")
+    log = _is_log(results)
+    judged = np.log(results) if log else results
+    shares = {name: share(columns[name], judged) for name in names}
+    names.sort(key=lambda name: -shares[name])
+    panels = len(names) + 1
+    across = min(panels, 3)
+    down = -(-panels // across)
+    figure = Figure(figsize=(3.3 * across, 2.7 * down + 0.3), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(down, across)).ravel()
+    bars = axes[0]
+    words = [str(data[name].attrs.get("long_name", name)) for name in names]
+    bars.barh(range(len(names)), [100.0 * shares[name] for name in names], color=COLOURS[0])
+    bars.set_yticks(range(len(names)), words)
+    bars.invert_yaxis()
+    bars.set_xlim(0, max(100.0 * max(shares.values()) * 1.1, 5.0))
+    bars.set_xlabel("% of the variance")
+    bars.set_title(f"Explained by one alone{' (of the logarithm)' if log else ''}", fontsize=8.5)
+    bars.grid(axis="y", visible=False)
+    for axis, name in zip(axes[1:], names, strict=False):
+        _draw_effect(axis, data, name, columns[name], results, log)
+        axis.set_title(f"{100.0 * shares[name]:.0f} % of the variance", fontsize=8.5)
+    for axis in axes[panels:]:
+        axis.set_visible(False)
+    for axis in axes[1:panels:across]:
+        axis.set_ylabel(_axis_label(data, view.metric))
+    if across > 1:
+        axes[1].set_ylabel(_axis_label(data, view.metric))
+    return figure
+
+
+def _draw_effect(
+    axis: Axes, data: xr.Dataset, name: str, values: Values, results: Values, log: bool
+) -> None:
+    """Draw one panel: all points, and median and quartiles of groups."""
+    groups = Groups(values, results)
+    low, middle, high = groups.quantiles(0.25, 0.5, 0.75)
+    numbers = is_number(data, name)
+    scale = _scale(data, name)[0]
+    x = values * scale if numbers else groups.places.astype(float)
+    centres = groups.centres * scale if numbers else np.arange(len(groups.centres), dtype=float)  # type: ignore[operator]
+    step = max(results.size // _MOST_POINTS, 1)
+    axis.plot(x[::step], results[::step], ".", color="#bbbbbb", ms=1.5, mew=0.0, rasterized=True)
+    if numbers:
+        axis.fill_between(centres, low, high, color=COLOURS[0], alpha=0.3, lw=0)
+        axis.plot(centres, middle, "o-", color=COLOURS[0], ms=3.0)
+    else:
+        axis.errorbar(
+            centres, middle, [middle - low, high - middle], fmt="o", color=COLOURS[0], capsize=3
+        )
+        axis.set_xticks(centres, [str(c) for c in groups.centres], rotation=25, ha="right")
+    _scales(axis, numbers and _is_log(x), log)
+    axis.set_xlabel(_axis_label(data, name))
+
+
+def _scale(data: xr.Dataset, name: str) -> tuple[float, str]:
+    """Return what a parameter is multiplied by for readers, and its unit then."""
+    unit = str(data[name].attrs.get("units", ""))
+    if name in data.attrs["keep"]:
+        return 1.0, unit
+    if unit == "m" and float(np.nanmax(np.abs(data[name].values))) < 1e-3:
+        return 1e6, "µm"
+    return _SHOWN.get(unit, (1.0, unit))
+
+
+def _axis_label(data: xr.Dataset, name: str) -> str:
+    unit = _scale(data, name)[1] if is_number(data, name) else ""
+    words = str(data[name].attrs.get("long_name", name))
+    return words if unit in ("", "1") else f"{words} [{unit}]"
+
+
+def _level_label(data: xr.Dataset, name: str, level: Any) -> str:
+    if not is_number(data, name):
+        return str(level)
+    scale, unit = _scale(data, name)
+    words = str(data[name].attrs.get("long_name", name))
+    return f"{words} {level * scale:.3g}{'' if unit in ('', '1') else ' ' + unit}"
+
+
+def _is_log(values: Values) -> bool:
+    """Return whether values are positive and reach over a factor of three."""
+    return bool(values.size and values.min() > 0.0 and values.max() >= 3.0 * values.min())
+
+
+def _edges(centres: Values, log: bool) -> Values:
+    """Return the borders of cells round their centres."""
+    places = np.log(centres) if log else centres
+    between = 0.5 * (places[1:] + places[:-1])
+    edges = np.concatenate([[2 * places[0] - between[0]], between, [2 * places[-1] - between[-1]]])
+    return np.exp(edges) if log else edges
+
+
+def _scales(axis: Axes, log_x: bool, log_y: bool) -> None:
+    """Make axes logarithmic where that is wanted, with plain numbers at readable places."""
+    for log, setter, side, limits in (
+        (log_x, axis.set_xscale, axis.xaxis, axis.get_xlim),
+        (log_y, axis.set_yscale, axis.yaxis, axis.get_ylim),
+    ):
+        if not log:
+            continue
+        setter("log")
+        _plain_ticks(side, *limits())
+
+
+def _plain_ticks(side: Any, low: float, high: float) -> None:
+    """Put plain numbers at readable places of a logarithmic axis."""
+    if high / low < 1e4:
+        fine = (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low < 120.0 else (1, 3)
+        ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
+        side.set_ticks([t for t in ticks if low <= t <= high])
+        side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    side.set_minor_formatter(NullFormatter())
+    side.set_tick_params(which="minor", length=0)

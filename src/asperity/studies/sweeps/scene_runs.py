@@ -1,0 +1,337 @@
+"""A combination of a study of scenes: one run of a scene in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.contact.response.settings import ForceSettings
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.virtual_coupling.settings import CouplingSettings
+from asperity.errors import AsperityError, require_between, require_choice
+from asperity.runs.run_scene import Run, run_scene
+from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
+from asperity.scene.builtin import PROBE_PLATES, SCENES, load_scene, probe_plate
+from asperity.scene.document import arguments, at, beside, require_keys
+from asperity.scene.scene import ANTI_ALIAS_MODES, Scene
+from asperity.scene.texture import body_texture, with_seed
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.studies.sweeps.content import digest, flat, nested, seed_of
+
+INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
+"""What does not change the bodies."""
+BATCH = (1, 4)
+"""Combinations of a block, at least and at most: they take seconds each."""
+SEEDS = ("scene", "content")
+_OWN: dict[str, Any] = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
+_SECTIONS: dict[str, Any] = {
+    "force": ForceSettings, "coupling": CouplingSettings, "trajectory": ScriptedMotion,
+}  # fmt: skip
+_EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
+PROBE = "probe.diameter"
+"""Of the tip, in the built-in scenes that have one; other tools are scenes of their own."""
+_HAND = tuple(f"hand.{f.name}" for f in fields(Hand))
+KEYS = (
+    *_OWN,
+    PROBE,
+    *_HAND,
+    *(
+        f"{section}.{name}"
+        for section, makes in _SECTIONS.items()
+        for name in (*(f.name for f in fields(makes)), *_EXTRA[section])
+    ),
+)
+"""Of the keys under `bodies` a scene says which are valid."""
+_UNITS = {
+    "dt": "s", "repeat": "1", "stiffness": "N/m", "bristle_stiffness": "N/m", "damping": "N s/m",
+    "mass": "kg", "mass_scale": "1",
+    "rotational_stiffness": "N m/rad", "rotational_damping": "N m s/rad",
+    "friction": "1", "seconds": "s", "speed": "m/s", "length": "m", "direction": "rad",
+    "radius": "m", "turning": "rad/s", "press_force": "N", "press_depth": "m", "ramp": "s",
+    "start": "m", "step": "m", "lever": "m", "window": "m", "softness": "m", "soft_area": "m^2",
+    "ho_gain": "1", "noise_level": "1", "noise_bandwidth": "Hz", "tolerance": "m",
+    "patch_radius": "m", "edge_fade": "m", "grid": "1", "max_nodes": "1", "seed": "1",
+    "wavelength": "m", "amplitude": "m", "pitch": "m", "height": "m", "width": "m",
+    "diameter": "m", "depth": "m", "fillet": "m", "height_range": "m", "pixel_size": "m",
+    "jitter": "1", "hurst": "1", "rms_slope": "1", "rms": "m", "offset": "m",
+}  # fmt: skip
+
+NUMBERS: dict[str, tuple[str, str]] = {
+    "mean_force_n": ("N", "size of the mean contact force"),
+    "largest_force_n": ("N", "largest contact force"),
+    "largest_torque_n_m": ("N m", "largest contact torque"),
+    "vibration_rms_n": ("N", "RMS of the contact force about its mean"),
+    "band_rms_n": ("N", "RMS of the contact force in 20-200 Hz"),
+    "ticks": ("1", "ticks"),
+    "contacts.ticks_in_contact": ("1", "ticks in contact"),
+    "contacts.mean": ("1", "mean number of contacts"),
+    "contacts.largest": ("1", "largest number of contacts"),
+    "status.certified": ("1", "certified depths"),
+    "status.budget_spent": ("1", "depths with their budget spent"),
+    "status.overflow": ("1", "overflows"),
+    "anti_alias.ticks_active": ("1", "ticks with texture averaged"),
+    "anti_alias.ticks_beyond_budget": ("1", "ticks that wanted more sub-poses"),
+    "anti_alias.ticks_too_fast_and_off": ("1", "ticks with texture faster than the tick"),
+    "coupling.tool_put_back": ("1", "times that the tool was put back"),
+    "hand.energy_j": ("J", "energy into the hand"),
+    "hand.gained_j": ("J", "energy gained at the hand"),
+    "hand.interventions": ("1", "interventions of the passivity controller"),
+    "hand.dissipated_j": ("J", "energy dissipated by the controller"),
+}
+"""What can be kept of a run: name -> (unit, label). No times: they are never twice the same."""
+DEFAULT_KEEP = (
+    "mean_force_n", "largest_force_n", "largest_torque_n_m", "vibration_rms_n", "band_rms_n",
+    "contacts.mean", "status.certified", "status.budget_spent",
+)  # fmt: skip
+
+
+def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """Return values with dotted keys in their types, or refuse them by their key.
+
+    What a value under `bodies` may be is judged with its scene, in `check_in_scene`.
+    """
+    plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
+    require_keys(plain, where, [*KEYS, "bodies.NAME.texture.KEY"])
+    out = dict(values)
+    for key, value in plain.items():
+        section, dot, name = key.partition(".")
+        place = f"{where}.{key}"
+        if not dot or key == PROBE or section == "hand":
+            out[key] = _own(key, value, where, folder)
+        elif key == "force.anti_alias":
+            at(place, lambda value=value: require_choice("mode", value, ANTI_ALIAS_MODES))  # type: ignore[misc]
+        elif key == "trajectory.file":
+            if not isinstance(value, str) or not beside(folder, value).is_file():
+                raise AsperityError(f"{place}: no such file: {value!r}")
+        else:
+            options = arguments({name: value}, f"{where}.{section}", _SECTIONS[section])
+            at(place, lambda s=section, o=options: _SECTIONS[s](**o))  # type: ignore[misc]
+            out[key] = list(options[name]) if isinstance(options[name], tuple) else options[name]
+    return out
+
+
+def _own(key: str, value: Any, where: str, folder: Path) -> Any:
+    """Return a value that no section of `scene.toml` has."""
+    place, kind = f"{where}.{key}", _OWN.get(key, float)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        wanted = {str: "a text", bool: "true or false", float: "a number", int: "a whole number"}
+        raise AsperityError(f"{place} must be {wanted[kind]}, got {value!r}")
+    if key == "seeds":
+        at(place, lambda: require_choice("seeds", value, SEEDS))
+    if key == "dt":
+        require_between(place, value, 1e-5, 0.1, "s")
+    if key == "scene":
+        at(place, lambda: _scene(value, folder))
+    if key == PROBE:
+        at(place, lambda: probe_plate(diameter=value))
+    if key in _HAND:
+        at(place, lambda: Hand(**{key.partition(".")[2]: value}))
+    return value
+
+
+def _scene(name: str, folder: Path) -> Scene:
+    """Return a built-in scene, or that in a folder beside the study."""
+    return load_scene(name if name in SCENES else _path(name, folder))
+
+
+def _scene_with(values: Mapping[str, Any], folder: Path) -> Scene:
+    """Return the scene that values name, its probe as large as they say."""
+    scene = _scene(values["scene"], folder)
+    if PROBE not in values:
+        return scene
+    texture = scene.document["bodies"]["plate"]["texture"]
+    return probe_plate(texture, diameter=values[PROBE])
+
+
+def _path(name: str, folder: Path) -> str:
+    path = beside(folder, name)
+    return str(path) if path.exists() else name
+
+
+def check_whole(
+    fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]], folder: Path
+) -> None:
+    """Refuse what does not go together: bodies that a scene lacks, keys that a texture lacks."""
+    if "scene" not in fixed and "scene" not in varied:
+        raise AsperityError(f"fixed.scene is missing: a folder, or one of: {', '.join(SCENES)}")
+    everywhere = {"seeds": "scene"} | dict(fixed)
+    seeds = varied.get("seeds", [everywhere["seeds"]])
+    if "repeat" in varied and "content" not in seeds:
+        raise AsperityError(
+            'vary.repeat changes seeds alone; it needs fixed.seeds = "content" beside it'
+        )
+    hands = [key for key in _HAND if key in fixed or key in varied]
+    if hands and False in varied.get("hand", [fixed.get("hand", True)]):
+        raise AsperityError(f"{hands[0]} needs hand = true")
+    for name in varied.get("scene", [fixed.get("scene")]):
+        scene = _scene(name, folder)
+        if (PROBE in fixed or PROBE in varied) and name not in PROBE_PLATES:
+            raise AsperityError(
+                f"{PROBE} is of the scenes {', '.join(PROBE_PLATES)}, not of {name!r}; "
+                "scenes with tools of your own are listed under vary.scene"
+            )
+        # The keys of a texture go with its kind: the values of kind and file come first.
+        firsts = {key: values[0] for key, values in varied.items()}
+        _check_bodies(scene, dict(fixed), "fixed", firsts, folder)
+        for key, values in varied.items():
+            if key.startswith("bodies."):
+                for value in values:
+                    _check_bodies(scene, dict(fixed), f"vary.{key}", firsts | {key: value}, folder)
+
+
+def _check_bodies(
+    scene: Scene, fixed: dict[str, Any], told: str, varied: Mapping[str, Any], folder: Path
+) -> None:
+    """Make the textures of one combination, as far as the study speaks of them."""
+    values = fixed | dict(varied)
+    bodies = nested({k: v for k, v in values.items() if k.startswith("bodies.")}).get("bodies", {})
+    known = scene.document.get("bodies", {})
+    names = [body.name for body in scene.bodies]
+    require_keys(bodies, "fixed.bodies" if told == "fixed" else "vary.bodies", names)
+    for name, body in bodies.items():
+        place = f"bodies.{name}"
+        require_keys(body, place, ("texture",))
+        table = _texture(known.get(name, {}).get("texture", {}), body.get("texture", {}), folder)
+        own = folder if "file" in body.get("texture", {}) else scene.folder
+        at(told, lambda t=table, p=place, f=own: body_texture(t, f"{p}.texture", f))  # type: ignore[misc]
+
+
+def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a texture's table with what a study says; another kind begins afresh."""
+    fresh = {"kind", "file"} & set(new)
+    kept = {} if fresh and any(old.get(k) != new.get(k) for k in fresh) else dict(old)
+    table = kept | dict(new)
+    if isinstance(new.get("file"), str):
+        table["file"] = str(beside(folder, new["file"]))
+    return table
+
+
+def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+    """Return the files and folders that values, key -> values, name, with where they lie.
+
+    Of a scene also those that it names itself: they may lie outside its folder.
+    """
+    out = {}
+    for name in columns.get("scene", ()):
+        if name not in SCENES:
+            out[name] = beside(folder, name)
+            out |= {f"{name}: {file}": path for file, path in _scene(name, folder).files.items()}
+    for key, values in columns.items():
+        if key.endswith(".file"):
+            out |= {name: beside(folder, name) for name in values}
+    return out
+
+
+def unit_of(key: str) -> str:
+    """Return the unit of a parameter, "1" for numbers without, "" where it is not known."""
+    return _UNITS.get(key.rpartition(".")[2], "")
+
+
+def label_of(key: str) -> str:
+    """Return what a parameter is called on an axis."""
+    *path, name = key.split(".")
+    place = path[1] if path[:1] == ["bodies"] else " ".join(path)
+    return f"{place} {name}".strip().replace("_", " ")
+
+
+class SceneRuns:
+    """Runs of scenes, one combination after the other.
+
+    Parameters
+    ----------
+    fixed : mapping
+        Values that stay, by dotted key, checked.
+    folder : Path
+        Where relative files lie.
+    seed : int
+        Enters every seed that follows from content.
+    """
+
+    def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
+        self.fixed, self.folder, self.seed = dict(fixed), folder, seed
+        self._scenes: dict[str, Scene] = {}
+
+    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
+        """Return what is kept of one combination."""
+        values = {"dt": 1e-3} | self.fixed | dict(varied)
+        scene = self._scene_of(values)
+        run = run_scene(scene, None, dt=values["dt"], hand=_hand(values))
+        found = {"coupling.tool_put_back": 0} | flat(run.summary) | _felt(run)
+        out = []
+        for name in keep:
+            if name not in found:
+                raise AsperityError(f"{name} needs hand = true")
+            out.append(float(found[name]))
+        return out
+
+    def _scene_of(self, values: Mapping[str, Any]) -> Scene:
+        """Return the scene of one combination; neighbours mostly share the one before changes."""
+        changes = nested({k: v for k, v in values.items() if k not in _OWN})
+        told = {k: v for k, v in values.items() if k in ("scene", PROBE)}
+        told |= {k: v for k, v in changes.items() if k == "bodies"}
+        key = digest(told, values.get("repeat", 0), values.get("seeds"))
+        if key not in self._scenes:
+            self._scenes = {key: self._with_bodies(values, changes.get("bodies", {}))}
+        scene = self._scenes[key]
+        sections = {name: dict(changes[name]) for name in _SECTIONS if name in changes}
+        motion = sections.get("trajectory", {})
+        if "file" in motion:
+            sections["trajectory"] = {k: None for k in scene.document.get("trajectory", {})}
+            sections["trajectory"]["file"] = str(beside(self.folder, motion["file"]))
+        elif "press_force" in motion and "press_depth" not in motion:
+            motion["press_depth"] = None
+        if values.get("seeds") == "content" and "force.seed" not in values:
+            sections["force"] = sections.get("force", {}) | {"seed": seed_of(values, self.seed)}
+        changed = scene.changed(**sections) if sections else scene
+        return replace(changed, notes=scene.notes)
+
+    def _with_bodies(self, values: Mapping[str, Any], bodies: Mapping[str, Any]) -> Scene:
+        scene = _scene_with(values, self.folder)
+        known = scene.document.get("bodies", {})
+        changes: dict[str, Any] = {}
+        for name, body in bodies.items():
+            old = known.get(name, {}).get("texture", {})
+            table = _texture(old, body.get("texture", {}), self.folder)
+            changes[name] = {"texture": {k: None for k in old} | table}
+        if changes:
+            scene = scene.changed(bodies=changes)
+        if values.get("seeds") != "content":
+            return scene
+        seeds: dict[str, Any] = {}
+        for name, body in scene.document.get("bodies", {}).items():
+            if f"bodies.{name}.texture.seed" not in values:
+                told = body.get("texture", {})
+                seeds |= with_seed({name: body}, seed_of(told, values.get("repeat", 0), self.seed))
+        return scene.changed(bodies=seeds) if seeds else scene
+
+
+def _hand(values: Mapping[str, Any]) -> bool | Hand:
+    """Return whether a hand holds the tool, or the one of which something is told."""
+    told = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
+    return Hand(**told) if told else bool(values.get("hand", False))
+
+
+def _felt(run: Run) -> dict[str, float]:
+    """Return numbers of the contact force that the summary does not have; asperity's own."""
+    force = run.rollout.contact_wrench[:, :3]
+    about = force - force.mean(axis=0)
+    times = run.rollout.time
+    dt = float(times[1] - times[0]) if len(times) > 1 else 1e-3
+    power = 0.0
+    if len(times) > 8:
+        for axis in range(3):
+            power += band_rms(*spectrum(force[:, axis], dt, periodic=False), DEFAULT_BAND) ** 2
+    return {
+        "mean_force_n": float(np.linalg.norm(force.mean(axis=0))),
+        "vibration_rms_n": float(np.sqrt(np.mean(np.sum(about**2, axis=1)))),
+        "band_rms_n": float(np.sqrt(power)),
+    }
+
+
+runner = SceneRuns

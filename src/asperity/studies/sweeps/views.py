@@ -1,0 +1,132 @@
+"""Which views of a sweep are drawn: chosen by what the store holds, or by what is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_choice
+from asperity.studies.sweeps.work import DONE
+
+VIEWS = ("curve", "map", "effects")
+_CURVE = 4
+"""Values that a parameter needs for an axis of a figure."""
+_COLOURS = 6
+"""Levels that colours and markers tell apart."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One figure: a metric, and what its axes are."""
+
+    kind: str
+    metric: str
+    x: str = ""
+    y: str = ""
+    colour: str = ""
+
+
+def parameters(data: xr.Dataset) -> list[str]:
+    """Return the parameters that vary: all coordinates but the numbers of samples."""
+    return [
+        str(name)
+        for name in data.coords
+        if name not in ("sample", "combination") and data[name].ndim == 1
+    ]
+
+
+def is_number(data: xr.Dataset, name: str) -> bool:
+    """Return whether a parameter's values are numbers."""
+    return bool(data[name].dtype.kind in "fiu")
+
+
+def chosen(
+    data: xr.Dataset,
+    *,
+    view: str | None = None,
+    metrics: Sequence[str] = (),
+    x: str | None = None,
+    y: str | None = None,
+    colour: str | None = None,
+) -> list[View]:
+    """Return the views to draw.
+
+    By default, of each metric: the curve over the axis with most values, the spacing first; the
+    map of the two axes with most values; effects, if several parameters vary.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        As `open_sweep` returns it.
+    view : {"curve", "map", "effects"}, optional
+    metrics : sequence of str
+        Default: the first that was kept, but for a status.
+    x, y, colour : str, optional
+        Parameters.
+    """
+    names = parameters(data)
+    if view is not None:
+        require_choice("view", view, VIEWS)
+    for metric in metrics:
+        require_choice("metric", metric, data.attrs["keep"])
+    asked = {"x": x, "y": y, "colour": colour}
+    for option, name in asked.items():
+        if name is not None:
+            require_choice(f"parameter for {option}", name, names)
+    numeric = [name for name in names if is_number(data, name)]
+    axes = [n for n in numeric if data[n].dims == (n,) and data.sizes[n] >= _CURVE]
+    axes.sort(key=lambda n: (n != "spacing", -data.sizes[n]))
+    for option in ("x", "y"):
+        name = asked[option]
+        if name is not None and name not in numeric:
+            raise AsperityError(f"{option} must be a parameter with numbers, got {name!r}")
+    across = x or (axes[0] if axes else None)
+    up = y or next((n for n in axes if n != across), None)
+    told = colour or _colour(data, names, across)
+    found = []
+    for metric in metrics or data.attrs["keep"][:1]:
+        if view == "curve" or (view is None and across is not None):
+            found.append(View("curve", metric, _given("x", across), colour=told or ""))
+        if view == "map" or (view is None and across and up and colour is None):
+            found.append(View("map", metric, _given("x", across), _given("y", up)))
+        if view == "effects" or (view is None and len(names) > 1 and not (x or y or colour)):
+            found.append(View("effects", metric))
+    if not found:
+        found = [View("effects", metric) for metric in metrics or data.attrs["keep"][:1]]
+    return found
+
+
+def _given(option: str, name: str | None) -> str:
+    if name is None:
+        raise AsperityError(
+            f"no parameter has {_CURVE} values or more for {option}; name one with --{option}"
+        )
+    return name
+
+
+def _colour(data: xr.Dataset, names: Sequence[str], across: str | None) -> str | None:
+    """Return the axis with most levels that colours can tell apart."""
+    few = [
+        n for n in names if n != across and data[n].dims == (n,) and 1 < data.sizes[n] <= _COLOURS
+    ]
+    return max(few, key=lambda n: data.sizes[n], default=None)
+
+
+def table(
+    data: xr.Dataset, metric: str
+) -> tuple[dict[str, NDArray[np.generic]], NDArray[np.float64]]:
+    """Return each parameter's values and the metric's, a row for each combination that is done."""
+    whole = data[metric]
+    done = (data["state"].values == DONE).ravel()
+    columns = {
+        name: np.broadcast_to(
+            np.asarray(data[name].values).reshape([-1 if d in data[name].dims else 1
+                                                   for d in whole.dims]), whole.shape
+        ).ravel()[done]
+        for name in parameters(data)
+    }  # fmt: skip
+    return columns, np.asarray(whole.values, np.float64).ravel()[done]

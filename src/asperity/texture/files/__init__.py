@@ -1,0 +1,1 @@
+"""Heights from files: images, arrays, instrument formats, normal maps."""

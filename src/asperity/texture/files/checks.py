@@ -1,0 +1,82 @@
+"""What samples, pixel sizes and places of a height field may be, and refusal of the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.errors import AsperityError, SurfaceError
+from asperity.texture.files.images import MAX_SAMPLES
+
+MAX_SLOPE = 100.0
+"""Steeper than this (89.4 degrees) is taken for a scale in the wrong unit, and refused."""
+MAX_HEIGHT = 10.0
+"""The highest or lowest sample [m]: heights are a texture's, not a landscape's."""
+MAX_PLACE = 1e6
+"""The farthest place that is evaluated [m]."""
+PIXEL_SIZES = (1e-9, 1.0)
+"""The smallest and the largest pixel size [m]."""
+
+
+def checked_pixel_size(pixel_size: float | Sequence[float]) -> tuple[float, float]:
+    """Return a pixel size [m] as a pair (pu, pv), or raise `SurfaceError`."""
+    try:
+        given = np.asarray(pixel_size)
+        pu, pv = np.broadcast_to(given if given.dtype.kind in "iuf" else np.nan, 2)
+    except (TypeError, ValueError):
+        pu = pv = np.float64(np.nan)
+    low, high = PIXEL_SIZES
+    if not (low <= pu <= high and low <= pv <= high):
+        raise SurfaceError(
+            f"pixel_size must be one number or two, {low:g} to {high:g} [m], got {pixel_size!r}"
+        )
+    return float(pu), float(pv)
+
+
+def checked_samples(samples: ArrayLike) -> NDArray[np.float64]:
+    """Return a copy of `samples` if heights can be what they are, or raise `SurfaceError`."""
+    try:
+        given = np.asarray(samples)
+        if given.dtype.kind not in "iuf":
+            raise TypeError(f"{given.dtype} values")
+        heights = np.array(given, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(f"samples must be an array of real numbers, got {error}") from None
+    if heights.ndim != 2 or min(heights.shape) < 4 or heights.size > MAX_SAMPLES:
+        raise SurfaceError(
+            "samples must be of shape (nv, nu), 4 or more along each axis and "
+            f"{MAX_SAMPLES} at most in all, got {heights.shape}"
+        )
+    bad = int(np.count_nonzero(~np.isfinite(heights)))
+    if bad:
+        raise SurfaceError(f"{bad} of {heights.size} samples are NaN or infinite; fill them first")
+    farthest = float(np.abs(heights).max())
+    if farthest > MAX_HEIGHT:
+        raise SurfaceError(f"samples must lie within {MAX_HEIGHT:g} m of 0, got {farthest:g} m")
+    return heights
+
+
+def check_steepness(
+    heights: NDArray[np.float64], pixel_size: tuple[float, float], border: str
+) -> None:
+    """Raise `SurfaceError` where neighbouring samples are too steep, the seam included."""
+    for axis, (name, pixel) in enumerate(zip("vu", pixel_size[::-1], strict=True)):
+        steepest = float(np.abs(np.diff(heights, axis=axis)).max())
+        if border == "wrap":
+            seam = np.take(heights, 0, axis) - np.take(heights, -1, axis)
+            steepest = max(steepest, float(np.abs(seam).max()))
+        if steepest > MAX_SLOPE * pixel:
+            raise SurfaceError(
+                f"too steep: a slope of {steepest / pixel:.3g} along {name}; valid: at most "
+                f"{MAX_SLOPE:g}. Are heights and pixel size both in metres?"
+            )
+
+
+def checked_places(name: str, places: ArrayLike) -> NDArray[np.float64]:
+    """Return places [m] as an array if they are finite and not too far, or raise."""
+    values = np.asarray(places, dtype=np.float64)
+    if not np.all(np.abs(values) <= MAX_PLACE):  # NaN compares false
+        raise AsperityError(f"{name} must be finite and within {MAX_PLACE:g} m of 0")
+    return values

@@ -1,0 +1,243 @@
+r"""Heights from normal maps.
+
+A normal map stores, for every pixel, the unit normal of a surface as a colour. Its slopes are
+`h_u = -n_u / n_z` and `h_v = -n_v / n_z`; the heights are those whose slopes come nearest to them
+in the sense of least squares. So the vertical scale follows from the pixel size: a normal map,
+unlike an image of heights, holds the ratio of the two.
+
+*Wrap.* Each wave of the heights follows from the same wave of both slopes (Frankot & Chellappa
+1988), exactly where the slopes are those of a periodic surface.
+
+*Clamp.* The rise from a sample to the next is the integral of the slope, taken from the cubic
+spline through the slopes (exact for slopes of the third degree; the usual mean of two neighbours
+loses 5 % of a wave of 8 pixels). Heights that fit all rises best solve Poisson's equation with
+free borders, which the cosine transform diagonalises (Simchony, Chellappa & Shao 1990).
+
+What a normal map does not hold: its mean height, and steps so steep that they fall between two
+pixels. Its mean slope is taken for a tilt of the camera or of the base and left out.
+
+References
+----------
+Frankot & Chellappa (1988), "A method for enforcing integrability in shape from shading algorithms",
+IEEE Trans. Pattern Anal. Mach. Intell. 10, 439-451.
+Simchony, Chellappa & Shao (1990), "Direct analytical methods for solving Poisson equations in
+computer vision problems", IEEE Trans. Pattern Anal. Mach. Intell. 12, 435-446.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft, interpolate
+
+from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
+from asperity.texture.files.arrays import refuse
+from asperity.texture.files.checks import checked_pixel_size
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels, unit_vectors
+from asperity.texture.files.reading import Heights
+
+CONVENTIONS = ("opengl", "directx")
+STEEPEST = 20.0
+"""Normals that lean further than this slope (87 degrees), or point down, are set to it."""
+_TILT = 1e-3
+
+
+def read_normal_map(
+    path: str | os.PathLike[str],
+    *,
+    pixel_size: float | None = None,
+    convention: str = "opengl",
+    border: str = "clamp",
+    height_range: float | None = None,
+    invert: bool = False,
+) -> Heights:
+    """Return the heights of the surface whose normals an image holds.
+
+    Parameters
+    ----------
+    path : str or path
+        A colour image of 8 or 16 bits, or of floats (PNG, TIFF, JPEG, OpenEXR): red along u, blue
+        along the base's normal.
+    pixel_size : float
+        Distance between samples [m], above 0. The heights are proportional to it.
+    convention : {"opengl", "directx"}
+        Green up the picture, or down. With the wrong one, hills lit from above look like valleys.
+    border : {"clamp", "wrap"}
+        Whether the surface ends at the borders or repeats there.
+    height_range : float, optional
+        Height from the lowest to the highest sample [m]; scales what the slopes give.
+    invert : bool
+        Turns hills into valleys.
+
+    Returns
+    -------
+    Heights
+        `(samples, pixel_size, notes)`, of zero mean, row 0 at v = 0.
+
+    Raises
+    ------
+    SurfaceError
+        A file that is no normal map, or cannot be read; one line.
+    """
+    path = Path(os.path.expanduser(path))
+    require_choice("convention", convention, CONVENTIONS)
+    require_choice("border", border, ("clamp", "wrap"))
+    if pixel_size is None:
+        refuse(path, "a normal map does not hold its scale; choose a value for pixel_size [m]")
+    try:
+        pixel = require_positive("pixel_size", pixel_size, "[m]")
+        if height_range is not None:
+            require_positive("height_range", height_range, "[m]")
+    except AsperityError as error:
+        refuse(path, str(error))
+    vectors, notes = _read_vectors(path)
+    h_u, h_v = _slopes(vectors, convention, notes)
+    green = {"opengl": "up", "directx": "down"}[convention]
+    notes.append(f"integrated from normals, green {green} the picture ({convention})")
+    samples = integrate_slopes(h_u, h_v, pixel, border=border)
+    tilt = float(np.hypot(h_u.mean(), h_v.mean()))
+    if tilt > _TILT:
+        notes.append(f"a mean slope of {tilt:.3g} is taken for a tilt and left out")
+    relief = float(np.ptp(samples))
+    if height_range is not None and relief > 0.0:
+        notes.append(
+            f"height range {height_range * 1e6:.6g} um, as given; "
+            f"the normals and the pixel size give {relief * 1e6:.6g} um"
+        )
+        samples = samples * (height_range / relief)
+    elif relief > 0.0:
+        notes.append(f"height range {relief * 1e6:.6g} um: from the normals and the pixel size")
+    return Heights(-samples if invert else samples, pixel, tuple(notes))
+
+
+def integrate_slopes(
+    h_u: ArrayLike, h_v: ArrayLike, pixel_size: float | Sequence[float], *, border: str = "clamp"
+) -> NDArray[np.float64]:
+    """Return the heights whose slopes fit best, by least squares.
+
+    Parameters
+    ----------
+    h_u, h_v : (nv, nu) array
+        Slopes at the samples, finite; 4 samples or more along each axis. Their means are left out.
+    pixel_size : float or (pu, pv)
+        Distance between samples [m].
+    border : {"clamp", "wrap"}
+        Whether the surface ends at the borders or repeats there.
+
+    Returns
+    -------
+    (nv, nu) array
+        Heights [m] of zero mean.
+    """
+    require_choice("border", border, ("clamp", "wrap"))
+    pixel = checked_pixel_size(pixel_size)
+    slopes = [np.asarray(slope, dtype=np.float64) for slope in (h_u, h_v)]
+    shape = slopes[0].shape
+    if len(shape) != 2 or slopes[1].shape != shape or min(shape) < 4:
+        raise SurfaceError(
+            "slopes must be two maps of one shape, 4 samples or more along each axis, got "
+            f"{shape} and {slopes[1].shape}"
+        )
+    bad = sum(int(np.count_nonzero(~np.isfinite(slope))) for slope in slopes)
+    if bad:
+        raise SurfaceError(f"{bad} slopes are NaN or infinite; fill them first")
+    if np.ptp(slopes[0]) == np.ptp(slopes[1]) == 0.0:
+        return np.zeros(shape)
+    level_u, level_v = (slope - slope.mean() for slope in slopes)
+    return (_repeating if border == "wrap" else _ending)(level_u, level_v, pixel)
+
+
+def _repeating(
+    h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Wave by wave: h = -i (k_u h_u + k_v h_v) / k^2."""
+    rows, columns = h_u.shape
+    k_u = 2.0 * np.pi * np.fft.rfftfreq(columns, pixel[0])[None, :]
+    k_v = 2.0 * np.pi * np.fft.fftfreq(rows, pixel[1])[:, None]
+    # The slope of the shortest wave is zero at every sample: it says nothing about its height.
+    if columns % 2 == 0:
+        k_u[0, -1] = 0.0
+    if rows % 2 == 0:
+        k_v[rows // 2] = 0.0
+    square = k_u**2 + k_v**2
+    square[square == 0.0] = np.inf
+    waves = -1j * (k_u * fft.rfft2(h_u) + k_v * fft.rfft2(h_v)) / square
+    return fft.irfft2(waves, s=h_u.shape)
+
+
+def _ending(
+    h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Poisson's equation for the rises between samples, by the cosine transform."""
+    rows, columns = h_u.shape
+    source = np.zeros(h_u.shape)
+    rises = _rises(h_u, 1) / pixel[0]  # over the pixel squared, as the Laplacian below
+    source[:, :-1] += rises
+    source[:, 1:] -= rises
+    rises = _rises(h_v, 0) / pixel[1]
+    source[:-1] += rises
+    source[1:] -= rises
+    along_u = (2.0 * np.sin(0.5 * np.pi * np.arange(columns) / columns) / pixel[0]) ** 2
+    along_v = (2.0 * np.sin(0.5 * np.pi * np.arange(rows) / rows) / pixel[1]) ** 2
+    laplacian = -(along_v[:, None] + along_u[None, :])
+    laplacian[0, 0] = -np.inf
+    return fft.idctn(fft.dctn(source) / laplacian)
+
+
+def _rises(slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Return the rise from each sample to the next along `axis`, over the pixel size."""
+    integral = interpolate.CubicSpline(np.arange(slopes.shape[axis]), slopes, axis).antiderivative()
+    return np.diff(integral(np.arange(slopes.shape[axis])), axis=axis)
+
+
+def _read_vectors(path: Path) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the vectors of a normal map, the bottom of the picture first, and notes."""
+    try:
+        if not path.is_file():
+            refuse(path, "there is no such file")
+        if path.suffix.lower() not in IMAGE_SUFFIXES:
+            refuse(path, f"a normal map is a colour image; valid: {', '.join(IMAGE_SUFFIXES)}")
+        pixels, notes = read_pixels(path)
+        return _checked_vectors(path, np.flipud(pixels)), list(notes)
+    except AsperityError:
+        raise
+    except MemoryError:
+        refuse(path, "too large for this computer's memory")
+    except Exception as error:  # whatever a reader makes of a damaged file
+        refuse(path, f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}")
+
+
+def _checked_vectors(path: Path, pixels: NDArray[Any]) -> NDArray[np.float64]:
+    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
+        refuse(path, "it has no colours; valid: a normal map, or kind='height'")
+    if min(pixels.shape[:2]) < 4:
+        refuse(path, f"{pixels.shape[:2]} pixels; valid: 4 or more along each axis")
+    if pixels.dtype.kind == "f" and not np.isfinite(pixels[..., :3]).all():
+        refuse(path, "some of its normals are NaN or infinite; valid: finite ones")
+    vectors, are_normals = unit_vectors(pixels)
+    if not are_normals:
+        refuse(path, "its colours are no unit vectors, blue along the normal; valid: a normal map")
+    return vectors
+
+
+def _slopes(
+    vectors: NDArray[np.float64], convention: str, notes: list[str]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the slopes along u and v; normals that lean too far are counted in a note."""
+    across = np.hypot(vectors[..., 0], vectors[..., 1])
+    along = vectors[..., 2]
+    leaning = int(np.count_nonzero(across > STEEPEST * along))
+    if leaning:
+        notes.append(
+            f"{leaning} of {along.size} normals lean further than a slope of {STEEPEST:g}, or "
+            "point down, and are set to it"
+        )
+    up = 1.0 if convention == "opengl" else -1.0
+    # A normal that points straight down has no slope; it is set to none.
+    along = np.maximum(np.maximum(along, across / STEEPEST), 1e-6)
+    return -vectors[..., 0] / along, -up * vectors[..., 1] / along

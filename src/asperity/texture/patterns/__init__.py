@@ -1,0 +1,6 @@
+"""Textures made from shapes and spectra."""
+
+from asperity._core.moved import forwarded
+
+# Until now this was a module; what it held lies one level deeper.
+__getattr__ = forwarded(__name__, "asperity.texture.patterns.patterns")

@@ -1,0 +1,118 @@
+"""A scene's tool, moved at chosen speeds and forces: the data of a vibration model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError, require_between, require_positive
+from asperity.scene.scene import Scene
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.simulation.simulation import Rollout, Simulation
+from asperity.vibrotactile.signals import Exploration, explored
+
+Array = NDArray[np.float64]
+_STEADY = 0.02
+"""How far a speed may be from its own to count as steady."""
+_SETTLING = 0.1
+"""At the beginning and end of a run, where filters have no past, nothing counts [s]."""
+
+
+def explore(
+    scene: Scene,
+    speeds: Sequence[float],
+    forces: Sequence[float],
+    *,
+    rate: float,
+    seconds: float,
+    mass: float,
+    on_tick: Callable[[int], None] = lambda _: None,
+) -> list[Exploration]:
+    """Return one exploration for each pair of speed and force: the steady part of a slide.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its own motion says where and along which line.
+    speeds, forces : sequence of float
+        [m/s], and pressed with at the start [N].
+    rate : float
+        Ticks a second [Hz].
+    seconds : float
+        Of each slide.
+    mass : float
+        See `signals.explored` [kg].
+    on_tick : callable
+        Called with the number of ticks done since it was called last.
+    """
+    require_between("rate", rate, 100.0, 1e5, "Hz")
+    require_between("seconds", seconds, 0.3, 600.0, "s")
+    motion = scene.motion
+    if not isinstance(motion, ScriptedMotion):
+        raise AsperityError(
+            f"scene {scene.name!r} moves along given poses; a model needs one that slides, or "
+            "recordings"
+        )
+    simulation = Simulation(scene, dt=1.0 / rate)
+    out = []
+    for speed, force in product(speeds, forces):
+        require_positive("speed", speed, "m/s")
+        require_positive("force", force, "N")
+        slide = replace(
+            motion, kind="slide", speed=speed, press_force=force, press_depth=None, seconds=seconds
+        )
+        done = 0
+
+        def count(i: int, _: Rollout) -> None:
+            nonlocal done
+            if i - done >= 100:
+                on_tick(i - done)
+                done = i
+
+        run = simulation.rollout(slide, on_tick=count)
+        on_tick(len(run.time) - done)
+        name = f"{speed * 1e3:.3g} mm/s, {force:.3g} N"
+        whole = explored(
+            run.time, run.tool_pose, run.contact_wrench, run.contact_count, mass=mass, name=name
+        )
+        out.append(_steady(whole, run, speed))
+    return out
+
+
+def _steady(whole: Exploration, run: Rollout, speed: float) -> Exploration:
+    """Return the longest stretch at the speed that was asked for."""
+    velocity = np.linalg.norm(
+        np.gradient(run.tool_pose[:, :3], run.time[1] - run.time[0], axis=0)[:, :2], axis=1
+    )
+    room = int(_SETTLING * whole.rate)
+    steady = np.abs(velocity / speed - 1.0) < _STEADY
+    steady[:room], steady[len(steady) - room :] = False, False
+    begin, end = longest_run(steady)
+    if end - begin < 2 * room:
+        raise AsperityError(
+            f"the slide at {whole.name} is steady for {(end - begin) / whole.rate:.2f} s; valid: "
+            f"{2.0 * _SETTLING:g} s or more: give more seconds, or a lower speed"
+        )
+    return whole.part(begin, end)
+
+
+def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return where the longest run of true values begins and ends."""
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    if not begins.size:
+        return 0, 0
+    longest = int(np.argmax(ends - begins))
+    return int(begins[longest]), int(ends[longest])
+
+
+def geometric_means(values: Sequence[float]) -> list[float]:
+    """Return the geometric means of neighbours; of one value, that value."""
+    ordered = sorted(values)
+    if len(ordered) == 1:
+        return ordered
+    return [float(np.sqrt(a * b)) for a, b in pairwise(ordered)]

@@ -1,0 +1,104 @@
+"""A fitted model, and how well it does, as numbers and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.vibrotactile.distances import Match
+from asperity.vibrotactile.fit import Fitted, Held
+from asperity.vibrotactile.model import TextureModel
+
+Array = NDArray[np.float64]
+
+
+def summary_of(model: TextureModel, fitted: Fitted | None, held: Sequence[Held]) -> dict[str, Any]:
+    """Return what there is to say of a model: how large it is, and what held-out runs say."""
+    out: dict[str, Any] = {
+        "schema": 1,
+        "name": model.name,
+        "rate_hz": model.rate,
+        "models": len(model.speeds),
+        "order": model.order,
+        "moving_average": int(model.ma.shape[1]),
+        "friction": model.friction,
+        "largest_speed_m_s": float(model.speeds.max()),
+        "largest_force_n": float(model.forces.max()),
+    }
+    if fitted is not None:
+        out |= {
+            "fitted": fitted.recorded,
+            "stretches": len(fitted.stretches),
+            "left_out": fitted.dropped,
+            "seconds": sum(s.vibration.size for s in fitted.stretches) / model.rate,
+            "criterion": fitted.scores.tolist(),
+        }
+    return out | {"held_out": [_one(one) for one in held], "median": _medians(held)}
+
+
+def _one(one: Held) -> dict[str, Any]:
+    return {
+        "run": one.stretch.exploration.name,
+        "from_s": one.stretch.begin / one.stretch.exploration.rate,
+        "to_s": one.stretch.end / one.stretch.exploration.rate,
+        "speed_m_s": one.stretch.speed,
+        "force_n": one.stretch.force,
+        "rms_m_s2": float(np.std(one.stretch.vibration)),
+        "made_rms_m_s2": float(np.std(one.made)),
+        **{told: getattr(one, told)._asdict() for told in ("match", "itself", "noise")},
+    }
+
+
+def _medians(held: Sequence[Held]) -> dict[str, dict[str, float]]:
+    if not held:
+        return {}
+    return {
+        told: {
+            name: float(np.median([getattr(getattr(one, told), name) for one in held]))
+            for name in Match._fields
+        }
+        for told in ("match", "itself", "noise")
+    }
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    """Return the summary as lines for a reader."""
+    lines = [
+        f"{summary['name']}: {summary['models']} models of order {summary['order']} at "
+        f"{summary['rate_hz']:g} Hz, up to {summary['largest_speed_m_s'] * 1e3:.0f} mm/s and "
+        f"{summary['largest_force_n']:.2f} N, friction {summary['friction']:.3f}"
+    ]
+    if "fitted" in summary:
+        lines.append(
+            f"fitted to {summary['stretches']} stretches, {summary['seconds']:.1f} s, in "
+            f"{summary['fitted']} places of force and speed; {summary['left_out']} left out"
+        )
+    told = {
+        "match": "synthesised against held out",
+        "itself": "held out against its other half",
+        "noise": "white noise of the same size",
+    }
+    if summary["held_out"]:
+        lines.append(f"{len(summary['held_out'])} held-out stretches, medians:")
+        for key, words in told.items():
+            row = summary["median"][key]
+            lines.append(
+                f"  {words:<32} fit {row['fit']:.3f}  Itakura-Saito {row['itakura_saito']:.3f}  "
+                f"rms {row['level']:.2f}"
+            )
+    return "\n".join(lines)
+
+
+def stroking(
+    model: TextureModel, *, seconds: float = 4.0, strokes: float = 1.0
+) -> tuple[Array, Array]:
+    """Return speeds [m/s] and forces [N] of a hand that strokes to and fro, `strokes` a second.
+
+    The speed is that of a sine that reaches the model's largest; the force half its largest.
+    """
+    time = np.arange(int(seconds * model.rate)) / model.rate
+    speed = np.abs(np.sin(np.pi * strokes * time)) * float(model.speeds.max())
+    return speed, np.full(time.size, 0.5 * float(model.forces.max()))

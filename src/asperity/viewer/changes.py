@@ -1,0 +1,242 @@
+"""What a page may change of a scene: functions from one choice to another, without any browser.
+
+All of them check what they are given, and raise `AsperityError` before anything has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from asperity.contact.response.settings import LAWS
+from asperity.errors import AsperityError, require_between, require_choice
+from asperity.realtime.devices.catalogue import entry_of, is_installed
+from asperity.scene.builtin import SCENES, load_scene
+from asperity.scene.document import PLACING
+from asperity.scene.from_files import make_scene
+from asperity.scene.scene import Scene
+from asperity.scene.texture import body_texture
+from asperity.texture.height_field import HeightField
+from asperity.viewer.session_config import Choice
+
+PATTERNS: dict[str, dict[str, Any]] = {
+    "sinusoid": {"wavelength": 2e-3, "amplitude": 1e-4},
+    "sin_product": {"wavelength": 2e-3, "amplitude": 1e-4},
+    "grating": {"pitch": 2.5e-3, "height": 4e-4},
+    "stripes": {"pitch": 3e-3, "depth": 3e-4},
+    "jittered_dots": {"pitch": 2e-3, "height": 4e-4, "diameter": 8e-4},
+    "cross_cut": {"pitch": 1e-3, "height": 2e-4},
+    "knurl": {"pitch": 1.5e-3, "height": 3e-4},
+    "brushed": {
+        "size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4,
+    },
+    "rough": {"size": 0.0128, "pixel_size": 5e-5, "hurst": 0.8, "rms_slope": 0.2, "cutoff": 2e-4},
+}  # fmt: skip
+"""Built-in textures, with sizes to begin with; ours."""
+SMOOTH, AS_IT_IS = "smooth", "as it is"
+MESH_SIZES: dict[str, dict[str, Any]] = {
+    "block": {"length": 0.06, "width": 0.04, "height": 0.015},
+}
+"""What a mesh that is made by a kind needs and is not told [m]; ours."""
+_HEIGHTS = ("amplitude", "height", "depth", "rms", "rms_slope", "height_range")
+"""Parameters that are in proportion to the relief."""
+_LENGTHS = (
+    "wavelength", "pitch", "width", "diameter", "second_pitch", "flank", "fillet", "size",
+    "pixel_size", "length", "rolloff", "cutoff",
+)  # fmt: skip
+"""Parameters that are in proportion to the pixel size."""
+RELIEF, PIXEL = (1e-7, 5e-3), (1e-7, 1e-3)
+"""Of textures that are made in a page [m]."""
+METHODS: dict[str, dict[str, Any]] = {
+    "Otaduy & Lin 2004": {"law": "otaduy-lin", "gradient": "exact"},
+    "Otaduy & Lin, central differences": {"law": "otaduy-lin", "gradient": "differences"},
+    "Otaduy & Lin, soft maximum": {"law": "otaduy-lin", "gradient": "soft"},
+    "Minsky 1995": {"law": "minsky", "gradient": "exact"},
+    "Ho et al. 1999": {"law": "ho", "gradient": "exact"},
+    "Siira & Pai 1996": {"law": "siira-pai", "gradient": "exact"},
+}
+"""Force laws by name, and what of the force settings they stand for."""
+assert {method["law"] for method in METHODS.values()} == set(LAWS)
+
+
+def bodies_of(scene: Scene) -> list[str]:
+    """Return the names of a scene's bodies, those with a texture first."""
+    textured = [body.name for body in scene.bodies if body.texture is not None]
+    return textured + [body.name for body in scene.bodies if body.texture is None]
+
+
+def texture_of(scene: Scene, body: str) -> HeightField | None:
+    """Return a body's texture."""
+    require_choice("body", body, [b.name for b in scene.bodies])
+    return next(b.texture for b in scene.bodies if b.name == body)
+
+
+def method_of(scene: Scene) -> str:
+    """Return the name in `METHODS` of what a scene's force is."""
+    force = scene.force
+    return next(
+        name
+        for name, method in METHODS.items()
+        if (method["law"], method["gradient"]) == (force.law, force.gradient)
+    )
+
+
+def methods_for(scene: Scene) -> list[str]:
+    """Return the methods that a scene can have: where a mesh is involved, the exact one alone."""
+    return list(METHODS)[:1] if any(b.mesh is not None for b in scene.bodies) else list(METHODS)
+
+
+def with_scene(choice: Choice, name: str) -> Choice:
+    """Return a choice of another scene, on a coupling if it does not say how the tool is held."""
+    return replace(choice, scene=on_coupling(load_scene(name)), source=name)
+
+
+def on_coupling(scene: Scene, mode: str | None = None) -> Scene:
+    """Return a scene for a hand: on a coupling, unless the scene's own is not `direct`."""
+    own = scene.document.get("coupling", {}).get("mode", "direct")
+    mode = mode or ("implicit" if own == "direct" else own)
+    return replace(scene.changed(coupling={"mode": mode}), notes=scene.notes)
+
+
+def with_method(choice: Choice, method: str, *, softness: float | None = None) -> Choice:
+    """Return a choice with another force law or gradient; `softness` [m] is of the soft maximum."""
+    require_choice("force law", method, methods_for(choice.scene))
+    told = dict(METHODS[method])
+    if softness is not None:
+        told["softness"] = softness
+    return replace(choice, scene=choice.scene.changed(force=told))
+
+
+def with_device(choice: Choice, name: str, rate: float | None = None) -> Choice:
+    """Return a choice with another device, and rate; what it lacks is said here."""
+    if not name.startswith("replay:"):
+        entry = entry_of(name)
+        if not is_installed(entry):
+            raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
+    return replace(choice, device=name, options={}, rate=choice.rate if rate is None else rate)
+
+
+def scaled_texture(
+    table: Mapping[str, Any],
+    *,
+    relief: float | None = None,
+    pixel_size: float | None = None,
+    folder: Path | None = None,
+) -> dict[str, Any]:
+    """Return what describes a texture, made as high and as wide as wanted.
+
+    Parameters
+    ----------
+    table : mapping
+        As in `[bodies.NAME.texture]`.
+    relief : float, optional
+        From the lowest to the highest place [m], 1e-7 to 5e-3.
+    pixel_size : float, optional
+        Between samples [m], 1e-7 to 1e-3; all else that is a length along the surface goes with it.
+    folder : Path, optional
+        Where its file lies.
+    """
+    out = {key: value for key, value in table.items() if value is not None}
+    if relief is not None:
+        require_between("relief", relief, *RELIEF, "m")
+    if pixel_size is not None:
+        require_between("pixel size", pixel_size, *PIXEL, "m")
+    field, _ = body_texture(out, "texture", folder)
+    if field is None:
+        return out
+    if pixel_size is not None:
+        factor = pixel_size / field.pixel_size[0]
+        if "file" in out and "size" not in out:
+            out["pixel_size"] = field.pixel_size[0]
+        _multiply(out, _LENGTHS, factor)
+    if relief is not None and field.relief > 0.0:
+        if "file" in out and "height_range" not in out:
+            out["height_range"] = field.relief
+        if out.get("kind") == "rough" and pixel_size is not None:
+            # Its slopes are given: wider, it is higher already.
+            field, _ = body_texture(out, "texture", folder)
+            assert field is not None
+        _multiply(out, _HEIGHTS, relief / field.relief)
+    return out
+
+
+def _multiply(table: dict[str, Any], names: tuple[str, ...], factor: float) -> None:
+    for name in names:
+        value = table.get(name)
+        if isinstance(value, list | tuple):
+            table[name] = [factor * float(v) for v in value]
+        elif value is not None:
+            table[name] = factor * float(value)
+
+
+def with_texture(
+    choice: Choice,
+    body: str,
+    kind: str | Mapping[str, Any],
+    *,
+    relief: float | None = None,
+    pixel_size: float | None = None,
+) -> Choice:
+    """Return a choice in which a body has another texture.
+
+    Parameters
+    ----------
+    choice : Choice
+    body : str
+    kind : str or mapping
+        A name in `PATTERNS`, "smooth", "as it is", or a table that describes it.
+    relief, pixel_size : float, optional
+        As for `scaled_texture`.
+    """
+    scene = choice.scene
+    texture_of(scene, body)
+    old = dict(scene.document.get("bodies", {}).get(body, {}).get("texture", {}))
+    placing = {key: old[key] for key in PLACING if key in old}
+    mesh = next(b.mesh for b in scene.bodies if b.name == body)
+    placing.setdefault("mapping", "triplanar" if mesh is not None else "planar")
+    if kind == SMOOTH:
+        table: dict[str, Any] | None = None
+    elif kind == AS_IT_IS:
+        if not old:
+            raise AsperityError(f"{body} is smooth; choose a texture for it")
+        table = old
+    elif isinstance(kind, str):
+        require_choice("texture", kind, [AS_IT_IS, SMOOTH, *PATTERNS])
+        table = {"kind": kind, **PATTERNS[kind], **placing}
+    else:
+        table = {**kind, **placing}
+    if table is None:
+        return replace(choice, scene=_with_table(scene, body, old, None))
+    table = scaled_texture(table, relief=relief, pixel_size=pixel_size, folder=scene.folder)
+    return replace(choice, scene=_with_table(scene, body, old, table))
+
+
+def _with_table(
+    scene: Scene, body: str, old: Mapping[str, Any], table: dict[str, Any] | None
+) -> Scene:
+    """Return the scene with a body's texture table in the place of the old one."""
+    if table is None:
+        return scene.changed(bodies={body: {"texture": None}})
+    gone = dict.fromkeys(key for key in old if key not in table)
+    return scene.changed(bodies={body: {"texture": {**gone, **table}}})
+
+
+def with_meshes(
+    choice: Choice, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
+) -> Choice:
+    """Return a choice of a scene of two meshes: files, or made by a kind; see `make_scene`.
+
+    A kind that needs sizes and is not told any has those of `MESH_SIZES`.
+    """
+    tool, target = (
+        MESH_SIZES.get(table.get("kind", ""), {}) | dict(table) for table in (tool, target)
+    )
+    scene = make_scene(tool=tool, target=target, unit=unit)
+    return replace(choice, scene=on_coupling(scene), source="")
+
+
+def built_in_scenes() -> list[str]:
+    """Return the names of the scenes that come with asperity."""
+    return list(SCENES)

@@ -1,0 +1,1 @@
+"""What the page draws: displaced surfaces as coloured meshes."""

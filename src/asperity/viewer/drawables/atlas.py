@@ -1,0 +1,114 @@
+"""The relief of a mesh as an image: every triangle has a corner of it, coloured by its height.
+
+So many triangles as would show teeth of half a millimetre on a hammer are too many for a page; so
+many pixels are not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.mesh_displacement import MeshRelief
+from asperity.geometry.bodies import Body
+from asperity.viewer.drawables.colours import height_colours
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+_SIZE = 2048
+"""Rows and columns of the image; every browser takes so many."""
+_GUTTER = 2
+"""Pixels round each triangle, so that a smoothed image shows none of its neighbours."""
+_AT_ONCE = 400
+"""Triangles that are coloured at once."""
+_DARKER = 0.55
+"""So much darker are slopes than what is level, times how far they are turned away (1 - cos)."""
+
+
+class Atlas:
+    """Where each triangle of a mesh lies in an image, and the image.
+
+    Two triangles share a cell: each fills a half of it, cut along the diagonal.
+
+    Parameters
+    ----------
+    body : Body
+        With a mesh and a texture.
+    faces : (m,) array of bool
+        Which triangles of it have a place.
+    colour : sequence of 3 floats
+        Of what has no height.
+    """
+
+    def __init__(self, body: Body, faces: NDArray[np.bool_], colour: tuple[float, ...]) -> None:
+        assert body.mesh is not None
+        self._body, self._colour = body, colour
+        self._faces = np.flatnonzero(faces)
+        self._number = np.cumsum(faces) - 1
+        cells = (len(self._faces) + 1) // 2
+        # The largest triangle of which so many pairs fit in.
+        wide, high = 5 * _GUTTER, 2 * _GUTTER
+        side = int(np.sqrt(_SIZE**2 / max(cells, 1)))
+        while (_SIZE // (side + wide)) * (_SIZE // (side + high)) < cells:
+            side -= 1
+        self._side = side
+        self._across = _SIZE // (side + wide)
+        self._cell = np.array([side + wide, side + high])
+
+    def places(self, face: Whole, weights: Array) -> Array:
+        """Return where points of triangles (n,) with weights (n, k, 3) lie, (n, k, 2).
+
+        From the upper left corner of the image, 0 to 1: glTF's texture coordinates.
+        """
+        number = self._number[face]
+        cell, second = number // 2, number % 2 == 1
+        corner = np.stack([cell % self._across, cell // self._across], axis=-1) * self._cell
+        inside = np.where(
+            second[:, None, None],
+            [4.0 * _GUTTER, _GUTTER] + self._side * (1.0 - weights[..., 1:]),
+            _GUTTER + self._side * weights[..., 1:],
+        )
+        return np.asarray((corner[:, None] + inside) / _SIZE)
+
+    def image(self) -> NDArray[np.uint8]:
+        """Return the image, (rows, columns, 3)."""
+        out = np.full((_SIZE, _SIZE, 3), 255, np.uint8)
+        field = self._body.texture
+        assert field is not None
+        mesh = self._body.mesh
+        assert mesh is not None
+        corners = mesh.vertices[mesh.faces[self._faces]]
+        sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        relief = MeshRelief(self._body, float(np.median(sides)) / self._side)
+        columns, rows = self._cell
+        x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+        second = x + y > self._side + 3.5 * _GUTTER
+        # Beyond a triangle's edge the relief goes on for a pixel or two.
+        s = np.where(second, 1.0 - (x - 4 * _GUTTER) / self._side, (x - _GUTTER) / self._side)
+        t = np.where(second, 1.0 - (y - _GUTTER) / self._side, (y - _GUTTER) / self._side)
+        weights = np.stack([1.0 - s - t, s, t], axis=-1)
+        for half in (0, 1):
+            mine = second == bool(half)
+            for some in np.array_split(
+                np.arange(half, len(self._faces), 2), 1 + len(self._faces) // _AT_ONCE
+            ):
+                if not some.size:
+                    continue
+                pixels = self._colours(
+                    relief, self._faces[some], weights[mine], field.lowest, field.highest
+                )
+                left = some // 2 % self._across * columns
+                top = some // 2 // self._across * rows
+                at_y, at_x = np.nonzero(mine)
+                out[top[:, None] + at_y, left[:, None] + at_x] = pixels
+        return out
+
+    def _colours(
+        self, relief: MeshRelief, face: Whole, weights: Array, low: float, high: float
+    ) -> NDArray[np.uint8]:
+        """Return colours (n, k, 3) of triangles (n,) at the same weights (k, 3) of each."""
+        tiled = np.broadcast_to(weights, (len(face), *weights.shape))
+        height, turned = relief.heights(face, tiled)
+        colour = height_colours(height.reshape(-1), low, high, self._colour)
+        shade = 1.0 - _DARKER * (1.0 - turned.reshape(-1, 1))
+        return np.asarray((255.0 * colour * shade).reshape(*height.shape, 3), dtype=np.uint8)

@@ -1,0 +1,278 @@
+"""What is drawn of a scene in the page: displaced surfaces as meshes, coloured by height.
+
+All bodies together stay within a number of triangles. Surfaces are sampled evenly, as finely as
+that allows, meshes only round the place where the tool touches first; of a grid, rows and columns
+that a straight line between others shows as well are left out first, so that ridges are drawn much
+finer than dots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.parts import Part, scene_parts
+from asperity.drawing.renderer.view import Sheet, View
+from asperity.scene.scene import Scene
+from asperity.spatial.poses import rotation_of
+from asperity.viewer.drawables.atlas import Atlas
+from asperity.viewer.drawables.colours import height_colours
+
+Array = NDArray[np.float64]
+TRIANGLES = 50_000
+"""Of all bodies together, at most, if nothing else is said."""
+FEWEST, MOST = 1_000, 2_000_000
+_STRAIGHT = 0.03
+"""Points that are off a line by less than this times the relief are left out."""
+_FINEST = 2e-5
+"""No surface is sampled more finely [m]."""
+_WIDE = 2.5
+"""A plane without end is shown so many times as far as the rest of the scene."""
+_ROUNDS, _MOST_ROUNDS = 6, 14
+"""In which the budget is to be met closely; in which it is to be met at all."""
+_COARSER = 1.2
+"""So many times as coarse is each of the rounds after those."""
+_SPREAD, _NEAR = 6000, 3e-3
+"""Points of each mesh by which that place is found, and how near to the nearest counts [m]."""
+_FINE = 0.028
+"""Meshes show their relief so far round the place where the tool touches first [m]."""
+_TOOL_COARSER = 1.6
+"""The tool hides most of its own relief."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh to be shown.
+
+    `vertices`, `normals`, `colours` (n, 3): [m], in the frame of the tool or of the world; unit
+    length; sRGB, 0 to 1. `faces` (m, 3). `lowest`, `highest`: of the relief [m]. `places` (n, 2):
+    in the image of its `atlas`, where it has one instead of the colours.
+    """
+
+    name: str
+    is_tool: bool
+    vertices: Array
+    normals: Array
+    colours: Array
+    faces: NDArray[np.int64]
+    lowest: float
+    highest: float
+    places: Array | None = None
+    atlas: Atlas | None = None
+
+
+def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
+    """Return what to show of a scene with at most so many triangles.
+
+    Raises nothing; a budget that is too small for the undisplaced shapes is exceeded by them.
+    """
+    parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    centre, radius = _extent(scene, parts)
+    views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
+    spacing = radius / 100.0
+    best: list[Shape] = []
+    fewest: list[Shape] = []
+    low, high, least = 0.0, np.inf, np.inf
+    for tried in range(_MOST_ROUNDS):
+        shapes = [
+            _shape(part, view, spacing, i)
+            for i, (part, view) in enumerate(zip(parts, views, strict=True))
+        ]
+        count = sum(len(shape.faces) for shape in shapes)
+        if count <= triangles:
+            best, high = shapes, spacing
+            if count > 0.85 * triangles or spacing <= _FINEST:
+                break
+        else:
+            low = spacing
+            if count < least:
+                fewest, least = shapes, count
+        if tried + 1 >= _ROUNDS and best:
+            break
+        wanted = spacing * np.sqrt(max(count, 1) / (0.95 * triangles))
+        if low < high < np.inf:
+            wanted = np.clip(wanted, low + 0.1 * (high - low), high - 0.1 * (high - low))
+        elif tried + 1 >= _ROUNDS:
+            wanted = max(wanted, _COARSER * spacing)
+        spacing = float(max(wanted, _FINEST))
+    return best or fewest
+
+
+def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
+    """Return the middle and the reach of all that has an end, the tool where it is drawn [m]."""
+    boxes = []
+    for part in parts:
+        place = scene.start if part.is_tool else part.pose
+        if part.body.mesh is not None:
+            points = part.body.mesh.vertices
+        else:
+            solids = [geom for geom in part.body.geoms if geom.kind != "plane"]
+            if not solids:
+                continue
+            points = np.concatenate(
+                [np.asarray(g.position) + s * max(g.size) for g in solids for s in (-1.0, 1.0)]
+            ).reshape(-1, 3)
+        boxes.append(np.array([points.min(axis=0), points.max(axis=0)]) + place[:3])
+    if not boxes:
+        return np.zeros(3), 0.1
+    corners = np.concatenate(boxes)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+
+
+def first_contact(scene: Scene) -> Array:
+    """Return about where the tool, as it is drawn, is nearest to another mesh [m]."""
+    from scipy.spatial import cKDTree
+
+    meshes = {body.name: body.mesh for body in scene.bodies if body.mesh is not None}
+    tool = meshes.pop(scene.tool, None)
+    if tool is None or not meshes:
+        return scene.start[:3]
+    parts = {part.body.name: part.pose for part in scene_parts(scene, scene.start)}
+    others = np.concatenate(
+        [_spread(mesh.vertices[mesh.faces], parts[name]) for name, mesh in meshes.items()]
+    )
+    away, _ = cKDTree(_spread(tool.vertices[tool.faces], scene.start)).query(others)
+    near = np.asarray(away) < np.min(away) + _NEAR
+    return np.asarray(others[near].mean(axis=0))
+
+
+def _spread(triangles: Array, pose: Array) -> Array:
+    """Return points (n, 3) spread over triangles (m, 3, 3), in the world."""
+    area = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    draw = np.random.default_rng(0)
+    chosen = draw.choice(len(triangles), _SPREAD, p=area / area.sum())
+    weights = draw.dirichlet((1.0, 1.0, 1.0), _SPREAD)
+    points = np.einsum("ij,ijk->ik", weights, triangles[chosen])
+    return np.asarray(points @ rotation_of(pose[3:]).T + pose[:3])
+
+
+def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array) -> View:
+    """Return which ball of a part is drawn finely, in its frame if it is the tool."""
+    if part.body.mesh is not None:
+        if part.is_tool:
+            contact = rotation_of(start[3:]).T @ (contact - start[:3])
+        return View(contact, _FINE, 100)
+    if part.is_tool:
+        return View(np.zeros(3), 4.0 * radius, 100)
+    is_plane = part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)
+    return View(centre, (_WIDE if is_plane else 2.0) * radius, 100)
+
+
+def _shape(part: Part, view: View, spacing: float, number: int) -> Shape:
+    """Return the surface of a part, sampled every `spacing` [m]."""
+    if part.is_tool:
+        spacing *= _TOOL_COARSER
+    if part.body.texture is None and part.body.mesh is None:
+        spacing = max(spacing, _rounding(part))
+    view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
+    points, normals, heights, faces, count = [], [], [], [], 0
+    atlas, places = _atlas(part), []
+    for sheet in part.sheets(view):
+        if atlas is not None and sheet.face is not None and sheet.weights is not None:
+            places.append(atlas.places(sheet.face, sheet.weights).reshape(-1, 2))
+        for patch in _patches(sheet):
+            points.append(patch[0])
+            normals.append(patch[1])
+            heights.append(patch[2])
+            faces.append(patch[3] + count)
+            count += len(patch[0])
+    if not count:
+        empty = np.zeros((0, 3))
+        return Shape(
+            f"{part.body.name}-{number}", part.is_tool, empty, empty, empty,
+            np.zeros((0, 3), np.int64), 0.0, 0.0,
+        )  # fmt: skip
+    height = np.concatenate(heights)
+    field = part.body.texture
+    low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)
+    return Shape(
+        f"{part.body.name}-{number}", part.is_tool, np.concatenate(points),
+        np.concatenate(normals), height_colours(height, low, high, part.colour),
+        _outwards(np.concatenate(points), np.concatenate(normals), np.concatenate(faces)),
+        low, high, np.concatenate(places) if places else None, atlas,
+    )  # fmt: skip
+
+
+def _atlas(part: Part) -> Atlas | None:
+    body = part.body
+    if body.mesh is None or body.texture is None or body.texture.lowest == body.texture.highest:
+        return None
+    every = np.ones(len(body.mesh.faces), bool)
+    return Atlas(body, every if part.faces is None else part.faces, part.colour)
+
+
+def _rounding(part: Part) -> float:
+    """Return how coarsely a smooth solid may be drawn: its thinnest, over 5 [m]."""
+    return min(geom.smallest if geom.kind != "plane" else 1.0 for geom in part.body.geoms) / 5.0
+
+
+def _patches(
+    sheet: Sheet,
+) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
+    """Yield points, normals, heights and triangles of a sheet."""
+    if sheet.corners is None:
+        rows, columns = (_kept(sheet, axis) for axis in (0, 1))
+        grid = np.ix_(rows, columns)
+        points, normals = sheet.points[grid], sheet.normals[grid]
+        height = np.full(points.shape[:2], np.nan) if sheet.height is None else sheet.height[grid]
+        faces = _grid_faces(len(rows), len(columns))
+        yield points.reshape(-1, 3), normals.reshape(-1, 3), height.reshape(-1), faces
+        return
+    n, k = sheet.points.shape[:2]
+    height = np.full((n, k), np.nan) if sheet.height is None else sheet.height
+    triangles = (sheet.corners[None] + k * np.arange(n)[:, None, None]).reshape(-1, 3)
+    yield sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), height.reshape(-1), triangles
+
+
+def _kept(sheet: Sheet, axis: int) -> NDArray[np.int64]:
+    """Return which rows or columns of a grid show it as well as all of them."""
+    points = np.moveaxis(sheet.points, axis, 0)
+    # Few lines across are enough to judge by, if the coarsest relief is seen in them.
+    points = points[:, :: max(points.shape[1] // 64, 1)]
+    relief = 0.0 if sheet.height is None else float(np.ptp(sheet.height))
+    size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
+    slack = _STRAIGHT * relief if relief > 0.0 else 1e-3 * size
+    count = len(points)
+    kept, at = [0], 0
+    while at < count - 1:
+        span = 1
+        while at + 2 * span < count and _is_straight(points[at : at + 2 * span + 1], slack):
+            span *= 2
+        step = span
+        while step > 1:
+            step //= 2
+            if at + span + step < count and _is_straight(points[at : at + span + step + 1], slack):
+                span += step
+        at = min(at + span, count - 1)
+        kept.append(at)
+    return np.array(kept)
+
+
+def _is_straight(points: Array, slack: float) -> bool:
+    """Return whether what lies between the first and the last row lies on lines between them."""
+    share = np.linspace(0.0, 1.0, len(points))[:, None, None]
+    off = points - ((1.0 - share) * points[0] + share * points[-1])
+    return bool(np.abs(off).max() <= slack)
+
+
+def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = i * columns + j
+    b, c, d = a + columns, a + columns + 1, a + 1
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
+def _outwards(points: Array, normals: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return triangles turned so that they face where their normals do; none without area."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)
+    faces = faces[np.einsum("ij,ij->i", area, area) > 0.0]
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[faces].sum(axis=1))
+    return np.where(facing[:, None] < 0.0, faces[:, ::-1], faces)

@@ -1,0 +1,80 @@
+"""Canned motions of the mouse's hand: tables of poses that begin where the hand shall be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import require_between, require_choice
+from asperity.realtime.devices.pointer_file import ROOM
+from asperity.scene.trajectory import ScriptedMotion, scripted
+
+KINDS = ("slide", "circle", "press")
+SPEEDS, LENGTHS, FORCES = (1e-3, 0.5), (1e-3, 0.2), (0.0, 3.0)
+"""What may be chosen [m/s], [m], [N]."""
+_STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion that goes on and on.
+
+    Parameters
+    ----------
+    kind : {"slide", "circle", "press"}
+        To and fro along a line; round a circle; staying in place.
+    speed : float
+        [m/s].
+    length : float
+        Of the line, or across the circle [m].
+    direction : float
+        Of the line, from x towards y [rad].
+    """
+
+    kind: str = "slide"
+    speed: float = 0.05
+    length: float = 0.03
+    direction: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_choice("motion", self.kind, KINDS)
+        require_between("speed", self.speed, *SPEEDS, "m/s")
+        require_between("length", self.length, *LENGTHS, "m")
+        require_between("direction", self.direction, -10.0, 10.0, "rad")
+
+
+class Table(NamedTuple):
+    """Poses (n, 7), `step` [s] apart; after the last comes the row after `loop`, which is alike."""
+
+    poses: NDArray[np.float64]
+    loop: int
+    step: float
+
+
+def motion_table(motion: Motion, start: NDArray[np.float64]) -> Table:
+    """Return the poses of a motion that begins at rest at a pose (7,), once round."""
+    if motion.kind == "press":
+        return Table(np.array(start, dtype=np.float64)[None], 0, _STEP)
+    plan = ScriptedMotion(
+        kind=motion.kind, speed=motion.speed, length=motion.length, radius=0.5 * motion.length,
+        direction=motion.direction,
+    )  # fmt: skip
+    # A circle is begun slowly, and then gone round evenly; to and fro begins anew each time.
+    before = plan.ramp if motion.kind == "circle" else 0.0
+    count = math.ceil(plan.period / max(_STEP, (plan.period + before) / (ROOM - 2)))
+    step = plan.period / count
+    loop = math.ceil(before / step)
+    seconds = (loop + count) * step
+    made = scripted(
+        ScriptedMotion(
+            kind=plan.kind, speed=plan.speed, length=plan.length, radius=plan.radius,
+            direction=plan.direction, seconds=seconds,
+        ),
+        start,
+        dt=step,
+    )  # fmt: skip
+    return Table(np.asarray(made.poses, dtype=np.float64), loop, step)

@@ -1,0 +1,269 @@
+"""The scene in three dimensions: displaced bodies, tool and handle, contacts, forces.
+
+Geometry goes to the browser once; an update moves the tool and the handle and redraws a few arrows.
+The shown world is in centimetres: real scenes are millimetres in size, and a browser's camera is
+made for rooms.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.virtual_coupling.settings import held_body
+from asperity.realtime.servo.snapshot import Moment
+from asperity.scene.scene import Scene
+from asperity.spatial.poses import rotation_of
+from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
+from asperity.viewer.drawables.glb import glb
+from asperity.viewer.drawables.shapes import TRIANGLES, Shape, first_contact, shapes_of
+from asperity.viewer.panels.panel import Frame
+
+if TYPE_CHECKING:
+    import viser
+
+    from asperity.viewer.servo_client import Link
+
+Array = NDArray[np.float64]
+UNITS = 100.0
+"""Of the shown world to the metre."""
+_FORCE_LENGTH = 0.32
+"""Of the arrow of `_FULL_FORCE`, over the size of the tool; ours."""
+_FULL_FORCE, _FULL_TORQUE = 1.0, 0.02
+"""[N], [N m]."""
+_LONGEST = 2.0
+"""An arrow is never longer than this many times the full one."""
+_LEAST = 0.02
+"""Nor drawn when it is shorter than this."""
+_GHOST_TRIANGLES = 3000
+_OUTLINE = 500
+"""Points by which the highest place of the tool is found, about."""
+_VIEW = np.array([0.75, -1.0, 0.55])
+"""From the middle of the tool to the eye."""
+_WHOLE = 16.0
+"""A tool up to this size is shown whole at first, of a larger one that much [units]."""
+_CLOSENESS, _ASIDE = 2.3, 0.2
+"""Distance of the eye, and how far it looks past the tool, over the tool's size."""
+
+
+class Stage:
+    """The 3-D scene, as a panel without a tab.
+
+    Parameters
+    ----------
+    triangles : int
+        Of all bodies together, at most.
+    """
+
+    title = ""
+
+    def __init__(self, triangles: int = TRIANGLES) -> None:
+        self._triangles = triangles
+        self._scene: Scene | None = None
+        self._nodes: list[Any] = []
+        self.shapes: list[Shape] = []
+        """What is shown."""
+
+    def build(self, server: viser.ViserServer, link: Link) -> None:
+        """Set light and camera up, and show the scene."""
+        self._server, self._link = server, link
+        scene = server.scene
+        scene.set_up_direction("+z")
+        scene.world_axes.visible = False
+        scene.set_background_image(_backdrop(), format="png")
+        scene.configure_default_lights(False)
+        scene.configure_environment_map("studio", environment_intensity=0.2)
+        scene.add_light_hemisphere(
+            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.55
+        )
+        scene.add_light_directional(
+            "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
+        )
+        scene.add_light_directional(
+            "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
+        )
+        self._show(link.choice.scene)
+
+    def update(self, frame: Frame) -> None:
+        """Move tool, handle and arrows to where they are now."""
+        scene = self._link.choice.scene
+        if scene is not self._scene:
+            self._show(scene)
+        moment = frame.moment
+        if moment is None:
+            return
+        _place(self._tool, moment.tool_pose)
+        _place(self._ghost, moment.handle_pose)
+        self._show_stretch(moment)
+        self._show_contacts(moment)
+        self._show_wrench(moment)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    # -- what is made once ---------------------------------------------------------------------
+
+    def _show(self, scene: Scene) -> None:
+        """Show another scene."""
+        for node in reversed(self._nodes):  # what hangs on others first
+            node.remove()
+        self._scene = scene
+        self.shapes = shapes_of(scene, self._triangles)
+        self._centre = np.array(held_body(scene.model, scene.tool).centre)
+        tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
+        self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
+        self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
+        add = self._server.scene
+        self._tool = add.add_frame("/tool", show_axes=False)
+        self._ghost = add.add_frame("/handle", show_axes=False)
+        self._nodes = [self._tool, self._ghost]
+        for shape in self.shapes:
+            if len(shape.faces):
+                self._add(shape, "/tool" if shape.is_tool else "/scene")
+        self._add_ghost(scene)
+        self._add_marks()
+        self._set_camera(scene, tool)
+
+    def _add(self, shape: Shape, parent: str) -> None:
+        data = glb(
+            UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
+            places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
+            roughness=0.45 if shape.is_tool else 0.65, metallic=0.25 if shape.is_tool else 0.0,
+        )  # fmt: skip
+        self._nodes.append(self._server.scene.add_glb(f"{parent}/{shape.name}", data))
+
+    def _add_ghost(self, scene: Scene) -> None:
+        """Add the handle: the tool once more, smooth and clear, where the hand has it."""
+        for shape in shapes_of(scene.changed(bodies=_smooth(scene)), _GHOST_TRIANGLES):
+            if shape.is_tool and len(shape.faces):
+                self._nodes.append(
+                    self._server.scene.add_mesh_simple(
+                        f"/handle/{shape.name}",
+                        UNITS * shape.vertices,
+                        shape.faces,
+                        color=HANDLE,
+                        opacity=0.22,
+                        cast_shadow=False,
+                        receive_shadow=False,
+                    )
+                )
+
+    def _add_marks(self) -> None:
+        """Add contacts, arrows and their labels, all of them empty."""
+        add, size = self._server.scene, self._size
+        none = np.zeros((0, 2, 3), np.float32)
+        thick = {
+            "shaft_radius": 0.008 * size, "head_radius": 0.02 * size, "head_length": 0.05 * size,
+        }  # fmt: skip
+        thin = {name: 0.5 * value for name, value in thick.items()}
+        self._contacts = add.add_point_cloud(
+            "/marks/contacts", np.zeros((0, 3), np.float32), CONTACT,
+            point_size=0.014 * size, point_shape="circle", precision="float32",
+        )  # fmt: skip
+        self._pushes = add.add_arrows("/marks/pushes", none, CONTACT, **thin)
+        self._force = add.add_arrows("/marks/force", none, FORCE, **thick)
+        self._torque = add.add_arrows("/marks/torque", none, TORQUE, **thick)
+        self._stretch = add.add_line_segments(
+            "/marks/stretch", np.zeros((0, 2, 3), np.float32), HANDLE,
+            thickness=4.0, thickness_units="screen",
+        )  # fmt: skip
+        self._labels = {
+            name: add.add_label(f"/marks/{name}-label", "", anchor="bottom-left", visible=False)
+            for name in ("force", "torque")
+        }
+        self._nodes += [
+            self._contacts, self._pushes, self._force, self._torque, self._stretch,
+            *self._labels.values(),
+        ]  # fmt: skip
+
+    def _set_camera(self, scene: Scene, tool: Array) -> None:
+        """Look at the tool where it begins, from the front and above."""
+        placed = tool @ rotation_of(scene.start[3:]).T + scene.start[:3]
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        # Of a long tool, the part that touches.
+        lowest = first_contact(scene)
+        share = min(_WHOLE / self._size, 1.0)
+        middle = UNITS * (lowest + share * (0.5 * (low + high) - lowest))
+        middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
+        size = share * self._size
+        towards = _VIEW / np.linalg.norm(_VIEW)
+        # The panels lie over the right of the page.
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        middle += _ASIDE * size * right / np.linalg.norm(right)
+        eye = middle + _CLOSENESS * size * towards
+        first = self._server.initial_camera
+        first.position, first.look_at, first.up = tuple(eye), tuple(middle), (0.0, 0.0, 1.0)
+        first.fov = np.radians(35.0)
+        first.near, first.far = 0.02 * self._size, 100.0 * self._size
+        for client in self._server.get_clients().values():
+            client.camera.position, client.camera.look_at = tuple(eye), tuple(middle)
+
+    # -- what moves ----------------------------------------------------------------------------
+
+    def _show_stretch(self, moment: Moment) -> None:
+        """Join the tool's centre of mass to where the handle has it."""
+        ends = np.array(
+            [
+                UNITS * (pose[:3] + rotation_of(pose[3:]) @ self._centre)
+                for pose in (moment.tool_pose, moment.handle_pose)
+            ]
+        )
+        apart = float(np.linalg.norm(ends[1] - ends[0]))
+        self._ghost.visible = apart > 1e-6 or bool(
+            np.abs(moment.tool_pose[3:] - moment.handle_pose[3:]).max() > 1e-6
+        )
+        self._stretch.points = ends[None].astype(np.float32)
+
+    def _show_contacts(self, moment: Moment) -> None:
+        points = (UNITS * moment.point).astype(np.float32)
+        self._contacts.points = points
+        places = points.astype(np.float64)
+        pushes = self._arrows(places, moment.force, _FULL_FORCE) if len(points) else points
+        self._pushes.points = pushes.reshape(-1, 2, 3)
+
+    def _show_wrench(self, moment: Moment) -> None:
+        """Show the wrench that the hand feels, over the tool's centre of mass, where it is seen."""
+        pose, wrench = moment.tool_pose, moment.device_wrench
+        turn = rotation_of(pose[3:])
+        at = pose[:3] + turn @ self._centre
+        at[2] = pose[2] + float((self._outline @ turn[2]).max())
+        at = UNITS * at[None]
+        for name, vector, full, arrows, told in (
+            ("force", wrench[:3], _FULL_FORCE, self._force, "N"),
+            ("torque", wrench[3:], _FULL_TORQUE, self._torque, "mN m"),
+        ):
+            drawn = self._arrows(at, vector[None], full)
+            arrows.points = drawn
+            label = self._labels[name]
+            label.visible = len(drawn) > 0
+            if len(drawn):
+                size = float(np.linalg.norm(vector)) * (1.0 if told == "N" else 1e3)
+                label.text = f"{size:.2f} {told}"
+                label.position = tuple(drawn[0, 1].tolist())
+
+    def _arrows(self, at: Array, vectors: Array, full: float) -> NDArray[np.float32]:
+        """Return arrows (n, 2, 3) at places; those too short to be seen are left out."""
+        length = np.linalg.norm(vectors, axis=1) / full
+        shown = length > _LEAST
+        scale = _FORCE_LENGTH * self._size / full * np.minimum(_LONGEST / length[shown], 1.0)
+        ends = at[shown] + vectors[shown] * scale[:, None]
+        return np.stack([at[shown], ends], axis=1).astype(np.float32)
+
+
+def _place(node: Any, pose: Array) -> None:
+    node.position = tuple((UNITS * pose[:3]).tolist())
+    node.wxyz = tuple(pose[3:].tolist())
+
+
+def _smooth(scene: Scene) -> dict[str, Any]:
+    """Return what takes all textures off a scene."""
+    return {name: {"texture": None} for name in scene.document.get("bodies", {})}
+
+
+def _backdrop() -> NDArray[np.uint8]:
+    """Return a light background, darker towards the bottom."""
+    share = np.linspace(0.0, 1.0, 256)[:, None, None]
+    top, bottom = np.array([250.0, 251.0, 253.0]), np.array([206.0, 213.0, 222.0])
+    return np.broadcast_to(top + share * (bottom - top), (256, 4, 3)).astype(np.uint8)

@@ -1,0 +1,118 @@
+"""The acceleration as sound: the last seconds to be played in the page, and live."""
+
+from __future__ import annotations
+
+import base64
+import html
+from typing import TYPE_CHECKING
+
+from asperity.errors import AsperityError
+from asperity.runs import export
+from asperity.viewer.live_sound import LiveSound
+from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.plots import traces_of_rows
+from asperity.viewer.timeline import Timeline
+
+if TYPE_CHECKING:
+    import viser
+
+    from asperity.viewer.servo_client import Link
+
+_LENGTHS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "20 s": 20.0}
+_RATE = 44100
+_WHAT = (
+    "The tool's acceleration, its three axes in one wave; the loudest sample is 1 dB below full "
+    "scale. A loop of 1 kHz holds what lies below 500 Hz: small loudspeakers give little of it, "
+    "headphones more."
+)
+_LIVE = "The computer's own sound, not the browser's."
+_EVERY = 10
+
+
+class SoundPanel:
+    """An audio element of what the timeline shows, and a switch for live sound.
+
+    Parameters
+    ----------
+    timeline : Timeline
+    live : bool
+        Whether a loop runs, that could be heard.
+    """
+
+    title = "Record"
+
+    def __init__(self, timeline: Timeline, *, live: bool = True) -> None:
+        self._timeline, self._can_be_live = timeline, live
+        self._live: LiveSound | None = None
+
+    def build(self, server: viser.ViserServer, link: Link) -> None:
+        """Make the controls."""
+        import viser
+
+        self._link, gui = link, server.gui
+        with gui.add_folder("Sound"):
+            self._length = gui.add_dropdown("Length", tuple(_LENGTHS), initial_value="5 s")
+            button = gui.add_button("Make the sound of what is shown", icon=viser.Icon.WAVE_SINE)
+            button.on_click(lambda _: self.make())
+            self._audio = gui.add_html("")
+            gui.add_markdown(_WHAT)
+        if not self._can_be_live:
+            return
+        with gui.add_folder("Sound, live through this computer"):
+            missing = LiveSound.missing()
+            self._switch = gui.add_checkbox("Play", False, disabled=bool(missing))
+            self._full = gui.add_slider(
+                "Full scale [m/s²]", 1.0, 500.0, 1.0, 50.0, disabled=bool(missing),
+                hint="Acceleration that is as loud as it gets; what is above is rounded off.",
+            )  # fmt: skip
+            self._told = gui.add_markdown(missing or _LIVE)
+        self._switch.on_update(lambda _: self._switched())
+        self._full.on_update(lambda _: self._scaled())
+
+    def update(self, frame: Frame) -> None:
+        """Say what the live sound does."""
+        live = self._live
+        if live is not None and frame.number % _EVERY == 0:
+            told = f"Playing at {live.rate:g} Hz, {live.delay * 1e3:.0f} ms behind the loop."
+            if live.limited:
+                told += f" {live.limited:.0%} of the last second was rounded off."
+            if self._told.content != told:
+                self._told.content = told
+
+    def close(self) -> None:
+        """End the sound."""
+        live, self._live = self._live, None
+        if live is not None:
+            live.close()
+
+    def make(self) -> None:
+        """Put the sound of the last seconds that are shown into the page."""
+        rows = self._timeline.window(_LENGTHS[self._length.value])
+        try:
+            sound = export.sound_of(traces_of_rows(rows), rate=_RATE)
+        except AsperityError as error:
+            self._audio.content = f"<em>{html.escape(str(error))}</em>"
+            return
+        seconds = sound.samples.size / sound.rate
+        data = base64.b64encode(export.wav_bytes(sound)).decode()
+        self._audio.content = (
+            '<audio controls data-asperity="sound" style="width:100%" '
+            f'src="data:audio/wav;base64,{data}"></audio>'
+            f'<div style="font-size:0.75em;opacity:0.7;padding:0 0.5em">{seconds:.2f} s; full '
+            f"scale is {sound.gain:.3g} m/s&sup2;</div>"
+        )
+
+    def _switched(self) -> None:
+        self.close()
+        if not self._switch.value:
+            self._told.content = _LIVE
+            return
+        try:
+            self._live = LiveSound(self._link, full_scale=float(self._full.value))
+        except AsperityError as error:
+            self._told.content = f"**{error}**"
+            self._switch.value = False
+
+    def _scaled(self) -> None:
+        if self._live is not None:
+            self._live.full_scale = float(self._full.value)

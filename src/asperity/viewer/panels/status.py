@@ -1,0 +1,129 @@
+"""What the loop is doing: numbers that turn colour when something is wrong."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from asperity.viewer.drawables.colours import DOUBTFUL, WELL, WRONG
+from asperity.viewer.notify import attempt
+from asperity.viewer.panels.panel import Frame
+
+if TYPE_CHECKING:
+    import viser
+
+    from asperity.viewer.servo_client import Link
+
+EVERY = 8
+"""Updates between two of the numbers; nobody reads faster."""
+_MISSES, _FALLBACKS = 0.02, 0.10
+"""Shares of a second's ticks that are wrong; anything above none is to be watched; ours."""
+_ROW = (
+    '<tr><td style="padding:1px 6px 1px 0;color:#555">{name}</td>'
+    '<td style="text-align:right;font-variant-numeric:tabular-nums;font-weight:600;color:{colour}">'
+    '{value}</td><td style="padding-left:4px;color:#777">{unit}</td></tr>'
+)
+
+
+def judged(value: float, doubtful: float, wrong: float) -> str:
+    """Return the colour of a number that should be small."""
+    return WRONG if value > wrong else DOUBTFUL if value > doubtful else WELL
+
+
+def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
+    """Return what there is to say of a frame: name, value, unit, colour.
+
+    Parameters
+    ----------
+    frame : Frame
+    wanted : float
+        Ticks a second that the loop was told to do.
+    """
+    moment = frame.moment
+    if moment is None:
+        return [("loop", "starting", "", DOUBTFUL)]
+    tick_us, contact_us = 1e6 * moment.tick_p99, 1e6 * moment.contact_p99
+    period = 1e6 / wanted
+    lag = 1.0 - frame.rate / wanted
+    return [
+        ("rate", f"{frame.rate:.0f}", f"of {wanted:.0f} Hz", judged(lag, 0.02, 0.1)),
+        ("tick, p99", f"{tick_us:.0f}", "us", judged(tick_us, 0.5 * period, period)),
+        ("contact, p99", f"{contact_us:.0f}", "us", judged(contact_us, period, 10.0 * period)),
+        ("misses", f"{frame.misses}", "in 1 s", judged(frame.misses, 0, _MISSES * wanted)),
+        ("fallbacks", f"{frame.fallbacks}", "in 1 s",
+         judged(frame.fallbacks, 0, _FALLBACKS * wanted)),
+        ("passivity", f"{frame.interventions}", "in 1 s",
+         judged(frame.interventions, 0, 0.05 * wanted)),
+        ("clamped", f"{frame.clamps}", "in 1 s", judged(frame.clamps, 0, 0.05 * wanted)),
+        ("silences", f"{moment.silences}", "in all", judged(moment.silences, 0, 10)),
+        ("misses", f"{moment.misses}", "in all",
+         judged(moment.misses / max(moment.ticks, 1), 0.001, _MISSES)),
+    ]  # fmt: skip
+
+
+def table(rows: list[tuple[str, str, str, str]]) -> str:
+    """Return rows as HTML."""
+    told = "".join(
+        _ROW.format(name=escape(n), value=escape(v), unit=escape(u), colour=c)
+        for n, v, u, c in rows
+    )
+    return f'<div style="padding:0 1em;font-size:0.85em"><table>{told}</table></div>'
+
+
+class Status:
+    """The numbers, above all tabs, as a panel."""
+
+    title = ""
+
+    def build(self, server: viser.ViserServer, link: Link) -> None:
+        """Make the table, and what to do when the loop is gone."""
+        self._link = link
+        gui = server.gui
+        self._line = gui.add_html("", order=-3.0)
+        self._restart = gui.add_button(
+            "Restart the loop", color="red", icon="refresh", visible=False, order=-2.0
+        )
+        self._restart.on_click(self._restarted)
+        with gui.add_folder("Loop", order=1e6, expand_by_default=True):
+            self._numbers = gui.add_html("")
+
+    def update(self, frame: Frame) -> None:
+        """Show the numbers now and then."""
+        if frame.number % EVERY:
+            return
+        link = self._link
+        told, colour = self._state(frame)
+        _set(
+            self._line,
+            "content",
+            f'<div style="padding:0.3em 1em;font-size:0.9em;color:{colour};font-weight:600">'
+            f"{escape(told)}</div>",
+        )
+        _set(self._restart, "visible", link.state == "ended")
+        _set(self._numbers, "content", table(rows_of(frame, link.parameters.rate)))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _state(self, frame: Frame) -> tuple[str, str]:
+        link = self._link
+        scene = link.choice.scene.name
+        if link.state == "ended":
+            return f"The loop has ended: {link.told}", WRONG
+        if link.state == "starting":
+            return f"{scene}: starting ...", DOUBTFUL
+        doing = "; another is being made ready ..." if link.state == "changing" else ""
+        force = 0.0
+        if frame.moment is not None:
+            fx, fy, fz = frame.moment.device_wrench[:3].tolist()
+            force = (fx * fx + fy * fy + fz * fz) ** 0.5
+        return f"{scene} · {link.device} · {force:.2f} N{doing}", DOUBTFUL if doing else WELL
+
+    def _restarted(self, event: Any) -> None:
+        attempt(event, "Restart", lambda: self._link.restart().result())
+
+
+def _set(handle: Any, name: str, value: Any) -> None:
+    """Set a property if it changes: each setting is a message to all tabs."""
+    if getattr(handle, name) != value:
+        setattr(handle, name, value)

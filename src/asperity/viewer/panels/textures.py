@@ -1,0 +1,202 @@
+"""Textures and meshes of the bodies: built in, or files that are dropped in, with their scale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from asperity.errors import AsperityError
+from asperity.geometry.mesh.checks import UNITS
+from asperity.scene.mesh import MESHES
+from asperity.viewer.changes import (
+    AS_IT_IS,
+    PATTERNS,
+    PIXEL,
+    RELIEF,
+    SMOOTH,
+    bodies_of,
+    texture_of,
+    with_meshes,
+    with_texture,
+)
+from asperity.viewer.drawables.colours import css_gradient
+from asperity.viewer.notify import attempt, is_asked
+from asperity.viewer.panels.panel import Frame
+from asperity.viewer.server.uploads import Uploads
+
+if TYPE_CHECKING:
+    import viser
+
+    from asperity.viewer.servo_client import Link
+
+FILE = "the file below"
+_PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
+"""Of an image that says neither [m]; ours."""
+
+
+class Textures:
+    """Textures and meshes, as a panel."""
+
+    title = "Surfaces"
+
+    def __init__(self) -> None:
+        self._uploads = Uploads()
+        self._image: dict[str, Any] | None = None
+        self._meshes: dict[str, dict[str, Any]] = {}
+        self._generation = -1
+
+    def build(self, server: viser.ViserServer, link: Link) -> None:
+        """Make the controls."""
+        self._link = link
+        gui = server.gui
+        self._legend = gui.add_html("")
+        bodies = bodies_of(link.choice.scene)
+        with gui.add_folder("Texture"):
+            self._body = gui.add_dropdown("body", bodies)
+            self._kind = gui.add_dropdown("texture", [AS_IT_IS, SMOOTH, *PATTERNS, FILE])
+            self._relief = gui.add_number(
+                "height [mm]", 0.2, min=1e3 * RELIEF[0], max=1e3 * RELIEF[1], step=0.001,
+                hint="From the lowest to the highest place",
+            )  # fmt: skip
+            self._pixel = gui.add_number(
+                "pixel size [um]", 50.0, min=1e6 * PIXEL[0], max=1e6 * PIXEL[1], step=0.01,
+                hint="Between samples: everything along the surface goes with it",
+            )  # fmt: skip
+            self._drop = gui.add_upload_button(
+                "Image or array of heights", icon="upload",
+                mime_type=".png,.jpg,.jpeg,.tif,.tiff,.npy",
+            )  # fmt: skip
+            self._apply = gui.add_button("Apply", color="green")
+        with gui.add_folder("Meshes of your own", expand_by_default=False):
+            self._choices = {}
+            for which, kind in (("tool", "file_tool"), ("target", "block")):
+                self._choices[which] = gui.add_dropdown(which, [*MESHES, FILE], initial_value=kind)
+                button = gui.add_upload_button(
+                    f"Mesh of the {which}", icon="upload", mime_type=".stl,.obj,.ply,.glb"
+                )
+                button.on_upload(self._mesh_dropped(which))
+            self._unit = gui.add_dropdown("unit of the files", list(UNITS), initial_value="mm")
+            self._build = gui.add_button("Make a scene of them", color="green")
+        self._told = gui.add_markdown("")
+        for control in (self._body, self._kind):
+            control.on_update(self._show_sizes)
+        self._drop.on_upload(self._image_dropped)
+        self._apply.on_click(self._applied)
+        self._build.on_click(self._built)
+
+    def update(self, frame: Frame) -> None:
+        """Show the bodies of another scene when there is one."""
+        if frame.generation == self._generation:
+            return
+        self._generation = frame.generation
+        bodies = bodies_of(self._link.choice.scene)
+        if tuple(bodies) != tuple(self._body.options):
+            self._body.options = bodies
+        self._kind.value = AS_IT_IS
+        self._show_now()
+        self._legend.content = _legend(self._link.choice.scene)
+
+    def close(self) -> None:
+        """Forget the uploads."""
+        self._uploads.close()
+
+    def _show_sizes(self, event: Any) -> None:
+        if is_asked(event):
+            self._show_now()
+
+    def _show_now(self) -> None:
+        """Show the height and pixel size that the chosen texture has by itself."""
+        kind = self._kind.value
+        if kind == FILE:
+            self._relief.value, self._pixel.value = 1e3 * _PLAIN_RELIEF, 1e6 * _PLAIN_PIXEL
+            return
+        field = texture_of(self._link.choice.scene, self._body.value)
+        if kind in PATTERNS:
+            made = with_texture(self._link.choice, self._body.value, kind)
+            field = texture_of(made.scene, self._body.value)
+        if field is not None:
+            self._relief.value = round(1e3 * field.relief, 5)
+            self._pixel.value = round(1e6 * field.pixel_size[0], 4)
+
+    def _image_dropped(self, event: Any) -> None:
+        file = event.target.value
+
+        def keep() -> None:
+            path = self._uploads.image(file.name, file.content)
+            self._image = {"file": str(path), "border": "wrap"}
+            self._kind.value = FILE
+            self._show_now()
+            self._told.content = "The image is here: set its height and pixel size, then Apply."
+
+        if not attempt(event, "Image", keep):
+            self._told.content = "That file was refused; the loop goes on with what it had."
+
+    def _mesh_dropped(self, which: str) -> Any:
+        def dropped(event: Any) -> None:
+            file = event.target.value
+
+            def keep() -> None:
+                path = self._uploads.mesh(file.name, file.content)
+                self._meshes[which] = {"file": str(path)}
+                self._choices[which].value = FILE
+                self._told.content = f"The {which}'s mesh is here: set its unit, then make a scene."
+
+            if not attempt(event, "Mesh", keep):
+                self._told.content = "That file was refused; the loop goes on with what it had."
+
+        return dropped
+
+    def _applied(self, event: Any) -> None:
+        body, kind = self._body.value, self._kind.value
+        link = self._link
+
+        def change() -> None:
+            wanted: str | Mapping[str, Any] = kind
+            relief, pixel = 1e-3 * self._relief.value, 1e-6 * self._pixel.value
+            if kind == FILE:
+                if self._image is None:
+                    raise AsperityError("there is no file yet: drop an image in first")
+                wanted = {**self._image, "pixel_size": pixel, "height_range": relief}
+            self._told.content = f"Making {body} ready ..."
+            made = with_texture(
+                link.choice, body, wanted,
+                relief=None if kind == SMOOTH else relief,
+                pixel_size=None if kind in (SMOOTH, FILE) else pixel,
+            )  # fmt: skip
+            link.restart(made).result()
+
+        done = attempt(event, f"Texture of {body}", change)
+        self._told.content = f"{body}: {kind}." if done else "The loop goes on with what it had."
+
+    def _built(self, event: Any) -> None:
+        link, unit = self._link, self._unit.value
+
+        def change() -> None:
+            parts = {}
+            for which, chosen in self._choices.items():
+                if chosen.value == FILE and which not in self._meshes:
+                    raise AsperityError(f"there is no file for the {which} yet: drop one in first")
+                made = chosen.value
+                parts[which] = self._meshes[which] if made == FILE else {"kind": made}
+            self._told.content = "Making the scene ready ..."
+            link.restart(with_meshes(link.choice, parts["tool"], parts["target"], unit)).result()
+
+        done = attempt(event, "Scene of meshes", change)
+        self._told.content = "A scene of meshes." if done else "The loop goes on with what it had."
+
+
+def _legend(scene: Any) -> str:
+    """Return the colours of heights, and what they stand for, of each body with a texture."""
+    lines = [
+        f"{body.name}: {1e3 * body.texture.lowest:.3g} to {1e3 * body.texture.highest:.3g} mm"
+        for body in scene.bodies
+        if body.texture is not None
+    ]
+    if not lines:
+        return ""
+    told = "<br>".join(lines)
+    return (
+        '<div style="padding:0.4em 1em;font-size:0.85em">Colour by height, low to high'
+        f'<div style="height:0.7em;border-radius:3px;background:{css_gradient()}"></div>'
+        f"{told}</div>"
+    )

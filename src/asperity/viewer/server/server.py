@@ -1,0 +1,162 @@
+"""The page: a viser server, the panels in it, and the loop that updates them 30 times a second."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from asperity.errors import AsperityError
+from asperity.viewer.panels.panel import Frame, Panel
+from asperity.viewer.server.origin import own_origin_only
+from asperity.viewer.server.transfers import bound_uploads
+from asperity.viewer.servo_client import Link
+from asperity.viewer.view_model import Frames
+
+if TYPE_CHECKING:
+    import viser
+
+UPDATE_RATE = 30.0
+"""Updates a second."""
+LOCAL = "127.0.0.1"
+MISSING = "the page needs viser: pip install 'asperity[view]'"
+
+
+def require_viser() -> Any:
+    """Return the package viser, or say how to get it."""
+    try:
+        import viser
+    except ImportError:
+        raise AsperityError(MISSING) from None
+    return viser
+
+
+class Page:
+    """A server with panels on a link.
+
+    Parameters
+    ----------
+    link : Link
+        Started.
+    panels : sequence of Panel
+    host, port : str, int
+        Port 0: any that is free.
+    label : str
+        Title of the page.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        panels: Sequence[Panel],
+        *,
+        host: str = LOCAL,
+        port: int = 8080,
+        label: str = "asperity",
+    ) -> None:
+        self.link, self.panels = link, list(panels)
+        self.server = self._served(host, port, label)
+        self.updates = 0
+        """How often the panels were updated."""
+        self._frames = Frames(link)
+        self._stopping, self._paused = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="asperity-page", daemon=True)
+        self._build()
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait until the page is closed, at most so long [s]; return whether it is."""
+        return self._stopping.wait(seconds)
+
+    def pause(self, paused: bool = True) -> None:
+        """Hold the picture as it is, or let it go on; the loop ticks either way."""
+        (self._paused.set if paused else self._paused.clear)()
+
+    def close(self) -> None:
+        """Take the page down; the link stays."""
+        self._stopping.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(2.0)
+        for panel in self.panels:
+            panel.close()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _served(self, host: str, port: int, label: str) -> viser.ViserServer:
+        viser = require_viser()
+        # viser announces itself on standard output, which is the command's.
+        with own_origin_only(), contextlib.redirect_stdout(io.StringIO()):
+            server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+        bound_uploads(server)
+        server.gui.configure_theme(
+            control_width="medium", show_logo=False, show_share_button=False,
+            brand_color=(0, 114, 178),
+        )  # fmt: skip
+        return server
+
+    def _build(self) -> None:
+        gui = self.server.gui
+        titles = list(dict.fromkeys(panel.title for panel in self.panels if panel.title))
+        tabs = {}
+        if titles:
+            group = gui.add_tab_group()
+            tabs = {title: group.add_tab(title) for title in titles}
+        for panel in self.panels:
+            if panel.title:
+                with tabs[panel.title]:
+                    panel.build(self.server, self.link)
+            else:
+                panel.build(self.server, self.link)
+
+    def _run(self) -> None:
+        due = time.perf_counter()
+        well = list(self.panels)
+        while not self._stopping.is_set():
+            if self._paused.is_set():
+                self._stopping.wait(0.05)
+                continue
+            frame = self._frames.take(time.perf_counter())
+            with self.server.atomic():
+                for panel in tuple(well):
+                    if not _updated(panel, frame):
+                        well.remove(panel)
+            self.updates += 1
+            due = max(due + 1.0 / UPDATE_RATE, time.perf_counter())
+            self._stopping.wait(due - time.perf_counter())
+
+
+def _updated(panel: Panel, frame: Frame) -> bool:
+    """Update a panel; return whether that went well."""
+    try:
+        panel.update(frame)
+    except Exception:  # one part of the page must not take the others with it
+        logging.getLogger(__name__).exception("a part of the page failed: %s", panel.title)
+        return False
+    return True
+
+
+def serve(
+    link: Link,
+    make_panels: Callable[[], Sequence[Panel]],
+    *,
+    host: str = LOCAL,
+    port: int = 8080,
+) -> Page:
+    """Start the page of a link that has been started; return it. Close it when done."""
+    scene = link.choice.scene.name
+    return Page(link, make_panels(), host=host, port=port, label=f"asperity: {scene}")

@@ -1,0 +1,178 @@
+"""Files that a browser hands over: data, which is bounded and looked at before it is decoded.
+
+Nothing in them is executed and no other file is opened for them: arrays are read without pickles,
+materials of meshes are not followed, and a glTF file that points elsewhere is refused. A file is
+kept under a name of our own.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import struct
+import tempfile
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from asperity.errors import AsperityError
+from asperity.texture.files.images import read_pixels
+
+MOST_BYTES = 64 * 2**20
+MOST_PIXELS = 2**24
+"""Of an image or array: 4096 x 4096."""
+MOST_TRIANGLES = 200_000
+MOST_FILES = 40
+"""That are kept by one page: scenes are read from them again."""
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
+MESHES = (".stl", ".obj", ".ply", ".glb")
+
+
+class Uploads:
+    """A folder for uploads, gone when it is closed."""
+
+    def __init__(self) -> None:
+        self._folder = Path(tempfile.mkdtemp(prefix="asperity-uploads-"))
+        self._count = 0
+
+    def image(self, name: str, content: bytes) -> Path:
+        """Keep an image or array of heights; return where.
+
+        Raises
+        ------
+        AsperityError
+            One line: what is wrong with the file, and what would be right.
+        """
+        suffix = _suffix(name, content, IMAGES, "an image")
+        pixels = _pixels(name, suffix, content)
+        if not 16 <= pixels <= MOST_PIXELS:
+            raise AsperityError(f"{_shown(name)} has {pixels} pixels; valid: 16 to {MOST_PIXELS}")
+        path = self._kept(suffix, content)
+        if suffix != ".npy":
+            self._decoded(path, name)
+        return path
+
+    def mesh(self, name: str, content: bytes) -> Path:
+        """Keep a mesh; return where. Raises as `image` does."""
+        suffix = _suffix(name, content, MESHES, "a mesh")
+        count = _triangles(name, suffix, content)
+        if count > MOST_TRIANGLES:
+            raise AsperityError(
+                f"{_shown(name)} has {count} triangles; valid: {MOST_TRIANGLES} at most; "
+                "asperity bake makes fewer of them"
+            )
+        return self._kept(suffix, content)
+
+    def close(self) -> None:
+        """Forget them all."""
+        rmtree(self._folder, ignore_errors=True)
+
+    def _kept(self, suffix: str, content: bytes) -> Path:
+        if self._count >= MOST_FILES:
+            raise AsperityError(f"{MOST_FILES} files have been dropped in; begin a new page")
+        self._count += 1
+        path = self._folder / f"upload-{self._count}{suffix}"
+        path.write_bytes(content)
+        return path
+
+    def _decoded(self, path: Path, name: str) -> None:
+        try:
+            read_pixels(path)
+        except Exception as error:  # whatever a reader makes of a damaged file
+            path.unlink()
+            reason = " ".join(str(error).split())[:160] or type(error).__name__
+            reason = reason.replace(str(path), "").strip(" :")
+            raise AsperityError(f"{_shown(name)} cannot be read: {reason}") from None
+
+
+def _shown(name: str) -> str:
+    """Return a name as it may be shown: it is somebody else's text."""
+    return re.sub(r"[^\w. -]", "_", Path(name).name)[:60] or "the file"
+
+
+def _suffix(name: str, content: bytes, valid: tuple[str, ...], what: str) -> str:
+    suffix = Path(name).suffix.lower()
+    if suffix not in valid:
+        raise AsperityError(f"{_shown(name)} is no {what.split()[-1]}; valid: {', '.join(valid)}")
+    if not content:
+        raise AsperityError(f"{_shown(name)} is empty")
+    if len(content) > MOST_BYTES:
+        raise AsperityError(
+            f"{_shown(name)} has {len(content) / 2**20:.0f} MB; valid: {MOST_BYTES // 2**20} MB"
+        )
+    return suffix
+
+
+def _pixels(name: str, suffix: str, content: bytes) -> int:
+    """Return how many pixels an image says that it has, without decoding it."""
+    try:
+        if suffix == ".npy":
+            return _samples(content)
+        if suffix in (".tif", ".tiff"):
+            import tifffile
+
+            with tifffile.TiffFile(io.BytesIO(content)) as file:
+                shape = file.pages[0].shape
+            return int(shape[0]) * int(shape[1])
+        from PIL import Image
+
+        with Image.open(io.BytesIO(content)) as image:
+            return int(image.size[0]) * int(image.size[1])
+    except AsperityError:
+        raise
+    except Exception:  # whatever a reader makes of a damaged head
+        raise AsperityError(f"{_shown(name)} is not a {suffix} file, or damaged") from None
+
+
+def _samples(content: bytes) -> int:
+    from numpy.lib import format as npy
+
+    file = io.BytesIO(content)
+    version = npy.read_magic(file)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(file)
+    if dtype.hasobject:
+        raise AsperityError("an array of objects is no array of heights")
+    count = 1
+    for length in shape:
+        count *= int(length)
+    if len(content) - file.tell() < count * dtype.itemsize:
+        raise AsperityError("the array is cut short")
+    return count
+
+
+def _triangles(name: str, suffix: str, content: bytes) -> int:
+    """Return how many triangles a mesh says that it has, about, without reading it."""
+    try:
+        if suffix == ".stl":
+            if content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:1000]:
+                return content.count(b"endfacet")
+            return int(struct.unpack("<I", content[80:84])[0])
+        if suffix == ".obj":
+            return len(re.findall(rb"^f\s", content, flags=re.MULTILINE))
+        if suffix == ".ply":
+            head = content[: content.index(b"end_header")]
+            found = re.search(rb"element\s+face\s+(\d+)", head)
+            return int(found.group(1)) if found else 0
+        return _triangles_of_glb(name, content)
+    except AsperityError:
+        raise
+    except (ValueError, IndexError, KeyError, TypeError, struct.error):
+        raise AsperityError(f"{_shown(name)} is not a {suffix} file, or damaged") from None
+
+
+def _triangles_of_glb(name: str, content: bytes) -> int:
+    if content[:4] != b"glTF":
+        raise ValueError("no GLB")
+    (size,) = struct.unpack("<I", content[12:16])
+    tree: dict[str, Any] = json.loads(content[20 : 20 + size])
+    for part in (*tree.get("buffers", []), *tree.get("images", [])):
+        if not str(part.get("uri", "data:")).startswith("data:"):
+            raise AsperityError(f"{_shown(name)} points to other files; export it as one GLB")
+    accessors, count = tree.get("accessors", []), 0
+    for mesh in tree.get("meshes", []):
+        for primitive in mesh.get("primitives", []):
+            at = primitive.get("indices", primitive.get("attributes", {}).get("POSITION"))
+            count += int(accessors[at]["count"]) // 3 if at is not None else 0
+    return count

@@ -1,0 +1,126 @@
+"""What is left out when kernels are compiled does not change what they compute."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numba.core.errors import TypingError
+
+from asperity._core.kernels import inner_kernel, kernel
+
+PARTS = """
+import numba
+from numba.core.codegen import CPUCodeLibrary
+from numba.core.types.functions import BaseFunction
+if {plain}:
+    import asperity._core.compile_time
+    asperity._core.compile_time.speed_up = lambda: []
+import asperity._core.kernels
+from asperity.contact.narrow_phase.geom_depth import frame_round
+import asperity.spatial.rigid_body as rigid
+import numpy as np
+print(CPUCodeLibrary._optimize_final_module.__qualname__.split(".")[0],
+      CPUCodeLibrary._finalize_final_module.__module__, BaseFunction.get_call_type.__module__)
+rng = np.random.default_rng(3)
+pose = np.concatenate([rng.standard_normal(3), [0.5, 0.5, -0.5, 0.5]])
+print(rigid.centre_of_mass(pose, rng.standard_normal(3)).tobytes().hex())
+"""
+
+
+def test_numba_is_as_expected():
+    """Both changes are made with the pinned Numba; without them the numbers are the same."""
+    told = []
+    for plain in (False, True):
+        done = subprocess.run(
+            [sys.executable, "-c", PARTS.format(plain=plain)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        told.append(done.stdout.splitlines())
+    assert told[0][0] == "own_parts asperity._core.compile_time asperity._core.compile_time"
+    assert told[1][0] == "CPUCodeLibrary numba.core.codegen numba.core.types.functions"
+    assert told[0][1] == told[1][1]
+
+
+@inner_kernel
+def _folded(values, by):
+    total = values[0] * by
+    for i in range(1, values.size):
+        total = total + values[i] * by - i // 2
+    return total
+
+
+@kernel
+def _of_all_kinds(whole, real, flags):
+    # The same operators on whole numbers, floats, truths and tuples, in one kernel.
+    pair = (whole[0] + 1, real[0] + 1.0)
+    count = 0
+    for flag in flags:
+        count += flag and pair[0] < pair[1]
+    return _folded(whole, 3), _folded(real, 0.5), count, pair[0] * pair[1], -whole[1] % 3
+
+
+def test_operators_keep_to_the_types_they_are_on():
+    whole, real = np.array([1, -5, 7, 9]), np.array([2.25, 0.5, -3.0])
+    flags = np.array([True, False, True])
+    assert _of_all_kinds(whole, real, flags) == (34, -1.125, 2, 6.5, 2)
+    assert _of_all_kinds(real, whole, flags)[:2] == (-1.75, 4.0)
+
+
+@inner_kernel
+def _first_two(values):
+    return values[:2], values.size
+
+
+@kernel
+def _of_the_first_two(values):
+    part, count = _first_two(values)
+    return part[0] + part[1] + count
+
+
+def test_an_inner_kernel_that_returns_an_array_is_refused():
+    """No reference to it would have been counted, and one would be given back."""
+    with pytest.raises(TypingError, match="_first_two is an inner kernel: it must not return"):
+        _of_the_first_two(np.ones(3))
+
+
+KERNELS = """
+from asperity._core.kernels import inner_kernel, kernel
+@inner_kernel
+def half(n):
+    if n % 2:
+        raise ValueError("not even")
+    return n // 2
+@inner_kernel
+def quarter(n):
+    return half(half(n))
+@kernel
+def {name}(n):
+    return quarter(n) + {more}
+"""
+
+
+def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them(tmp_path):
+    """Bitcode of a first program's inner kernels is what a second one's kernel is made from."""
+    inner, outer = KERNELS.split("@kernel")
+    (tmp_path / "inner_ones.py").write_text(inner)
+    head = "from inner_ones import quarter\nfrom asperity._core.kernels import kernel\n@kernel"
+    for name, more in (("first", 1), ("second", 2)):
+        (tmp_path / f"outer_{name}.py").write_text(head + outer.format(name=name, more=more))
+    told = []
+    for name in ("first", "second", "second"):
+        run = (
+            f"from outer_{name} import {name}\nimport inner_ones\nprint({name}(12))\n"
+            f"try:\n    {name}(6)\nexcept ValueError as e:\n    print(e.args)\n"
+            "print(sum(inner_ones.quarter._cache_hits.values()))"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", run], capture_output=True, text=True, cwd=tmp_path,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        told.append(done.stdout.splitlines())
+    error = "('not even',)"
+    # The third finds its own kernel and asks for no inner one.
+    assert told == [["4", error, "0"], ["5", error, "1"], ["5", error, "0"]]

@@ -1,0 +1,1 @@
+"""Penetration depth by brute force on really displaced surfaces, for comparison."""

@@ -1,0 +1,152 @@
+"""Voxmap and pointshell, against what McNeely et al. (1999) say of it."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from asperity.errors import AsperityError
+from asperity.geometry.bodies import Body, Geom
+from asperity.studies.baselines import voxmap
+from asperity.studies.baselines.displaced_surfaces import area, displaced_surface
+from asperity.studies.baselines.placement import Standing
+from asperity.studies.baselines.voxel_points import number_layers
+from asperity.studies.baselines.voxmap import Pointshell, Voxmap, VoxmapRenderer
+from asperity.studies.comparison import stimuli
+from asperity.texture.patterns.patterns import sinusoid
+
+SIZE, K = 1e-3, 400.0
+GROUND = Body("ground", [Geom("plane", (0.0, 0.0))])
+DOWN = (0.0, 0.0, -1.0)
+
+
+def renderer(points, normals, grid=None, centre=(0.0, 0.0, 0.0)):
+    shell = Pointshell(np.atleast_2d(points).astype(float), np.atleast_2d(normals).astype(float))
+    grid = Voxmap(np.zeros((0, 0, 0), np.uint8), np.zeros(3), SIZE) if grid is None else grid
+    there = Standing(GROUND, np.eye(3), np.zeros(3))
+    return VoxmapRenderer(shell, [(grid, there)], np.array(centre), K)
+
+
+def at(x, y, z):
+    return np.array([x, y, z, 1.0, 0.0, 0.0, 0.0])
+
+
+def test_the_force_is_that_of_the_plane_through_the_voxels_middle_across_the_points_normal():
+    one = renderer((0.0, 0.0, 0.0), DOWN)
+    # In the surface's voxel, a quarter of it below its middle.
+    felt = one.wrench(at(3e-4, 3e-4, -0.75 * SIZE))
+    np.testing.assert_allclose(felt.force, [0.0, 0.0, K * 0.25 * SIZE], atol=1e-12)
+    assert felt.depth == pytest.approx(0.25 * SIZE)
+    # Above the middle the plane is not reached.
+    assert one.wrench(at(3e-4, 3e-4, -0.25 * SIZE)).contacts == 0
+    tilted = np.array([math.sin(0.5), 0.0, -math.cos(0.5)])
+    felt = renderer((0.0, 0.0, 0.0), tilted).wrench(at(5e-4, 5e-4, -0.9 * SIZE))
+    np.testing.assert_allclose(felt.force, -K * 0.4 * SIZE * math.cos(0.5) * tilted, atol=1e-12)
+
+
+def test_from_voxel_to_voxel_the_force_jumps():
+    tilt = 0.3
+    one = renderer((0.0, 0.0, 0.0), (math.sin(tilt), 0.0, -math.cos(tilt)))
+    before = one.wrench(at(SIZE - 1e-9, 5e-4, -0.9 * SIZE)).depth
+    after = one.wrench(at(SIZE + 1e-9, 5e-4, -0.9 * SIZE)).depth
+    assert before - after == pytest.approx(SIZE * math.sin(tilt), rel=1e-4)
+    # A surface along the voxels is felt without steps: a layer deeper is a voxel deeper.
+    level = renderer((0.0, 0.0, 0.0), DOWN)
+    depths = [level.wrench(at(0.0, 0.0, z)).depth for z in np.linspace(-0.6e-3, -6e-3, 50)]
+    np.testing.assert_allclose(np.diff(depths), 5.4e-3 / 49, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("points", "counted"), [(1, 1), (4, 4), (10, 10), (11, 10), (500, 10)])
+def test_stiffness_grows_with_the_points_up_to_ten(points, counted):
+    many = renderer(np.zeros((points, 3)), np.tile(DOWN, (points, 1)))
+    felt = many.wrench(at(0.0, 0.0, -2e-3))
+    assert felt.contacts == points
+    assert felt.force[2] == pytest.approx(K * counted * 1.5e-3)
+
+
+def test_torque_is_about_the_centre_of_mass():
+    one = renderer((2e-3, 0.0, 0.0), DOWN, centre=(0.0, 1e-3, 5e-3))
+    felt = one.wrench(at(0.01, 0.0, -1e-3 - 1e-9))
+    arm = np.array([2e-3, 0.0, 0.0]) - [0.0, 1e-3, 5e-3]
+    np.testing.assert_allclose(felt.torque, np.cross(arm, felt.force), atol=1e-15)
+
+
+def test_a_tick_costs_as_many_times_more_as_there_are_points():
+    # Both beyond what caches hold.
+    counts = (600_000, 2_400_000)
+    away = [renderer(np.tile([0.0, 0.0, 1.0], (n, 1)), np.tile(DOWN, (n, 1))) for n in counts]
+    laps = np.empty((13, 2))
+    for lap in laps:
+        # By turns, so that a busy machine slows both.
+        for i, one in enumerate(away):
+            begun = time.thread_time()
+            one.wrench(at(0.0, 0.0, 0.0))
+            lap[i] = time.thread_time() - begun
+    few, many = laps[1:].min(axis=0)
+    # Four times as many: a cost that does not grow has 1 here, one by pairs of points 16.
+    assert 1.5 < many / few < 12.0
+
+
+def test_layers_count_from_the_surface_inwards():
+    rng = np.random.default_rng(0)
+    inside = np.zeros((20, 21, 22), bool)
+    inside[2:-2, 2:-2, 2:-2] = True
+    inside &= rng.random(inside.shape) > 0.01
+    codes = np.zeros(inside.shape, np.uint8)
+    number_layers(inside, codes)
+    exact = ndimage.distance_transform_edt(inside)
+    off = codes[inside] - 1.0 - exact[inside]
+    assert np.abs(off).max() < 0.5 + 0.11 * exact.max()
+    assert (codes[~inside] == 0).all()
+
+
+@pytest.mark.parametrize("textured", [False, True])
+def test_a_box_closes_round_its_inside_textured_or_not(textured):
+    texture = sinusoid(wavelength=2e-3, amplitude=1e-4) if textured else None
+    body = Body("block", [Geom("box", (3e-3, 2e-3, 1e-3))], texture)
+    grid = voxmap.voxmap(body, 5e-5)
+    room = np.count_nonzero(grid.codes) * grid.size**3
+    # The surface's voxels count whole, half of them lies outside.
+    room -= 0.5 * np.count_nonzero(grid.codes == 1) * grid.size**3
+    assert room == pytest.approx(6e-3 * 4e-3 * 2e-3, rel=0.06 if textured else 0.03)
+
+
+def test_the_voxmap_of_a_plate_has_no_walls_between_its_boxes():
+    one, nine = (stimuli.ball_on_plate(boxes=boxes).bodies for boxes in (1, 9))
+    maps = [voxmap.voxmap(next(b for b in bodies if b.name == "plate"), 1e-4)
+            for bodies in (one, nine)]  # fmt: skip
+    assert maps[0].codes.shape == maps[1].codes.shape
+    # Samples lie elsewhere, so that voxels which the surface just grazes come and go (1.5 % differ,
+    # by a layer); a wall or a gap between boxes is ten layers deep.
+    off = np.abs(maps[0].codes.astype(int) - maps[1].codes)
+    assert off.max() <= 2
+    assert np.count_nonzero(off) < 0.03 * off.size
+
+
+def test_a_displaced_surface_has_the_area_and_the_height_of_its_texture():
+    body = Body(
+        "block", [Geom("box", (5e-3, 5e-3, 2e-3))], sinusoid(wavelength=2e-3, amplitude=1e-4)
+    )
+    surface = displaced_surface(body, 1e-4)
+    top = surface.points[surface.normals[:, 2] > 0.5]
+    assert top[:, 2].max() == pytest.approx(2.1e-3, abs=1e-6)
+    assert top[:, 2].min() >= 1.9e-3 - 1e-6
+    smooth = displaced_surface(body, 1e-4, smooth=True)
+    assert area(smooth) == pytest.approx(2 * 1e-4 + 4 * 4e-5, rel=1e-6)
+    across = np.cross(
+        surface.points[surface.faces[:, 1]] - surface.points[surface.faces[:, 0]],
+        surface.points[surface.faces[:, 2]] - surface.points[surface.faces[:, 0]],
+    )
+    outwards = np.sum(across * surface.normals[surface.faces[:, 0]], axis=1)
+    assert np.mean(outwards >= -1e-18) > 0.99
+
+
+def test_a_sheet_without_inside_and_a_textured_plane_without_end_are_refused():
+    with pytest.raises(AsperityError, match="has no inside at voxels of 5 mm"):
+        voxmap.voxmap(Body("thin", [Geom("box", (5e-3, 5e-3, 1e-4))]), 5e-3)
+    plane = Body("ground", [Geom("plane", (0.0, 0.0))], sinusoid(wavelength=2e-3, amplitude=1e-4))
+    assert "textured plane without end" in str(voxmap.finite_reason(plane))

@@ -1,0 +1,234 @@
+"""Methods side by side: pressed alike, measured, written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from asperity.cli.main import main
+from asperity.errors import AsperityError
+from asperity.scene.trajectory import ScriptedMotion
+from asperity.studies.baselines import METHODS, MethodWrench, chosen
+from asperity.studies.baselines.protocol import NOTHING
+from asperity.studies.comparison import stimuli
+from asperity.studies.comparison.compare import CompareSettings, compare
+from asperity.studies.comparison.drive import follow, mean_push, pressed_to, raised
+from asperity.studies.comparison.properties import (
+    CRITERIA,
+    _Bench,
+    measure_properties,
+    tangential_rms,
+)
+from asperity.studies.comparison.write import write_comparison, write_docs
+
+
+class Spring:
+    """Pushes up with so much for every metre below z = 0, and along x by a wave."""
+
+    def __init__(self, stiffness=1000.0, wave=0.0):
+        self.stiffness, self.wave, self.asked = stiffness, wave, 0
+
+    def wrench(self, pose):
+        self.asked += 1
+        depth = -float(pose[2])
+        if depth <= 0.0:
+            return NOTHING
+        push = self.stiffness * depth
+        along = push * self.wave * np.sin(2 * np.pi * pose[0] / 2e-3)
+        return MethodWrench(np.array([along, 0.0, push]), np.zeros(3), depth, 1)
+
+    def reset(self):
+        pass
+
+
+def straight(count=100):
+    poses = np.zeros((count, 7))
+    poses[:, 0] = np.linspace(0.0, 6e-3, count)
+    poses[:, 3] = 1.0
+    return poses
+
+
+@pytest.mark.parametrize("stiffness", [50.0, 1000.0, 1e5])
+@pytest.mark.parametrize("begin", [-1e-3, 0.0, 1e-3])
+def test_a_path_is_pressed_to_a_force_from_above_and_from_below(stiffness, begin):
+    if 0.3 / stiffness > 7e-3:
+        pytest.skip("deeper than is looked")
+    spring, poses = Spring(stiffness), raised(straight(), begin)
+    height = pressed_to(spring, poses, 0.3)
+    assert mean_push(spring, raised(poses, height)) == pytest.approx(0.3, rel=0.01)
+    assert spring.asked < 40 * 16
+
+
+def test_a_path_that_meets_nothing_is_refused():
+    with pytest.raises(AsperityError, match="at no height within 8 mm"):
+        pressed_to(Spring(), raised(straight(), 0.1), 0.3)
+
+
+def test_following_times_every_tick_and_stops_when_the_budget_is_spent():
+    spring = Spring()
+    felt = follow(spring, straight(200))
+    assert felt.force.shape == (200, 3)
+    assert (felt.seconds > 0.0).all()
+    assert len(follow(spring, straight(200), budget=0.0).force) == 64
+
+
+def test_the_tangential_rms_is_that_of_a_sine():
+    force = np.zeros((1000, 3))
+    force[:, 2] = 0.5
+    force[:, 0] = 0.1 * np.sin(np.linspace(0.0, 20.0 * np.pi, 1000, endpoint=False))
+    assert tangential_rms(force) == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-6)
+
+
+def test_asperity_and_minsky_have_the_properties_that_the_paper_says():
+    """Otaduy & Lin (2004, section 3.3): the size of the probe is felt, by points it is not."""
+    own, point = (measure_properties(METHODS[name]).measured for name in ("asperity", "minsky"))
+    assert set(own) == set(CRITERIA)
+    assert own["probe_size"].holds
+    assert not point["probe_size"].holds
+    assert own["torque"].holds
+    assert not point["torque"].holds
+    assert point["force"].value == pytest.approx(3.0, rel=0.02)
+    for name in ("meshing", "silence"):
+        assert own[name].value == pytest.approx(0.0, abs=1e-3)
+    assert not own["speed"].holds
+
+
+class Turner(Spring):
+    """Turns about y as it goes, whatever is under it; `more` of it where there is texture."""
+
+    def __init__(self, scene, more=0.0):
+        super().__init__()
+        rough = any(body.texture is not None for body in scene.bodies)
+        self.size = 1e-4 + (more if rough else 0.0)
+
+    def wrench(self, pose):
+        felt = super().wrench(pose)
+        felt.torque[1] += self.size * np.sin(2e3 * np.pi * pose[0])
+        return felt
+
+
+def test_what_turns_a_foot_on_a_smooth_plate_too_is_not_the_textures():
+    alike, more = (
+        _Bench(SimpleNamespace(prepare=lambda scene, m=more: Turner(scene, m))).torque()[0]
+        for more in (0.0, 1e-4)
+    )
+    assert alike == pytest.approx(0.0, abs=1e-6)
+    # sqrt(2^2 - 1^2) of 0.1 mN m, as RMS, over 0.58 N at 3 mm.
+    assert more == pytest.approx(100.0 * np.sqrt(1.5) * 1e-4 / (0.58 * 3e-3), rel=0.03)
+
+
+@pytest.fixture(scope="module")
+def result():
+    scene = stimuli.ball_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
+    )
+    settings = CompareSettings(properties=False)
+    return compare(scene, chosen(["asperity", "minsky", "low-resolution"]), settings)
+
+
+def test_all_are_pressed_alike_and_timed(result):
+    for row in result.rows:
+        assert row.reason is None
+        assert row.felt.force[:, 2].mean() == pytest.approx(result.push, rel=0.15)
+        assert row.ratio > 0.0
+    rms = {row.method.name: row.band_rms for row in result.rows}
+    assert rms["low-resolution"] < 1e-6
+    assert rms["asperity"] > 0.01
+
+
+def test_what_is_written_can_be_read_again(result, tmp_path):
+    write_comparison(result, tmp_path, "asperity compare stimulus")
+    told = json.loads((tmp_path / "comparison.json").read_text())
+    assert [one["name"] for one in told["methods"]] == ["asperity", "minsky", "low-resolution"]
+    with (tmp_path / "traces.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(result.poses)
+    own = result.rows[0].felt.force
+    assert float(rows[7]["asperity_force_x_n"]) == pytest.approx(own[7, 0], rel=1e-4)
+    for name in ("traces", "spectra", "cost"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 5000
+    page = (tmp_path / "comparison.html").read_text()
+    assert page.count("<img") == 3
+    assert "Minsky 1995" in page
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    write_docs(tmp_path, docs, result, "asperity compare stimulus")
+    text = (docs / "comparison.md").read_text()
+    assert "(images/comparison_traces.svg)" in text
+    assert (docs / "images" / "comparison_traces.svg").is_file()
+
+
+def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
+    scene = stimuli.foot_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.05, "length": 3e-3, "start": [-1e-3, 0.0, 2e-3]}
+    )
+    done = compare(scene, chosen(["offset-sphere"]), CompareSettings(properties=False))
+    assert done.rows[0].reason == "made for a smooth sphere, and probe is none"
+    write_comparison(done, tmp_path, "asperity compare stimulus")
+    assert "and probe is none" in (tmp_path / "comparison.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("failure", "told"), [(AsperityError("too wide"), "too wide"), (MemoryError(), "more memory")]
+)
+def test_a_method_that_fails_on_the_way_leaves_the_others(failure, told):
+    class Failing(Spring):
+        def wrench(self, pose):
+            if self.asked > 300:
+                raise failure
+            return super().wrench(pose)
+
+    failing = SimpleNamespace(
+        name="failing", label="failing", can=lambda _: None, prepare=lambda _, dt: Failing()
+    )
+    scene = stimuli.ball_on_plate().changed(
+        trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
+    )
+    methods = [failing, METHODS["minsky"]]
+    rows = compare(scene, methods, CompareSettings(properties=False)).rows
+    assert told in rows[0].reason
+    assert [row.felt is None for row in rows] == [True, False]
+
+
+@pytest.mark.slow
+def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["compare", "hammer-blocks", "--method", "minsky", "--seconds", "0.05"]
+    assert main([*words, "--no-properties", "--out", str(out)]) == 0
+    assert "minsky: cannot: a law of one point" in capsys.readouterr().out
+    assert "is a mesh" in (out / "comparison.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["probe-plate", "--method", "minski"], "did you mean 'minsky'"),
+        (["probe-plat"], "did you mean 'probe-plate'"),
+        (["probe-plate", "--motion", "wobble"], "unknown --motion 'wobble'"),
+        (["probe-plate", "--seconds", "-1"], "--seconds must lie between"),
+        (["probe-plate", "--docs", "/no/such/folder"], "no such folder for --docs"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(options, told, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", *options, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def test_trajectories_keep_their_own_motion():
+    scene = stimuli.ball_on_plate()
+    motion = ScriptedMotion(
+        kind="press-and-slide", seconds=0.7, speed=0.02, length=3e-3, start=[-1e-3, 0.0, 2e-3]
+    )
+    settings = CompareSettings(motion=motion, properties=False)
+    done = compare(scene, chosen(["minsky"]), settings)
+    felt = done.rows[0].felt
+    assert felt.contacts[0] == 0
+    assert felt.contacts[len(felt.contacts) // 2] == 1

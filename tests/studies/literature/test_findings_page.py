@@ -1,0 +1,93 @@
+"""The page of the documentation, and the fit that is shipped: they agree with the code."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.errors import AsperityError
+from asperity.studies.literature import fit as fits
+from asperity.studies.literature.catalogue import FINDINGS, JUDGED_BY_METRIC
+from asperity.studies.literature.hand_search import HELD_OUT, hands_of, measures_tried
+from asperity.studies.literature.laboratory import Laboratory, Plan, judged
+from asperity.studies.literature.measures import PAPER
+from asperity.studies.literature.page import FIGURES
+from asperity.studies.literature.page_text import value_text, wrapped
+from asperity.studies.literature.table import MARKS, columns_of, judge_all
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+
+
+@pytest.fixture(scope="module")
+def page():
+    return (DOCS / "findings.md").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def table(page):
+    """Return the marks of each finding in the page's table, by id."""
+    rows = re.findall(r"^\| `([\w.]+)` [^|]+\| [^|]+\| \w+ \| (.+) \|$", page, re.MULTILINE)
+    return {name: marks.replace("*", "").split(" | ") for name, marks in rows}
+
+
+def test_the_page_lists_the_findings_of_the_code(page, table):
+    assert list(table) == [finding.id for finding in FINDINGS]
+    for finding in FINDINGS:
+        assert f"### {finding.title}\n" in page
+        assert finding.criterion in page
+        assert finding.people in page
+        for marks in table.values():
+            assert len(marks) == 5
+            assert set(marks) <= set(MARKS.values())
+
+
+def test_the_page_has_its_figures(page):
+    for name in FIGURES:
+        assert f"images/{name}.png" in page
+        assert (DOCS / "images" / f"{name}.png").stat().st_size > 10_000
+
+
+def test_the_page_agrees_with_the_fit_that_is_shipped(page):
+    fit, words = fits.published(), " ".join(page.split())
+    assert f"{fit['chosen']['name']} with a hand of" in words
+    assert f"**{fit['got']} of {fit['counted']}**" in words
+    assert f"{fit['hands_as_good']['hands']} of {fit['hands']} hands" in words
+
+
+def test_the_fit_that_is_shipped_is_of_this_code():
+    fit = fits.published()
+    hand, measure = fits.chosen_of(fit)
+    assert measure in measures_tried()
+    near = [np.isclose(h.mass, hand.mass) for h in hands_of(fit["hands"], fit["seed"])]
+    assert sum(near) == 1
+    judged_ids = [f.id for f in JUDGED_BY_METRIC if f.id != "grit.measured"]
+    assert list(fit["holds"]) == judged_ids
+    assert fit["counted"] == len([name for name in judged_ids if name not in HELD_OUT])
+    assert fit["got"] == sum(fit["holds"][name] for name in judged_ids if name not in HELD_OUT)
+    assert fit["got"] <= fit["most"]["got"] <= fit["counted"]
+
+
+def test_the_pages_words():
+    assert wrapped("one\ntwo\n\nthree") == "one two\n\nthree"
+    assert value_text([1.23456, None, True]) == "[1.23, none, yes]"
+    assert value_text([[1.0], [2.0]]) == "[1], [2]"
+
+
+def test_what_cannot_be_simulated_is_said():
+    def judge(lab, measure):
+        raise AsperityError("the hand rests in a notch")
+
+    finding = FINDINGS[0].__class__(**{**vars(FINDINGS[0]), "judge": judge})
+    verdict = judged(finding, Laboratory(), PAPER)
+    assert verdict.holds is None
+    assert "rests in a notch" in verdict.note
+
+
+@pytest.mark.slow
+def test_the_whole_table_comes_out_as_the_page_has_it(table):
+    columns = columns_of(fits.chosen_of(fits.published()))
+    without = [finding for finding in FINDINGS if finding.id != "grit.measured"]
+    rows, _ = judge_all(columns, findings=without, plan=Plan())
+    for finding, verdicts in rows:
+        assert [MARKS[verdicts[c.name].holds] for c in columns] == table[finding.id], finding.id

@@ -1,0 +1,90 @@
+"""One servo and one page for all tests of a module, and what finds the page's parts."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
+
+def pytest_collection_modifyitems(items):
+    """Have one process do all tests that use the page: two servo loops are more than two cores."""
+    for item in items:
+        if "page" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group("page"))
+
+
+def wait_until(what, seconds=180.0, told=lambda: ""):
+    """Wait until something holds; fail if it does not within so long [s], with what is told."""
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, f"after {seconds:g} s: {told()}"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def until(request):
+    """Return `wait_until`, which tells of the page, if there is one, when it waits in vain."""
+
+    def told():
+        if "page" not in request.fixturenames:
+            return ""
+        page = request.getfixturevalue("page")
+        link, out = page.link, []
+        for panel in page.panels:
+            values = vars(panel).items()
+            out += [f"{k}={v.value!r}" for k, v in values if hasattr(v, "value")]
+        tab = request.getfixturevalue("tab") if "tab" in request.fixturenames else None
+        notes = getattr(tab, "notes", [])
+        state = (link.state, link.told, link.generation, link.choice.source, link.is_alive)
+        return f"{state}, {notes}, {out}, clients {list(page.server.get_clients())}"
+
+    return lambda what, seconds=180.0: wait_until(what, seconds, told)
+
+
+# Not for longer than a module: a loop that goes on takes a core from whatever is tested next.
+@pytest.fixture(scope="module")
+def page():
+    """Return a page on a plate, with few triangles, that the mouse moves."""
+    pytest.importorskip("viser")
+    from asperity.realtime.servo.scheduling import RealTime
+    from asperity.scene.builtin import load_scene
+    from asperity.viewer.changes import on_coupling
+    from asperity.viewer.panels.all_panels import live_panels
+    from asperity.viewer.server.server import serve
+    from asperity.viewer.servo_client import Link
+    from asperity.viewer.session_config import Choice
+
+    # A loop that keeps a core busy leaves too little of two to a browser that draws by software.
+    choice = Choice(
+        on_coupling(load_scene("probe-plate")), "probe-plate", real_time=RealTime(busy_wait=False)
+    )
+    with Link(choice) as link, serve(link, lambda: live_panels(20_000), port=0) as made:
+        yield made
+
+
+@pytest.fixture
+def link(page):
+    """Return the page's link, its hand in the air and its loop running."""
+    made = page.link
+    if not made.is_alive:
+        made.restart().result(timeout=300.0)
+    made.point(made.choice.first_pose)
+    wait_until(lambda: is_shown(page))
+    return made
+
+
+def is_shown(page):
+    """Whether every panel shows what the loop runs on now, and does not put it there later."""
+    shown = (getattr(p, "_generation", page.link.generation) for p in page.panels)
+    return all(generation == page.link.generation for generation in shown)
+
+
+@pytest.fixture
+def panel(page):
+    """Return what gives a panel by its class's name."""
+    return lambda name: next(p for p in page.panels if type(p).__name__ == name)

@@ -1,0 +1,125 @@
+"""The page in a real browser: it is drawn, dragged, told wrong things, and outlives its loop.
+
+Software draws a frame or two a second, so what is tested is what happens, not how fast.
+"""
+
+import io
+import os
+import signal
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytest.importorskip("viser")
+pytest.importorskip("playwright", reason="Playwright is not installed")
+
+from asperity.errors import AsperityError
+from asperity.viewer.browser import browser_tab, chromium, close_notes
+
+pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
+SLOW = 120e3
+"""[ms]"""
+
+
+@pytest.fixture(scope="module")
+def tab(page):
+    try:
+        with browser_tab((760, 600)) as out:
+            out.set_default_timeout(SLOW)
+            out.goto(page.url)
+            out.wait_for_selector("canvas")
+            out.get_by_text("probe-plate · mouse").wait_for()
+            close_notes(out)
+            yield out
+    except AsperityError as reason:  # Chromium does not start
+        pytest.skip(str(reason))
+
+
+def canvas(page, tab):
+    """Return what is drawn (rows, columns, 3), without the panels."""
+    page.pause()
+    tab.wait_for_timeout(500)
+    shot = tab.screenshot(timeout=SLOW)
+    page.pause(False)
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"))[:, :430]
+
+
+def on_screen(page, point):
+    """Return where a point of the shown world is on the screen [pixels]."""
+    (client,) = page.server.get_clients().values()
+    camera = client.camera
+    w, x, y, z = camera.wxyz
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    right, down, ahead = (np.asarray(point) - camera.position) @ turn
+    focal = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+    return (
+        0.5 * camera.image_width + focal * right / ahead,
+        0.5 * camera.image_height + focal * down / ahead,
+    )
+
+
+def test_the_scene_is_drawn(page, link, tab, until):
+    def drawn():
+        seen = canvas(page, tab)
+        colours = len(np.unique(seen.reshape(-1, 3) // 16, axis=0))
+        return seen.std(axis=(0, 1)).max() > 15.0 and colours > 30
+
+    until(drawn)
+
+
+def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
+    mouse = panel("Mouse")
+    mouse.holder.take(None, -1e9)
+    # Well into the plate: whoever draws slowly takes only a part of what the pointer does.
+    deep = link.choice.first_pose[2] - 5e-3
+    for wait in (500, 2_000, 8_000):  # longer, where the processor takes its time to draw
+        tip = np.add(mouse._gizmo.position, [0.0, 0.0, 1.75])  # of the arrow upwards
+        x, y = on_screen(page, tip)
+        tab.mouse.move(x, y)
+        tab.wait_for_timeout(wait)
+        tab.mouse.down()
+        for step in range(1, 9):
+            tab.mouse.move(x, y + 6.0 * step)
+            tab.wait_for_timeout(wait / 10)
+        tab.mouse.up()
+        tab.wait_for_timeout(wait)
+        if link.target[2] < deep:
+            break
+    assert link.target[2] < deep
+    until(lambda: link.latest().device_wrench[2] > 0.1)
+
+
+def test_a_number_that_is_typed_reaches_the_loop(link, tab, until):
+    tab.get_by_role("tab", name="Contact").click()
+    field = tab.locator("input[type=text][value='400']").first
+    field.fill("330")
+    tab.keyboard.press("Enter")  # its value has changed, and with it what finds it
+    until(lambda: link.parameters.stiffness == 330.0)
+    link.change(stiffness=400.0)
+
+
+def test_a_bad_file_is_refused_in_the_page(link, tab, tmp_path):
+    (tmp_path / "bad.png").write_bytes(b"this is no picture")
+    generation = link.generation
+    tab.get_by_role("tab", name="Surfaces").click()
+    with tab.expect_file_chooser() as chooser:
+        tab.get_by_role("button", name="Image or array of heights").click()
+    chooser.value.set_files(tmp_path / "bad.png")
+    tab.get_by_text("bad.png is not a .png file, or damaged").wait_for()
+    assert (link.generation, link.is_alive) == (generation, True)
+
+
+def test_the_page_outlives_its_loop_and_begins_another(link, tab, until):
+    os.kill(link._servo.process.pid, signal.SIGKILL)
+    tab.get_by_text("The loop has ended").wait_for()
+    generation = link.generation
+    tab.get_by_role("button", name="Restart the loop").click()
+    until(lambda: link.generation == generation + 1, 180.0)
+    tab.get_by_text("probe-plate · mouse").wait_for()
