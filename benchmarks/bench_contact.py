@@ -36,7 +36,7 @@ from asperity.contact.geom_tick import tick
 from asperity.contact.narrow_phase.geom_depth import depth_along
 from asperity.contact.narrow_phase.penetration import DEPTH, POINT_X, RESULT_SIZE
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.scene.builtin import load_scene
 from asperity.scene.trajectory import at_ticks
@@ -145,7 +145,7 @@ class Case:
         plate = Body("plate", [Geom("box", (0.02, 0.02, 0.01), (0, 0, -0.01))], field)
         bodies = (plate, Body("tip", [Geom("sphere", (RADIUS,))]))
         model = mujoco.MjModel.from_xml_string(XML)
-        self.engine = Engine(model, bodies, "tip", settings)
+        self.engine = ContactSolver(model, bodies, "tip", settings)
         e = self.engine
         self._geoms = [np.flatnonzero(e._geometry.body == i) for i in (1, 0)]
         self.per_metre = 1.0 / field.pixel_size[0]
@@ -211,7 +211,7 @@ def answers(collider: Collider, path: NDArray[np.float64]) -> tuple[NDArray[Any]
 
 
 def compiled_ticks(
-    e: Engine, answers: tuple[NDArray[Any], ...], path: NDArray[np.float64]
+    e: ContactSolver, answers: tuple[NDArray[Any], ...], path: NDArray[np.float64]
 ) -> tuple[Times, Times, Times]:
     """Return times [us], wrenches and what was found of ticks in compiled code."""
     ns, wrench, found = np.empty(len(path)), np.empty((len(path), 6)), np.empty((len(path), 4))

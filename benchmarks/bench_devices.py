@@ -24,7 +24,7 @@ import numpy as np
 
 from asperity.realtime.devices.haply.fake_device import HaplyFakeDevice
 from asperity.realtime.devices.haply.messages import force_message, read_state
-from asperity.realtime.devices.haply.websocket import Link
+from asperity.realtime.devices.haply.websocket import WebSocketClient
 from asperity.realtime.devices.protocol import Reading
 
 TICK = 1e-3
@@ -37,7 +37,7 @@ class PolledClient:
     """The other way to do it: without a thread, on a socket that never waits."""
 
     def __init__(self, uri: str) -> None:
-        self._link = Link(uri, time.monotonic)
+        self._link = WebSocketClient(uri, time.monotonic)
         while not (texts := self._link.poll()):
             self._link.wait(0.01)
         self._id = read_state(texts[-1], None, "auto").device_id

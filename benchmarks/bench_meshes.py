@@ -5,7 +5,7 @@
 
 The paper's two hard scenes, a hammer on striped blocks and a file on a machined part, are run
 tick by tick in eight stretches of their own paths, and of three perturbed ones at depths of 0.2 to
-1 mm; then other tools, whose triangles or contacts grow in number. A tick is `Engine.wrench`
+1 mm; then other tools, whose triangles or contacts grow in number. A tick is `ContactSolver.wrench`
 from Python, MuJoCo's query included. All is repeated in three rounds, in which all that is compared
 takes turns, and each pose counts with its median over the rounds: see `bench_contact.py`; what the
 paper's method and python-fcl are given is told in `mesh_cases.py`. Bars are ratios of medians of
@@ -38,11 +38,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
+from asperity.geometry.poses import turn_between, turned
 from asperity.scene.builtin import load_scene
 from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Simulation
-from asperity.spatial.poses import turn_between, turned
 from mesh_cases import (
     DT,
     FULL_DETAIL,
@@ -134,7 +134,10 @@ class Ticks(NamedTuple):
 
 
 def ticks(
-    engine: Engine, path: Sequence[NDArray[np.float64]], rounds: int, lead: Sequence[float] = (0.0,)
+    engine: ContactSolver,
+    path: Sequence[NDArray[np.float64]],
+    rounds: int,
+    lead: Sequence[float] = (0.0,),
 ) -> Ticks:
     """Time the engine on stretches of poses; the first of each, from above, only leads in.
 
@@ -164,7 +167,7 @@ def ticks(
     return Ticks(times, least, np.ravel(laps) * 1e-3, *columns, where)
 
 
-def _noted(engine: Engine) -> tuple[int, int, int, float, float, float, bool]:
+def _noted(engine: ContactSolver) -> tuple[int, int, int, float, float, float, bool]:
     c = engine.contacts
     k = c.count[0]
     # Patches whose deepest places are one place were searched once.
@@ -205,7 +208,7 @@ def found(done: Ticks) -> dict[str, Any]:
 
 
 def affordable(
-    engine: Engine, path: Sequence[NDArray[np.float64]], seconds: float, rounds: int
+    engine: ContactSolver, path: Sequence[NDArray[np.float64]], seconds: float, rounds: int
 ) -> int:
     """Return how many poses can be timed in so long, from what a few of them take."""
     begun, few = time.perf_counter(), 0
@@ -350,7 +353,7 @@ def _no_ratio(name: str) -> dict[str, Any]:
 
 
 def _timed_part(
-    engine: Engine, path: NDArray[np.float64], effort: Effort, own: bool
+    engine: ContactSolver, path: NDArray[np.float64], effort: Effort, own: bool
 ) -> list[NDArray[np.float64]]:
     """Return the stretches of a path that are timed, pressed to depths unless they are its own."""
     depths = 0.5 * (SHALLOW + DEEP) - 0.5 * (DEEP - SHALLOW) * np.cos(0.0311 * np.arange(len(path)))
@@ -369,7 +372,7 @@ def _timed_part(
 
 
 def _query_times(
-    engine: Engine, poses: Sequence[NDArray[np.float64]], rounds: int
+    engine: ContactSolver, poses: Sequence[NDArray[np.float64]], rounds: int
 ) -> dict[str, float]:
     clock, laps = time.perf_counter_ns, []
     for _ in range(rounds):
@@ -389,7 +392,7 @@ def _taken(done: Ticks, count: int, body: int | None = None) -> list[int]:
 
 
 def beside_paper(
-    engine: Engine, done: dict[str, Ticks], effort: Effort, out: dict[str, Any]
+    engine: ContactSolver, done: dict[str, Ticks], effort: Effort, out: dict[str, Any]
 ) -> None:
     """Run the paper's method at some of the poses."""
     paper = Paper(engine)
@@ -426,7 +429,7 @@ def beside_paper(
 
 
 def beside_fcl(
-    name: str, scene: Scene, engine: Engine, done: dict[str, Ticks],
+    name: str, scene: Scene, engine: ContactSolver, done: dict[str, Ticks],
     again: dict[str, Callable[[], Ticks]], effort: Effort, out: dict[str, Any],
     bars: list[dict[str, Any]],
 ) -> None:  # fmt: skip
@@ -504,7 +507,7 @@ def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, An
     out = []
     for size in sizes:
         growing = make(size)
-        engine = Engine(growing.model, growing.bodies, "tool")
+        engine = ContactSolver(growing.model, growing.bodies, "tool")
         mesh = growing.bodies[-1].mesh
         assert mesh is not None
         number = len(mesh.faces) if which in ("ball", "bumps") else size
@@ -628,7 +631,7 @@ def _compile() -> None:
     """Compile the engine before anything is timed, and say how long that took."""
     begun = time.perf_counter()
     growing = ball(1)
-    engine = Engine(growing.model, growing.bodies, "tool")
+    engine = ContactSolver(growing.model, growing.bodies, "tool")
     engine.wrench(growing.start, DT)
     print(f"compiled, or read from the cache, in {time.perf_counter() - begun:.1f} s")
 

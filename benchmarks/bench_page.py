@@ -22,35 +22,35 @@ import numpy as np
 
 from asperity.scene.builtin import load_scene
 from asperity.viewer.changes import on_coupling
-from asperity.viewer.motions import Motion
+from asperity.viewer.motions import CannedMotion
 from asperity.viewer.panels.all_panels import live_panels
 from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.server.server import UPDATE_RATE, Page, serve
-from asperity.viewer.servo_client import Link
-from asperity.viewer.session_config import Choice
+from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.session_config import SessionConfig
 from page_client import ScriptedTab
 
 BAR = 0.1
 """Percentage points."""
 
 
-def counts(link: Link) -> np.ndarray:
+def counts(link: ServoClient) -> np.ndarray:
     """Return ticks that were due, misses, fallbacks so far."""
     moment = link.latest()
     assert moment is not None
     return np.array([round(moment.time * 1000.0), moment.misses, moment.fallbacks])
 
 
-def alone(link: Link, seconds: float) -> np.ndarray:
+def alone(link: ServoClient, seconds: float) -> np.ndarray:
     """Let the hand go round with nobody looking; return the counts."""
-    link.move(Motion("circle", 0.03, 0.01), press=0.6)
+    link.move(CannedMotion("circle", 0.03, 0.01), press=0.6)
     time.sleep(1.0)
     before = counts(link)
     time.sleep(seconds)
     return counts(link) - before
 
 
-def looked_at(link: Link, seconds: float) -> tuple[np.ndarray, float]:
+def looked_at(link: ServoClient, seconds: float) -> tuple[np.ndarray, float]:
     """Let a tab drag the tool round; return the counts, and updates a second."""
     with serve(link, lambda: live_panels(), port=0) as page, ScriptedTab(page.url) as tab:
         time.sleep(2.0)
@@ -60,7 +60,7 @@ def looked_at(link: Link, seconds: float) -> tuple[np.ndarray, float]:
         return counts(link) - before, (len(tab.updates) - seen) / lasted
 
 
-def dragged(page: Page, tab: ScriptedTab, link: Link, seconds: float) -> None:
+def dragged(page: Page, tab: ScriptedTab, link: ServoClient, seconds: float) -> None:
     """Drag the gizmo round the circle that the hand goes round otherwise, pressed in."""
     gizmo = page.server.scene.get_handle_by_name("/gizmo")
     assert gizmo is not None
@@ -81,10 +81,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0, help="of each block")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    choice = Choice(on_coupling(load_scene(given.scene)), given.scene)
+    choice = SessionConfig(on_coupling(load_scene(given.scene)), given.scene)
     sums = {"alone": np.zeros(3), "looked at": np.zeros(3)}
     rates = []
-    with Link(choice) as link:
+    with ServoClient(choice) as link:
         for _ in range(given.blocks):
             link.point(choice.first_pose)
             sums["alone"] += alone(link, given.seconds)

@@ -44,8 +44,7 @@ FEW = STUDY | {"vary": STUDY["vary"] | {"spacing": [1e-3, 2e-3], "diameter": [2e
 
 def loop(study_: dict[str, object]) -> dict[str, float]:
     """Run all combinations one after the other, in this process."""
-    from asperity import read_study
-    from asperity.studies.sweeps.study import runner
+    from asperity.studies.sweeps.study import read_study, runner
 
     study = read_study(study_)
     columns = study.design.columns(range(study.size))
@@ -61,7 +60,8 @@ def loop(study_: dict[str, object]) -> dict[str, float]:
 
 def sweep(study_: dict[str, object]) -> dict[str, float]:
     """Run all combinations on two local workers, into a store."""
-    from asperity import read_study, run_sweep
+    from asperity.studies.sweeps.run import run_sweep
+    from asperity.studies.sweeps.study import read_study
 
     with tempfile.TemporaryDirectory() as folder:
         done = run_sweep(read_study(study_), Path(folder) / "a.zarr", workers=2)

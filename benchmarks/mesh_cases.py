@@ -45,16 +45,16 @@ from asperity.contact.narrow_phase.surface_patch import (
     Q,
 )
 from asperity.contact.narrow_phase.surface_patch import SIZE as CHART_SIZE
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.convex.pieces import convex_pieces
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
+from asperity.geometry.poses import turned
 from asperity.geometry.shapes.cad_part import BOSS_TOP
 from asperity.scene.builtin.file_cad import YAW
 from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Simulation
-from asperity.spatial.poses import turned
 from asperity.texture.height_field import HeightField
 from asperity.texture.packed import texture_at
 from asperity.texture.patterns.random_surfaces import self_affine
@@ -127,7 +127,7 @@ def stretches(path: Array, count: int) -> list[tuple[int, int]]:
     return [(int(a), int(a) + size) for a in starts]
 
 
-def pressed(engine: Engine, path: Array, depths: Array) -> Array:
+def pressed(engine: ContactSolver, path: Array, depths: Array) -> Array:
     """Return a path moved up or down, so that it is about as deep as wanted [m]."""
     knots = np.unique([*range(0, len(path), KNOT), len(path) - 1])
     heights, start = [], math.nan
@@ -139,7 +139,7 @@ def pressed(engine: Engine, path: Array, depths: Array) -> Array:
     return out
 
 
-def _level(engine: Engine, pose: Array, depth: float, start: float) -> float:
+def _level(engine: ContactSolver, pose: Array, depth: float, start: float) -> float:
     """Return the height at which a pose is so deep; `start` is a guess, or nan."""
     pose = pose.copy()
     near = math.nan if start == start else _first_near(engine, pose)
@@ -161,7 +161,7 @@ def _level(engine: Engine, pose: Array, depth: float, start: float) -> float:
     return float(pose[2]) if met or start == start else near - depth
 
 
-def _first_near(engine: Engine, pose: Array) -> float:
+def _first_near(engine: ContactSolver, pose: Array) -> float:
     """Return the height at which MuJoCo, from above, first says that something is near."""
     pose = pose.copy()
     low, high = pose[2] - 0.03, pose[2] + 0.03
@@ -279,7 +279,7 @@ class Where(NamedTuple):
     depth: float
 
 
-def contact_of(engine: Engine, pose: Array) -> Where | None:
+def contact_of(engine: ContactSolver, pose: Array) -> Where | None:
     """Return the contact of the last pose that pushes most; None without, or if one is false."""
     c = engine.contacts
     k = c.count[0]
@@ -472,7 +472,7 @@ def heights_off(textures, table, geometry, facets, turn, shift, places, chart, o
 class Paper:
     """The paper's method beside an engine."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: ContactSolver) -> None:
         assert engine._facets is not None
         self._engine, self._table = engine, engine._facets.table
         self._room, self._chart = np.empty((2, GRID, GRID)), np.zeros(CHART_SIZE)
@@ -648,7 +648,7 @@ def _solids(boxes: Sequence[Array]) -> Mesh:
     return mesh_from_arrays(np.concatenate(boxes), faces, hard_angle=30.0)
 
 
-def dragged(engine: Engine, growing: Growing, count: int) -> Array:
+def dragged(engine: ContactSolver, growing: Growing, count: int) -> Array:
     """Return a straight drag of `count` poses."""
     path = np.tile(growing.start, (count, 1))
     # No farther than feet stay on their blocks.

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.texture.height_field import HeightField
-from asperity.texture.packed import Textures, texture_at
+from asperity.texture.packed import PackedTextures, texture_at
 
 _CLOCK = int(time.CLOCK_MONOTONIC)
 _clock_gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.voidptr))
@@ -96,7 +96,7 @@ def coefficient_pyramid(field: HeightField) -> tuple[NDArray[np.float64], NDArra
     return _pyramid(windows[:cells, :cells].max(axis=(2, 3)))
 
 
-def sharper_pyramid(textures: Textures) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def sharper_pyramid(textures: PackedTextures) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return what `coefficient_pyramid` does, of asperity's own bounds of the cells' heights."""
     finer = int(math.log2(textures.table[0, 8]))  # the pyramid may begin below cells
     first, _, width = textures.levels[finer, :3]

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from asperity import Hand, Sinusoid, drag
+from asperity.dynamics.dragged_hand.hand import Hand, drag
+from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.runs.vibration_metrics import evaluate
 from asperity.studies.otaduy_lin_2004.force_models import otaduy_lin
 

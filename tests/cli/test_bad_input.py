@@ -18,7 +18,11 @@ from asperity import AsperityError
 from asperity.cli import main
 from asperity.cli.ranges import Between
 from asperity.cli.sound import SoundCommand
-from asperity.cli.study import HandOptions, Study
+from asperity.cli.study import HandOptions, StudyCommand
+from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.geometry.offsets.analytic import Grating, Sinusoid
+from asperity.geometry.offsets.sampled import offset_surface
+from asperity.geometry.offsets.surface import drop_point
 from asperity.studies.otaduy_lin_2004 import studies
 from asperity.studies.otaduy_lin_2004.drags import Condition, Sweep
 
@@ -86,7 +90,7 @@ def test_other_options(option, values, words, capsys, tmp_path):
     assert all(word in line for word in words)
 
 
-@pytest.mark.parametrize("options", [Study, HandOptions, SoundCommand])
+@pytest.mark.parametrize("options", [StudyCommand, HandOptions, SoundCommand])
 def test_every_number_has_its_range(options):
     hints = typing.get_type_hints(options, include_extras=True)
     for field in dataclasses.fields(options):
@@ -167,7 +171,7 @@ def test_a_map_that_is_flat_along_the_path(capsys, tmp_path):
 
 
 def test_a_hand_that_rests_all_the_time():
-    sweep = Sweep(hand=asperity.Hand(0.05, 10.0, 3.0))
+    sweep = Sweep(hand=Hand(0.05, 10.0, 3.0))
     with pytest.raises(AsperityError, match=r"rests in a notch .* 100 N at spacing 0\.5 mm"):
         sweep.motion(Condition(0.5e-3, 3e-3, 100.0, 0.083))
 
@@ -175,16 +179,40 @@ def test_a_hand_that_rests_all_the_time():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: asperity.offset_surface([0.0, np.nan], 1e-3, 1e-3), ["1 NaN", "of 2"]),
-        (lambda: asperity.offset_surface([0.0], 1e-3, 1e-3), ["2 samples", "(1,)"]),
-        (lambda: asperity.offset_surface(NOISE, 1e-3, 1.0), ["1000 mm", "at most 300 mm"]),
-        (lambda: asperity.offset_surface(NOISE, 1e-3, 0.1, border=3), ["3", "wrap, mirror"]),
-        (lambda: asperity.Sinusoid("high", 1e-3), ["amplitude", "'high'", "above 0"]),
-        (lambda: asperity.Sinusoid(1e-4, None), ["spacing", "None", "above 0"]),
-        (lambda: asperity.Grating(1e-4, [1e-3]), ["spacing", "[0.001]", "above 0"]),
-        (lambda: asperity.Hand(10**400), ["mass", "above 0"]),
-        (lambda: asperity.Hand(mass=0.0), ["mass", "0.0", "above 0"]),
-        (lambda: asperity.drop_point(-1.0, height=1e-4), ["diameter", "-1.0", "above 0"]),
+        (
+            lambda: offset_surface([0.0, np.nan], 1e-3, 1e-3),
+            ["1 NaN", "of 2"],
+        ),
+        (
+            lambda: offset_surface([0.0], 1e-3, 1e-3),
+            ["2 samples", "(1,)"],
+        ),
+        (
+            lambda: offset_surface(NOISE, 1e-3, 1.0),
+            ["1000 mm", "at most 300 mm"],
+        ),
+        (
+            lambda: offset_surface(NOISE, 1e-3, 0.1, border=3),
+            ["3", "wrap, mirror"],
+        ),
+        (
+            lambda: Sinusoid("high", 1e-3),
+            ["amplitude", "'high'", "above 0"],
+        ),
+        (
+            lambda: Sinusoid(1e-4, None),
+            ["spacing", "None", "above 0"],
+        ),
+        (
+            lambda: Grating(1e-4, [1e-3]),
+            ["spacing", "[0.001]", "above 0"],
+        ),
+        (lambda: Hand(10**400), ["mass", "above 0"]),
+        (lambda: Hand(mass=0.0), ["mass", "0.0", "above 0"]),
+        (
+            lambda: drop_point(-1.0, height=1e-4),
+            ["diameter", "-1.0", "above 0"],
+        ),
         (lambda: asperity.read_heights("~no one/a.txt"), ["~no one", "no such file"]),
     ],
 )

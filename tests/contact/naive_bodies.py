@@ -19,7 +19,7 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
 if TYPE_CHECKING:
-    from asperity.contact.solver import Engine
+    from asperity.contact.solver import ContactSolver
 
 Array = NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
@@ -202,10 +202,10 @@ class Along(NamedTuple):
     gradient: Array
 
 
-def engine_of(tool: Body, ground: Body, **settings: object) -> Engine:
+def engine_of(tool: Body, ground: Body, **settings: object) -> ContactSolver:
     """Return the engine of a scene in which `ground` stands at the origin and `tool` is free."""
     from asperity.contact.response.settings import ForceSettings
-    from asperity.contact.solver import Engine
+    from asperity.contact.solver import ContactSolver
 
     def geoms(body: Body) -> str:
         return "".join(
@@ -219,7 +219,7 @@ def engine_of(tool: Body, ground: Body, **settings: object) -> Engine:
         f'<body name="{tool.name}"><freejoint/>{geoms(tool)}</body></worldbody></mujoco>'
     )
     model = mujoco.MjModel.from_xml_string(xml)
-    return Engine(model, [ground, tool], tool.name, ForceSettings(**settings))
+    return ContactSolver(model, [ground, tool], tool.name, ForceSettings(**settings))
 
 
 def _spaced(values: Iterable[float]) -> str:
@@ -240,7 +240,7 @@ class Touch(NamedTuple):
     status: NDArray[np.int64]
 
 
-def touch(engine: Engine, at: Array, stiffness: float = 400.0) -> Touch:
+def touch(engine: ContactSolver, at: Array, stiffness: float = 400.0) -> Touch:
     """Ask the engine once; U = k/2 sum of w delta^2 over the contacts."""
     wrench = np.array(engine.wrench(at, 1e-3))
     found = engine.contacts

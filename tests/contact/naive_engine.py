@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
@@ -59,7 +59,7 @@ def engine_for(
     tool_first: bool = False,
     centre: Sequence[float] = (0.0, 0.0, 0.0),
     **settings: object,
-) -> Engine:
+) -> ContactSolver:
     """Return the engine of a scene of fixed bodies and one free tool.
 
     `poses` are those of the grounds, at the origin if left out; `centre` is the tool's centre of
@@ -80,7 +80,7 @@ def engine_for(
     )
     bodies = [tool, *grounds] if tool_first else [*grounds, tool]
     model = mujoco.MjModel.from_xml_string(xml)
-    return Engine(model, bodies, "tool", ForceSettings(**settings))
+    return ContactSolver(model, bodies, "tool", ForceSettings(**settings))
 
 
 def _geoms(body: Body) -> str:
@@ -109,7 +109,7 @@ class Touch(NamedTuple):
     force: Array
 
 
-def touch(engine: Engine, at: Array, dt: float = TICK) -> Touch:
+def touch(engine: ContactSolver, at: Array, dt: float = TICK) -> Touch:
     wrench = np.array(engine.wrench(at, dt))
     count = int(engine.contacts.count[0])
     rows = [np.array(getattr(engine.contacts, name)[:count]) for name in Touch._fields[1:]]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.texture.height_field import HeightField
@@ -210,7 +210,7 @@ def engine_of(
     tool_first: bool = False,
     centre: Sequence[float] = (0.0, 0.0, 0.0),
     **settings: object,
-) -> Engine:
+) -> ContactSolver:
     """Return the engine of a scene of fixed bodies and one free tool.
 
     `poses` are those of the grounds, at the origin if left out; `centre` is the tool's centre of
@@ -241,7 +241,7 @@ def engine_of(
     if tool_first:
         bodies = [bodies[-1], *bodies[:-1]]
     model = mujoco.MjModel.from_xml_string(xml)
-    return Engine(model, bodies, name, ForceSettings(**settings))
+    return ContactSolver(model, bodies, name, ForceSettings(**settings))
 
 
 def _geoms(of: Thing) -> str:
@@ -280,7 +280,7 @@ class Touch(NamedTuple):
         return float(np.sum(self.weight * self.depth))
 
 
-def touch(engine: Engine, at: ArrayLike, dt: float = TICK) -> Touch:
+def touch(engine: ContactSolver, at: ArrayLike, dt: float = TICK) -> Touch:
     wrench = np.array(engine.wrench(np.asarray(at, dtype=float), dt))
     count = int(engine.contacts.count[0])
     rows = [np.array(getattr(engine.contacts, name)[:count]) for name in Touch._fields[1:]]
@@ -307,7 +307,7 @@ class Slide(NamedTuple):
         return float(change.max() / np.linalg.norm(self.wrench[:, 3:], axis=1).max())
 
 
-def slide(engine: Engine, path: Iterable[ArrayLike]) -> Slide:
+def slide(engine: ContactSolver, path: Iterable[ArrayLike]) -> Slide:
     """Follow a path tick by tick."""
     wrenches, counts, depths = [], [], []
     for at in path:

@@ -7,7 +7,7 @@ from naive_engine import pose
 from asperity.contact.manifold.directions import ROWS
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.scene.builtin import load_scene
-from asperity.simulation.tool_contact import ContactStage
+from asperity.simulation.tool_contact import ToolContact
 from contact.naive_meshes import STIFFNESS, ball_mesh, engine_of, slab, thing
 
 DT = 1e-3
@@ -56,7 +56,7 @@ def test_a_ball_is_handed_over_from_a_face_to_its_chamfer(back):
 def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
     """From the first touch on: what its rounded rim overlaps is accounted for by the top."""
     scene = load_scene("file-cad").changed(force={"anti_alias": "off"})
-    engine = ContactStage(scene).engine
+    engine = ToolContact(scene).engine
     here, searched = scene.start.copy(), []
     here[2] = BOSS + 3.5e-3
     for _ in range(60):
@@ -77,7 +77,7 @@ def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
 def test_mujoco_is_asked_only_of_bodies_that_are_not_in_contact():
     """The wrenches are the same to the bit, also where the tool leaps away and back."""
     scene = load_scene("file-cad").changed(force={"anti_alias": "off"})
-    one, two = ContactStage(scene).engine, ContactStage(scene).engine
+    one, two = ToolContact(scene).engine, ToolContact(scene).engine
     asked, query = [], one._collider.query
 
     def counted(where, without=None):

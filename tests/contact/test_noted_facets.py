@@ -10,10 +10,10 @@ from asperity.contact.broad_phase.facet_pairs import moved_since, size_of
 from asperity.contact.broad_phase.neighbour_list import _take_from_all, near_pairs
 from asperity.contact.broad_phase.neighbour_records import note_nothing, noted_facets
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.geometry.poses import turned
 from asperity.scene.builtin import load_scene
 from asperity.simulation.press import touching_pose
-from asperity.simulation.tool_contact import ContactStage
-from asperity.spatial.poses import turned
+from asperity.simulation.tool_contact import ToolContact
 from contact.naive_meshes import ball_mesh, engine_of, slab, thing
 
 DT = 1e-3
@@ -47,7 +47,7 @@ def assert_noted_is_as_good_as_new(engine, path):
 def test_a_tool_of_a_scene_that_slides_and_tilts(scene, count, speed):
     """Slowly, as a hand does, and so fast that what is noted holds for no tick."""
     scene = load_scene(scene).changed(force={"anti_alias": "off"})
-    engine = ContactStage(scene).engine
+    engine = ToolContact(scene).engine
     start = touching_pose(engine, scene.start)
     start[2] -= 5e-4
     s = np.linspace(0.0, 1.0, count)[:, None]
@@ -127,7 +127,7 @@ def _moved(table, a, before, after):
 
 def test_no_point_moves_farther_than_is_said_and_no_direction_turns_more():
     """Of a long tool that is turned about a place in it, as it is held."""
-    engine = ContactStage(load_scene("file-cad")).engine
+    engine = ToolContact(load_scene("file-cad")).engine
     table, a = engine._facets.table, engine._tool
     rng = np.random.default_rng(3)
     root = table.root[a]

@@ -12,7 +12,7 @@ from naive_engine import AT_REST, ball, engine_for, plate, pose, waves
 
 from asperity.contact.body_pair import BodyPair
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
 from asperity.scene.builtin import load_scene
@@ -241,10 +241,10 @@ def test_an_engine_needs_the_bodies_of_its_model():
     model = mujoco.MjModel.from_xml_string(xml)
     box, sphere = Geom("box", (1, 1, 1)), Geom("sphere", (0.1,))
     bodies = [Body("plate", [box]), Body("tool", [sphere])]
-    assert np.isfinite(Engine(model, bodies, "tool").wrench(pose(0, 0, 1.05), 1e-3)).all()
-    refused(lambda: Engine(model, bodies, "tol"), "'tol'", "plate, tool")
+    assert np.isfinite(ContactSolver(model, bodies, "tool").wrench(pose(0, 0, 1.05), 1e-3)).all()
+    refused(lambda: ContactSolver(model, bodies, "tol"), "'tol'", "plate, tool")
     refused(
-        lambda: Engine(model, [Body("plate", [box, box]), bodies[1]], "tool"),
+        lambda: ContactSolver(model, [Body("plate", [box, box]), bodies[1]], "tool"),
         "'plate'", "2 geoms", "1 that can be touched",
     )  # fmt: skip
 

@@ -12,10 +12,10 @@ from naive_engine import ball, engine_for, plate, pose, waves
 from asperity._core.clock import IS_KNOWN, ends_in, seconds_now
 from asperity._core.kernels import kernel
 from asperity.contact.contacts import Contacts
+from asperity.geometry.poses import turned
 from asperity.scene.builtin import load_scene
 from asperity.simulation.press import touching_pose
-from asperity.simulation.tool_contact import CUT_SHORT, NOT_CERTIFIED, ContactStage
-from asperity.spatial.poses import turned
+from asperity.simulation.tool_contact import CUT_SHORT, NOT_CERTIFIED, ToolContact
 
 DT = 1e-3
 needs_clock = pytest.mark.skipif(not IS_KNOWN, reason="kernels know no time here")
@@ -39,7 +39,7 @@ def test_kernels_and_python_read_the_same_clock():
 
 def rubbed(name, count):
     """Return a stage with the scene's tool, and poses of a quick rub."""
-    stage = ContactStage(load_scene(name).changed(force={"anti_alias": "off"}))
+    stage = ToolContact(load_scene(name).changed(force={"anti_alias": "off"}))
     start = touching_pose(stage.engine, stage.scene.start)
     start[2] -= 8e-4
     s = np.linspace(0.0, 1.0, count)[:, None]

@@ -19,7 +19,7 @@ if {plain}:
     asperity._core.compile_time.speed_up = lambda: []
 import asperity._core.kernels
 from asperity.contact.narrow_phase.geom_depth import frame_round
-import asperity.spatial.rigid_body as rigid
+import asperity.geometry.rigid_body as rigid
 import numpy as np
 print(CPUCodeLibrary._optimize_final_module.__qualname__.split(".")[0],
       CPUCodeLibrary._finalize_final_module.__module__, BaseFunction.get_call_type.__module__)

@@ -4,7 +4,7 @@ import importlib
 
 import pytest
 
-from asperity._core.moved import MODULES, NAMES, PACKAGES, new_name
+from asperity._core.moved import MODULES, NAMES, PACKAGES, PUBLIC, new_name
 
 
 @pytest.mark.parametrize("old", [*MODULES, *PACKAGES])
@@ -24,11 +24,12 @@ def test_what_has_moved_is_where_the_table_says(old):
         "from asperity.scene import Scene, scene_of",
         "from asperity.scenes.file_cad import file_cad",
         "from asperity.perception.metrics import METRICS",
-        *(f"from asperity.{name.replace('.', ' import ')}" for name in NAMES),
+        *(" import ".join(f"from asperity.{name}".rsplit(".", 1)) for name in NAMES),
+        *(f"from asperity import {name}" for name in PUBLIC),
     ],
 )
 def test_an_old_name_works_and_warns(line):
-    with pytest.warns(DeprecationWarning, match="has moved: use asperity"):
+    with pytest.warns(DeprecationWarning, match=r": use asperity\."):
         exec(line, {})
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from asperity.drawing.renderer.contact import (
-    Moment,
+    ContactMoment,
     Picture,
     close_picture,
     contact_width,
@@ -14,7 +14,7 @@ from asperity.drawing.renderer.geom_grids import body_sheets
 from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.parts import scene_parts
 from asperity.drawing.renderer.render import Lamp, camera_at, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, View, coarsened
+from asperity.drawing.renderer.view import Camera, ViewBall, coarsened
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.runs.figures import contact_figure
@@ -23,7 +23,7 @@ from asperity.texture.patterns.patterns import sinusoid
 
 WAVES = sinusoid(wavelength=2e-3, amplitude=1e-4)
 HOME = np.array([0.0, 0, 0, 1, 0, 0, 0])
-VIEW = View(np.array([0.3e-3, 0, 3e-3]), 4e-3, 80)
+VIEW = ViewBall(np.array([0.3e-3, 0, 3e-3]), 4e-3, 80)
 
 
 def from_above(width, pixels=201, centre=(0.0, 0.0, 0.0)):
@@ -73,7 +73,7 @@ def test_round_bodies_stay_within_their_relief(geom, distance):
 def test_the_nearest_surface_is_seen_at_its_distance():
     ball = Body("ball", [Geom("sphere", (1e-3,))])
     floor = Body("floor", [Geom("plane", (0.0, 0.0))])
-    view = View(np.zeros(3), 5e-3, 200)
+    view = ViewBall(np.zeros(3), 5e-3, 200)
     sheets = [(0, s) for s in body_sheets(floor, HOME, view)]
     sheets += [(1, s) for s in body_sheets(ball, HOME, view)]
     seen = look(sheets, from_above(4e-3))
@@ -88,7 +88,7 @@ def test_the_nearest_surface_is_seen_at_its_distance():
 def test_a_ball_throws_a_shadow():
     ball = Body("ball", [Geom("sphere", (1e-3,), (0, 0, 2e-3))])
     floor = Body("floor", [Geom("plane", (0.0, 0.0))])
-    view = View(np.zeros(3), 9e-3, 300)
+    view = ViewBall(np.zeros(3), 9e-3, 300)
     ground = [(0, s) for s in body_sheets(floor, HOME, view)]
     camera = from_above(8e-3)
     bright = {}
@@ -109,18 +109,18 @@ def test_contacts_at_one_place_are_drawn_as_one():
         force = np.array([[0, 0, 1.0], [0, 0, 2], [0, 1, 4], [9, 9, 9]])
         depth = np.array([1e-4, 2e-4, 1e-4, 9])
 
-    moment = Moment.of(0.0, HOME, Found)
+    moment = ContactMoment.of(0.0, HOME, Found)
     np.testing.assert_allclose(moment.point, [[0, 0, 0], [1e-3, 0, 0]], atol=1e-8)
     np.testing.assert_allclose(moment.force, [[0, 1, 5], [0, 0, 2]])
     np.testing.assert_allclose(moment.depth, [1e-4, 2e-4])
     Found.count = np.array([0])
-    assert Moment.of(0.0, HOME, Found).point.shape == (0, 3)
+    assert ContactMoment.of(0.0, HOME, Found).point.shape == (0, 3)
 
 
 def test_a_moment_without_contact_has_a_picture_too():
     scene = load_scene("probe-plate")
     none = np.zeros((0, 3))
-    moment = Moment(0.0, scene.start, none, none, none, np.zeros(0))
+    moment = ContactMoment(0.0, scene.start, none, none, none, np.zeros(0))
     for draw in (close_picture, whole_picture):
         image = draw(scene, moment, columns=120, rows=90).image
         assert image.shape == (90, 120, 4)
@@ -155,7 +155,7 @@ def test_a_mesh_is_displaced_along_its_normals(mapping):
     mesh = ball_mesh(3e-3)
     texture = sinusoid(wavelength=2e-3, amplitude=1e-4, periods=9)
     body = Body("ball", SOLID, texture, mapping, mesh=mesh)
-    points, sheets = mesh_points(body, View(np.zeros(3), 4e-3, 100))
+    points, sheets = mesh_points(body, ViewBall(np.zeros(3), 4e-3, 100))
     away = np.linalg.norm(points, axis=1) - 3e-3
     assert -1.7e-4 < away.min() < -0.8e-4  # triangles lie a little within the ball
     assert 0.8e-4 < away.max() <= 1e-4 * (1 + 1e-3)
@@ -168,7 +168,7 @@ def test_a_mesh_s_relief_and_slope_are_the_texture_s():
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) * 1e-2
     mesh = mesh_from_arrays(corners, [[0, 1, 2], [0, 2, 3]])
     points, sheets = mesh_points(
-        Body("plate", SOLID, WAVES, mesh=mesh), View(np.zeros(3), 2e-2, 800)
+        Body("plate", SOLID, WAVES, mesh=mesh), ViewBall(np.zeros(3), 2e-2, 800)
     )
     phase = 2 * np.pi * points[:, 0] / 2e-3
     np.testing.assert_allclose(points[:, 2], 1e-4 * np.cos(phase), atol=2e-7)
@@ -180,9 +180,9 @@ def test_a_mesh_s_relief_and_slope_are_the_texture_s():
 def test_only_what_the_camera_sees_is_fine():
     mesh = ball_mesh(3e-3)
     body = Body("ball", SOLID, WAVES, "triplanar", mesh=mesh)
-    everything, _ = mesh_points(body, View(np.zeros(3), 4e-3, 100))
+    everything, _ = mesh_points(body, ViewBall(np.zeros(3), 4e-3, 100))
     camera = from_above(1e-3, centre=(0.0, 0.0, 2e-3))
-    points, _ = mesh_points(body, View(np.zeros(3), 4e-3, 100, camera))
+    points, _ = mesh_points(body, ViewBall(np.zeros(3), 4e-3, 100, camera))
     assert len(points) < 0.5 * len(everything)
     near = np.abs(points[:, :2]).max(axis=1) < 0.5e-3
     assert (near & (points[:, 2] > 0)).sum() > 5 * (near & (points[:, 2] < 0)).sum()
@@ -199,7 +199,7 @@ def test_one_cannot_see_through_where_a_texture_is_torn():
     body = Body("ball", SOLID, texture, "uv", mesh=mesh)
     x, y, z = np.eye(3)
     camera = Camera(np.zeros(3), y, z, x, 3e-3, 301, 301)
-    sheets = [(0, s) for s in mesh_sheets(body, HOME, View(np.zeros(3), 4e-3, 600, camera))]
+    sheets = [(0, s) for s in mesh_sheets(body, HOME, ViewBall(np.zeros(3), 4e-3, 600, camera))]
     seen = look(sheets, camera)
     assert (seen.depth < 0).all()  # the near side, everywhere
     without = [(0, s) for _, s in sheets if not _is_strip(s)]
@@ -227,7 +227,7 @@ def test_a_level_floor_is_open_and_a_hollow_is_not():
     )
     floor = Body("floor", [Geom("plane", (0.0, 0.0))])
     block = Body("block", [Geom("box", (2e-3, 2e-3, 4e-3))])
-    view = View(np.zeros(3), 3e-2, 200, camera)
+    view = ViewBall(np.zeros(3), 3e-2, 200, camera)
     level = look([(0, s) for s in body_sheets(floor, HOME, view)], camera)
     assert np.isfinite(level.depth).all()
     np.testing.assert_allclose(hollows(level, camera), 1.0, atol=1e-6)
@@ -243,7 +243,7 @@ def test_a_tool_that_is_a_mesh_has_pictures(name):
     assert len({part.colour for part in tool}) == 2  # steel and wood
     assert np.sum([part.faces for part in tool], axis=0).tolist() == [1] * len(tool[0].faces)
     up = np.array([[0.0, 0.0, 1.0]])
-    moment = Moment(0.0, scene.start, scene.start[None, :3], up, 0.5 * up, np.array([1e-4]))
+    moment = ContactMoment(0.0, scene.start, scene.start[None, :3], up, 0.5 * up, np.array([1e-4]))
     assert 2e-3 < contact_width(scene, moment) < 5e-2
     for draw in (close_picture, whole_picture):
         image = draw(scene, moment, columns=150, rows=120).image
@@ -264,7 +264,7 @@ def test_no_word_of_a_picture_is_cut_off(lean):
     picture = Picture(np.full((220, 220, 4), 0.8), from_above(0.02, 220))
     point = np.array([[0.0098 * lean[0], 0.0098 * lean[1], 0.0]])
     normal, force = np.array([[0.0, 0.0, 1.0]]), 0.58 * np.array([[*lean, 0.0]])
-    moment = Moment(0.0, HOME, point, normal, force, np.array([1e-4]))
+    moment = ContactMoment(0.0, HOME, point, normal, force, np.array([1e-4]))
     figure = contact_figure(picture, picture, moment, "a scene")
     figure.draw_without_rendering()
     axis = figure.axes[1]

@@ -6,21 +6,21 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.virtual_coupling.coupled_tool import REACH, HeldTool
+from asperity.dynamics.virtual_coupling.coupled_tool import REACH, CoupledTool
 from asperity.dynamics.virtual_coupling.settings import (
     MASS,
     MODES,
     MOMENTS,
     CouplingSettings,
+    coupled_body,
     gains_for,
-    held_body,
 )
 from asperity.errors import AsperityError
+from asperity.geometry.poses import turn_between, turned
+from asperity.geometry.rigid_body import RigidBody, centre_of_mass, rotation_matrix
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.simulation.simulation import Simulation
-from asperity.simulation.tool_contact import ContactStage
-from asperity.spatial.poses import turn_between, turned
-from asperity.spatial.rigid_body import RigidBody, centre_of_mass, rotation_matrix
+from asperity.simulation.tool_contact import ToolContact
 
 COUPLED = MODES[1:]
 START = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -32,7 +32,7 @@ NOTHING = LinearContact(START, np.zeros(6), np.zeros((6, 6)), 0, 0)
 
 
 def held(mode, **options):
-    return HeldTool(BODY, CouplingSettings(mode, **options))
+    return CoupledTool(BODY, CouplingSettings(mode, **options))
 
 
 def follow(tool, handle, ticks, contact=NOTHING):
@@ -55,7 +55,7 @@ def test_the_implicit_step_converges_to_the_closed_form():
     """Critically damped: x = h (1 - (1 + f t) exp(-f t)), its error in proportion to the tick."""
     h, seconds, errors = 0.01, 0.02, []
     for dt in (1e-3, 1e-4):
-        tool = HeldTool(BODY, CouplingSettings("implicit"), dt=dt)
+        tool = CoupledTool(BODY, CouplingSettings("implicit"), dt=dt)
         f = np.sqrt(tool.gains.stiffness / BODY.mass)
         tool.reset(START)
         follow(tool, START + h * np.eye(7)[0], round(seconds / dt))
@@ -228,7 +228,7 @@ def test_a_mesh_tool_settles_on_its_block(mode):
 
 def test_direct_is_the_contact_at_the_handle_exactly():
     scene = probe_plate("jittered_dots")
-    simulation, stage = Simulation(scene), ContactStage(scene)
+    simulation, stage = Simulation(scene), ToolContact(scene)
     for pose in simulation.trajectory().poses[:150]:
         wrench = simulation.step(pose)
         np.testing.assert_array_equal(wrench, stage.evaluate(pose).wrench)
@@ -268,12 +268,12 @@ def test_gains_are_from_the_mass_or_the_device():
 @pytest.mark.parametrize("name", ["probe-plate", "hammer-blocks", "file-cad"])
 def test_a_held_tool_weighs_what_the_scene_says_within_bounds(name):
     scene = load_scene(name)
-    body = held_body(scene.model, scene.tool)
+    body = coupled_body(scene.model, scene.tool)
     assert MASS[0] <= body.mass <= MASS[1]
     assert (body.moments >= MOMENTS[0]).all()
     assert (body.moments <= MOMENTS[1]).all()
     np.testing.assert_allclose(body.axes.T @ body.axes, np.eye(3), atol=1e-9)
-    assert held_body(scene.model, scene.tool, mass_scale=10.0).mass == 10.0 * body.mass
+    assert coupled_body(scene.model, scene.tool, mass_scale=10.0).mass == 10.0 * body.mass
 
 
 @pytest.mark.parametrize(
@@ -292,6 +292,6 @@ def test_wrong_settings_are_refused(options, said):
 
 def test_a_semi_implicit_coupling_too_stiff_for_the_tick_is_refused():
     settings = CouplingSettings("semi-implicit", stiffness=1e5)
-    HeldTool(BODY, CouplingSettings("implicit", stiffness=1e5), dt=0.01)
+    CoupledTool(BODY, CouplingSettings("implicit", stiffness=1e5), dt=0.01)
     with pytest.raises(AsperityError, match="unstable at a tick"):
-        HeldTool(BODY, settings, dt=0.01)
+        CoupledTool(BODY, settings, dt=0.01)

@@ -7,13 +7,13 @@ from scipy.integrate import solve_ivp
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
 from asperity.errors import AsperityError
+from asperity.geometry.poses import turn_between, turned
+from asperity.geometry.rigid_body import centre_of_mass
 from asperity.realtime.devices.protocol import Device, Limits, Reading
 from asperity.realtime.devices.simulated import SimulatedDevice
 from asperity.scene.builtin import probe_plate
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.simulation import Simulation
-from asperity.spatial.poses import turn_between, turned
-from asperity.spatial.rigid_body import centre_of_mass
 
 START = np.array([0.1, 0.0, 0.02, 1.0, 0.0, 0.0, 0.0])
 CENTRE = np.array([0.01, 0.0, 0.05])

@@ -6,7 +6,7 @@ import copy
 
 from asperity.psychophysics.design import design_of
 from asperity.psychophysics.interfaces.front import Reply
-from asperity.psychophysics.session.trials import Felt
+from asperity.psychophysics.session.trials import PresentedInterval
 
 CHOICE = {
     "schema": 1, "name": "height", "method": "forced-choice", "seed": 3,
@@ -69,7 +69,7 @@ class Nothing:
         begun()
         recording.write_bytes(b"")
         self.presented.append(recording.name)
-        return Felt(recording.name, 0, seconds, {"band_rms": 1.0})
+        return PresentedInterval(recording.name, 0, seconds, {"band_rms": 1.0})
 
     def drop(self):
         pass

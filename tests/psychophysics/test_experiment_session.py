@@ -14,7 +14,7 @@ from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, Person, design, document
 
 from asperity.errors import AsperityError, OutputError
 from asperity.psychophysics.analysis.results import read_results
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.front import Paused, SimulatedFront
 from asperity.psychophysics.procedures.procedures import procedure
 from asperity.psychophysics.session import journal as journal_module
@@ -26,7 +26,7 @@ from asperity.psychophysics.session.tables import answers_table
 @pytest.fixture(autouse=True)
 def _no_scenes(monkeypatch):
     """Sessions look at the scenes; here there are none."""
-    monkeypatch.setattr(Design, "check_scenes", lambda self: {})
+    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
 
 
 def run(made, folder, front=None, participant="P1", number=1):
@@ -239,7 +239,7 @@ def test_killed_between_any_two_writes_it_loses_no_answer(how, tmp_path, monkeyp
 
 def _endless(made, folder, told):
     """Run a session whose participant says what was taken: a process to be killed."""
-    Design.check_scenes = lambda self: {}
+    ExperimentDesign.check_scenes = lambda self: {}
     count = random.SystemRandom()
 
     class Telling(Person):

@@ -11,7 +11,7 @@ import pytest
 from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, design, document
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.front import Paused, SimulatedFront
 from asperity.psychophysics.interfaces.terminal import TerminalFront
 from asperity.psychophysics.session import presenters
@@ -141,7 +141,7 @@ def test_what_cannot_be_felt_is_told(tmp_path, monkeypatch):
 
 @pytest.fixture
 def _no_scenes(monkeypatch):
-    monkeypatch.setattr(Design, "check_scenes", lambda self: {})
+    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
 
 
 @pytest.mark.usefixtures("_no_scenes")
@@ -189,13 +189,13 @@ def in_page(_no_scenes):
     from asperity.psychophysics.interfaces.page import Desk, TrialLink, panels, smooth
     from asperity.scene.builtin import load_scene
     from asperity.viewer.server.server import Page
-    from asperity.viewer.session_config import Choice
+    from asperity.viewer.session_config import SessionConfig
 
     opened = []
 
     def open_page(made, show=False):
         scene = load_scene("probe-plate-dots")
-        choice = Choice(scene if show else smooth(scene), made.name)
+        choice = SessionConfig(scene if show else smooth(scene), made.name)
         desk, link = Desk(made), TrialLink(choice, show=show)
         page = Page(link, panels(desk, choice, show=show), port=0)
         opened.append((page, link))

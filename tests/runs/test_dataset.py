@@ -14,7 +14,7 @@ from test_recording import made_up
 import asperity
 from asperity.errors import AsperityError
 from asperity.runs.dataset import dataset_of, open_recording
-from asperity.runs.recording import RecordingWriter, variables_of, write_recording
+from asperity.runs.recording import RecordingWriter, read_recording, variables_of, write_recording
 
 UNITS = {
     "handle_position": "m", "handle_orientation": "1", "tool_position": "m",
@@ -81,7 +81,7 @@ def test_an_older_recording_has_no_depth_and_opens(rollout, tmp_path):
         del file["penetration_depth"]
     with open_recording(tmp_path) as data:
         assert "penetration_depth" not in data
-    assert np.isnan(asperity.read_recording(tmp_path / "recording.h5").penetration_depth).all()
+    assert np.isnan(read_recording(tmp_path / "recording.h5").penetration_depth).all()
 
 
 def test_what_is_no_recording_is_refused_in_a_line(tmp_path):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
+from asperity.geometry.poses import between, require_pose, turn_between, turned, twist
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 from asperity.scene.trajectory_file import read_poses
-from asperity.spatial.poses import between, require_pose, turn_between, turned, twist
 
 START = np.array([0.1, -0.2, 0.3, 1.0, 0.0, 0.0, 0.0])
 ROWS = np.array([[0.0, 0, 0, 0, 1, 0, 0, 0], [0.5, 1e-3, 0, 0, 1, 0, 0, 0]])

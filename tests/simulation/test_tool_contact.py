@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
+from asperity.geometry.poses import turned
+from asperity.geometry.rigid_body import centre_of_mass
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.simulation.simulation import Simulation
-from asperity.simulation.tool_contact import BUDGET_SPENT, ContactStage
-from asperity.spatial.poses import turned
-from asperity.spatial.rigid_body import centre_of_mass
+from asperity.simulation.tool_contact import BUDGET_SPENT, ToolContact
 
 QUIET = {"anti_alias": "off"}
 AXES = np.eye(6)
@@ -23,7 +23,7 @@ def moved(pose, step, centre):
 
 def pressed(scene, depth, tilt):
     """Return a stage, and a pose in which the probe is that deep in a plate without texture."""
-    stage = ContactStage(scene)
+    stage = ToolContact(scene)
     pose = turned(np.array([0.0, 0.0, 1.5e-3 - depth, 1, 0, 0, 0]), tilt)
     stage.evaluate(pose)  # bristles begin here
     return stage, pose
@@ -67,7 +67,7 @@ def test_a_bristle_that_sticks_is_stiff_across_and_one_that_slips_is_not():
 @pytest.mark.parametrize("name", ["probe-plate-dots", "hammer-blocks"])
 def test_the_stiffness_is_positive_semidefinite(name):
     scene = load_scene(name).changed(force={"friction": 0.0})
-    simulation, stage = Simulation(scene), ContactStage(scene)
+    simulation, stage = Simulation(scene), ToolContact(scene)
     for pose in simulation.trajectory().poses[:60:12]:
         contact = stage.evaluate(pose)
         values = np.linalg.eigvalsh(contact.stiffness)
@@ -83,13 +83,13 @@ def test_direct_without_averaging_is_the_engine_itself(name):
     scene = load_scene(name).changed(force=QUIET)
     simulation = Simulation(scene)
     poses = simulation.trajectory().poses[:15]
-    engine = Engine(scene.model, scene.bodies, scene.tool, scene.force)
+    engine = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
     for pose in poses:
         np.testing.assert_array_equal(simulation.step(pose), engine.wrench(pose, 1e-3))
 
 
 def test_without_contact_there_is_neither_wrench_nor_stiffness():
-    stage = ContactStage(probe_plate())
+    stage = ToolContact(probe_plate())
     contact = stage.evaluate(np.array([0, 0, 0.05, 1, 0, 0, 0.0]))
     assert contact.count == 0
     np.testing.assert_array_equal(contact.wrench, 0.0)
@@ -127,7 +127,7 @@ def watched(friction, step):
     scene = probe_plate({"kind": "sinusoid", "wavelength": 5e-4, "amplitude": 5e-5})
     scene = scene.changed(force={"anti_alias": "tick", "friction": friction})
     watch = Stopwatch(1e-4)
-    stage = ContactStage(scene, now=watch)
+    stage = ToolContact(scene, now=watch)
     watch.tie_to(stage.engine)
     pose = np.array([0.0, 0.0, 1.4e-3, 1, 0, 0, 0])
     for _ in range(6):
@@ -172,7 +172,7 @@ def test_one_that_takes_long_leaves_the_others_out_and_the_pose_itself_is_looked
 
 
 def test_what_there_was_no_room_for_is_told_without_a_contact_too():
-    stage, statuses = ContactStage(probe_plate()), np.zeros(3, np.int64)
+    stage, statuses = ToolContact(probe_plate()), np.zeros(3, np.int64)
     stage.evaluate(np.array([0.0, 0.0, 0.1, 1, 0, 0, 0]))
     contacts = stage.engine.contacts
     assert contacts.count.tolist() == [0, 0]

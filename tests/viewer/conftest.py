@@ -56,14 +56,14 @@ def page():
     from asperity.viewer.changes import on_coupling
     from asperity.viewer.panels.all_panels import live_panels
     from asperity.viewer.server.server import serve
-    from asperity.viewer.servo_client import Link
-    from asperity.viewer.session_config import Choice
+    from asperity.viewer.servo_client import ServoClient
+    from asperity.viewer.session_config import SessionConfig
 
     # A loop that keeps a core busy leaves too little of two to a browser that draws by software.
-    choice = Choice(
+    choice = SessionConfig(
         on_coupling(load_scene("probe-plate")), "probe-plate", real_time=RealTime(busy_wait=False)
     )
-    with Link(choice) as link, serve(link, lambda: live_panels(20_000), port=0) as made:
+    with ServoClient(choice) as link, serve(link, lambda: live_panels(20_000), port=0) as made:
         yield made
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.dynamics.virtual_coupling.settings import held_body
+from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.realtime.devices.mouse import MouseDevice
 from asperity.realtime.devices.pointer_file import Pointed
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
 from asperity.simulation.simulation import Simulation
-from asperity.viewer.motions import Motion, motion_table
+from asperity.viewer.motions import CannedMotion, motion_table
 
 DT = 1e-3
 SPEED = 0.05
@@ -36,7 +36,7 @@ def dragged(
     start[2] += 1e-3
     pointed = Pointed(folder / name, start)
     now = [0.0]
-    centre = held_body(scene.model, scene.tool).centre
+    centre = coupled_body(scene.model, scene.tool).centre
     device = MouseDevice(folder / name, dt=DT, centre=tuple(centre), clock=lambda: now[0])
     device.open()
     reading, draw = Reading.empty(), np.random.default_rng(3)
@@ -53,7 +53,7 @@ def dragged(
         if table and tick == 0:
             down = start.copy()
             down[2] -= deep
-            made = motion_table(Motion("slide", SPEED, 0.075), down)
+            made = motion_table(CannedMotion("slide", SPEED, 0.075), down)
             pointed.move(made.poses, loop=made.loop, step=made.step, begun=0.0)
         device.read(reading)
         wrench = simulation.step(reading.pose)

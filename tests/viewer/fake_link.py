@@ -5,12 +5,12 @@ import time
 
 import numpy as np
 
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.tick_row import WIDTH, slices
 from asperity.scene.builtin import load_scene
 from asperity.viewer.history import History
 from asperity.viewer.replayed_contacts import empty_moment
-from asperity.viewer.session_config import Choice
+from asperity.viewer.session_config import SessionConfig
 
 PLACES = slices()
 RATE = 1000.0
@@ -41,11 +41,11 @@ class FakeLink:
     """What the page asks of a link. `give` adds rows; `run` does so as time goes by."""
 
     def __init__(self):
-        self.choice = Choice(load_scene("probe-plate"), "probe-plate")
+        self.choice = SessionConfig(load_scene("probe-plate"), "probe-plate")
         self.history = History()
         self.generation, self.is_alive = 1, True
         self.state, self.told, self.device = "running", "", "a slide that shakes"
-        self.parameters = Parameters.of(self.choice.scene, RATE)
+        self.parameters = LiveParameters.of(self.choice.scene, RATE)
         self.ticks = 0
         self._taps = []
         self._over = threading.Event()

@@ -21,12 +21,12 @@ from asperity.viewer.changes import (
     with_texture,
 )
 from asperity.viewer.drawables.shapes import shapes_of
-from asperity.viewer.session_config import Choice
+from asperity.viewer.session_config import SessionConfig
 
 
 @pytest.fixture(scope="module")
 def plate():
-    return Choice(on_coupling(load_scene("probe-plate")), "probe-plate")
+    return SessionConfig(on_coupling(load_scene("probe-plate")), "probe-plate")
 
 
 def field_of(table):

@@ -12,7 +12,7 @@ from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.realtime.servo.tick_row import WIDTH, slices
 from asperity.viewer.changes import with_method, with_scene, with_texture
 from asperity.viewer.history import History
-from asperity.viewer.motions import Motion
+from asperity.viewer.motions import CannedMotion
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.panels.status import WELL, WRONG, rows_of, table
 from asperity.viewer.view_model import Frames
@@ -60,7 +60,7 @@ def test_parameters_reach_the_loop_and_bad_ones_do_not(link):
 def test_a_motion_goes_on_in_the_loop_and_presses(link, until):
     lifted = link.choice.first_pose
     link.point(lifted)
-    link.move(Motion("slide", 0.03, 0.01), press=0.5)
+    link.move(CannedMotion("slide", 0.03, 0.01), press=0.5)
     seen = []
 
     def moving():

@@ -10,7 +10,7 @@ from asperity.realtime.devices.mouse import FASTEST, LONGEST, Led, MouseDevice
 from asperity.realtime.devices.pointer_file import ROOM, Pointed
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
-from asperity.viewer.motions import Motion, motion_table
+from asperity.viewer.motions import CannedMotion, motion_table
 from asperity.viewer.panels.mouse import HELD, Holder
 
 ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -107,7 +107,7 @@ def test_a_mouse_without_a_page_says_what_to_do():
 
 @pytest.mark.parametrize("kind", ["slide", "circle"])
 def test_a_motion_goes_round_without_a_jump(kind):
-    made = motion_table(Motion(kind, SPEED, 0.02, 0.7), at(x=0.01, z=0.03))
+    made = motion_table(CannedMotion(kind, SPEED, 0.02, 0.7), at(x=0.01, z=0.03))
     assert len(made.poses) <= ROOM
     np.testing.assert_allclose(made.poses[0], at(x=0.01, z=0.03), atol=1e-15)
     np.testing.assert_allclose(made.poses[-1], made.poses[made.loop], atol=1e-9)
@@ -116,7 +116,7 @@ def test_a_motion_goes_round_without_a_jump(kind):
     assert speed.max() == pytest.approx(SPEED, rel=1e-2)
     assert np.abs(np.diff(speed)).max() < 0.1 * SPEED
     assert np.ptp(made.poses[:, 2]) == 0.0
-    slow = motion_table(Motion(kind, 1e-3, 0.2), ORIGIN)  # long: in coarser steps
+    slow = motion_table(CannedMotion(kind, 1e-3, 0.2), ORIGIN)  # long: in coarser steps
     assert len(slow.poses) <= ROOM
 
 
@@ -131,7 +131,7 @@ def test_a_motion_goes_round_without_a_jump(kind):
 )
 def test_motions_out_of_range_are_refused(motion, why):
     with pytest.raises(AsperityError, match=why):
-        Motion(**motion)
+        CannedMotion(**motion)
 
 
 def test_one_tab_holds_the_tool_until_it_rests_is_closed_or_another_takes_it():

@@ -61,7 +61,7 @@ MODULES = {
     "dynamics.held_tool": "dynamics.virtual_coupling.coupled_tool",
     "dynamics.implicit": "dynamics.virtual_coupling.backward_euler",
     "dynamics.repeat": "dynamics.dragged_hand.periodic_motion",
-    "dynamics.rigid": "spatial.rigid_body",
+    "dynamics.rigid": "geometry.rigid_body",
     "dynamics.semi_implicit": "dynamics.virtual_coupling.semi_implicit",
     "dynamics.static_coupling": "dynamics.virtual_coupling.static",
     "dynamics.tied": "dynamics.virtual_coupling.loads",
@@ -156,7 +156,7 @@ MODULES = {
     "plots_run": "runs.figures",
     "plots_stability": "studies.stability.figures",
     "plots_traces": "runs.trace_figures",
-    "poses": "spatial.poses",
+    "poses": "geometry.poses",
     "press": "simulation.press",
     "real_surfaces": "studies.otaduy_lin_2004.real_surfaces",
     "recording": "runs.recording",
@@ -193,12 +193,66 @@ MODULES = {
 }
 """Old and new names of modules, without `asperity.`."""
 NAMES = {
-    "plots.level_labels": "studies.otaduy_lin_2004.figures",
-    "plots.models_figure": "studies.otaduy_lin_2004.figures",
-    "plots.rub_figure": "studies.otaduy_lin_2004.figures",
-    "plots.study_figure": "studies.otaduy_lin_2004.figures",
+    "contact_stage.ContactStage": "simulation.tool_contact.ToolContact",
+    "dynamics.coupling.held_body": "dynamics.virtual_coupling.settings.coupled_body",
+    "dynamics.held_tool.HeldTool": "dynamics.virtual_coupling.coupled_tool.CoupledTool",
+    "engine.engine.Engine": "contact.solver.ContactSolver",
+    "experiments.design.Design": "psychophysics.design.ExperimentDesign",
+    "plots.level_labels": "studies.otaduy_lin_2004.figures.level_labels",
+    "plots.models_figure": "studies.otaduy_lin_2004.figures.models_figure",
+    "plots.rub_figure": "studies.otaduy_lin_2004.figures.rub_figure",
+    "plots.study_figure": "studies.otaduy_lin_2004.figures.study_figure",
+    "servo.parameters.Parameters": "realtime.servo.parameters.LiveParameters",
+    "servo.snapshot.Moment": "realtime.servo.snapshot.Snapshot",
+    "simulation.State": "simulation.simulation.ToolState",
 }
-"""What went elsewhere than the rest of its module."""
+"""Names that have changed, or gone elsewhere than the rest of their module."""
+
+PUBLIC = {
+    "ContactStage": "simulation.tool_contact.ToolContact",
+    "DotPlate": "geometry.offsets.dots.DotPlate",
+    "Engine": "contact.solver.ContactSolver",
+    "Grating": "geometry.offsets.analytic.Grating",
+    "Hand": "dynamics.dragged_hand.hand.Hand",
+    "HandSettings": "dynamics.simulated_hand.hand.HandSettings",
+    "HeightMap": "geometry.offsets.sampled.HeightMap",
+    "HeldTool": "dynamics.virtual_coupling.coupled_tool.CoupledTool",
+    "Limits": "realtime.devices.protocol.Limits",
+    "Mapping": "realtime.devices.mapping.Mapping",
+    "Motion": "dynamics.dragged_hand.hand.Motion",
+    "PassivityController": "dynamics.passivity.controller.PassivityController",
+    "Reading": "realtime.devices.protocol.Reading",
+    "ReplayedDevice": "realtime.devices.replayed.ReplayedDevice",
+    "SampledProfile": "geometry.offsets.sampled.SampledProfile",
+    "ServoSpec": "realtime.servo.process.ServoSpec",
+    "SimulatedDevice": "realtime.devices.simulated.SimulatedDevice",
+    "SimulatedHand": "dynamics.simulated_hand.hand.SimulatedHand",
+    "Sinusoid": "geometry.offsets.analytic.Sinusoid",
+    "SnapshotReader": "realtime.servo.snapshot.SnapshotReader",
+    "SweepStudy": "studies.sweeps.study.SweepStudy",
+    "drag": "dynamics.dragged_hand.hand.drag",
+    "drop_point": "geometry.offsets.surface.drop_point",
+    "measure_stability": "studies.stability.measure.measure_stability",
+    "offset_surface": "geometry.offsets.sampled.offset_surface",
+    "open_sweep": "studies.sweeps.store.open_sweep",
+    "read_recording": "runs.recording.read_recording",
+    "read_study": "studies.sweeps.study.read_study",
+    "run_sweep": "studies.sweeps.run.run_sweep",
+    "scene_of": "scene.scene.scene_of",
+    "self_affine": "texture.patterns.random_surfaces.self_affine",
+}
+"""Names that `asperity` itself had, and where they are now; without `asperity.`."""
+
+
+def renamed(name: str) -> Any:
+    """Return what `asperity.name` was until now, with a warning; None if it is not an old name."""
+    if name not in PUBLIC:
+        return None
+    module, _, new = f"asperity.{PUBLIC[name]}".rpartition(".")
+    warnings.warn(
+        f"asperity.{name} is deprecated: use {module}.{new}", DeprecationWarning, stacklevel=3
+    )
+    return getattr(importlib.import_module(module), new)
 
 
 def new_name(name: str) -> str | None:
@@ -219,10 +273,11 @@ def forwarded(old: str, new: str) -> Callable[[str], Any]:
         if name.startswith("__"):
             raise AttributeError(f"module {old!r} has no attribute {name!r}")
         key = f"{old.removeprefix('asperity.')}.{name}"
-        module = f"asperity.{NAMES[key]}" if key in NAMES else new
-        value = getattr(importlib.import_module(module), name)
+        place = f"asperity.{NAMES[key]}" if key in NAMES else f"{new}.{name}"
+        module, _, now = place.rpartition(".")
+        value = getattr(importlib.import_module(module), now)
         warnings.warn(
-            f"{old}.{name} has moved: use {module}.{name}", DeprecationWarning, stacklevel=2
+            f"{old}.{name} has moved: use {module}.{now}", DeprecationWarning, stacklevel=2
         )
         return value
 

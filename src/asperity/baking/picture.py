@@ -21,7 +21,7 @@ from asperity.baking.nearest import Nearest
 from asperity.drawing.figure_style import style
 from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, Sheet, View
+from asperity.drawing.renderer.view import Camera, Sheet, ViewBall
 from asperity.geometry.bodies import Body
 from asperity.geometry.mesh.topology import crosses
 
@@ -148,7 +148,7 @@ def _baked(
     body: Body, camera: Camera, faces: NDArray[np.bool_] | None = None, *, closed: bool = True
 ) -> Sequence[Sheet]:
     radius = 0.5 * float(np.hypot(camera.width, camera.rows * camera.pixel))
-    view = View(camera.centre, radius, int(radius / camera.pixel), camera)
+    view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
     return [_as_it_is(sheet) for sheet in mesh_sheets(body, _IDENTITY, view, faces, closed=closed)]
 
 

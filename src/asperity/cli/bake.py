@@ -12,7 +12,7 @@ from asperity.cli.ranges import Between, check_ranges
 
 
 @dataclass
-class Bake:
+class BakeCommand:
     """Make a haptic object of a scan: few triangles, and a texture of heights with all the rest.
 
     Writes object.obj, heights.tiff, a scene (scene.xml, scene.toml), bake.json with the error

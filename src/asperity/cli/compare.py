@@ -24,7 +24,7 @@ _BUDGET = 60.0
 
 
 @dataclass
-class Compare:
+class CompareCommand:
     """Run the methods that people compare against on one scene and one motion, side by side.
 
     Writes force traces, spectra, cost per tick and measured properties as tables (JSON, CSV),

@@ -9,7 +9,7 @@ from asperity.errors import OutputError
 
 
 @dataclass
-class Demo:
+class DemoCommand:
     """Run the paper's studies, real surfaces and three scenes; leave one self-contained page."""
 
     out: Path = Path("out")

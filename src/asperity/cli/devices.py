@@ -11,7 +11,7 @@ from asperity.errors import AsperityError, require_choice
 
 
 @dataclass
-class Devices:
+class DevicesCommand:
     """List the haptic devices: what is installed, attached, and how to get the rest.
 
     `asperity devices check NAME` tries one: axes, home, and a force up to 0.5 N; it saves what it

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass
-class Doctor:
+class DoctorCommand:
     """Print what this machine has: versions, compiled cache, graphics, timer, devices."""
 
     def run(self) -> None:

@@ -14,16 +14,16 @@ from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
-    from asperity.psychophysics.design import Design
+    from asperity.psychophysics.design import ExperimentDesign
     from asperity.psychophysics.interfaces.front import Front
     from asperity.psychophysics.session.presenters import Presenter
-    from asperity.psychophysics.session.session import Outcome
+    from asperity.psychophysics.session.session import SessionOutcome
     from asperity.realtime.servo.process import ServoSpec
     from asperity.scene.scene import Scene
 
 
 @dataclass
-class Experiment:
+class ExperimentCommand:
     """Run a participant's session of an experiment, or go on with it.
 
     The same command goes on where a session was interrupted. Every answer is on the disk before
@@ -85,7 +85,7 @@ class Experiment:
         if self.device is None and self.options != DeviceOptions():
             raise AsperityError("options of a device need --device")
 
-    def _go_through(self, session: Any) -> Outcome:
+    def _go_through(self, session: Any) -> SessionOutcome:
         from asperity.psychophysics.interfaces.front import SimulatedFront
         from asperity.psychophysics.interfaces.terminal import TerminalFront
         from asperity.psychophysics.session.presenters import DevicePresenter
@@ -100,12 +100,12 @@ class Experiment:
             return self._with_progress(session, front)
         presenter = DevicePresenter(design.stimuli, functools.partial(self._spec, self.device))
         try:
-            outcome: Outcome = session.run(presenter, front)
+            outcome: SessionOutcome = session.run(presenter, front)
         finally:
             presenter.close()
         return outcome
 
-    def _with_progress(self, session: Any, front: Front) -> Outcome:
+    def _with_progress(self, session: Any, front: Front) -> SessionOutcome:
         """Run a session in simulated time, with a bar."""
         from asperity.cli.progress import progress_bars
         from asperity.psychophysics.session.presenters import HeadlessPresenter
@@ -123,10 +123,10 @@ class Experiment:
                 ready(trial, progress)
 
             front.ready = show  # type: ignore[method-assign]
-            outcome: Outcome = session.run(presenter, front, sleep=lambda _: None)
+            outcome: SessionOutcome = session.run(presenter, front, sleep=lambda _: None)
         return outcome
 
-    def _in_page(self, session: Any) -> Outcome:
+    def _in_page(self, session: Any) -> SessionOutcome:
         """Run a session in the page, and tell the experimenter here."""
         import sys
 
@@ -142,14 +142,14 @@ class Experiment:
         from asperity.realtime.servo.safety import SafetySettings
         from asperity.simulation.simulation import announce_compiling
         from asperity.viewer.server.server import Page, require_viser
-        from asperity.viewer.session_config import Choice
+        from asperity.viewer.session_config import SessionConfig
 
         require_viser()
         announce_compiling()
         design, options = session.design, self.options
         scene = with_coupling(design.stimuli.scene(design.all_stimuli()[0]), None)
         show = design.presentation.show
-        choice = Choice(
+        choice = SessionConfig(
             scene if show else smooth(scene), design.name, self.device or "mouse",
             options=key_values(options.device_option), rate=options.rate_hz,
             passivity=not options.no_passivity,
@@ -173,7 +173,7 @@ class Experiment:
             presenter = DevicePresenter(design.stimuli, spec, on_servo=link.feel)
             front = PageFront(desk, lambda line: print(line, file=sys.stderr, flush=True))
             try:
-                outcome: Outcome = session.run(presenter, front)
+                outcome: SessionOutcome = session.run(presenter, front)
             finally:
                 presenter.close()
         return outcome
@@ -183,7 +183,7 @@ class Experiment:
 
         return servo_spec(with_coupling(scene, None), device, self.options, seconds, None)
 
-    def _check(self, design: Design) -> None:
+    def _check(self, design: ExperimentDesign) -> None:
         """Make every stimulus, and say what a session would be."""
         from asperity.psychophysics.procedures.procedures import procedure
 
@@ -201,7 +201,7 @@ class Experiment:
             + (f"; the staircase goes to {100.0 * target:.1f} % right" if target else "")
         )
 
-    def _say(self, outcome: Outcome) -> None:
+    def _say(self, outcome: SessionOutcome) -> None:
         if outcome.complete:
             print(f"{outcome.folder}: {outcome.answers} answers; the session is complete")
         else:
@@ -212,7 +212,7 @@ class Experiment:
 
 
 @dataclass
-class Analyse:
+class AnalyseCommand:
     """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures."""
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]

@@ -12,7 +12,7 @@ from asperity.cli.ranges import Between, check_ranges
 
 
 @dataclass
-class Export:
+class ExportCommand:
     """Write a recording as CSV (units in the header), WAV (acceleration) and PNG (plots)."""
 
     file: Annotated[Positional[Path], arg(metavar="FILE")]

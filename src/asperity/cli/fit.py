@@ -21,7 +21,7 @@ _HELD = 0.25
 
 
 @dataclass
-class Fit:
+class FitCommand:
     """Make a vibration model of a texture, for devices that can only vibrate.
 
     From a scene, whose tool is then moved at a grid of speeds and forces, or from recordings. Says

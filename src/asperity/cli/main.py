@@ -18,24 +18,24 @@ from typing import Annotated, Literal
 import tyro
 
 from asperity import __version__
-from asperity.cli.bake import Bake
-from asperity.cli.compare import Compare
-from asperity.cli.demo import Demo
-from asperity.cli.devices import Devices
-from asperity.cli.doctor import Doctor
-from asperity.cli.experiment import Analyse, Experiment
-from asperity.cli.export import Export
+from asperity.cli.bake import BakeCommand
+from asperity.cli.compare import CompareCommand
+from asperity.cli.demo import DemoCommand
+from asperity.cli.devices import DevicesCommand
+from asperity.cli.doctor import DoctorCommand
+from asperity.cli.experiment import AnalyseCommand, ExperimentCommand
+from asperity.cli.export import ExportCommand
 from asperity.cli.findings import FindingsCommand
-from asperity.cli.fit import Fit
+from asperity.cli.fit import FitCommand
 from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
-from asperity.cli.record import Record, Replay
-from asperity.cli.run import Run
+from asperity.cli.record import RecordCommand, ReplayCommand
+from asperity.cli.run import RunCommand
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
-from asperity.cli.study import Study
+from asperity.cli.study import StudyCommand
 from asperity.cli.sweep import SweepCommand
-from asperity.cli.view import View
+from asperity.cli.view import ViewCommand
 from asperity.errors import AsperityError
 
 LogLevel = Literal["debug", "info", "warning", "error"]
@@ -49,25 +49,25 @@ class Arguments:
     """asperity: texture forces through a probe, and the perceptual studies behind them."""
 
     command: (
-        Annotated[Demo, tyro.conf.subcommand("demo")]
-        | Annotated[Study, tyro.conf.subcommand("study")]
-        | Annotated[Run, tyro.conf.subcommand("run")]
-        | Annotated[Record, tyro.conf.subcommand("record")]
-        | Annotated[Replay, tyro.conf.subcommand("replay")]
-        | Annotated[View, tyro.conf.subcommand("view")]
-        | Annotated[Export, tyro.conf.subcommand("export")]
+        Annotated[DemoCommand, tyro.conf.subcommand("demo")]
+        | Annotated[StudyCommand, tyro.conf.subcommand("study")]
+        | Annotated[RunCommand, tyro.conf.subcommand("run")]
+        | Annotated[RecordCommand, tyro.conf.subcommand("record")]
+        | Annotated[ReplayCommand, tyro.conf.subcommand("replay")]
+        | Annotated[ViewCommand, tyro.conf.subcommand("view")]
+        | Annotated[ExportCommand, tyro.conf.subcommand("export")]
         | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
         | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
         | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]
-        | Annotated[Fit, tyro.conf.subcommand("fit")]
-        | Annotated[Devices, tyro.conf.subcommand("devices")]
+        | Annotated[FitCommand, tyro.conf.subcommand("fit")]
+        | Annotated[DevicesCommand, tyro.conf.subcommand("devices")]
         | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
         | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
-        | Annotated[Bake, tyro.conf.subcommand("bake")]
-        | Annotated[Compare, tyro.conf.subcommand("compare")]
-        | Annotated[Experiment, tyro.conf.subcommand("experiment")]
-        | Annotated[Analyse, tyro.conf.subcommand("analyse")]
-        | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+        | Annotated[BakeCommand, tyro.conf.subcommand("bake")]
+        | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
+        | Annotated[ExperimentCommand, tyro.conf.subcommand("experiment")]
+        | Annotated[AnalyseCommand, tyro.conf.subcommand("analyse")]
+        | Annotated[DoctorCommand, tyro.conf.subcommand("doctor")]
     )
     log_level: LogLevel = "warning"
     """How much to say on stderr."""

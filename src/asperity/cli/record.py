@@ -13,7 +13,7 @@ from asperity.cli.realtime_run import DeviceOptions
 
 
 @dataclass
-class Record:
+class RecordCommand:
     """Record what a hand feels of a scene, until Ctrl-C.
 
     As `asperity run SCENE --device NAME`, without figures: recording.h5 and summary.json.
@@ -48,7 +48,7 @@ class Record:
 
 
 @dataclass
-class Replay:
+class ReplayCommand:
     """Look at a recording: the page of `asperity view`, with a slider through its time.
 
     With --out, play its handle through its scene again instead, in simulated time: writes a new

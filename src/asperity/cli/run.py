@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Run:
+class RunCommand:
     """Move a textured tool over a textured scene: in simulated time, or with a device in real time.
 
     Writes summary.json, recording.h5, a picture of the contact, and plots of force, torque and

@@ -28,7 +28,7 @@ class HandOptions:
 
 
 @dataclass
-class Study:
+class StudyCommand:
     """Run the paper's studies: diameter, force, speed, models, or all.
 
     Writes a figure (PNG and SVG), a dataset (netCDF) and claims.json for each.

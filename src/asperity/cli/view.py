@@ -13,7 +13,7 @@ from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
-    from asperity.viewer.session_config import Choice
+    from asperity.viewer.session_config import SessionConfig
 
 FIRST = "probe-plate"
 """What is shown first if nothing is said."""
@@ -22,7 +22,7 @@ _PICTURES = (".png", ".jpg", ".jpeg")
 
 
 @dataclass
-class View:
+class ViewCommand:
     """Open a page in the browser on a scene that is being felt: see it, move it, change it.
 
     Without a device, the mouse moves the tool. The page is for this computer alone, unless
@@ -65,14 +65,14 @@ class View:
         choice = self._choice()
         from asperity.simulation.simulation import announce_compiling
         from asperity.viewer.app import live_page
-        from asperity.viewer.servo_client import Link
+        from asperity.viewer.servo_client import ServoClient
 
         announce_compiling()
         if self.screenshot is not None:
             self._take(choice, self.screenshot)
             return
         with (
-            Link(choice) as link,
+            ServoClient(choice) as link,
             live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
             print(f"{page.url}  ({choice.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
@@ -85,16 +85,16 @@ class View:
             except KeyboardInterrupt:
                 print("ended")
 
-    def _take(self, choice: Choice, picture: Path) -> None:
+    def _take(self, choice: SessionConfig, picture: Path) -> None:
         """Write a picture of the page; whoever stops it is told whether there is one."""
         from asperity.viewer.app import live_page
         from asperity.viewer.browser import take_picture
-        from asperity.viewer.servo_client import Link
+        from asperity.viewer.servo_client import ServoClient
 
         taken = False
         try:
             with (
-                Link(choice) as link,
+                ServoClient(choice) as link,
                 live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
             ):
                 take_picture(page, picture)
@@ -103,7 +103,7 @@ class View:
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 
-    def _choice(self) -> Choice:
+    def _choice(self) -> SessionConfig:
         """Return what to begin with."""
         from asperity.cli.realtime_run import key_values
         from asperity.dynamics.virtual_coupling.settings import MODES
@@ -111,13 +111,13 @@ class View:
         from asperity.realtime.servo.safety import SafetySettings
         from asperity.scene.builtin import load_scene
         from asperity.viewer.changes import on_coupling
-        from asperity.viewer.session_config import Choice
+        from asperity.viewer.session_config import SessionConfig
 
         if self.coupling is not None:
             require_choice("--coupling", self.coupling, MODES)
         source = self.scene or FIRST
         options = self.options
-        return Choice(
+        return SessionConfig(
             on_coupling(load_scene(source, seed=self.seed), self.coupling),
             source,
             self.device,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom
-from asperity.spatial.poses import rotation_of
-from asperity.texture.packed import Textures, pack
+from asperity.geometry.poses import rotation_of
+from asperity.texture.packed import PackedTextures, pack
 
 
 class Geometry(NamedTuple):
@@ -35,7 +35,7 @@ class Geometry(NamedTuple):
     """In the place of `texture`: -1 for each body."""
 
 
-def flattened(bodies: Sequence[Body]) -> tuple[Textures, Geometry]:
+def flattened(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     """Return textures and geoms of `bodies` as arrays. A map of zeros is no texture."""
     fields = [
         body.texture

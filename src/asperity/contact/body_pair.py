@@ -26,7 +26,7 @@ from asperity.contact.narrow_phase.penetration import (
 )
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, unit_quaternion
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 
 
 class Depth(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Parameters(NamedTuple):
+class ForceParameters(NamedTuple):
     """The part of `ForceSettings` that every law uses."""
 
     stiffness: float

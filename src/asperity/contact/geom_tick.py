@@ -28,7 +28,7 @@ from asperity.contact.narrow_phase.penetration import (
 )
 from asperity.contact.response.baseline_methods import advance_noise, baseline_force, depth_on_grid
 from asperity.contact.response.point_laws import bristle_force
-from asperity.spatial.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
+from asperity.geometry.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
 
 NO_ROOM = 2
 

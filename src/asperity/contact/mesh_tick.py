@@ -20,7 +20,7 @@ from asperity.contact.narrow_phase.penetration import (
     STATUS,
 )
 from asperity.contact.response.point_laws import bristle_force
-from asperity.spatial.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
+from asperity.geometry.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
 
 NO_ROOM = 2
 _JUMP = 1e-2

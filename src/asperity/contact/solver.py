@@ -25,9 +25,9 @@ from asperity.contact.broad_phase.mujoco_pairs import Collider
 from asperity.contact.contacts import (
     Baseline,
     Contacts,
+    ForceParameters,
     GridMethod,
     Memory,
-    Parameters,
     contacts_for,
     memory_for,
 )
@@ -52,7 +52,7 @@ from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import contact_stiffness
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.texture.packed import Textures
+from asperity.texture.packed import PackedTextures
 
 if TYPE_CHECKING:
     import mujoco
@@ -61,7 +61,7 @@ MAX_PATCHES = 32
 MAX_PAIRS = 512
 
 
-class Engine:
+class ContactSolver:
     """Contact forces between a tool and the bodies of a scene.
 
     Parameters
@@ -231,7 +231,10 @@ class _FacetSide(NamedTuple):
 
 
 def _facet_side(
-    bodies: Sequence[Body], textures: Textures, geometry: Geometry, by_facets: NDArray[np.int64]
+    bodies: Sequence[Body],
+    textures: PackedTextures,
+    geometry: Geometry,
+    by_facets: NDArray[np.int64],
 ) -> _FacetSide | None:
     if not by_facets.any():
         return None
@@ -240,9 +243,9 @@ def _facet_side(
     return _FacetSide(table, facet_memory(len(bodies)), space)
 
 
-def _parameters(settings: ForceSettings) -> Parameters:
+def _parameters(settings: ForceSettings) -> ForceParameters:
     bristle = settings.bristle_stiffness
-    return Parameters(
+    return ForceParameters(
         stiffness=float(settings.stiffness),
         friction=float(settings.friction),
         bristle_stiffness=float(settings.stiffness if bristle is None else bristle),

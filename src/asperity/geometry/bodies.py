@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice, require_finite
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 
 if TYPE_CHECKING:
     from asperity.geometry.mesh.mesh import Mesh

@@ -1,4 +1,4 @@
-"""An experiment as its TOML file describes it: read, checked wholly, and made into a `Design`."""
+"""An experiment as its TOML file describes it, read and checked: `ExperimentDesign`."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ _ADAPTIVE: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Design:
+class ExperimentDesign:
     """An experiment. `read_design` makes it.
 
     Parameters
@@ -276,7 +276,7 @@ class Design:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def read_design(path: Path) -> Design:
+def read_design(path: Path) -> ExperimentDesign:
     """Return the experiment that a TOML file describes.
 
     Raises
@@ -287,11 +287,11 @@ def read_design(path: Path) -> Design:
     if not path.is_file():
         raise AsperityError(f"no such file: {path}; give the TOML file of an experiment")
     document = read_toml(path)
-    design: Design = at(str(path), lambda: design_of(document, path.resolve().parent))
+    design: ExperimentDesign = at(str(path), lambda: design_of(document, path.resolve().parent))
     return design
 
 
-def design_of(document: dict[str, Any], folder: Path | None = None) -> Design:
+def design_of(document: dict[str, Any], folder: Path | None = None) -> ExperimentDesign:
     """Return the experiment that a document describes; scenes are looked for beside `folder`."""
     require_keys(document, "", SECTIONS)
     schema = document.get("schema")
@@ -314,7 +314,7 @@ def design_of(document: dict[str, Any], folder: Path | None = None) -> Design:
             raise AsperityError(f"{other} is given, but the method is {method!r}")
     settings = _made(document.get(method, {}), method, _MAKES[method])
     adaptive = _adaptive(document, method, settings)
-    design = Design(
+    design = ExperimentDesign(
         document["name"], method, document.get("instructions", ""),
         document.get("question", _QUESTIONS[method]), seed, read_stimuli(document, folder),
         _values(document, method),
@@ -368,7 +368,7 @@ def _adaptive(document: Table, method: str, settings: Any) -> Any:
     return made
 
 
-def _check_stimuli(design: Design) -> None:
+def _check_stimuli(design: ExperimentDesign) -> None:
     if design.method == "forced-choice":
         if design.stimuli.levels is None:
             raise AsperityError("a forced choice needs [levels]: the key that it varies")

@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from asperity.drawing.figure_style import COLOURS, spectrum_limits, style
-from asperity.drawing.renderer.contact import Moment, Picture
+from asperity.drawing.renderer.contact import ContactMoment, Picture
 from asperity.simulation.simulation import Rollout
 
 Array = NDArray[np.floating[Any]]
@@ -130,7 +130,7 @@ def spectrum_figure(run: Rollout, title: str) -> Figure:
     return figure
 
 
-def contact_figure(close: Picture, whole: Picture, moment: Moment, title: str) -> Figure:
+def contact_figure(close: Picture, whole: Picture, moment: ContactMoment, title: str) -> Figure:
     """Return the picture of a moment: the whole tool at the left, the contact at the right."""
     with style():
         figure = Figure(figsize=(9.6, 5.5), dpi=_DPI)
@@ -201,7 +201,7 @@ def _label(axis: Axes, x: float, y: float, text: str, colour: str, across: str, 
     )  # fmt: skip
 
 
-def _arrows(axis: Axes, picture: Picture, moment: Moment) -> None:
+def _arrows(axis: Axes, picture: Picture, moment: ContactMoment) -> None:
     """Draw at each contact the normal and the force on the tool, all forces to one scale."""
     if not len(moment.depth):
         return
@@ -241,7 +241,7 @@ def _arrow(
         _label(axis, float(x1) + shift, float(y1), label, colour, across, "center")
 
 
-def _frame_mark(axis: Axes, whole: Picture, close: Picture, moment: Moment) -> None:
+def _frame_mark(axis: Axes, whole: Picture, close: Picture, moment: ContactMoment) -> None:
     """Mark in the whole picture what the close one shows."""
     x, y = whole.camera.place(close.camera.centre)
     half = 0.5 * close.camera.width / whole.camera.pixel

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity import __version__
-from asperity.drawing.renderer.contact import Moment, Picture, close_picture, whole_picture
+from asperity.drawing.renderer.contact import ContactMoment, Picture, close_picture, whole_picture
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.runs.recording import RecordingWriter, variables_of
@@ -39,7 +39,7 @@ class Run:
     """What came of a run."""
 
     rollout: Rollout
-    moment: Moment
+    moment: ContactMoment
     """When the force across the mean normal was largest."""
     summary: dict[str, Any]
 
@@ -76,7 +76,7 @@ def run_scene(
     motion = scene.motion if motion is None else motion
     simulation = Simulation(scene, dt=dt)
     trajectory = simulation.trajectory(motion)
-    best = Moment.of(0.0, trajectory.poses[0], simulation.contacts)
+    best = ContactMoment.of(0.0, trajectory.poses[0], simulation.contacts)
     largest, written = -1.0, 0
     attributes = {
         "scene": scene.name, "source": source, "trajectory": trajectory.name,
@@ -96,7 +96,9 @@ def run_scene(
             across = _across(simulation)
             if across > largest:
                 largest = across
-                best = Moment.of(float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts)
+                best = ContactMoment.of(
+                    float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts
+                )
             if writer and i + 1 - written == _ROWS:
                 writer.add_rows(_rows(rollout, written, i + 1))
                 written = i + 1

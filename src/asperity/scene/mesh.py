@@ -22,6 +22,7 @@ from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh.atlas import with_atlas
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.poses import rotation_of
 from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.cad_part import cad_part
 from asperity.geometry.shapes.file_tool import file_tool
@@ -29,7 +30,6 @@ from asperity.geometry.shapes.hammer import hammer
 from asperity.geometry.shapes.patchwork import Shape
 from asperity.scene.document import Table, arguments, at, beside, require_keys
 from asperity.scene.mjcf import model_mesh
-from asperity.spatial.poses import rotation_of
 
 MESHES: dict[str, Callable[..., Shape]] = {
     maker.__name__: maker for maker in (hammer, block, file_tool, cad_part)

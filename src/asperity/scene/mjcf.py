@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Geom
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.spatial.poses import require_pose
+from asperity.geometry.poses import require_pose
 
 GEOMS = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",

@@ -18,7 +18,7 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.spatial.poses import between, require_pose, turned
+from asperity.geometry.poses import between, require_pose, turned
 
 Array = NDArray[np.floating[Any]]
 KINDS = ("slide", "circle", "press-and-slide", "rotate")

@@ -20,7 +20,7 @@ def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64
 
     Parameters
     ----------
-    engine : asperity.contact.solver.Engine
+    engine : asperity.contact.solver.ContactSolver
     start : (7,) array
     """
     return _level(engine, start, lambda wrench: engine.contacts.count[0] == 0, "meets nothing")

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
-from asperity.dynamics.virtual_coupling.coupled_tool import HeldTool
-from asperity.dynamics.virtual_coupling.settings import DeviceLimits, held_body
+from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
+from asperity.dynamics.virtual_coupling.settings import DeviceLimits, coupled_body
 from asperity.errors import AsperityError, require_finite
+from asperity.geometry.poses import require_pose, twist
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 from asperity.simulation.press import pressed_pose, touching_pose
@@ -32,10 +33,9 @@ from asperity.simulation.tool_contact import (
     OVERFLOW,
     SUB_POSES,
     TOO_FAST,
-    ContactStage,
+    ToolContact,
     announce_compiling,
 )
-from asperity.spatial.poses import require_pose, twist
 
 __all__ = [
     "BUDGET_SPENT",
@@ -46,12 +46,12 @@ __all__ = [
     "TOO_FAST",
     "Rollout",
     "Simulation",
-    "State",
+    "ToolState",
     "announce_compiling",
 ]
 
 
-class State(NamedTuple):
+class ToolState(NamedTuple):
     """Where the tool is."""
 
     time: float
@@ -111,10 +111,10 @@ class Simulation:
                 f"scene must be a Scene, got {scene!r}; load_scene takes a name or a folder"
             )
         self.scene = scene
-        self.stage = ContactStage(scene, dt=dt)
+        self.stage = ToolContact(scene, dt=dt)
         self.dt = self.stage.dt
-        body = held_body(scene.model, scene.tool, mass_scale=scene.coupling.mass_scale)
-        self.tool = HeldTool(body, scene.coupling, dt=self.dt, limits=limits)
+        body = coupled_body(scene.model, scene.tool, mass_scale=scene.coupling.mass_scale)
+        self.tool = CoupledTool(body, scene.coupling, dt=self.dt, limits=limits)
         self.reset()
 
     def reset(self) -> None:
@@ -122,14 +122,14 @@ class Simulation:
         self.stage.reset()
         self._last: NDArray[np.float64] | None = None
         self._port = np.zeros(6)
-        self._state = State(-self.dt, self.scene.start.copy(), np.zeros(6))
+        self._state = ToolState(-self.dt, self.scene.start.copy(), np.zeros(6))
         self.flags = 0
         """What there is to say of the last tick: bits of `FLAGS`."""
         self.contact_wrench = np.zeros(6)
         """Of the contact on the tool at its pose, about its centre of mass (6,) [N, N m]."""
 
     @property
-    def state(self) -> State:
+    def state(self) -> ToolState:
         """Time, pose and velocity of the tool."""
         return self._state
 
@@ -174,7 +174,7 @@ class Simulation:
             contact = self.stage.evaluate(self.tool.pose)
         self._contact, self.contact_wrench = contact, contact.wrench
         self.flags = contact.flags
-        self._state = State(self._state.time + self.dt, contact.pose, self.tool.twist)
+        self._state = ToolState(self._state.time + self.dt, contact.pose, self.tool.twist)
         self._port = self.tool.port_twist(pose if self._last is None else self._last, pose)
         self._last = pose
         return wrench

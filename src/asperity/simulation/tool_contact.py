@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import Repeated, is_compiled
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.errors import require_between
+from asperity.geometry.poses import between
 from asperity.scene.scene import Scene
 from asperity.simulation.anti_aliasing import (
     BUDGET,
@@ -32,7 +33,6 @@ from asperity.simulation.anti_aliasing import (
     moved_most,
     sub_poses,
 )
-from asperity.spatial.poses import between
 
 SUB_POSES, BUDGET_SPENT, TOO_FAST, NOT_CERTIFIED, OVERFLOW = 1, 2, 4, 8, 16
 FALLBACK, PASSIVITY, LIMITED, SILENT, LATE = 32, 64, 128, 256, 512
@@ -69,7 +69,7 @@ def announce_compiling(tick: str = "tick") -> None:
         )
 
 
-class ContactStage:
+class ToolContact:
     """Contacts of a scene's tool, one pose after the other.
 
     Parameters
@@ -92,8 +92,8 @@ class ContactStage:
         self._cost = 0.0
         """How long one evaluation of the wrench takes, rather more than less [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
-        self.engine: Any = Engine(scene.model, scene.bodies, scene.tool, scene.force)
-        """Asked directly it knows nothing of ticks: see `Engine.wrench`."""
+        self.engine: Any = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
+        """Asked directly it knows nothing of ticks: see `ContactSolver.wrench`."""
         self._window = None
         if scene.anti_alias != "off":
             self._window = Window(scene.anti_alias)
@@ -146,7 +146,7 @@ class ContactStage:
         contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
         is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
         there are as many as fit into `seconds`; the pose itself is always looked at. After
-        `search_seconds` searches end with what they have found (`Engine.wrench`).
+        `search_seconds` searches end with what they have found (`ContactSolver.wrench`).
         """
         # Of its own: it is kept, and a kernel is told the type of it and the last only once.
         pose = np.array(pose, dtype=np.float64)

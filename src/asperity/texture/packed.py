@@ -34,7 +34,7 @@ _EDGE = 1e-6
 """Rectangles this little larger than a block count as its size [cells]."""
 
 
-class Textures(NamedTuple):
+class PackedTextures(NamedTuple):
     """The height fields of a scene, flattened; all lengths in metres."""
 
     coefficients: NDArray[np.float64]
@@ -58,7 +58,7 @@ class Textures(NamedTuple):
     cells they are apart; shape (n, 3)."""
 
 
-def pack(fields: Sequence[HeightField]) -> Textures:
+def pack(fields: Sequence[HeightField]) -> PackedTextures:
     """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
     levels: list[list[int]] = []
     coefficients, bounds, table, scales = [], [], [], []
@@ -97,7 +97,7 @@ def pack(fields: Sequence[HeightField]) -> Textures:
         first_coefficient += c.size
         first_block += len(pyramid)
         first_level = len(levels)
-    return Textures(
+    return PackedTextures(
         np.concatenate([np.zeros(0), *coefficients]),
         np.concatenate([np.zeros((0, 2), np.float32), *bounds]),
         np.array(levels, dtype=np.int64).reshape(-1, 3),

@@ -11,12 +11,12 @@ from asperity.viewer.panels.all_panels import live_panels
 from asperity.viewer.panels.instruments import instruments
 from asperity.viewer.server.proxy import Proxy, is_local
 from asperity.viewer.server.server import LOCAL, Page, serve
-from asperity.viewer.servo_client import Link
+from asperity.viewer.servo_client import ServoClient
 
 
 @contextmanager
 def live_page(
-    link: Link, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080
+    link: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080
 ) -> Iterator[Page]:
     """Give the page of a link that has been started, until the block ends.
 

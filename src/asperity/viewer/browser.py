@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import AsperityError
-from asperity.viewer.motions import Motion
+from asperity.viewer.motions import CannedMotion
 from asperity.viewer.server.server import Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -97,7 +97,7 @@ def take_picture(
     """
     link = page.link
     if link.choice.is_mouse:
-        link.move(Motion("slide", 0.02, 0.02), press=press)
+        link.move(CannedMotion("slide", 0.02, 0.02), press=press)
     time.sleep(_SETTLED)
     _wait_for_touch(page, press)
     page.pause()

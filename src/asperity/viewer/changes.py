@@ -19,7 +19,7 @@ from asperity.scene.from_files import make_scene
 from asperity.scene.scene import Scene
 from asperity.scene.texture import body_texture
 from asperity.texture.height_field import HeightField
-from asperity.viewer.session_config import Choice
+from asperity.viewer.session_config import SessionConfig
 
 PATTERNS: dict[str, dict[str, Any]] = {
     "sinusoid": {"wavelength": 2e-3, "amplitude": 1e-4},
@@ -88,7 +88,7 @@ def methods_for(scene: Scene) -> list[str]:
     return list(METHODS)[:1] if any(b.mesh is not None for b in scene.bodies) else list(METHODS)
 
 
-def with_scene(choice: Choice, name: str) -> Choice:
+def with_scene(choice: SessionConfig, name: str) -> SessionConfig:
     """Return a choice of another scene, on a coupling if it does not say how the tool is held."""
     return replace(choice, scene=on_coupling(load_scene(name)), source=name)
 
@@ -100,7 +100,9 @@ def on_coupling(scene: Scene, mode: str | None = None) -> Scene:
     return replace(scene.changed(coupling={"mode": mode}), notes=scene.notes)
 
 
-def with_method(choice: Choice, method: str, *, softness: float | None = None) -> Choice:
+def with_method(
+    choice: SessionConfig, method: str, *, softness: float | None = None
+) -> SessionConfig:
     """Return a choice with another force law or gradient; `softness` [m] is of the soft maximum."""
     require_choice("force law", method, methods_for(choice.scene))
     told = dict(METHODS[method])
@@ -109,7 +111,7 @@ def with_method(choice: Choice, method: str, *, softness: float | None = None) -
     return replace(choice, scene=choice.scene.changed(force=told))
 
 
-def with_device(choice: Choice, name: str, rate: float | None = None) -> Choice:
+def with_device(choice: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
     """Return a choice with another device, and rate; what it lacks is said here."""
     if not name.startswith("replay:"):
         entry = entry_of(name)
@@ -172,13 +174,13 @@ def _multiply(table: dict[str, Any], names: tuple[str, ...], factor: float) -> N
 
 
 def with_texture(
-    choice: Choice,
+    choice: SessionConfig,
     body: str,
     kind: str | Mapping[str, Any],
     *,
     relief: float | None = None,
     pixel_size: float | None = None,
-) -> Choice:
+) -> SessionConfig:
     """Return a choice in which a body has another texture.
 
     Parameters
@@ -224,8 +226,8 @@ def _with_table(
 
 
 def with_meshes(
-    choice: Choice, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
-) -> Choice:
+    choice: SessionConfig, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
+) -> SessionConfig:
     """Return a choice of a scene of two meshes: files, or made by a kind; see `make_scene`.
 
     A kind that needs sizes and is not told any has those of `MESH_SIZES`.

@@ -23,7 +23,7 @@ from asperity.errors import AsperityError
 from asperity.realtime.servo.tick_row import slices
 
 if TYPE_CHECKING:
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 RATE = 48_000
 """Samples of the sound a second."""
@@ -157,7 +157,7 @@ class LiveSound:
 
     def __init__(
         self,
-        link: Link,
+        link: ServoClient,
         *,
         full_scale: float = 50.0,
         open_stream: Callable[..., Any] | None = None,

@@ -20,7 +20,7 @@ _STEP = 1e-3
 
 
 @dataclass(frozen=True)
-class Motion:
+class CannedMotion:
     """A motion that goes on and on.
 
     Parameters
@@ -55,7 +55,7 @@ class Table(NamedTuple):
     step: float
 
 
-def motion_table(motion: Motion, start: NDArray[np.float64]) -> Table:
+def motion_table(motion: CannedMotion, start: NDArray[np.float64]) -> Table:
     """Return the poses of a motion that begins at rest at a pose (7,), once round."""
     if motion.kind == "press":
         return Table(np.array(start, dtype=np.float64)[None], 0, _STEP)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.replay import scene_of_recording
-from asperity.realtime.servo.snapshot import Moment
+from asperity.realtime.servo.snapshot import Snapshot
 from asperity.realtime.servo.tick_row import WIDTH
 from asperity.runs.recording import read_attributes, recording_file
 from asperity.viewer.downloads import Downloads
@@ -26,22 +26,22 @@ from asperity.viewer.panels.time import TimePanel
 from asperity.viewer.replayed_contacts import ContactsAgain
 from asperity.viewer.row_buffer import KeptRecording
 from asperity.viewer.server.server import LOCAL, Page
-from asperity.viewer.session_config import Choice
+from asperity.viewer.session_config import SessionConfig
 from asperity.viewer.timeline import Timeline
 
 
 class RecordedLink:
     """What a page asks of a link, of a recording: nothing runs, and nothing can be changed."""
 
-    def __init__(self, choice: Choice, timeline: Timeline) -> None:
+    def __init__(self, choice: SessionConfig, timeline: Timeline) -> None:
         self.choice = choice
         self.state, self.told, self.device, self.generation = "recording", "", "recording", 1
         self.is_alive = False
         self.history = SimpleNamespace(count=0)
-        self.parameters = Parameters.of(choice.scene, choice.rate)
+        self.parameters = LiveParameters.of(choice.scene, choice.rate)
         self._timeline = timeline
 
-    def latest(self) -> Moment | None:
+    def latest(self) -> Snapshot | None:
         """Return the moment that is shown."""
         return self._timeline.moment()
 
@@ -115,7 +115,7 @@ class ReplayPage:
             _Taking(path),
             SoundPanel(timeline, live=False),
         ]
-        link: Any = RecordedLink(Choice(found, device="recording", rate=1.0 / dt), timeline)
+        link: Any = RecordedLink(SessionConfig(found, device="recording", rate=1.0 / dt), timeline)
         self.timeline = timeline
         self.page = Page(link, panels, host=host, port=port, label=f"asperity: {path.parent.name}")
 

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.realtime.servo.contact_worker import SHOWN
-from asperity.realtime.servo.snapshot import FIELDS, Moment
+from asperity.realtime.servo.snapshot import FIELDS, Snapshot
 from asperity.realtime.servo.tick_row import slices
 
 if TYPE_CHECKING:
     from asperity.scene.scene import Scene
-    from asperity.simulation.tool_contact import ContactStage
+    from asperity.simulation.tool_contact import ToolContact
     from asperity.viewer.row_buffer import Kept
 
 _TOOL = slices()["tool_pose"]
@@ -27,14 +27,14 @@ _NEAR = 50
 """Ticks; while it plays, the contacts of so many ticks before are shown rather than none."""
 
 
-def empty_moment() -> Moment:
+def empty_moment() -> Snapshot:
     """Return a moment in which nothing is and nothing was."""
     values = {
         name: np.zeros((0, *shape[1:])) if shape[0] == SHOWN else np.zeros(shape)
         for name, shape in FIELDS.items()
         if name != "shown"
     }
-    return Moment(
+    return Snapshot(
         **{  # type: ignore[arg-type]
             name: (
                 float(value[0]) if name in ("time", "tick_p99", "contact_p99") else int(value[0])
@@ -59,13 +59,13 @@ class ContactsAgain:
         self._scene, self._kept = scene, kept
         self._none = empty_moment()
         self._wanted = -1
-        self._done: tuple[int, Moment] = (-1, self._none)
+        self._done: tuple[int, Snapshot] = (-1, self._none)
         self._news = threading.Event()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name="asperity-contacts", daemon=True)
         self._thread.start()
 
-    def moment_at(self, i: int) -> Moment:
+    def moment_at(self, i: int) -> Snapshot:
         """Return a moment with the contacts of a row, or without, as long as they are not known."""
         at, moment = self._done
         if i != self._wanted:
@@ -79,10 +79,10 @@ class ContactsAgain:
         self._news.set()
 
     def _work(self) -> None:
-        from asperity.simulation.tool_contact import ContactStage
+        from asperity.simulation.tool_contact import ToolContact
 
         try:
-            stage = ContactStage(self._scene)
+            stage = ToolContact(self._scene)
             while True:
                 self._news.wait()
                 self._news.clear()
@@ -93,7 +93,7 @@ class ContactsAgain:
         except Exception:  # a recording can be looked at without
             logging.getLogger(__name__).exception("no contacts of the recording are shown")
 
-    def _evaluated(self, stage: ContactStage, pose: NDArray[np.float64]) -> Moment:
+    def _evaluated(self, stage: ToolContact, pose: NDArray[np.float64]) -> Snapshot:
         stage.reset()
         n = min(stage.evaluate(pose.copy(), jumped=True).count, SHOWN)
         contacts = stage.contacts

@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.pointer_file import Pointed
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.running import Servo
-from asperity.realtime.servo.snapshot import Moment
+from asperity.realtime.servo.snapshot import Snapshot
 from asperity.realtime.servo.tick_row import slices
 from asperity.realtime.shared_file import shared_folder
 from asperity.viewer.history import History
-from asperity.viewer.motions import Motion, motion_table
-from asperity.viewer.session_config import Choice
+from asperity.viewer.motions import CannedMotion, motion_table
+from asperity.viewer.session_config import SessionConfig
 
 READ_RATE = 60.0
 """How often rows are fetched, a second."""
@@ -44,7 +44,7 @@ _FIRST_TICK = 30.0
 """How long the first tick of a loop that has opened its device is waited for [s]."""
 
 
-class Link:
+class ServoClient:
     """A servo process that is looked at and told things, and another one when it dies.
 
     Parameters
@@ -62,7 +62,7 @@ class Link:
         How many servo processes have begun to tick.
     """
 
-    def __init__(self, choice: Choice) -> None:
+    def __init__(self, choice: SessionConfig) -> None:
         self.choice = choice
         self.state, self.told, self.generation = "starting", "", 0
         self.device = ""
@@ -75,7 +75,7 @@ class Link:
         self.target = choice.first_pose
         """Where the mouse's hand shall be (7,)."""
         self._servo: Servo | None = None
-        self._seen: tuple[Servo | None, Moment | None] = None, None
+        self._seen: tuple[Servo | None, Snapshot | None] = None, None
         """The last moment that was read, and whose."""
         self._lock = threading.RLock()
         self._taps: list[Callable[[NDArray[np.float64]], None]] = []
@@ -87,7 +87,7 @@ class Link:
 
     # -- what there is to see ------------------------------------------------------------------
 
-    def latest(self) -> Moment | None:
+    def latest(self) -> Snapshot | None:
         """Return the latest moment, or None before the first."""
         servo = self._servo
         if servo is None or self.generation == 0:
@@ -124,12 +124,12 @@ class Link:
         return servo is not None and self.state in ("running", "changing") and servo.is_alive
 
     @property
-    def parameters(self) -> Parameters:
+    def parameters(self) -> LiveParameters:
         """What the loop was told last."""
         servo = self._servo
         if servo is not None:
             return servo.parameters
-        return Parameters.of(self.choice.scene, self.choice.rate)
+        return LiveParameters.of(self.choice.scene, self.choice.rate)
 
     # -- what it shall do ----------------------------------------------------------------------
 
@@ -158,7 +158,7 @@ class Link:
         servo.set(**changes)
         self._kept |= changes
 
-    def restart(self, choice: Choice | None = None) -> Future[None]:
+    def restart(self, choice: SessionConfig | None = None) -> Future[None]:
         """Have another servo process made ready, and swapped for the one there is.
 
         Returns at once. If it cannot begin, what there is goes on, the future has the error, and
@@ -166,7 +166,7 @@ class Link:
         """
         return self._restarting.submit(self._replace_and_tell, choice or self.choice)
 
-    def move(self, motion: Motion, press: float | None = None) -> None:
+    def move(self, motion: CannedMotion, press: float | None = None) -> None:
         """Have the mouse's hand go through a motion, from where it shall be now, and again."""
         with self._lock:
             table = motion_table(motion, self.target)
@@ -193,7 +193,7 @@ class Link:
             self._reader.join(2.0)
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def __enter__(self) -> Link:
+    def __enter__(self) -> ServoClient:
         try:
             self.start()
         except BaseException:
@@ -206,7 +206,7 @@ class Link:
 
     # -- inside --------------------------------------------------------------------------------
 
-    def _replace_and_tell(self, choice: Choice) -> None:
+    def _replace_and_tell(self, choice: SessionConfig) -> None:
         before, was_alive = self.choice, self.is_alive
         try:
             self._replace(choice)
@@ -218,7 +218,7 @@ class Link:
             self.told = str(error)
             raise
 
-    def _replace(self, choice: Choice) -> None:
+    def _replace(self, choice: SessionConfig) -> None:
         old = self._servo
         self.state = "changing" if old is not None and old.is_alive else "starting"
         new: Servo | None = None
@@ -235,14 +235,14 @@ class Link:
             self.state = "running" if goes_on else "ended"
             raise
 
-    def _start_of(self, choice: Choice) -> NDArray[np.float64] | None:
+    def _start_of(self, choice: SessionConfig) -> NDArray[np.float64] | None:
         """Return where a hand goes on: where it is, if the scene is the same."""
         moment = self.latest()
         if moment is None or choice.scene.xml != self.choice.scene.xml:
             return None
         return moment.handle_pose.copy()
 
-    def _swap(self, old: Servo | None, new: Servo, choice: Choice) -> None:
+    def _swap(self, old: Servo | None, new: Servo, choice: SessionConfig) -> None:
         """Let the old loop end and the new one begin."""
         with self._lock:
             if self._closing.is_set():

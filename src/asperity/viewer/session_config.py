@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.virtual_coupling.settings import held_body
+from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.realtime.devices.catalogue import device
 from asperity.realtime.devices.mouse import MouseDevice
 from asperity.realtime.devices.protocol import Device
@@ -26,7 +26,7 @@ CLEARANCE = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class SessionConfig:
     """A scene, a device and a rate.
 
     Parameters
@@ -85,7 +85,7 @@ class Choice:
         """
         make: Callable[[], Device]
         if self.is_mouse:
-            body = held_body(self.scene.model, self.scene.tool)
+            body = coupled_body(self.scene.model, self.scene.tool)
             make = functools.partial(
                 MouseDevice, pointed, dt=1.0 / self.rate, centre=tuple(body.centre.tolist())
             )

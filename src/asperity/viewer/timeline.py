@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.realtime.servo.snapshot import Moment
+from asperity.realtime.servo.snapshot import Snapshot
 from asperity.realtime.servo.tick_row import columns
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.row_buffer import Kept, KeptRows
 
 if TYPE_CHECKING:
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 LOOKED_BACK = 20.0
 """So many of the last seconds are kept when the page is held."""
@@ -39,12 +39,12 @@ class Timeline:
         Ticks a second, without a link.
     """
 
-    def __init__(self, link: Link | None = None, *, rate: float = 1000.0) -> None:
+    def __init__(self, link: ServoClient | None = None, *, rate: float = 1000.0) -> None:
         self._link, self._rate = link, rate
         self._lock = threading.RLock()
-        self._moments: deque[tuple[int, Moment]] = deque(maxlen=_MOMENTS)
+        self._moments: deque[tuple[int, Snapshot]] = deque(maxlen=_MOMENTS)
         self._kept: Kept | None = None
-        self._moment_at: Callable[[int], Moment | None] = lambda _: None
+        self._moment_at: Callable[[int], Snapshot | None] = lambda _: None
         self._at = 0.0
         self._last = 0.0
         self.playing = False
@@ -89,7 +89,7 @@ class Timeline:
             return
         first, seen = count - len(rows), tuple(self._moments)
 
-        def moment_at(i: int) -> Moment | None:
+        def moment_at(i: int) -> Snapshot | None:
             # Rows have no contacts; those of the nearest frame that was seen are shown.
             near = min(seen, key=lambda one: abs(one[0] - first - i - 1), default=None)
             return near[1] if near is not None else None
@@ -97,7 +97,7 @@ class Timeline:
         self.show(KeptRows(rows), moment_at, "the last seconds", at=np.inf)
 
     def show(
-        self, kept: Kept, moment_at: Callable[[int], Moment | None], what: str, *, at: float = 0.0
+        self, kept: Kept, moment_at: Callable[[int], Snapshot | None], what: str, *, at: float = 0.0
     ) -> None:
         """Show what was kept instead of now.
 
@@ -161,7 +161,7 @@ class Timeline:
         kept = self._kept
         return self._recent(LOOKED_BACK)[0] if kept is None else kept.rows(0, kept.count)
 
-    def moment(self) -> Moment | None:
+    def moment(self) -> Snapshot | None:
         """Return the moment that is shown instead of now; None when live."""
         with self._lock:
             kept = self._kept
@@ -184,10 +184,10 @@ class Timeline:
 class ShownLink:
     """A link whose latest moment is that of a timeline; in all else the link."""
 
-    def __init__(self, link: Link, timeline: Timeline) -> None:
+    def __init__(self, link: ServoClient, timeline: Timeline) -> None:
         self._link, self._timeline = link, timeline
 
-    def latest(self) -> Moment | None:
+    def latest(self) -> Snapshot | None:
         """Return the moment to be shown."""
         shown = self._timeline.moment()
         return self._link.latest() if shown is None else shown
@@ -196,7 +196,7 @@ class ShownLink:
         return getattr(self._link, name)
 
 
-def moment_of(row: NDArray[np.float64], like: Moment) -> Moment:
+def moment_of(row: NDArray[np.float64], like: Snapshot) -> Snapshot:
     """Return a moment with what a row (30,) says, and the rest as in another one."""
     said = {name: values[0] for name, values in columns(row[None, :]).items()}
     del said["penetration_depth"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from asperity.viewer.panels.panel import Frame
 
 if TYPE_CHECKING:
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 _COUNTS = ("ticks", "misses", "fallbacks", "interventions", "clamps")
 
@@ -16,7 +16,7 @@ _COUNTS = ("ticks", "misses", "fallbacks", "interventions", "clamps")
 class Frames:
     """Frames of a link, one after the other."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: ServoClient) -> None:
         self._link = link
         self._next_row = link.history.count
         self._number = 0

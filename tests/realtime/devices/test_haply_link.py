@@ -10,7 +10,7 @@ from devices.clocks import Clock
 from websockets.sync.server import serve
 
 from asperity.realtime.devices.haply import websocket as haply_link
-from asperity.realtime.devices.haply.websocket import Link
+from asperity.realtime.devices.haply.websocket import WebSocketClient
 
 
 def texts_of(link, count, patience=10.0):
@@ -40,7 +40,7 @@ def test_messages_in_pieces_and_many_at_once_come_whole_and_in_order():
         connection.send(connection.recv())
 
     with server(handler) as uri:
-        link = Link(uri, time.monotonic)
+        link = WebSocketClient(uri, time.monotonic)
         found = texts_of(link, 201)
         assert found == ["in three pieces", *map(str, range(200))]
         assert link.send(b"and back")
@@ -64,7 +64,7 @@ def test_what_speaks_no_websocket_is_told_and_left(answer):
                     connection.close()
 
         threading.Thread(target=speak, daemon=True).start()
-        link = Link(f"ws://127.0.0.1:{listener.getsockname()[1]}", time.monotonic)
+        link = WebSocketClient(f"ws://127.0.0.1:{listener.getsockname()[1]}", time.monotonic)
         end = time.monotonic() + 5.0
         while link.error == "not connected yet" and time.monotonic() < end:
             assert link.poll() == []
@@ -78,7 +78,7 @@ def test_what_speaks_no_websocket_is_told_and_left(answer):
 def test_an_answer_that_never_comes_is_given_up():
     clock = Clock()
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        link = Link(f"ws://127.0.0.1:{listener.getsockname()[1]}", clock)
+        link = WebSocketClient(f"ws://127.0.0.1:{listener.getsockname()[1]}", clock)
         for _ in range(200):
             link.poll()
             link.wait(0.0)
@@ -102,6 +102,6 @@ def test_every_address_of_a_host_is_tried(monkeypatch):
             dead = nobody.getsockname()
         found = [(socket.AF_INET, 1, 6, "", dead), (socket.AF_INET, 1, 6, "", ("127.0.0.1", port))]
         monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
-        link = Link(f"ws://localhost:{port}", time.monotonic)
+        link = WebSocketClient(f"ws://localhost:{port}", time.monotonic)
         assert texts_of(link, 1) == ["hello"]
         link.close()

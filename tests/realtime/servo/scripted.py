@@ -8,15 +8,15 @@ import numpy as np
 
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.passivity.controller import PassivityController
-from asperity.dynamics.virtual_coupling.coupled_tool import HeldTool
+from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings
+from asperity.geometry.rigid_body import RigidBody
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.devices.protocol import Limits, Reading
 from asperity.realtime.servo.contact_worker import Contact
 from asperity.realtime.servo.loop import ServoLoop
 from asperity.realtime.servo.publish import Publisher
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
-from asperity.spatial.rigid_body import RigidBody
 
 DT = 1e-3
 LIMITS = Limits(
@@ -156,7 +156,7 @@ class Bench:
         self.device = ScriptedDevice(self.clock)
         self.safe = SafeDevice(self.device, dt=DT, settings=settings)
         self.contacts = WallContacts(self.clock, takes)
-        self.tool = HeldTool(body(), CouplingSettings(mode=mode), dt=DT, limits=LIMITS)
+        self.tool = CoupledTool(body(), CouplingSettings(mode=mode), dt=DT, limits=LIMITS)
         self.loop = ServoLoop(
             self.safe, Mapping(LIMITS), self.tool, self.contacts,
             PassivityController(DT, active=False),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
 from asperity.realtime.servo.replay import scene_of_recording
 from asperity.realtime.servo.tick_row import WIDTH
@@ -16,7 +16,7 @@ from asperity.scene.builtin import load_scene
 
 def test_all_rows_that_are_handed_on_are_in_the_file_from_time_zero(tmp_path):
     scene = load_scene("probe-plate")
-    parameters = Parameters(1000.0, 321.0, 0.25, scene.coupling)
+    parameters = LiveParameters(1000.0, 321.0, 0.25, scene.coupling)
     attributes = attributes_of(scene, parameters, source="probe-plate", device="a hand")
     recorder = RecorderOnRequest(tmp_path / "recording.h5", attributes, 1000.0)
     rows = np.random.default_rng(1).random((3000, WIDTH))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.tick_row import WIDTH
 from asperity.runs.recording import read_recording
 
@@ -23,7 +23,7 @@ class Told:
 
 
 def filled(path, ticks, capacity=20_000):
-    ring = Ring(path, capacity)
+    ring = TickRing(path, capacity)
     rows = np.zeros(WIDTH)
     for n in range(ticks):
         rows[:] = n
@@ -68,7 +68,7 @@ def started(ring, path, *, file_size=0):
 
 
 def test_killed_amid_writing_it_leaves_a_file_up_to_the_last_second(tmp_path):
-    ring = Ring(tmp_path / "ring", 20_000)
+    ring = TickRing(tmp_path / "ring", 20_000)
     process = started(tmp_path / "ring", tmp_path / "r.h5")
     row, begun, n = np.zeros(WIDTH), time.monotonic(), 0
     pushed = []

@@ -14,9 +14,9 @@ import pytest
 from asperity.errors import AsperityError
 from asperity.realtime.servo.contact_worker import SHOWN, Shown
 from asperity.realtime.servo.mailbox import ROOM, Mailbox
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.snapshot import SnapshotReader, SnapshotWriter
-from asperity.realtime.servo.tick_row import WIDTH, Row, columns
+from asperity.realtime.servo.tick_row import WIDTH, TickRow, columns
 from asperity.realtime.shared_file import shared_folder
 
 
@@ -25,8 +25,8 @@ def row(n):
 
 
 def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
-    ring, other = Ring(tmp_path / "ring", 100), None
-    other = Ring(tmp_path / "ring")
+    ring, other = TickRing(tmp_path / "ring", 100), None
+    other = TickRing(tmp_path / "ring")
     assert other.capacity == 100
     taken, n = [], 0
     draw = np.random.default_rng(1)
@@ -41,7 +41,7 @@ def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
 
 
 def test_a_full_ring_loses_the_new_rows_counts_them_and_goes_on(tmp_path):
-    ring = Ring(tmp_path / "ring", 10)
+    ring = TickRing(tmp_path / "ring", 10)
     kept = [n for n in range(25) if ring.push(row(n))]
     assert kept == list(range(10))
     assert ring.lost == 15
@@ -51,7 +51,7 @@ def test_a_full_ring_loses_the_new_rows_counts_them_and_goes_on(tmp_path):
 
 
 def test_a_writer_and_a_reader_at_the_same_time(tmp_path):
-    ring, other = Ring(tmp_path / "ring", 64), Ring(tmp_path / "ring")
+    ring, other = TickRing(tmp_path / "ring", 64), TickRing(tmp_path / "ring")
     pushed = []
 
     def write():
@@ -74,7 +74,7 @@ def test_a_writer_and_a_reader_at_the_same_time(tmp_path):
 
 
 def test_a_row_has_the_fields_of_a_recording():
-    one = Row()
+    one = TickRow()
     one.time[0], one.flags[0], one.tool_pose[:] = 1.5, 96, np.arange(7)
     fields = columns(np.stack([one.values, one.values]))
     assert fields["time"].tolist() == [1.5, 1.5]
@@ -95,7 +95,7 @@ def test_a_snapshot_tells_the_latest_moment(tmp_path):
     writer = SnapshotWriter(tmp_path / "snapshot")
     reader = SnapshotReader(tmp_path / "snapshot")
     assert reader.read() is None
-    one = Row()
+    one = TickRow()
     one.time[0], one.contact_count[0], one.handle_pose[:] = 2.0, 3, np.arange(7)
     for value in (1.0, 2.0):
         one.flags[0] = value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.errors import AsperityError
 from asperity.scene.builtin import load_scene
 from asperity.studies.baselines import METHODS, chosen
@@ -44,7 +44,7 @@ def test_each_says_where_it_comes_from_and_what_it_is_not(name):
 
 def test_asperitys_own_is_the_engine():
     scene = stimuli.ball_on_plate()
-    engine = Engine(scene.model, scene.bodies, scene.tool, scene.force)
+    engine = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
     pose = scene.start.copy()
     pose[:3] += [0.3e-3, 0.0, -3e-4]
     felt = METHODS["asperity"].prepare(scene).wrench(pose)

@@ -12,9 +12,12 @@ import psutil
 import pytest
 from clusters import DEADLY, environment, running_scheduler, wait_for, worker_processes
 
-from asperity import AsperityError, open_sweep, read_study, run_sweep
+from asperity import AsperityError
 from asperity.cli import main
 from asperity.scene.document import write_toml
+from asperity.studies.sweeps.run import run_sweep
+from asperity.studies.sweeps.store import open_sweep
+from asperity.studies.sweeps.study import read_study
 from asperity.studies.sweeps.work import DONE, FAILED
 
 pytestmark = pytest.mark.xdist_group("sweep-cluster")

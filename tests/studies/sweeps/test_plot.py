@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from asperity import AsperityError, open_sweep, read_study
+from asperity import AsperityError
 from asperity.cli import main
 from asperity.studies.sweeps.figures import draw
 from asperity.studies.sweeps.sensitivity import Groups, share
-from asperity.studies.sweeps.store import opened_store
+from asperity.studies.sweeps.store import open_sweep, opened_store
+from asperity.studies.sweeps.study import read_study
 from asperity.studies.sweeps.views import chosen
 
 RANGE = {"from": 0.01, "to": 1.0, "scale": "log"}

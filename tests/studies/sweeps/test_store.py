@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from asperity import AsperityError, open_sweep, read_study, run_sweep
+from asperity import AsperityError
 from asperity.studies.otaduy_lin_2004.drags import Condition
 from asperity.studies.otaduy_lin_2004.studies import StudySettings
 from asperity.studies.sweeps import store as stores
+from asperity.studies.sweeps.run import run_sweep
+from asperity.studies.sweeps.store import open_sweep
+from asperity.studies.sweeps.study import read_study
 from asperity.studies.sweeps.work import DONE, FAILED
 
 SPACING = {"from": 0.5e-3, "to": 3.5e-3, "count": 8, "scale": "log"}

@@ -6,13 +6,14 @@ import tomllib
 import numpy as np
 import pytest
 
-from asperity import AsperityError, load_scene, read_study
+from asperity import AsperityError, load_scene
 from asperity.scene.document import write_toml
 from asperity.studies.otaduy_lin_2004.drags import Condition
 from asperity.studies.sweeps.blocks import block_shape, blocks
 from asperity.studies.sweeps.content import seed_of
 from asperity.studies.sweeps.drags import Drags
 from asperity.studies.sweeps.scene_runs import SceneRuns
+from asperity.studies.sweeps.study import read_study
 
 
 def study(vary, **sections):

@@ -21,9 +21,9 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.facets.tessellate import geom_triangles, is_round
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 from asperity.texture.highest import texture_top
-from asperity.texture.packed import Textures
+from asperity.texture.packed import PackedTextures
 
 _LEAF = 2
 BINS = 6
@@ -85,7 +85,7 @@ class FacetTable(NamedTuple):
     """Of each body."""
 
 
-def facet_table(bodies: Sequence[Body], textures: Textures, geometry: Geometry) -> FacetTable:
+def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
     """Return the facets of `bodies`, in the order of their trees."""
     sets, geoms, trees, roots, slacks = [], [], [], [], []
     first_facet = first_node = first_geom = 0
@@ -218,7 +218,7 @@ def _shares(normals: Array) -> Array:
 
 
 def _tops(
-    facets: Facets, owner: NDArray, textures: Textures, geometry: Geometry, place: Array,
+    facets: Facets, owner: NDArray, textures: PackedTextures, geometry: Geometry, place: Array,
     mapping: Array,
 ) -> Array:  # fmt: skip
     """Return the highest point of the texture on each facet."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,7 +16,7 @@ OUTER = 4.0
 FIRST_VISITS = 5000.0
 """Pairs of boxes that the first outer ring is thought to take."""
 
-# Of `Ring.holds`.
+# Of `PairList.holds`.
 NEAR, REACH, SPARE, COUNT = 0, 1, 2, 3
 # Of `NotedFacets.progress`.
 TOP, VISITS, USUAL, TIMES = 0, 1, 2, 3
@@ -24,7 +24,7 @@ NONE, TOO_MANY = -1.0, -2.0
 """Instead of a count, or of how much there is to be gone through: why there is none."""
 
 
-class Ring(NamedTuple):
+class PairList(NamedTuple):
     """Pairs of facets of a tool and of each body of the scene, and for how long they hold."""
 
     pairs: NDArray[np.int64]
@@ -42,9 +42,9 @@ class Ring(NamedTuple):
 class NotedFacets(NamedTuple):
     """What facets of a tool were near each body of the scene, and for how long that holds."""
 
-    inner: Ring
-    outer: Ring
-    coming: Ring
+    inner: PairList
+    outer: PairList
+    coming: PairList
     """The next outer ring, as far as it is there."""
     progress: NDArray[np.float64]
     """Of the next outer ring: how many pairs of boxes are still to be gone through, how many were,
@@ -69,9 +69,9 @@ def noted_facets(bodies: int) -> NotedFacets:
     return noted
 
 
-def _ring(bodies: int, measured: int) -> Ring:
+def _ring(bodies: int, measured: int) -> PairList:
     """Return a ring with no pairs in it, for so many of which is known when they may be near."""
-    return Ring(
+    return PairList(
         np.zeros((bodies, MAX_NOTED, 2), np.int64),
         np.zeros((bodies, 4)),
         np.zeros((bodies, 3, 4)),

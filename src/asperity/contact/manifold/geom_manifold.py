@@ -9,7 +9,7 @@ import numpy as np
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.normals import normal_under
-from asperity.spatial.frames import into
+from asperity.geometry.frames import into
 
 _STEADY = 0.85
 """A pair's normal that turns by more than this cosine in one tick is not believed."""

@@ -63,7 +63,7 @@ from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.mesh_depth import pairs_of_charts, patch_depths
 from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES, WINDOWS
 from asperity.contact.narrow_phase.penetration import DEPTH
-from asperity.spatial.frames import out_of
+from asperity.geometry.frames import out_of
 
 _BIRTH = 2e-4
 """A contact may begin this deep, and the motion of a tick besides [m]."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.spatial.rigid_body import lever
+from asperity.geometry.rigid_body import lever
 
 _STICKS = 1.0 - 1e-9
 """A bristle below this part of its limit sticks."""

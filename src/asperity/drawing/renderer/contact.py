@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from asperity.drawing.renderer.parts import Part, scene_parts
 from asperity.drawing.renderer.render import Lamp, camera_at, halved, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, Sheet, View
+from asperity.drawing.renderer.view import Camera, Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 
 Array = NDArray[np.float64]
 _ONE_PLACE = 1e-6
@@ -36,7 +36,7 @@ _CLEAREST = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class ContactMoment:
     """The tool's pose (7,) and its contacts: `point`, `normal`, `force` (m, 3), `depth` (m,)."""
 
     time: float
@@ -47,7 +47,7 @@ class Moment:
     depth: Array
 
     @classmethod
-    def of(cls, time: float, pose: Array, contacts: Any) -> Moment:
+    def of(cls, time: float, pose: Array, contacts: Any) -> ContactMoment:
         """Return a copy of what the engine's `contacts` hold now; those at one place are one."""
         n = int(contacts.count[0])
         _, first, one = np.unique(
@@ -82,7 +82,7 @@ class Picture:
     camera: Camera
 
 
-def contact_width(scene: Scene, moment: Moment) -> float:
+def contact_width(scene: Scene, moment: ContactMoment) -> float:
     """Return how wide a close picture should be [m]: some of the tool, and all contacts."""
     tool = _tool(scene)
     if tool.mesh is None:
@@ -98,7 +98,9 @@ def _tool(scene: Scene) -> Body:
     return next(body for body in scene.bodies if body.name == scene.tool)
 
 
-def close_picture(scene: Scene, moment: Moment, *, columns: int = 760, rows: int = 620) -> Picture:
+def close_picture(
+    scene: Scene, moment: ContactMoment, *, columns: int = 760, rows: int = 620
+) -> Picture:
     """Return the surroundings of the contact; the tool is drawn like tinted glass."""
     width = contact_width(scene, moment)
     vertical, along = _frame(moment, moment.force.sum(axis=0))
@@ -109,7 +111,9 @@ def close_picture(scene: Scene, moment: Moment, *, columns: int = 760, rows: int
     return _picture(scene, moment, camera, vertical, _CLOSE[1], glass=True)
 
 
-def whole_picture(scene: Scene, moment: Moment, *, columns: int = 380, rows: int = 620) -> Picture:
+def whole_picture(
+    scene: Scene, moment: ContactMoment, *, columns: int = 380, rows: int = 620
+) -> Picture:
     """Return the whole tool on the scene, from the side from which it fits the picture best."""
     vertical, along = _frame(moment, np.array([1.0, 0.0, 0.0]))
     corners = _corners(_tool(scene), moment)
@@ -131,13 +135,19 @@ def whole_picture(scene: Scene, moment: Moment, *, columns: int = 380, rows: int
 
 
 def _picture(
-    scene: Scene, moment: Moment, camera: Camera, vertical: Array, elevation: float, *, glass: bool
+    scene: Scene,
+    moment: ContactMoment,
+    camera: Camera,
+    vertical: Array,
+    elevation: float,
+    *,
+    glass: bool,
 ) -> Picture:
     """Draw the scene at twice the size, and halve it."""
     # Level ground has to fill the image.
     tall = camera.rows * camera.pixel / np.sin(elevation)
     radius = 0.5 * float(np.hypot(camera.width, tall))
-    view = View(camera.centre, radius, int(radius / camera.pixel), camera)
+    view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
     raised = moment.pose.copy()
     raised[:3] += moment.pushed
     parts = scene_parts(scene, raised)
@@ -162,7 +172,7 @@ def _picture(
     return Picture(halved(image), small)
 
 
-def _sheets(parts: list[Part], view: View, *, is_tool: bool) -> list[tuple[int, Sheet]]:
+def _sheets(parts: list[Part], view: ViewBall, *, is_tool: bool) -> list[tuple[int, Sheet]]:
     """Return the sheets of the tool or of all else, with the numbers of their parts."""
     sheets = []
     for number, part in enumerate(parts):
@@ -176,7 +186,7 @@ def _sheets(parts: list[Part], view: View, *, is_tool: bool) -> list[tuple[int, 
     return sheets
 
 
-def _lamps(parts: list[Part], view: View, camera: Camera, vertical: Array) -> tuple[Lamp, Lamp]:
+def _lamps(parts: list[Part], view: ViewBall, camera: Camera, vertical: Array) -> tuple[Lamp, Lamp]:
     """Return light in which all throws shadows, and light in which the tool does not."""
     view = view._replace(samples=max(view.samples, 60))
     ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
@@ -186,7 +196,7 @@ def _lamps(parts: list[Part], view: View, camera: Camera, vertical: Array) -> tu
     )
 
 
-def _frame(moment: Moment, along: Array) -> tuple[Array, Array]:
+def _frame(moment: ContactMoment, along: Array) -> tuple[Array, Array]:
     """Return the vertical of the picture, and what runs to the right in it, like `along`."""
     pushed = moment.pushed
     size = float(np.linalg.norm(pushed))
@@ -199,14 +209,14 @@ def _frame(moment: Moment, along: Array) -> tuple[Array, Array]:
     return vertical, level / length
 
 
-def _middle(moment: Moment) -> Array:
+def _middle(moment: ContactMoment) -> Array:
     """Return the middle of the contacts, on the surface."""
     if not len(moment.depth):
         return moment.pose[:3]
     return np.asarray(moment.point.mean(axis=0) + moment.pushed)
 
 
-def _corners(body: Body, moment: Moment) -> Array:
+def _corners(body: Body, moment: ContactMoment) -> Array:
     """Return the corners (n, 3) of a body's mesh or of boxes round its geoms, where it is drawn."""
     rotation = rotation_of(moment.pose[3:])
     if body.mesh is not None:

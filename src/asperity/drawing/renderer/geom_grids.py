@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.raster import displace
-from asperity.drawing.renderer.view import Sheet, View, coarsened
+from asperity.drawing.renderer.view import Sheet, ViewBall, coarsened
 from asperity.geometry.bodies import Body, Geom
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Chart(NamedTuple):
     """Of the texture [m], (a, b)."""
 
 
-def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
+def body_sheets(body: Body, pose: Array, view: ViewBall) -> Iterator[Sheet]:
     """Yield the displaced surface of a body, as far as it lies in the view.
 
     Parameters
@@ -54,7 +54,7 @@ def body_sheets(body: Body, pose: Array, view: View) -> Iterator[Sheet]:
         yield Sheet(points, normals, height=None if body.texture is None else chart.heights)
 
 
-def body_charts(body: Body, pose: Array, view: View) -> Iterator[Chart]:
+def body_charts(body: Body, pose: Array, view: ViewBall) -> Iterator[Chart]:
     """Yield the faces of a body of simple geoms as grids in its frame, as far as in the view."""
     rotation = rotation_of(pose[3:])
     field = None if body.texture is None else coarsened(body.texture, view.spacing)
@@ -75,7 +75,7 @@ def body_charts(body: Body, pose: Array, view: View) -> Iterator[Chart]:
             yield Chart(geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body))
 
 
-def _ahead(view: View, place: Array, normal: Array) -> Array:
+def _ahead(view: ViewBall, place: Array, normal: Array) -> Array:
     """Return what a camera's middle shows of a plane, or what lies under the view's without one."""
     towards = normal if view.camera is None else view.camera.towards
     slope = float(towards @ normal)
@@ -111,7 +111,7 @@ def _heights(
     return weights[..., 0] * at(y, z) + weights[..., 1] * at(z, x) + weights[..., 2] * at(x, y)
 
 
-def _charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array, Array]]:
+def _charts(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
     """Yield base points and unit normals of a geom, in its frame; `centre` is the view's there."""
     size, reach = geom.size, view.radius
     if geom.kind in ("plane", "box"):
@@ -140,7 +140,7 @@ def _charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array, Arra
                 yield _lid(radius, sign * half, sign, view)
 
 
-def _flat_charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array, Array]]:
+def _flat_charts(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
     half = [s if s > 0.0 else math.inf for s in geom.size]
     faces = [(2, 1.0)] if geom.kind == "plane" else [(i, s) for i in range(3) for s in (-1.0, 1.0)]
     for axis, sign in faces:
@@ -165,7 +165,7 @@ def _flat_charts(geom: Geom, centre: Array, view: View) -> Iterator[tuple[Array,
         yield base, w
 
 
-def _ball(axes: Array, low: float, high: float, view: View) -> tuple[Array, Array]:
+def _ball(axes: Array, low: float, high: float, view: ViewBall) -> tuple[Array, Array]:
     """Return an ellipsoid from latitude `low` to `high`, in half turns."""
     around = _round(float(axes.max()), view)
     latitudes = np.linspace(low * np.pi, high * np.pi, max(int(around * (high - low) / 2), 8))
@@ -178,7 +178,7 @@ def _ball(axes: Array, low: float, high: float, view: View) -> tuple[Array, Arra
     return unit * axes, w / np.linalg.norm(w, axis=-1, keepdims=True)
 
 
-def _lid(radius: float, z: float, sign: float, view: View) -> tuple[Array, Array]:
+def _lid(radius: float, z: float, sign: float, view: ViewBall) -> tuple[Array, Array]:
     """Return a cylinder's end."""
     r, angle = np.meshgrid(
         np.linspace(0.0, radius, _count(radius, view)),
@@ -188,9 +188,9 @@ def _lid(radius: float, z: float, sign: float, view: View) -> tuple[Array, Array
     return base, np.broadcast_to([0.0, 0.0, sign], base.shape)
 
 
-def _count(length: float, view: View) -> int:
+def _count(length: float, view: ViewBall) -> int:
     return int(np.clip(length / (2.0 * view.radius) * view.samples, 2, 1.5 * view.samples))
 
 
-def _round(radius: float, view: View) -> int:
+def _round(radius: float, view: ViewBall) -> int:
     return max(_count(2.0 * np.pi * radius, view), 96)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.drawing.renderer.mesh_displacement import MeshRelief
-from asperity.drawing.renderer.view import Sheet, View
+from asperity.drawing.renderer.view import Sheet, ViewBall
 from asperity.geometry.bodies import Body
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -43,7 +43,7 @@ class _Parts(NamedTuple):
 
 
 def mesh_sheets(
-    body: Body, pose: Array, view: View, faces: NDArray[np.bool_] | None = None,
+    body: Body, pose: Array, view: ViewBall, faces: NDArray[np.bool_] | None = None,
     *, closed: bool = True,
 ) -> Iterator[Sheet]:  # fmt: skip
     """Yield the displaced surface of a body with a mesh as sheets of patches.
@@ -76,7 +76,7 @@ def mesh_sheets(
         )
 
 
-def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
+def _patches(relief: MeshRelief, view: ViewBall, faces: Whole) -> Iterator[Sheet]:
     """Yield the displaced triangles, in the body's frame."""
     parts = _parts(relief, view, faces)
     for divisions in np.unique(parts.divisions):
@@ -92,7 +92,7 @@ def _patches(relief: MeshRelief, view: View, faces: Whole) -> Iterator[Sheet]:
             yield Sheet(points, normals, corners, height, parts.face[some], weights)
 
 
-def _parts(relief: MeshRelief, view: View, face: Whole) -> _Parts:
+def _parts(relief: MeshRelief, view: ViewBall, face: Whole) -> _Parts:
     """Return what each of some triangles is divided into."""
     triangles = relief.triangles
     hidden = np.zeros(len(triangles), bool)
@@ -113,7 +113,7 @@ def _parts(relief: MeshRelief, view: View, face: Whole) -> _Parts:
         face, corners = _halved(face[~whole], corners[~whole], sides[~whole])
 
 
-def _in_view(points: Array, view: View) -> NDArray[np.bool_]:
+def _in_view(points: Array, view: ViewBall) -> NDArray[np.bool_]:
     """Return whether triangles (n, 3, 3) may reach into the view."""
     if view.camera is not None:
         return view.camera.sees(points)
@@ -149,7 +149,7 @@ def _template(divisions: int) -> tuple[Array, Whole]:
     return weights, np.array(corners, dtype=np.int64)
 
 
-def _strips(relief: MeshRelief, view: View, faces: NDArray[np.bool_]) -> Iterator[Sheet]:
+def _strips(relief: MeshRelief, view: ViewBall, faces: NDArray[np.bool_]) -> Iterator[Sheet]:
     """Yield strips between the two sides of torn edges in view, in the body's frame."""
     torn = relief.torn
     torn = torn[faces[torn[:, 0, 0]]]

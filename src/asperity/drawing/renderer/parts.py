@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from asperity.drawing.renderer.geom_grids import body_sheets
 from asperity.drawing.renderer.mesh_patches import mesh_sheets
-from asperity.drawing.renderer.view import Sheet, View
+from asperity.drawing.renderer.view import Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.mjcf import touchable_geoms
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 
 Array = NDArray[np.float64]
 _GROUND, _TOOL = (0.80, 0.74, 0.63), (0.42, 0.55, 0.72)
@@ -35,7 +35,7 @@ class Part:
     """(7,)."""
     is_tool: bool
 
-    def sheets(self, view: View) -> Iterator[Sheet]:
+    def sheets(self, view: ViewBall) -> Iterator[Sheet]:
         """Yield its displaced surface."""
         if self.body.mesh is not None:
             yield from mesh_sheets(self.body, self.pose, view, self.faces)

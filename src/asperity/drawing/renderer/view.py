@@ -90,7 +90,7 @@ class Camera:
         return float(column), float(row)
 
 
-class View(NamedTuple):
+class ViewBall(NamedTuple):
     """What is looked at: a ball."""
 
     centre: Array

@@ -175,7 +175,7 @@ class PassivityController:
             What the hand is to feel: force [N], torque about a point [N m].
         twist : (6,) array
             Mean velocity of the handle since the last call, at that point: way over time [m/s],
-            turn over time [rad/s]. See `HeldTool.port_twist`.
+            turn over time [rad/s]. See `CoupledTool.port_twist`.
         dt : float, optional
             Time since the last call [s], where it was not a tick.
 

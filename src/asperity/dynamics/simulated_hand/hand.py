@@ -39,8 +39,8 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.spatial.poses import turn_between
-from asperity.spatial.rigid_body import centre_of_mass, cross
+from asperity.geometry.poses import turn_between
+from asperity.geometry.rigid_body import centre_of_mass, cross
 
 MOST_OFFSET = 0.02
 """How far a hand presses beyond its target, at most [m]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asperity._core.kernels import kernel
-from asperity.spatial.rigid_body import lever, move, way
+from asperity.geometry.rigid_body import lever, move, way
 
 OFFSET, TICK, STIFFNESS, DAMPING, MASS, NUMBERS = range(6)
 """Places in `numbers`: how far the hand presses beyond its target [m], the tick [s]; the hand's."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.dynamics.virtual_coupling.loads import all_finite, pull_to, push_at, would_pull
-from asperity.spatial.rigid_body import about_axes, fill_rotation, move, solve
+from asperity.geometry.rigid_body import about_axes, fill_rotation, move, solve
 
 
 @kernel

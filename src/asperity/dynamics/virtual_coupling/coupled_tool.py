@@ -33,20 +33,20 @@ from asperity.dynamics.virtual_coupling.settings import (
 )
 from asperity.dynamics.virtual_coupling.static import static_step
 from asperity.errors import require_between
-from asperity.spatial.rigid_body import RigidBody, centre_of_mass, cross
+from asperity.geometry.rigid_body import RigidBody, centre_of_mass, cross
 
 _STEPS = {"implicit": implicit_step, "semi-implicit": semi_implicit_step, "static": static_step}
 REACH = 0.1
 """A handle farther from its tool than this [m] takes it along at once; asperity's."""
 
 
-class HeldTool:
+class CoupledTool:
     """A tool on its coupling.
 
     Parameters
     ----------
     body : RigidBody
-        What it weighs; see `coupling.held_body`.
+        What it weighs; see `settings.coupled_body`.
     settings : CouplingSettings
     dt : float
         Tick [s], 1e-5 to 0.1.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.spatial.rigid_body import lever, way
+from asperity.geometry.rigid_body import lever, way
 
 FASTEST, FASTEST_TURN = 10.0, 100.0
 """No hand moves faster [m/s], [rad/s]: a handle that leaps is not followed by its damper."""

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_between, require_choice
-from asperity.spatial.rigid_body import RigidBody, rotation_matrix
+from asperity.geometry.rigid_body import RigidBody, rotation_matrix
 
 if TYPE_CHECKING:
     import mujoco
@@ -110,7 +110,7 @@ class Gains(NamedTuple):
     """Along the principal axes of the tool [N m s/rad], (3,)."""
 
 
-def held_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -> RigidBody:
+def coupled_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -> RigidBody:
     """Return what the tool of a model weighs in the hand: within `MASS` and `MOMENTS`, scaled."""
     body: Any = model.body(tool)
     pose = np.concatenate([np.zeros(3), np.asarray(body.iquat, dtype=np.float64)])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from asperity._core.kernels import kernel
 from asperity.dynamics.virtual_coupling.loads import all_finite, pull_to, push_at, would_pull
-from asperity.spatial.rigid_body import move, solve
+from asperity.geometry.rigid_body import move, solve
 
 
 @kernel

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from asperity.drawing.figure_style import COLOURS, MARKERS, style
 from asperity.psychophysics.analysis.magnitudes import Magnitudes
 from asperity.psychophysics.analysis.scales import Scale
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 
 if TYPE_CHECKING:
     from asperity.psychophysics.analysis.analysis import Threshold
@@ -23,7 +23,7 @@ _FACTORS = {"m": (1e3, "mm")}
 _NAMES = {"bradley-terry": "Bradley-Terry [logit]", "thurstone": "Thurstone, case V [SD]"}
 
 
-def _axis(design: Design) -> tuple[float, str]:
+def _axis(design: ExperimentDesign) -> tuple[float, str]:
     """Return the factor and label of the axis of an experiment's values."""
     levels = design.stimuli.levels
     label, unit = ("value", "") if levels is None else (levels.label or levels.key, levels.unit)
@@ -31,7 +31,7 @@ def _axis(design: Design) -> tuple[float, str]:
     return factor, f"{label} [{shown}]" if shown else label
 
 
-def _level_axis(design: Design) -> tuple[float, str]:
+def _level_axis(design: ExperimentDesign) -> tuple[float, str]:
     """Return the factor and label of the axis of a forced choice's levels."""
     settings = design.forced_choice
     factor, label = _axis(design)
@@ -67,7 +67,7 @@ def _multiples(ratio: float) -> tuple[float, ...]:
     return (1.0, 2.0, 5.0) if ratio < 1e3 else (1.0,)
 
 
-def magnitude_figure(found: Magnitudes, design: Design) -> Figure:
+def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
     """Return normalised magnitudes over the axis, log-log, with the quadratic fit."""
     factor, label = _axis(design)
     x = found.values * factor
@@ -210,7 +210,7 @@ def track_figure(threshold: Threshold) -> Figure:
     return figure
 
 
-def scale_figure(scales: list[Scale], design: Design) -> Figure:
+def scale_figure(scales: list[Scale], design: ExperimentDesign) -> Figure:
     """Return the scales with their intervals, stimuli in the order of the first."""
     order = np.argsort(scales[0].values)
     with style():
@@ -232,7 +232,7 @@ def scale_figure(scales: list[Scale], design: Design) -> Figure:
     return figure
 
 
-def wins_figure(told: dict[str, Any], design: Design) -> Figure:
+def wins_figure(told: dict[str, Any], design: ExperimentDesign) -> Figure:
     """Return how often each stimulus was put before each other."""
     table = np.array(told["wins"], dtype=np.float64)
     order = np.argsort(np.array(told["scales"][0]["values"]))[::-1]
@@ -261,7 +261,7 @@ def wins_figure(told: dict[str, Any], design: Design) -> Figure:
     return figure
 
 
-def _shown(design: Design, name: str) -> str:
+def _shown(design: ExperimentDesign, name: str) -> str:
     """Return the name of a stimulus for a reader: a level in its unit."""
     if design.stimuli.levels is None:
         return name

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.design import Design, design_of
+from asperity.psychophysics.design import ExperimentDesign, design_of
 from asperity.psychophysics.session.journal import FILE, read_journal
 from asperity.psychophysics.session.trials import Answer, Trial
 
@@ -30,7 +30,7 @@ class SessionResult:
 
     participant: str
     number: int
-    design: Design
+    design: ExperimentDesign
     mark: str
     given: tuple[Given, ...]
     complete: bool

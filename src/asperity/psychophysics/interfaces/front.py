@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.simulated_participants import SimulatedParticipant
 from asperity.psychophysics.procedures.procedures import seeds
-from asperity.psychophysics.session.trials import Felt, Trial
+from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 
 class Paused(Exception):  # noqa: N818  (no error)
@@ -39,7 +39,7 @@ class Front(Protocol):
     kind: str
     """For the journal: who answered, by what."""
 
-    def welcome(self, design: Design, progress: Progress) -> None:
+    def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Show the instructions; return when the participant is ready."""
 
     def ready(self, trial: Trial, progress: Progress) -> None:
@@ -54,7 +54,7 @@ class Front(Protocol):
     def ended(self, interval: int) -> None:
         """Be told that an interval is over."""
 
-    def ask(self, trial: Trial, felt: list[Felt]) -> Reply:
+    def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Ask the question of a trial; return what was answered."""
 
     def refuse(self, why: str) -> None:
@@ -72,7 +72,7 @@ class SimulatedFront:
 
     kind = "simulated"
 
-    def __init__(self, design: Design, participant: str = "", session: int = 1) -> None:
+    def __init__(self, design: ExperimentDesign, participant: str = "", session: int = 1) -> None:
         settings = design.simulated
         threshold = 0.0
         if design.method == "forced-choice":
@@ -81,7 +81,7 @@ class SimulatedFront:
             settings, threshold, seeds(design, participant, session)
         )
 
-    def welcome(self, design: Design, progress: Progress) -> None:
+    def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Say nothing."""
 
     def ready(self, trial: Trial, progress: Progress) -> None:
@@ -97,7 +97,7 @@ class SimulatedFront:
     def ended(self, interval: int) -> None:
         """Say nothing."""
 
-    def ask(self, trial: Trial, felt: list[Felt]) -> Reply:
+    def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Answer as the truth and the trial's number want it."""
         return Reply(self._participant.answer(trial, felt), 0.0)
 

@@ -15,17 +15,17 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.front import Paused, Progress, Reply
-from asperity.psychophysics.session.trials import Felt, Trial
+from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
 from asperity.scene.scene import Scene
 from asperity.viewer.panels.mouse import Mouse
 from asperity.viewer.panels.panel import Frame, Panel
 from asperity.viewer.panels.scene_view import UNITS, Stage
-from asperity.viewer.servo_client import Link
-from asperity.viewer.session_config import Choice
+from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.session_config import SessionConfig
 
 if TYPE_CHECKING:
     import viser
@@ -46,7 +46,7 @@ def smooth(scene: Scene) -> Scene:
     )
 
 
-class TrialLink(Link):
+class TrialLink(ServoClient):
     """A page's link to the loop of whichever interval is being felt, and to none in between.
 
     Parameters
@@ -57,7 +57,7 @@ class TrialLink(Link):
         Whether the scene of an interval is what is seen.
     """
 
-    def __init__(self, choice: Choice, *, show: bool = False) -> None:
+    def __init__(self, choice: SessionConfig, *, show: bool = False) -> None:
         super().__init__(choice)
         self.state = "ended"
         self._show = show
@@ -87,7 +87,7 @@ class TrialLink(Link):
         """Refuse: what is felt is the experiment's."""
         raise AsperityError("an experiment is going on; nothing can be changed")
 
-    def restart(self, choice: Choice | None = None) -> Any:
+    def restart(self, choice: SessionConfig | None = None) -> Any:
         """Refuse, as `change`."""
         self.change()
 
@@ -114,13 +114,13 @@ class Desk:
 
     title = "Experiment"
 
-    def __init__(self, design: Design) -> None:
+    def __init__(self, design: ExperimentDesign) -> None:
         self.design = design
         self.done: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self.stage = ""
         """"welcome", "ready", "feel", "ask", "over"."""
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make all controls; which of them are there depends on the moment."""
         gui: Any = server.gui
         self._title = gui.add_markdown(f"## {self.design.name}")
@@ -224,7 +224,7 @@ class PageFront:
         self._trial: Trial | None = None
         self._notice = ""
 
-    def welcome(self, design: Design, progress: Progress) -> None:
+    def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Show the instructions."""
         again = f"The session goes on after {progress.done} answers." if progress.resumed else ""
         self._desk.progress(progress)
@@ -263,7 +263,7 @@ class PageFront:
         self._desk.light(0, self._count)
         self._desk.show("wait", "")
 
-    def ask(self, trial: Trial, felt: list[Felt]) -> Reply:
+    def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Show the question and what it is answered with."""
         self._empty()
         question = self._desk.design.question
@@ -317,7 +317,7 @@ class PageFront:
                 raise Paused
 
 
-def panels(desk: Desk, choice: Choice, *, show: bool) -> list[Panel]:
+def panels(desk: Desk, choice: SessionConfig, *, show: bool) -> list[Panel]:
     """Return what the participant has: the scene, the desk, and for a mouse its hand."""
     stage = Stage() if show else BlindStage()
     return [stage, desk, *([Mouse()] if choice.is_mouse else [])]

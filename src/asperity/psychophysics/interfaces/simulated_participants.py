@@ -16,7 +16,7 @@ from asperity.errors import require_between, require_choice, require_not_negativ
 from asperity.psychophysics.analysis.psychometric import FUNCTIONS, Psychometric
 
 if TYPE_CHECKING:
-    from asperity.psychophysics.session.trials import Felt, Trial
+    from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 RATES = ("parameter", "band_rms", "largest_force")
 """What a simulated participant judges by: the stimulus's value, or what the recording says was
@@ -90,7 +90,7 @@ class SimulatedParticipant:
         s = settings
         self.truth = Psychometric(threshold, s.width, s.lapse, 0.5, s.function)
 
-    def answer(self, trial: Trial, felt: list[Felt]) -> float | int | list[int]:
+    def answer(self, trial: Trial, felt: list[PresentedInterval]) -> float | int | list[int]:
         """Return the answer to a trial: a number, an interval from 1, or an order of them.
 
         Parameters
@@ -113,7 +113,7 @@ class SimulatedParticipant:
         return order[0] if trial.kind == "choice" else order
 
     def _magnitude(
-        self, trial: Trial, interval: int, felt: list[Felt], rng: np.random.Generator
+        self, trial: Trial, interval: int, felt: list[PresentedInterval], rng: np.random.Generator
     ) -> float:
         """Return the decimal logarithm of how much of it was felt in an interval."""
         s = self.settings

@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.front import Paused, Progress, Reply
-from asperity.psychophysics.session.trials import Felt, Trial
+from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 _QUIT = ("q", "quit", "pause")
 
@@ -42,7 +42,7 @@ class TerminalFront:
         self._self_paced = False
         self._practice: bool | None = None
 
-    def welcome(self, design: Design, progress: Progress) -> None:
+    def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Show the instructions."""
         self._question, self._self_paced = design.question, design.presentation.self_paced
         self._say("", design.name, "", *design.instructions.strip().splitlines(), "")
@@ -80,7 +80,7 @@ class TerminalFront:
         """Say so."""
         self._say(f"  {interval} is over")
 
-    def ask(self, trial: Trial, felt: list[Felt]) -> Reply:
+    def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Ask."""
         begun = self._clock()
         text = self._line(f"{self._question} ")

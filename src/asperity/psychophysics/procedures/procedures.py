@@ -15,7 +15,7 @@ import numpy as np
 
 from asperity.psychophysics.design import (
     ConstantSettings,
-    Design,
+    ExperimentDesign,
     MagnitudeSettings,
     PairsSettings,
     RankingSettings,
@@ -40,13 +40,13 @@ class Procedure(Protocol):
         """Take the answer to that trial into account."""
 
 
-def seeds(design: Design, participant: str, session: int) -> list[int]:
+def seeds(design: ExperimentDesign, participant: str, session: int) -> list[int]:
     """Return what everything random in a session follows from."""
     told = hashlib.sha256(f"{participant}/{session}".encode()).digest()
     return [design.seed, int.from_bytes(told[:6], "big")]
 
 
-def procedure(design: Design, participant: str, session: int) -> Procedure:
+def procedure(design: ExperimentDesign, participant: str, session: int) -> Procedure:
     """Return the procedure of an experiment for a participant's session."""
     seed = seeds(design, participant, session)
     settings = design.settings
@@ -78,7 +78,9 @@ class _Listed:
         self._done += 1
 
 
-def _magnitude(design: Design, settings: MagnitudeSettings, seed: list[int]) -> list[Trial]:
+def _magnitude(
+    design: ExperimentDesign, settings: MagnitudeSettings, seed: list[int]
+) -> list[Trial]:
     """Return blocks of all stimuli, each in an order of its own; none twice in a row."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     rows: list[tuple[Stimulus, int]] = []
@@ -95,7 +97,7 @@ def _magnitude(design: Design, settings: MagnitudeSettings, seed: list[int]) -> 
     return [Trial(n, "number", (s,), block) for n, (s, block) in enumerate(rows, 1)]
 
 
-def _pairs(design: Design, settings: PairsSettings, seed: list[int]) -> list[Trial]:
+def _pairs(design: ExperimentDesign, settings: PairsSettings, seed: list[int]) -> list[Trial]:
     """Return every pair so often, half of them in either order, in random order within a block."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     pairs = list(itertools.combinations(stimuli, 2))
@@ -111,7 +113,7 @@ def _pairs(design: Design, settings: PairsSettings, seed: list[int]) -> list[Tri
     return [Trial(n, "choice", pair, block) for n, (pair, block) in enumerate(rows, 1)]
 
 
-def _rankings(design: Design, settings: RankingSettings, seed: list[int]) -> list[Trial]:
+def _rankings(design: ExperimentDesign, settings: RankingSettings, seed: list[int]) -> list[Trial]:
     """Return trials of all stimuli, each time in an order of its own."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     blocks = [0] * settings.practice + list(range(1, settings.repeats + 1))
@@ -124,7 +126,7 @@ def _rankings(design: Design, settings: RankingSettings, seed: list[int]) -> lis
 class ForcedChoice:
     """A standard and a comparison in random order, at the level that the adaptive method wants."""
 
-    def __init__(self, design: Design, seed: list[int]) -> None:
+    def __init__(self, design: ExperimentDesign, seed: list[int]) -> None:
         self._design, self._seed = design, seed
         self._settings = design.forced_choice
         self._levels = _levels(design, seed)
@@ -185,7 +187,7 @@ class _Levels(Protocol):
     def answer(self, intensity: float, track: int | None, right: bool) -> None: ...
 
 
-def _levels(design: Design, seed: list[int]) -> _Levels:
+def _levels(design: ExperimentDesign, seed: list[int]) -> _Levels:
     adaptive = design.adaptive
     if isinstance(adaptive, StaircaseSettings):
         return _Staircases(staircases(design))
@@ -195,7 +197,7 @@ def _levels(design: Design, seed: list[int]) -> _Levels:
     return _Constant(design, adaptive, seed)
 
 
-def staircases(design: Design) -> list[Staircase]:
+def staircases(design: ExperimentDesign) -> list[Staircase]:
     """Return the tracks of an experiment with staircases, at their beginnings."""
     settings, adaptive = design.forced_choice, design.adaptive
     assert isinstance(adaptive, StaircaseSettings)
@@ -210,7 +212,7 @@ def staircases(design: Design) -> list[Staircase]:
     ]  # fmt: skip
 
 
-def quest_plus(design: Design) -> QuestPlus:
+def quest_plus(design: ExperimentDesign) -> QuestPlus:
     """Return the QUEST+ of an experiment, at its beginning."""
     settings, adaptive = design.forced_choice, design.adaptive
     assert isinstance(adaptive, QuestPlusSettings)
@@ -272,7 +274,9 @@ class _Quest:
 
 
 class _Constant:
-    def __init__(self, design: Design, settings: ConstantSettings, seed: list[int]) -> None:
+    def __init__(
+        self, design: ExperimentDesign, settings: ConstantSettings, seed: list[int]
+    ) -> None:
         rng = np.random.default_rng(seed)
         levels = np.array(settings.levels)
         # A block holds each level once, so that none crowds at an end.

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.session.trials import Felt
+from asperity.psychophysics.session.trials import PresentedInterval
 from asperity.psychophysics.stimuli import Stimuli, Stimulus
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
@@ -44,7 +44,7 @@ class Presenter(Protocol):
         seconds: float,
         begun: Callable[[], None],
         done: Callable[[], bool],
-    ) -> Felt:
+    ) -> PresentedInterval:
         """Let a stimulus be felt so long, or until `done`; return when the recording is whole.
 
         `begun` is called when it can be felt.
@@ -85,7 +85,7 @@ class HeadlessPresenter:
     def __init__(self, stimuli: Stimuli, *, hand: bool = False) -> None:
         self._scene, self._stimuli = _Scenes(stimuli), stimuli
         self._hand = hand
-        self._before: dict[tuple[str, float], tuple[Path, Felt]] = {}
+        self._before: dict[tuple[str, float], tuple[Path, PresentedInterval]] = {}
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
         """Nothing needs to be."""
@@ -97,7 +97,7 @@ class HeadlessPresenter:
         seconds: float,
         begun: Callable[[], None],
         done: Callable[[], bool],
-    ) -> Felt:
+    ) -> PresentedInterval:
         """Run the scene; `done` is not asked, since nobody is there to be."""
         del done
         begun()
@@ -161,7 +161,7 @@ class DevicePresenter:
         seconds: float,
         begun: Callable[[], None],
         done: Callable[[], bool],
-    ) -> Felt:
+    ) -> PresentedInterval:
         """Run the loop until the time is over, or `done`."""
         if recording not in self._ready:
             self.prepare([(stimulus, recording)], seconds)
@@ -212,11 +212,11 @@ class DevicePresenter:
         return servo
 
 
-def felt(path: Path, recording: Recording, told: dict[str, Any]) -> Felt:
+def felt(path: Path, recording: Recording, told: dict[str, Any]) -> PresentedInterval:
     """Return what a recording says was felt."""
     ticks = len(recording.time)
     seconds = float(recording.time[-1] - recording.time[0]) if ticks > 1 else 0.0
-    return Felt(path.name, ticks, seconds, measured(recording), told)
+    return PresentedInterval(path.name, ticks, seconds, measured(recording), told)
 
 
 def measured(recording: Recording) -> dict[str, float]:

@@ -25,13 +25,13 @@ from typing import Any
 from asperity import __version__
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError, OutputError
-from asperity.psychophysics.design import Design
+from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.front import Front, Paused, Progress
 from asperity.psychophysics.procedures.procedures import Procedure, procedure
 from asperity.psychophysics.session.journal import Journal
 from asperity.psychophysics.session.presenters import Presenter, private_files
 from asperity.psychophysics.session.tables import write_tables
-from asperity.psychophysics.session.trials import Felt, Trial
+from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.psychophysics.stimuli import Stimulus
 from asperity.scene.document import write_toml
 
@@ -45,7 +45,7 @@ _CHANGED = {
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SessionOutcome:
     """How a run of a session ended."""
 
     folder: Path
@@ -90,7 +90,7 @@ class Session:
 
     def __init__(
         self,
-        design: Design,
+        design: ExperimentDesign,
         folder: Path,
         participant: str,
         number: int = 1,
@@ -163,7 +163,7 @@ class Session:
 
     def run(
         self, presenter: Presenter, front: Front, *, sleep: Callable[[float], None] = time.sleep
-    ) -> Outcome:
+    ) -> SessionOutcome:
         """Go through the trials that are left, or until the front end wants to pause.
 
         Parameters
@@ -183,13 +183,13 @@ class Session:
                     trial = self.procedure.next()
             except Paused:
                 self.journal.append("pause", time=self._time())
-                return Outcome(self.folder, self.answers, self.procedure.most, False)
+                return SessionOutcome(self.folder, self.answers, self.procedure.most, False)
             finally:
                 presenter.drop()
         if self.journal.events[-1]["event"] != "end":
             self.journal.append("end", time=self._time(), answers=self.answers)
         front.over(f"That was the last of {self.answers} trials. Thank you.")
-        return Outcome(self.folder, self.answers, self.answers, True)
+        return SessionOutcome(self.folder, self.answers, self.answers, True)
 
     def do(
         self, trial: Trial, presenter: Presenter, front: Front, sleep: Callable[[float], None]
@@ -228,7 +228,7 @@ class Session:
 
     def _present(
         self, stimulus: Stimulus, recording: Path, interval: int, presenter: Presenter, front: Front
-    ) -> Felt:
+    ) -> PresentedInterval:
         felt = presenter.present(
             stimulus, recording, self.design.presentation.seconds,
             lambda: front.begun(interval),
@@ -237,7 +237,9 @@ class Session:
         front.ended(interval)
         return felt
 
-    def _asked(self, trial: Trial, felt: list[Felt], front: Front) -> tuple[Any, float]:
+    def _asked(
+        self, trial: Trial, felt: list[PresentedInterval], front: Front
+    ) -> tuple[Any, float]:
         spent = 0.0
         while True:
             reply = front.ask(trial, felt)

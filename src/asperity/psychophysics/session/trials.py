@@ -99,7 +99,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Felt:
+class PresentedInterval:
     """What came of presenting one interval."""
 
     recording: str

@@ -85,7 +85,7 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class BackendStatus:
     """What is here of one backend."""
 
     entry: Entry
@@ -135,7 +135,7 @@ def entry_of(name: str) -> Entry:
     return ENTRIES[MODELS[name][0] if name in MODELS else name]
 
 
-def findings() -> list[Finding]:
+def findings() -> list[BackendStatus]:
     """Return what is installed and attached, of every backend. Opens no device."""
     return [_finding(entry) for entry in _ENTRIES]
 
@@ -170,12 +170,12 @@ def _make(entry: Entry, options: Mapping[str, Any]) -> Device:
     return made
 
 
-def _finding(entry: Entry) -> Finding:
+def _finding(entry: Entry) -> BackendStatus:
     if not entry.package:
-        return Finding(entry, True, "-", "")
+        return BackendStatus(entry, True, "-", "")
     if not is_installed(entry):
         also = f"; and {entry.by_hand}" if entry.by_hand else ""
-        return Finding(entry, False, "-", f"pip install 'asperity[{entry.extra}]'{also}")
+        return BackendStatus(entry, False, "-", f"pip install 'asperity[{entry.extra}]'{also}")
     ask = _ASKED.get(entry.name)
     if ask is None:
         attached, complete = ("-", True) if not entry.by_hand else ("cannot be asked", True)
@@ -183,7 +183,7 @@ def _finding(entry: Entry) -> Finding:
         attached, complete = _asked(ask)
     none = attached.startswith("none")
     advice = "" if complete and not none else entry.by_hand
-    return Finding(entry, True, attached, f"needs {advice}" if advice else "")
+    return BackendStatus(entry, True, attached, f"needs {advice}" if advice else "")
 
 
 def _asked(ask: Callable[[], str]) -> tuple[str, bool]:

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.kernels import Repeated
 from asperity.errors import AsperityError, require_finite, require_positive
+from asperity.geometry.poses import NORM_TOLERANCE
 from asperity.realtime.devices.mapping_kernels import (
     ANCHOR,
     FORCE_DOF,
@@ -49,7 +50,6 @@ from asperity.realtime.devices.mapping_kernels import (
     map_wrench,
 )
 from asperity.realtime.devices.protocol import Limits, Reading
-from asperity.spatial.poses import NORM_TOLERANCE
 
 _ONE = (1.0, 0.0, 0.0, 0.0)
 _NOWHERE = (0.0, 0.0, 0.0, *_ONE)

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.simulated_hand.hand import MOST_OFFSET, HandSettings, SimulatedHand
 from asperity.errors import AsperityError, require_between
+from asperity.geometry.poses import between, turn_between
 from asperity.realtime.devices.pointer_file import Pointed, Wanted
 from asperity.realtime.devices.protocol import Limits
 from asperity.realtime.devices.simulated import LIMITS, SimulatedDevice
-from asperity.spatial.poses import between, turn_between
 
 SMOOTHING = 12e-3
 """Time constant of each of the three poles [s]; ours."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
+from asperity.geometry.poses import between, twist
 from asperity.realtime.devices.protocol import Limits, Reading
 from asperity.realtime.devices.wrench_check import REFUSED, taken
-from asperity.spatial.poses import between, twist
 
 End = Literal["hold", "loop"]
 _ENDS = ("hold", "loop")

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.realtime.servo.deadlines import Clock
-from asperity.simulation.tool_contact import ContactStage
+from asperity.simulation.tool_contact import ToolContact
 
 SHOWN = 16
 """So many contacts are kept to be shown, at most."""
@@ -71,7 +71,7 @@ class Contact:
         """When it was asked for [s], on the clock."""
 
 
-class Contacts(Protocol):
+class ContactSource(Protocol):
     """What the loop asks of whoever computes contacts."""
 
     latest: Contact
@@ -98,7 +98,7 @@ class ContactWorker:
 
     Parameters
     ----------
-    stage : ContactStage
+    stage : ToolContact
         Nobody else may use it from now on, but between `pause` and the next `submit`.
     clock : Clock
     within : float
@@ -109,7 +109,7 @@ class ContactWorker:
 
     def __init__(
         self,
-        stage: ContactStage,
+        stage: ToolContact,
         clock: Clock,
         within: float = WITHIN,
         searched: float = SEARCHED,

@@ -49,7 +49,7 @@ _DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckOutcome:
     """What a check found.
 
     `notes` are lines to show; `calibration` is fit to be saved.
@@ -67,7 +67,7 @@ def check_device(
     tell: Callable[[str], None] = print,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-) -> Outcome:
+) -> CheckOutcome:
     """Check a device that is not yet opened, in the vendor's axes; leave it closed.
 
     Parameters
@@ -97,7 +97,7 @@ def check_device(
         check.listen()
         axes, home = (check.axes(), check.home()) if ask else (("+x", "+y", "+z"), home)
         force = check.forces(axes)
-        return Outcome(Calibration(axes, home, force), tuple(check.notes))
+        return CheckOutcome(Calibration(axes, home, force), tuple(check.notes))
     finally:
         safe.close()
 

@@ -25,17 +25,17 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import Repeated
 from asperity.dynamics.passivity.controller import PassivityController
-from asperity.dynamics.virtual_coupling.coupled_tool import HeldTool
+from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.errors import AsperityError, require_between
+from asperity.geometry.rigid_body import centre_of_mass, shift_wrench
 from asperity.realtime.devices.mapping import Mapping
-from asperity.realtime.servo.contact_worker import Contacts
+from asperity.realtime.servo.contact_worker import ContactSource
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Clock, Pace
 from asperity.realtime.servo.publish import Publisher
 from asperity.realtime.servo.safety import SafeDevice
 from asperity.realtime.servo.stats import Stats
-from asperity.realtime.servo.tick_row import Row
+from asperity.realtime.servo.tick_row import TickRow
 from asperity.simulation.tool_contact import CUT_SHORT, FALLBACK, LATE, PASSIVITY
-from asperity.spatial.rigid_body import centre_of_mass, shift_wrench
 
 GUARD = 0.25
 """Part of the tick that is kept for what comes after the contact, in the direct mode; ours."""
@@ -55,7 +55,7 @@ class ServoLoop:
     device : SafeDevice
         Open.
     mapping : Mapping
-    tool : HeldTool
+    tool : CoupledTool
     contacts : Contacts
     passivity : PassivityController
         Told not to be `active`, it only keeps the account.
@@ -75,8 +75,8 @@ class ServoLoop:
         self,
         device: SafeDevice,
         mapping: Mapping,
-        tool: HeldTool,
-        contacts: Contacts,
+        tool: CoupledTool,
+        contacts: ContactSource,
         passivity: PassivityController,
         *,
         dt: float,
@@ -95,7 +95,7 @@ class ServoLoop:
         self._clock = clock
         self._guard = require_between("guard", guard, 0.05, 0.9)
         self._publisher = publisher or Publisher()
-        self._row = Row()
+        self._row = TickRow()
         self._felt, self._sent, self._handle = np.zeros(6), np.zeros(6), np.zeros(7)
         self._corrected = False
         self._to_scene = _back(mapping)

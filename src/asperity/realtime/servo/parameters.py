@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from asperity.contact.response.settings import ForceSettings
-from asperity.dynamics.virtual_coupling.coupled_tool import HeldTool
-from asperity.dynamics.virtual_coupling.settings import CouplingSettings, DeviceLimits, held_body
+from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
+from asperity.dynamics.virtual_coupling.settings import CouplingSettings, DeviceLimits, coupled_body
 from asperity.errors import require_between
 from asperity.scene.scene import Scene
 
@@ -17,7 +17,7 @@ RATES = (100.0, 20e3)
 
 
 @dataclass(frozen=True)
-class Parameters:
+class LiveParameters:
     """What a running loop may be given.
 
     Parameters
@@ -40,14 +40,14 @@ class Parameters:
         require_between("rate", self.rate, *RATES, "Hz")
 
     @staticmethod
-    def of(scene: Scene, rate: float) -> Parameters:
+    def of(scene: Scene, rate: float) -> LiveParameters:
         """Return those of a scene."""
-        return Parameters(rate, scene.force.stiffness, scene.force.friction, scene.coupling)
+        return LiveParameters(rate, scene.force.stiffness, scene.force.friction, scene.coupling)
 
     @staticmethod
-    def from_plain(plain: Mapping[str, Any]) -> Parameters:
+    def from_plain(plain: Mapping[str, Any]) -> LiveParameters:
         """Return what `plain` made plain."""
-        return Parameters(**{**plain, "coupling": CouplingSettings(**plain["coupling"])})
+        return LiveParameters(**{**plain, "coupling": CouplingSettings(**plain["coupling"])})
 
     def plain(self) -> dict[str, Any]:
         """Return them as texts and numbers."""
@@ -62,7 +62,7 @@ class Parameters:
         """Return a scene's settings with these in them; refuses values out of range."""
         return replace(settings, stiffness=self.stiffness, friction=self.friction)
 
-    def tool(self, scene: Scene, limits: DeviceLimits | None) -> HeldTool:
+    def tool(self, scene: Scene, limits: DeviceLimits | None) -> CoupledTool:
         """Return a tool on this coupling."""
-        body = held_body(scene.model, scene.tool, mass_scale=self.coupling.mass_scale)
-        return HeldTool(body, self.coupling, dt=self.dt, limits=limits)
+        body = coupled_body(scene.model, scene.tool, mass_scale=self.coupling.mass_scale)
+        return CoupledTool(body, self.coupling, dt=self.dt, limits=limits)

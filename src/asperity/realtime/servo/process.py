@@ -32,15 +32,15 @@ from asperity.realtime.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHAR
 from asperity.realtime.servo.deadlines import SystemClock
 from asperity.realtime.servo.loop import GUARD, ServoLoop
 from asperity.realtime.servo.mailbox import Mailbox
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.parent_watch import Parent, clear_up
 from asperity.realtime.servo.publish import SHOWN_RATE, Publisher
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 from asperity.realtime.servo.snapshot import SnapshotWriter
 from asperity.scene.scene import Scene
 from asperity.simulation.press import touching_pose
-from asperity.simulation.tool_contact import ContactStage
+from asperity.simulation.tool_contact import ToolContact
 
 RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
 """Names of the files in the shared folder."""
@@ -111,7 +111,7 @@ def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> 
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda *_, name=name: stopped.append(name))
     parent = Parent()
-    ring = Ring(folder / RING) if (folder / RING).exists() else None
+    ring = TickRing(folder / RING) if (folder / RING).exists() else None
     try:
         summary = _served(spec, folder, ring, report, lambda: _why(stopped, parent))
     except AsperityError as error:
@@ -131,13 +131,13 @@ def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> 
 
 
 def _served(
-    spec: ServoSpec, folder: Path, ring: Ring | None, report: Connection, why: Callable[[], str]
+    spec: ServoSpec, folder: Path, ring: TickRing | None, report: Connection, why: Callable[[], str]
 ) -> dict[str, Any]:
     """Make the loop, run it, and return what there is to say of it."""
     clock = SystemClock()
-    parameters = Parameters.of(spec.scene, spec.rate)
+    parameters = LiveParameters.of(spec.scene, spec.rate)
     told = scheduling.ask(replace(spec.real_time, core=None))
-    stage = ContactStage(spec.scene, dt=parameters.dt)
+    stage = ToolContact(spec.scene, dt=parameters.dt)
     start, took = _warmed_up(stage, spec.scene.start)
     if spec.start is not None:
         start = np.array(spec.start, dtype=np.float64)
@@ -235,10 +235,10 @@ class _Between:
         self.why = self._ask() or ("told to stop" if self._mailbox.must_stop else "")
         news = self._mailbox.news()
         if news is not None and not self.why:
-            self._change(Parameters.from_plain(news))
+            self._change(LiveParameters.from_plain(news))
         return bool(self.why)
 
-    def _change(self, parameters: Parameters) -> None:
+    def _change(self, parameters: LiveParameters) -> None:
         """Swap all parameters, between two ticks."""
         loop, scene = self._loop, self._spec.scene
         tool = parameters.tool(scene, loop.device.limits)
@@ -251,9 +251,7 @@ class _Between:
             loop.set_tick(parameters.dt)
 
 
-def _warmed_up(
-    stage: ContactStage, drawn: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], float]:
+def _warmed_up(stage: ToolContact, drawn: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Compile and load all that a contact needs.
 
     Return where the tool begins, in free air, and how long a contact takes [s].

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.snapshot import SnapshotWriter
-from asperity.realtime.servo.tick_row import Row
+from asperity.realtime.servo.tick_row import TickRow
 
 SHOWN_RATE = 250.0
 """Moments that are shown, a second."""
@@ -23,7 +23,7 @@ class Publisher:
 
     def __init__(
         self,
-        ring: Ring | None = None,
+        ring: TickRing | None = None,
         snapshot: SnapshotWriter | None = None,
         *,
         every: int = 1,
@@ -32,7 +32,7 @@ class Publisher:
         self.snapshot = snapshot
         self.every = every
 
-    def push(self, row: Row) -> None:
+    def push(self, row: TickRow) -> None:
         """Send a tick to the recorder."""
         if self.ring is not None:
             self.ring.push(row.values)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.realtime.servo.parent_watch import Parent, clear_up
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.tick_row import WIDTH, columns
 from asperity.runs.recording import RecordingWriter
 
@@ -54,7 +54,7 @@ def record(
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     parent = Parent()
-    ring = Ring(ring_path)
+    ring = TickRing(ring_path)
     written, error, broken = 0, "", False
     try:
         writer = RecordingWriter(path, attributes)

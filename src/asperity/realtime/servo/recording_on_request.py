@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from asperity import __version__
 from asperity.errors import AsperityError
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.process import RING
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import Ring
+from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.shared_file import shared_folder
 from asperity.scene.scene import Scene
 
@@ -58,7 +58,7 @@ class RecorderOnRequest:
         """From the first of them to the last [s]."""
         self._first: float | None = None
         self._folder = shared_folder()
-        self._ring = Ring(self._folder / RING, int(ROOM * rate))
+        self._ring = TickRing(self._folder / RING, int(ROOM * rate))
         spawn = multiprocessing.get_context("spawn")
         self._report, told = spawn.Pipe(duplex=False)
         self.process = spawn.Process(
@@ -111,7 +111,7 @@ class RecorderOnRequest:
 
 
 def attributes_of(
-    scene: Scene, parameters: Parameters, *, source: str, device: str = ""
+    scene: Scene, parameters: LiveParameters, *, source: str, device: str = ""
 ) -> dict[str, Any]:
     """Return what is kept with a recording of a running loop, as its parameters are now."""
     document = deepcopy(dict(scene.document))

@@ -22,7 +22,7 @@ _HEAD, _TAIL, _LOST, _CLOSED = 0, 8, 9, 10
 _HEADER = 16
 
 
-class Ring:
+class TickRing:
     """Rows on their way.
 
     Parameters

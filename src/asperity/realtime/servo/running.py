@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.realtime.servo.mailbox import Mailbox
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.process import MAILBOX, RING, SNAPSHOT, ServoSpec, serve
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import SECONDS, Ring
+from asperity.realtime.servo.ring import SECONDS, TickRing
 from asperity.realtime.servo.scheduling import keep_off
-from asperity.realtime.servo.snapshot import Moment, SnapshotReader
+from asperity.realtime.servo.snapshot import Snapshot, SnapshotReader
 from asperity.realtime.servo.tick_row import WIDTH
 from asperity.realtime.shared_file import shared_folder
 
@@ -64,7 +64,7 @@ class Servo:
         rows: bool = False,
     ) -> None:
         self.spec = spec
-        self.parameters = Parameters.of(spec.scene, spec.rate)
+        self.parameters = LiveParameters.of(spec.scene, spec.rate)
         self._folder = shared_folder()
         self._mailbox = Mailbox(self._folder / MAILBOX, create=True)
         spawn = multiprocessing.get_context("spawn")
@@ -72,7 +72,7 @@ class Servo:
         self._ring = self._recorder = None
         self._recorded: dict[str, Any] = {"ticks": 0, "error": ""}
         if recording is not None or rows:
-            self._ring = Ring(self._folder / RING, int(SECONDS * spec.rate))
+            self._ring = TickRing(self._folder / RING, int(SECONDS * spec.rate))
         if recording is not None:
             self._recorder_report, told = spawn.Pipe(duplex=False)
             self._recorder = spawn.Process(
@@ -161,7 +161,7 @@ class Servo:
         """Whether the loop goes on."""
         return self.process.is_alive()
 
-    def snapshot(self) -> Moment | None:
+    def snapshot(self) -> Snapshot | None:
         """Return the latest moment, or None before the first."""
         if self._reader is None:
             self._reader = SnapshotReader(self.snapshot_path)
@@ -174,7 +174,7 @@ class Servo:
         return self._ring.take()
 
     def set(self, **changes: Any) -> None:
-        """Change `Parameters`: all of them are swapped at once, between two ticks.
+        """Change `LiveParameters`: all of them are swapped at once, between two ticks.
 
         >>> servo.set(stiffness=300.0, friction=0.2)
         """

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 
 from asperity._core.output import growing_folder
-from asperity.drawing.renderer.contact import Moment as PictureMoment
+from asperity.drawing.renderer.contact import ContactMoment
 from asperity.errors import AsperityError
-from asperity.realtime.servo.parameters import Parameters
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.recording_on_request import attributes_of
 from asperity.realtime.servo.running import Servo
-from asperity.realtime.servo.snapshot import Moment
+from asperity.realtime.servo.snapshot import Snapshot
 from asperity.runs.recording import Recording, read_recording
 from asperity.runs.run_scene import Run, summary_of, take_pictures, write_figures, write_summary
 from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Rollout
-from asperity.simulation.tool_contact import ContactStage
+from asperity.simulation.tool_contact import ToolContact
 
 LOOKED_AT = 0.1
 """How often the parent looks at the loop [s]."""
@@ -37,7 +37,7 @@ def run_session(
     source: str = "",
     figures: bool = True,
     overwrite: bool = False,
-    on_moment: Callable[[Moment], None] = lambda _: None,
+    on_moment: Callable[[Snapshot], None] = lambda _: None,
     on_start: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Let a scene be felt until its time is over or Ctrl-C; return the summary that was written.
@@ -78,7 +78,7 @@ def run_session(
 
 def recording_attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
     """Return what is kept with the recording of a session in a scene that `source` names."""
-    return attributes_of(spec.scene, Parameters.of(spec.scene, spec.rate), source=source)
+    return attributes_of(spec.scene, LiveParameters.of(spec.scene, spec.rate), source=source)
 
 
 def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:
@@ -117,10 +117,10 @@ def _rollout(recording: Recording, statuses: Any) -> Rollout:
     return Rollout(**arrays, tick_seconds=none, statuses=statuses)
 
 
-def _moment(scene: Scene, rollout: Rollout) -> PictureMoment:
+def _moment(scene: Scene, rollout: Rollout) -> ContactMoment:
     """Return the contact where it pushed hardest, looked at once more."""
     hardest = int(np.argmax(np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)))
-    stage = ContactStage(scene)
+    stage = ToolContact(scene)
     pose = rollout.tool_pose[hardest]
     stage.evaluate(pose)
-    return PictureMoment.of(float(rollout.time[hardest]), pose, stage.contacts)
+    return ContactMoment.of(float(rollout.time[hardest]), pose, stage.contacts)

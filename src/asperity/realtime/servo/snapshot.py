@@ -38,7 +38,7 @@ _SECONDS = ("time", "tick_p99", "contact_p99")
 _TRIES = 1000
 
 
-class Moment(NamedTuple):
+class Snapshot(NamedTuple):
     """One tick: what `FIELDS` says; contacts only as many as there are."""
 
     time: float
@@ -148,7 +148,7 @@ class SnapshotReader:
         self._values = self._file.array(np.float64, _COUNT, 8)
         self._sleep = sleep
 
-    def read(self) -> Moment | None:
+    def read(self) -> Snapshot | None:
         """Return the latest moment; None before the first, or if the writer died amid writing."""
         for _ in range(_TRIES):
             before = int(self._sequence[0])
@@ -171,9 +171,9 @@ def _offset(name: str) -> int:
     return at
 
 
-def _moment(views: dict[str, NDArray[np.float64]]) -> Moment:
+def _moment(views: dict[str, NDArray[np.float64]]) -> Snapshot:
     n = int(views["shown"][0])
-    return Moment(
+    return Snapshot(
         **{  # type: ignore[arg-type]
             name: view[:n]
             if name in ("point", "normal", "force", "depth")

@@ -13,7 +13,7 @@ FIELDS = {
 WIDTH = sum(FIELDS.values())
 
 
-class Row:
+class TickRow:
     """One tick, filled in place: `values` (30,), and a view for each of `FIELDS`."""
 
     def __init__(self) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.response.settings import ForceSettings
-from asperity.contact.solver import Engine
+from asperity.contact.solver import ContactSolver
 from asperity.scene.scene import Scene
 from asperity.simulation.tool_contact import announce_compiling
 from asperity.studies.baselines.placement import require
@@ -25,11 +25,11 @@ from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 
 class EngineRenderer:
-    """An `Engine` of a scene, asked tick by tick."""
+    """An `ContactSolver` of a scene, asked tick by tick."""
 
     def __init__(self, scene: Scene, settings: ForceSettings, dt: float) -> None:
         announce_compiling()
-        self.engine = Engine(scene.model, scene.bodies, scene.tool, settings)
+        self.engine = ContactSolver(scene.model, scene.bodies, scene.tool, settings)
         self._dt = dt
 
     def wrench(self, pose: NDArray[np.float64]) -> MethodWrench:

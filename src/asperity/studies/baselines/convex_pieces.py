@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from asperity.drawing.renderer.geom_grids import Chart, body_charts
 from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.raster import displace
-from asperity.drawing.renderer.view import View
+from asperity.drawing.renderer.view import ViewBall
 from asperity.geometry.bodies import Body, Geom, covers
-from asperity.spatial.poses import rotation_of
+from asperity.geometry.poses import rotation_of
 
 Array = NDArray[np.float64]
 _STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -32,7 +32,7 @@ _BESIDE = 1e-6
 """How far beyond a border it is asked whether another geom goes on there [m]."""
 
 
-class Surface(NamedTuple):
+class DisplacedSurface(NamedTuple):
     """A triangulated surface in its body's frame."""
 
     points: Array
@@ -43,7 +43,7 @@ class Surface(NamedTuple):
     """(m, 3)."""
 
 
-def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Surface:
+def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> DisplacedSurface:
     """Return a body's surface, with its texture unless `smooth`.
 
     Parameters
@@ -58,7 +58,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Su
     if smooth:
         body = replace(body, texture=None)
     centre, radius = bounding_ball(body)
-    view = View(centre, 1.01 * radius, max(round(2.02 * radius / spacing), 8))
+    view = ViewBall(centre, 1.01 * radius, max(round(2.02 * radius / spacing), 8))
     if body.mesh is not None:
         return _of_mesh(body, view)
     parts = []
@@ -84,7 +84,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Su
 
 def _skirts(
     body: Body, chart: Chart, points: Array, shown: NDArray[np.bool_]
-) -> Iterator[Surface]:  # fmt: skip
+) -> Iterator[DisplacedSurface]:  # fmt: skip
     """Yield strips from the borders of a displaced face down to its base.
 
     Where two faces meet at an edge, each is displaced its own way and the surface opens. Their
@@ -113,7 +113,7 @@ def _skirts(
             yield surface
 
 
-def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface:
+def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> DisplacedSurface:
     """Return a grid of points (a, b, 3) as triangles, but for those that are hidden."""
     rows, columns = shown.shape
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
@@ -129,23 +129,25 @@ def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Surface
     used = np.zeros(keep.size, bool)
     used[faces] = True
     number = np.cumsum(used) - 1
-    return Surface(flat[used], outwards[used], number[faces])
+    return DisplacedSurface(flat[used], outwards[used], number[faces])
 
 
-def _of_mesh(body: Body, view: View) -> Surface:
+def _of_mesh(body: Body, view: ViewBall) -> DisplacedSurface:
     parts = []
     for sheet in mesh_sheets(body, _STILL, view):
         assert sheet.corners is not None
         patches, each = sheet.points.shape[:2]
         first = each * np.arange(patches)[:, None, None]
         faces = (sheet.corners[None] + first).reshape(-1, 3).astype(np.int64)
-        parts.append(Surface(sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), faces))
+        parts.append(
+            DisplacedSurface(sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), faces)
+        )
     return _joined(parts)
 
 
-def _joined(parts: list[Surface]) -> Surface:
+def _joined(parts: list[DisplacedSurface]) -> DisplacedSurface:
     first = np.cumsum([0, *(len(part.points) for part in parts)])
-    return Surface(
+    return DisplacedSurface(
         np.concatenate([part.points for part in parts]),
         np.concatenate([part.normals for part in parts]),
         np.concatenate([part.faces + k for part, k in zip(parts, first, strict=False)]),
@@ -177,7 +179,7 @@ def _box(geom: Geom) -> tuple[Array, Array]:
     return place - reach, place + reach
 
 
-def area(surface: Surface) -> float:
+def area(surface: DisplacedSurface) -> float:
     """Return a surface's area [m^2]."""
     a, b, c = np.moveaxis(surface.points[surface.faces], 1, 0)
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
@@ -207,7 +209,7 @@ def spacing_for(body: Body, most: int) -> float:
     return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
 
 
-def points_between(surface: Surface, spacing: float) -> Array:
+def points_between(surface: DisplacedSurface, spacing: float) -> Array:
     """Return points (n, 3) of a surface, none farther than `spacing` [m] from its neighbours."""
     corners = surface.points[surface.faces]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.displaced_surfaces import (
-    Surface,
+    DisplacedSurface,
     displaced_surface,
     finite_reason,
     is_unbounded,
@@ -54,7 +54,7 @@ _FACING = 0.2
 class Meshes:
     """A mesh of full detail and a smooth one of the same body, for FCL."""
 
-    def __init__(self, full: Surface, smooth: Surface) -> None:
+    def __init__(self, full: DisplacedSurface, smooth: DisplacedSurface) -> None:
         self.full = full
         self.normals = _face_normals(full)
         self.object, self.smooth = _object(full), _object(smooth)
@@ -67,7 +67,7 @@ class Meshes:
             mesh.setTransform(fcl.Transform(rotation, position))
 
 
-def _object(surface: Surface) -> Any:
+def _object(surface: DisplacedSurface) -> Any:
     import fcl
 
     mesh = fcl.BVHModel()
@@ -77,7 +77,7 @@ def _object(surface: Surface) -> Any:
     return fcl.CollisionObject(mesh, fcl.Transform())
 
 
-def _face_normals(surface: Surface) -> Array:
+def _face_normals(surface: DisplacedSurface) -> Array:
     """Return the mean of the normals at each triangle's corners, (m, 3)."""
     mean = surface.normals[surface.faces].sum(axis=1)
     return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12))

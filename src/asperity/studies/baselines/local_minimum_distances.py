@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from asperity.errors import require_positive
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.displaced_surfaces import (
     displaced_surface,
     finite_reason,

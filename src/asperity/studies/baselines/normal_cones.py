@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.studies.baselines.displaced_surfaces import Surface
+from asperity.studies.baselines.displaced_surfaces import DisplacedSurface
 from asperity.studies.baselines.triangle_pairs import nearest_points
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Tree(NamedTuple):
     """How many there are: a power of two."""
 
 
-def tree_of(surface: Surface) -> Tree:
+def tree_of(surface: DisplacedSurface) -> Tree:
     """Return the tree of a surface's triangles."""
     points, faces = _welded(surface)
     triangles = points[faces]
@@ -77,7 +77,7 @@ def tree_of(surface: Surface) -> Tree:
     )  # fmt: skip
 
 
-def _welded(surface: Surface) -> tuple[Array, Indices]:
+def _welded(surface: DisplacedSurface) -> tuple[Array, Indices]:
     """Return points and faces with one point for each place."""
     _, first, number = np.unique(
         np.round(surface.points / _SAME).astype(np.int64), axis=0, return_index=True,

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from asperity.geometry.bodies import Body, Geom, origin_of_map
 from asperity.geometry.offsets import sphere_search
 from asperity.geometry.offsets.sampled import CERTIFIED_TO
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.placement import Standing, only_one_target, placed, require
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 from asperity.texture.bounds import Pyramid, pyramid_of

@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.asperity_laws import EngineRenderer
 from asperity.studies.baselines.placement import only_one_target, placed, require
 from asperity.studies.baselines.protocol import MethodWrench

@@ -33,10 +33,10 @@ from scipy import ndimage
 
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.studies.baselines.displaced_surfaces import (
-    Surface,
+    DisplacedSurface,
     bounding_ball,
     displaced_surface,
     finite_reason,
@@ -109,7 +109,7 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     return Voxmap(codes, corner, size)
 
 
-def pointshell(surface: Surface, size: float) -> Pointshell:
+def pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
     """Return one point of a surface for each voxel of side `size` [m] that it meets."""
     cell = np.floor(surface.points / size)
     away = np.linalg.norm(surface.points - (cell + 0.5) * size, axis=1)

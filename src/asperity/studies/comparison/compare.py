@@ -16,7 +16,7 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
 from asperity.simulation.simulation import Simulation
 from asperity.studies.baselines import METHODS, Method, Renderer
-from asperity.studies.comparison.drive import Felt, follow, mean_push, pressed_to, raised
+from asperity.studies.comparison.drive import DrivenRun, follow, mean_push, pressed_to, raised
 from asperity.studies.comparison.properties import (
     STEPS,
     Properties,
@@ -55,7 +55,7 @@ class CompareSettings:
     properties: bool = True
 
 
-class Spectrum(NamedTuple):
+class ForceSpectrum(NamedTuple):
     """Amplitude of the tangential force over frequency."""
 
     frequency: Array
@@ -64,7 +64,7 @@ class Spectrum(NamedTuple):
     """[N]."""
 
 
-class Row(NamedTuple):
+class MethodResult(NamedTuple):
     """One method."""
 
     method: Method
@@ -74,10 +74,10 @@ class Row(NamedTuple):
     """How long making it ready took [s]."""
     height: float
     """How far its path lay above asperity's [m]."""
-    felt: Felt | None
+    felt: DrivenRun | None
     beside: float | None
     """Median tick of asperity just before and after [s]."""
-    spectrum: Spectrum | None
+    spectrum: ForceSpectrum | None
     properties: Properties | None
 
     @property
@@ -120,7 +120,7 @@ class Comparison:
     """Asperity's path, (n, 7)."""
     push: float
     """The mean force upwards to which all were pressed [N]."""
-    rows: list[Row]
+    rows: list[MethodResult]
 
 
 def rounded(value: float) -> str:
@@ -180,7 +180,7 @@ def path_of(scene: Scene, settings: CompareSettings) -> Array:
 def _row(
     method: Method, scene: Scene, settings: CompareSettings, poses: Array, push: float,
     reference: Renderer, progress: Callable[[str, int], None],
-) -> Row:  # fmt: skip
+) -> MethodResult:  # fmt: skip
     """Do one method."""
     progress(f"{method.label}: preparing", 0)
     properties = None
@@ -193,7 +193,7 @@ def _row(
             progress(f"{method.label}: properties", round(100 * done / STEPS))
 
         properties = measure_properties(method, step)
-    nothing = Row(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
+    nothing = MethodResult(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
     if nothing.reason is not None:
         return nothing
     done = 0
@@ -220,5 +220,5 @@ def _row(
     after = follow(reference, poses[:_BESIDE]).seconds
     beside = float(np.median(np.concatenate([before, after])))
     frequency, level = force_spectrum(felt.force, settings.dt)
-    spectrum = Spectrum(frequency.astype(np.float64), level.astype(np.float64))
-    return Row(method, None, preparing, height, felt, beside, spectrum, properties)
+    spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))
+    return MethodResult(method, None, preparing, height, felt, beside, spectrum, properties)

@@ -29,7 +29,7 @@ WARM_UP = 16
 """Ticks before those that are timed."""
 
 
-class Felt(NamedTuple):
+class DrivenRun(NamedTuple):
     """What a tool felt along a path, one row a tick."""
 
     force: Array
@@ -102,7 +102,7 @@ def follow(
     *,
     budget: float | None = None,
     on_tick: Callable[[], None] = lambda: None,
-) -> Felt:
+) -> DrivenRun:
     """Ask for the wrench at every pose of a path, in order.
 
     Parameters
@@ -130,7 +130,7 @@ def follow(
         on_tick()
         if budget is not None and i >= 63 and clock() - begun > budget:
             break
-    return Felt(
+    return DrivenRun(
         np.array([row.force for row in rows]),
         np.array([row.torque for row in rows]),
         np.array([row.depth for row in rows]),

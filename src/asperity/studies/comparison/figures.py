@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from asperity.drawing.figure_style import COLOURS, style
 from asperity.runs.figures import across_mean
-from asperity.studies.comparison.compare import BAND, Comparison, Row, rounded
+from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, rounded
 
 _GREY = "#b5b5b0"
 _STRETCH = 0.15
@@ -17,12 +17,12 @@ _STRETCH = 0.15
 Array = NDArray[np.float64]
 
 
-def done_rows(result: Comparison) -> list[Row]:
+def done_rows(result: Comparison) -> list[MethodResult]:
     """Return the methods that could render the scene."""
     return [row for row in result.rows if row.felt is not None]
 
 
-def _grid(rows: list[Row], title: str, subtitle: str) -> tuple[Figure, list[Axes]]:
+def _grid(rows: list[MethodResult], title: str, subtitle: str) -> tuple[Figure, list[Axes]]:
     columns = 2 if len(rows) > 1 else 1
     lines = -(-len(rows) // columns)
     figure = Figure(figsize=(7.6, 0.85 + 1.32 * lines))
@@ -85,7 +85,7 @@ def traces_figure(result: Comparison) -> Figure:
     return figure
 
 
-def _acting(row: Row, direction: Array) -> tuple[Array, str]:
+def _acting(row: MethodResult, direction: Array) -> tuple[Array, str]:
     """Return along what a method's force changes (3,), and how to say so if not the motion."""
     assert row.felt is not None
     across = across_mean(row.felt.force)
@@ -96,7 +96,7 @@ def _acting(row: Row, direction: Array) -> tuple[Array, str]:
     return np.asarray(axes[0]), ", across the motion"
 
 
-def _part(row: Row, direction: Array, begin: int, count: int) -> Array:
+def _part(row: MethodResult, direction: Array, begin: int, count: int) -> Array:
     assert row.felt is not None
     return np.asarray((across_mean(row.felt.force) @ direction)[begin : begin + count])
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from asperity import __version__
 from asperity.drawing.page_style import STYLE
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.comparison.compare import BAND, Comparison, Row, rounded
+from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, rounded
 from asperity.studies.comparison.properties import CRITERIA, Measured
 
 FIGURES = {
@@ -35,7 +35,7 @@ _STABILITY = (
 )
 
 
-def columns(row: Row) -> list[str]:
+def columns(row: MethodResult) -> list[str]:
     """Return the cells of a method in the table of one motion."""
     if row.felt is None or row.cost is None:
         return ["-"] * 7

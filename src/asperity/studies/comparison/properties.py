@@ -20,7 +20,7 @@ from asperity.scene.scene import Scene
 from asperity.studies.baselines import Method, Renderer
 from asperity.studies.baselines.placement import placed
 from asperity.studies.comparison import stimuli
-from asperity.studies.comparison.drive import Felt, follow, held_still, pressed_to, raised
+from asperity.studies.comparison.drive import DrivenRun, follow, held_still, pressed_to, raised
 from asperity.studies.stability.measure import Symptoms
 
 Array = NDArray[np.float64]
@@ -152,7 +152,7 @@ class _Bench:
             lambda: _smooth(stimuli.ball_on_plate(diameter)),
         )
 
-    def _slid(self, ready: tuple[Scene, Renderer], force: float) -> Felt:
+    def _slid(self, ready: tuple[Scene, Renderer], force: float) -> DrivenRun:
         """Return what is felt along the path, pressed to a mean force."""
         scene, renderer = ready
         path = stimuli.line(scene, stimuli.SPEED)
@@ -234,7 +234,7 @@ def _smooth(scene: Scene) -> Scene:
     return scene.changed(bodies={"plate": {"texture": None}})
 
 
-def _turning(felt: Felt) -> float:
+def _turning(felt: DrivenRun) -> float:
     """Return the RMS change of the torque on the foot about the middle of its sole [N m].
 
     What the lateral force does at that lever is not counted.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.drawing import figure_style
-from asperity.studies.comparison.compare import Comparison, Row
+from asperity.studies.comparison.compare import Comparison, MethodResult
 from asperity.studies.comparison.figures import (
     cost_figure,
     done_rows,
@@ -50,7 +50,7 @@ def summary(result: Comparison, command: str) -> dict[str, Any]:
     }
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: MethodResult) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": row.method.name, "label": row.method.label, "source": row.method.source,
         "what_it_is_not": row.method.what_it_is_not, "cannot": row.reason,

@@ -19,12 +19,12 @@ from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.laboratory import Laboratory, Touch
 from asperity.studies.literature.measures import Measure
 from asperity.studies.literature.plates import Grains, Gratings, Plate
-from asperity.studies.literature.table import MARKS, Column, Row
+from asperity.studies.literature.table import MARKS, Column, FindingResult
 
 _MARK_COLOURS = {"yes": "#0072B2", "no": "#f0d9cc", "skipped": "#e6e6e6"}
 
 
-def table_figure(rows: Sequence[Row], columns: Sequence[Column]) -> Figure:
+def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Figure:
     """Return the table at a glance: filled where a finding comes out."""
     with style():
         figure = Figure(figsize=(7.4, 0.31 * len(rows) + 1.2))

@@ -138,7 +138,7 @@ def search(
     return Searched(list(hands), measures, findings, holds, failed)
 
 
-class Choice(NamedTuple):
+class HandChoice(NamedTuple):
     """One hand and one metric."""
 
     hand: int
@@ -149,22 +149,22 @@ class Choice(NamedTuple):
 
 def choose(
     holds: NDArray[np.bool_], weights: NDArray[np.float64], near: NDArray[np.int64]
-) -> Choice:
+) -> HandChoice:
     """Return the choice (see the module), findings weighted; `near` as `neighbours` gives it."""
     counts = holds @ weights
     measure = int(np.lexsort((counts.max(axis=0), counts.mean(axis=0)))[-1])
     own = counts[:, measure]
     hand = int(np.lexsort((own, own[near].mean(axis=1)))[-1])
-    return Choice(hand, measure, round(float(own[hand])))
+    return HandChoice(hand, measure, round(float(own[hand])))
 
 
-def luckiest(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> Choice:
+def luckiest(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> HandChoice:
     """Return the pair that gets most; of several, the one whose metric does best on average."""
     counts = holds @ weights
     best = np.argwhere(counts >= counts.max() - 1e-9)
     by_measure = counts.mean(axis=0)
     hand, measure = max(best.tolist(), key=lambda at: by_measure[at[1]])
-    return Choice(hand, measure, round(float(counts[hand, measure])))
+    return HandChoice(hand, measure, round(float(counts[hand, measure])))
 
 
 def neighbours(hands: Sequence[Hand]) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from asperity.errors import AsperityError
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.studies.literature.finding import Finding, Verdict
 from asperity.studies.literature.finger import Finger
-from asperity.studies.literature.measures import STILL, Measure, Record, evaluate_all, record_of
+from asperity.studies.literature.measures import STILL, DragRecord, Measure, evaluate_all, record_of
 from asperity.studies.literature.plates import Dots, Paper, Plate, Sinusoids
 from asperity.studies.otaduy_lin_2004.drags import LEAST_SLOPE
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import slope_table
@@ -103,7 +103,7 @@ class Laboratory:
     _curves: dict[tuple[Plate, Touch, tuple[float, ...]], NDArray[np.float64]] = field(
         default_factory=dict, repr=False
     )
-    _records: dict[tuple[Plate, float, Touch], tuple[Record, ...]] = field(
+    _records: dict[tuple[Plate, float, Touch], tuple[DragRecord, ...]] = field(
         default_factory=dict, repr=False
     )
 
@@ -128,7 +128,7 @@ class Laboratory:
     def _index(self) -> dict[Measure, int]:
         return {measure: i for i, measure in enumerate(self.measures)}
 
-    def records(self, plate: Plate, spacing: float, touch: Touch) -> tuple[Record, ...]:
+    def records(self, plate: Plate, spacing: float, touch: Touch) -> tuple[DragRecord, ...]:
         """Return the drags over a plate, one a path."""
         key = (plate, spacing, touch)
         if key not in self._records:
@@ -136,7 +136,7 @@ class Laboratory:
             self._records[key] = tuple(self._drag(table, touch) for table in tables)
         return self._records[key]
 
-    def _drag(self, slopes: PiecewiseCubic, touch: Touch) -> Record:
+    def _drag(self, slopes: PiecewiseCubic, touch: Touch) -> DragRecord:
         if not np.max(np.abs(slopes.coefficients)) > LEAST_SLOPE:
             return STILL
         force = slopes.scaled(touch.force)

@@ -1,7 +1,8 @@
 r"""Metrics of a drag, written so that a hundred of them cost little more than one.
 
-A drag is kept as its `Record`: the Fourier series of the hand's lag `u - v t`, and the extremes of
-u''. Every signal of Eq. 7 follows from the lag by a factor that depends on frequency alone:
+A drag is kept as its `DragRecord`: the Fourier series of the hand's lag `u - v t`, and the
+extremes of u''. Every signal of Eq. 7 follows from the lag by a factor that depends on frequency
+alone:
 
     position 1,  velocity i w,  acceleration -w^2,  force  -(k + i b w - m w^2) .
 
@@ -42,7 +43,7 @@ KINDS = ("largest", "largest_abs", "norm", "threshold")
 _UNITS = {"acceleration": "m/s²", "force": "N", "velocity": "m/s", "position": "m"}
 
 
-class Record(NamedTuple):
+class DragRecord(NamedTuple):
     """One drag, as metrics need it."""
 
     frequencies: NDArray[np.float64]
@@ -58,7 +59,7 @@ class Record(NamedTuple):
     """Whether the motion did not repeat, so that the lag stands under a Hann window."""
 
 
-def record_of(motion: Motion, hand: Hand) -> Record:
+def record_of(motion: Motion, hand: Hand) -> DragRecord:
     """Return what metrics need of a motion."""
     lag = motion.lag - np.mean(motion.lag)
     window = motion.status == MotionStatus.APERIODIC
@@ -68,12 +69,12 @@ def record_of(motion: Motion, hand: Hand) -> Record:
     frequencies = np.fft.rfftfreq(lag.size, motion.step).astype(np.float64)
     kept = max(int(np.searchsorted(frequencies, HIGHEST)), _LEAST_HARMONICS + 1)
     kept = min(kept, frequencies.size - 1)
-    return Record(
+    return DragRecord(
         frequencies[1:kept], series[1:kept], motion.largest, motion.smallest, hand, window
     )
 
 
-STILL = Record(np.ones(1), np.zeros(1, dtype=np.complex128), 0.0, 0.0, Hand(), False)
+STILL = DragRecord(np.ones(1), np.zeros(1, dtype=np.complex128), 0.0, 0.0, Hand(), False)
 """Of a probe that meets nothing."""
 
 
@@ -117,7 +118,7 @@ class Measure:
             return "1"
         return _UNITS["acceleration" if self.kind != "norm" else self.signal]
 
-    def __call__(self, records: Sequence[Record]) -> float:
+    def __call__(self, records: Sequence[DragRecord]) -> float:
         """Return the metric of records, which count as one stroke after the other."""
         return float(evaluate_all(records, [self])[0])
 
@@ -131,13 +132,13 @@ class Measure:
         return np.asarray(np.mean(strokes**self.power, axis=0) ** (1.0 / self.power))
 
 
-def evaluate_all(records: Sequence[Record], measures: Sequence[Measure]) -> NDArray[np.float64]:
+def evaluate_all(records: Sequence[DragRecord], measures: Sequence[Measure]) -> NDArray[np.float64]:
     """Return several metrics of records at once; they share transforms where they can."""
     values = np.array([_of_one(record, measures) for record in records])
     return np.array([m.together(values[:, i]) for i, m in enumerate(measures)])
 
 
-def _of_one(record: Record, measures: Sequence[Measure]) -> list[float]:
+def _of_one(record: DragRecord, measures: Sequence[Measure]) -> list[float]:
     omega = 2.0 * np.pi * record.frequencies
     hann = _HANN_SQUARED if record.window else 1.0
     signals: dict[str, NDArray[np.complex128]] = {}

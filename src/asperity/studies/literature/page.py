@@ -9,14 +9,14 @@ from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.page_fit import fit_section
 from asperity.studies.literature.page_text import figure, value_text, wrapped
-from asperity.studies.literature.table import CHOSEN, MARKS, Column, Row, counts
+from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, counts
 
 _NOTICE = "<!-- Made by `asperity findings --docs docs`: edit the code, not this page. -->"
 FIGURES = ("findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit")
 
 
 def page(
-    rows: Sequence[Row], columns: Sequence[Column], fit: dict[str, Any], images: str = ""
+    rows: Sequence[FindingResult], columns: Sequence[Column], fit: dict[str, Any], images: str = ""
 ) -> str:
     """Return the page as Markdown; `images` is the folder of its figures, ending in a slash."""
     parts = [
@@ -33,7 +33,7 @@ def page(
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
-def _head(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+def _head(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     tally = ", ".join(
         f"{column.measure.name} {hold} of {judged}"
         for column in columns
@@ -58,7 +58,7 @@ before.
     return f"{_NOTICE}\n\n# What the models predict of people\n\n{wrapped(text)}"
 
 
-def _table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+def _table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     names = [c.measure.name.replace("|", "\\|") for c in columns]
     heads = [
         f"chosen: {name}" if c.name == CHOSEN else name
@@ -100,7 +100,7 @@ and it stays.
     )
 
 
-def _one(row: Row, columns: Sequence[Column]) -> str:
+def _one(row: FindingResult, columns: Sequence[Column]) -> str:
     finding = row.finding
     out = [c for c in columns if row.verdicts[c.name].holds]
     judged = [c for c in columns if row.verdicts[c.name].holds is not None]
@@ -133,7 +133,7 @@ def _one(row: Row, columns: Sequence[Column]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _by_hand(row: Row, columns: Sequence[Column]) -> str:
+def _by_hand(row: FindingResult, columns: Sequence[Column]) -> str:
     told = []
     for name, column in (("default hand", columns[0]), ("chosen hand", columns[-1])):
         verdict = row.verdicts[column.name]

@@ -35,7 +35,7 @@ class Column(NamedTuple):
         return self.name in AFTER_THE_FACT
 
 
-class Row(NamedTuple):
+class FindingResult(NamedTuple):
     """A finding and how it came out, by column's name."""
 
     finding: Finding
@@ -55,7 +55,7 @@ def judge_all(
     plan: Plan | None = None,
     data: Path | None = None,
     progress: Callable[[], None] | None = None,
-) -> tuple[list[Row], dict[str, Laboratory]]:
+) -> tuple[list[FindingResult], dict[str, Laboratory]]:
     """Judge findings in every column; return the rows, and each column's laboratory."""
     tables: Tables = {}
     labs: dict[Hand, Laboratory] = {}
@@ -64,7 +64,7 @@ def judge_all(
             labs[column.hand] = Laboratory(column.hand, plan or Plan(), data=data, tables=tables)
     rows = []
     for finding in findings:
-        row, known = Row(finding, {}), {}
+        row, known = FindingResult(finding, {}), {}
         for column in columns:
             lab = labs[column.hand]
             # Some verdicts are the hand's alone.
@@ -77,13 +77,13 @@ def judge_all(
     return rows, {column.name: labs[column.hand] for column in columns}
 
 
-def counts(rows: Sequence[Row], column: str) -> tuple[int, int]:
+def counts(rows: Sequence[FindingResult], column: str) -> tuple[int, int]:
     """Return how many findings come out in a column, and how many could be judged."""
     verdicts = [row.verdicts[column].holds for row in rows]
     return sum(bool(holds) for holds in verdicts), sum(holds is not None for holds in verdicts)
 
 
-def as_json(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+def as_json(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     """Return the whole table as JSON."""
     told = {
         "schema": 1,
@@ -93,7 +93,7 @@ def as_json(rows: Sequence[Row], columns: Sequence[Column]) -> str:
     return json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def as_csv(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+def as_csv(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     """Return one line a finding: source, how sure, and how it comes out in each column."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -113,7 +113,7 @@ def as_csv(rows: Sequence[Row], columns: Sequence[Column]) -> str:
     return text.getvalue()
 
 
-def _column(column: Column, rows: Sequence[Row]) -> dict[str, Any]:
+def _column(column: Column, rows: Sequence[FindingResult]) -> dict[str, Any]:
     hold, judged = counts(rows, column.name)
     return {
         "name": column.name,
@@ -130,7 +130,7 @@ def _column(column: Column, rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _finding(row: Row) -> dict[str, Any]:
+def _finding(row: FindingResult) -> dict[str, Any]:
     finding = row.finding
     return {
         "id": finding.id,

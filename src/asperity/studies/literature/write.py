@@ -13,12 +13,20 @@ from asperity.drawing import figure_style
 from asperity.studies.literature import figures
 from asperity.studies.literature.laboratory import Laboratory
 from asperity.studies.literature.page import FIGURES, page
-from asperity.studies.literature.table import CHOSEN, MARKS, Column, Row, as_csv, as_json, counts
+from asperity.studies.literature.table import (
+    CHOSEN,
+    MARKS,
+    Column,
+    FindingResult,
+    as_csv,
+    as_json,
+    counts,
+)
 
 _STYLES = {True: "bold green", False: "red", None: "dim"}
 
 
-def print_table(rows: Sequence[Row], columns: Sequence[Column]) -> None:
+def print_table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> None:
     """Print the table, and what stays out under every metric."""
     from rich.console import Console
     from rich.table import Table
@@ -61,7 +69,7 @@ def print_table(rows: Sequence[Row], columns: Sequence[Column]) -> None:
 
 
 def figures_of(
-    rows: Sequence[Row],
+    rows: Sequence[FindingResult],
     columns: Sequence[Column],
     labs: dict[str, Laboratory],
     fit: dict[str, Any],
@@ -89,7 +97,7 @@ def figures_of(
 
 
 def write_findings(
-    rows: Sequence[Row],
+    rows: Sequence[FindingResult],
     columns: Sequence[Column],
     labs: dict[str, Laboratory],
     fit: dict[str, Any],
@@ -104,7 +112,7 @@ def write_findings(
 
 
 def write_docs(
-    rows: Sequence[Row],
+    rows: Sequence[FindingResult],
     columns: Sequence[Column],
     labs: dict[str, Laboratory],
     fit: dict[str, Any],

@@ -38,7 +38,7 @@ _SETTLING = 6.0
 """Time constants of the hand before the record begins."""
 
 
-class Drag(NamedTuple):
+class SixDofDrag(NamedTuple):
     """What a drag in six directions gave."""
 
     max_acceleration: float
@@ -75,7 +75,7 @@ def drag_in_scene(
     hand: Hand | None = None,
     amplitude: float = 1e-4,
     band: tuple[float, float] = DEFAULT_BAND,
-) -> Drag:
+) -> SixDofDrag:
     """Drag the probe of `probe-plate` over a sinusoid; return the metrics of the hand's motion.
 
     Parameters
@@ -123,7 +123,7 @@ def drag_in_scene(
         if i >= first:
             acceleration[i - first], force[i - first] = held.acceleration[0], wrench[2]
     lines = spectrum(acceleration, TICK, periodic=True)
-    return Drag(
+    return SixDofDrag(
         float(acceleration.max()),
         float(np.abs(acceleration).max()),
         band_rms(*lines, band),

@@ -34,7 +34,7 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.press import pressed_pose, touching_pose
 from asperity.simulation.simulation import Simulation
-from asperity.simulation.tool_contact import ContactStage
+from asperity.simulation.tool_contact import ToolContact
 
 BUZZING, ALIVENESS = 150.0, 20.0
 """Above the one, below the other [Hz]."""
@@ -166,7 +166,7 @@ class Wall:
 
     def __init__(self, scene: Scene, settings: StabilitySettings) -> None:
         self.settings = settings
-        self._engine = ContactStage(scene).engine
+        self._engine = ToolContact(scene).engine
         self._stiffness = scene.force.stiffness
         motion = scene.motion
         start = scene.start.copy()

@@ -80,7 +80,7 @@ class Axis(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Design:
+class SweepDesign:
     """All combinations of a study: the outer product of its axes, the last one fastest."""
 
     kind: str
@@ -217,7 +217,7 @@ def _files(where: str, told: Mapping[str, Any], folder: Path) -> list[str]:
 
 def read_design(
     told: Mapping[str, Any], variations: Sequence[Variation], inner: Sequence[str]
-) -> Design:
+) -> SweepDesign:
     """Return the combinations of the variations, as `[design]` says.
 
     Parameters
@@ -250,7 +250,7 @@ def read_design(
     else:
         axes = [_sampled(kind, told, seed, drawn), *(Axis(v.key, {v.key: v.values or []})
                 for v in fixed)]  # fmt: skip
-    design = Design(kind, seed, tuple(axes))
+    design = SweepDesign(kind, seed, tuple(axes))
     if design.size > MOST:
         raise AsperityError(f"the study has {design.size} combinations; valid: {MOST} at most")
     return design

@@ -47,7 +47,7 @@ _LABELS = {
 
 
 @dataclass(frozen=True)
-class Drag:
+class DragCombination:
     """What is dragged over what, and how: the parameters of `kind = "drag"`, in SI units.
 
     The defaults are those of `StudySettings`, at its middle levels.
@@ -71,19 +71,19 @@ class Drag:
 
 _PARTS: dict[str, Any] = {"stimulus": StimulusOptions, "hand": Hand}
 KEYS = (
-    *(f.name for f in fields(Drag) if f.name not in _PARTS),
+    *(f.name for f in fields(DragCombination) if f.name not in _PARTS),
     *(f"{part}.{f.name}" for part, of in _PARTS.items() for f in fields(of)),
 )
 
 
-def drag_of(values: Mapping[str, Any]) -> Drag:
+def drag_of(values: Mapping[str, Any]) -> DragCombination:
     """Return the drag of checked values with dotted keys."""
     parts = {name: value for name, value in nested(values).items() if name not in _PARTS}
     for part, makes in _PARTS.items():
         parts[part] = makes(
             **{k.partition(".")[2]: v for k, v in values.items() if k.startswith(f"{part}.")}
         )
-    return Drag(**parts)
+    return DragCombination(**parts)
 
 
 def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
@@ -92,7 +92,9 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     out: dict[str, Any] = {}
     for key, value in values.items():
         part, dot, name = key.partition(".")
-        makes, place, name = (_PARTS[part], f"{where}.{part}", name) if dot else (Drag, where, key)
+        makes, place, name = (
+            (_PARTS[part], f"{where}.{part}", name) if dot else (DragCombination, where, key)
+        )
         out[key] = arguments({name: value}, place, makes)[name]
         if key in _RANGES and out[key] is not None:
             low, high, unit = _RANGES[key]
@@ -183,7 +185,7 @@ class Drags:
                 out.append(sweep.metric(name, condition))
         return out
 
-    def _seed(self, drag: Drag) -> int:
+    def _seed(self, drag: DragCombination) -> int:
         """Return the seed that follows from what the surface, or the noise, is.
 
         Combinations with one surface meet one and the same, whatever the hand does.

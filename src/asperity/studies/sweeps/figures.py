@@ -16,14 +16,14 @@ from asperity.drawing.figure_style import COLOURS, MARKERS, style
 from asperity.errors import AsperityError
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 from asperity.studies.sweeps.sensitivity import Groups, share
-from asperity.studies.sweeps.views import View, is_number, table
+from asperity.studies.sweeps.views import SweepView, is_number, table
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "m^2": (1e6, "mm²")}
 _MOST_POINTS = 4000
 Values = NDArray[Any]
 
 
-def draw(data: xr.Dataset, view: View) -> Figure:
+def draw(data: xr.Dataset, view: SweepView) -> Figure:
     """Return the figure of a view of what `open_sweep` returned."""
     columns, results = table(data, view.metric)
     if results.size < 2:
@@ -48,7 +48,7 @@ def _counted(data: xr.Dataset) -> str:
 
 
 def _curve(
-    data: xr.Dataset, view: View, columns: dict[str, Values], results: Values
+    data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values
 ) -> Figure:  # fmt: skip
     """Draw the metric over one parameter; others as colour, or as median and quantiles."""
     figure = Figure(figsize=(6.0, 4.3), layout="constrained")
@@ -74,7 +74,14 @@ def _curve(
 
 
 def _draw_level(
-    axis: Axes, data: xr.Dataset, view: View, x: Values, y: Values, i: int, level: Any, log: bool
+    axis: Axes,
+    data: xr.Dataset,
+    view: SweepView,
+    x: Values,
+    y: Values,
+    i: int,
+    level: Any,
+    log: bool,
 ) -> None:
     """Draw one colour's points, their spread, and the quadratic where both axes are log."""
     groups = Groups(x, y)
@@ -105,7 +112,7 @@ def _draw_level(
         )
 
 
-def _map(data: xr.Dataset, view: View, columns: dict[str, Values], results: Values) -> Figure:
+def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values) -> Figure:
     """Draw the metric over two parameters as a picture; medians over the others."""
     figure = Figure(figsize=(6.0, 4.6), layout="constrained")
     axis = figure.subplots()
@@ -136,7 +143,9 @@ def _map(data: xr.Dataset, view: View, columns: dict[str, Values], results: Valu
     return figure
 
 
-def _effects(data: xr.Dataset, view: View, columns: dict[str, Values], results: Values) -> Figure:
+def _effects(
+    data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values
+) -> Figure:
     """Draw the metric over every parameter, and how much each alone explains."""
     names = [name for name in columns if np.unique(columns[name]).size > 1]
     if not names:

@@ -31,7 +31,7 @@ from asperity.studies.sweeps.work import (
     FAILED,
     WAITING,
     Batch,
-    Outcome,
+    BatchOutcome,
     machine,
     packed,
     program,
@@ -98,7 +98,7 @@ class _Half:
     errors: dict[int, str]
     again: bool
 
-    def take(self, places: NDArray[np.int64], outcome: Outcome) -> None:
+    def take(self, places: NDArray[np.int64], outcome: BatchOutcome) -> None:
         """Put in what came of the combinations at some places."""
         self.values[places] = outcome.values
         self.states[places] = outcome.states
@@ -154,8 +154,8 @@ def run_sweep(
 
     Examples
     --------
-    >>> asperity.run_sweep("study.toml", "out/study.zarr")
-    >>> data = asperity.open_sweep("out/study.zarr")
+    >>> asperity.studies.sweeps.run.run_sweep("study.toml", "out/study.zarr")
+    >>> data = asperity.studies.sweeps.store.open_sweep("out/study.zarr")
     """
     needs("zarr")
     if workers is not None and workers < 0:
@@ -227,7 +227,7 @@ def _open_jobs(
 
 def _compute(
     kept: SweepStore,
-    results: Iterator[tuple[_Job, Outcome]],
+    results: Iterator[tuple[_Job, BatchOutcome]],
     states: NDArray[np.int8],
     halves: dict[int, _Half],
     progress: Tell,
@@ -282,7 +282,7 @@ def _backend(
     jobs: int,
     states: NDArray[np.int8],
     progress: Tell,
-) -> Callable[[Sequence[_Job]], Iterator[tuple[_Job, Outcome]]]:
+) -> Callable[[Sequence[_Job]], Iterator[tuple[_Job, BatchOutcome]]]:
     """Return what works on jobs: this process, or a cluster that is ready."""
     module, name = _KERNELS[study.kind]
     if scheduler is None and not is_compiled(module, name):
@@ -328,7 +328,7 @@ def _batch(study: SweepStudy, numbers: Sequence[int] | NDArray[np.int64]) -> Bat
 
 def _on_cluster(
     client: Any, study: SweepStudy, todo: Sequence[_Job]
-) -> Iterator[tuple[_Job, Outcome]]:
+) -> Iterator[tuple[_Job, BatchOutcome]]:
     """Yield jobs with what came of them, in the order in which they are ready."""
     try:
         yield from _from_workers(client, study, todo)
@@ -338,7 +338,7 @@ def _on_cluster(
 
 def _from_workers(
     client: Any, study: SweepStudy, todo: Sequence[_Job]
-) -> Iterator[tuple[_Job, Outcome]]:
+) -> Iterator[tuple[_Job, BatchOutcome]]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
@@ -363,7 +363,7 @@ def _from_workers(
     for future, result in finished:
         job = waiting.pop(future.key)
         # By now the worker may be gone and the state of the future another: the result counts.
-        if isinstance(result, Outcome):
+        if isinstance(result, BatchOutcome):
             future.release()
             refill()
             yield job, result
@@ -388,7 +388,7 @@ def _cut(todo: Sequence[_Job], least: int, at_once: Callable[[], int]) -> Iterat
         left -= job.places.size
 
 
-def _alone(client: Any, study: SweepStudy, job: _Job, run: str) -> tuple[_Job, Outcome]:
+def _alone(client: Any, study: SweepStudy, job: _Job, run: str) -> tuple[_Job, BatchOutcome]:
     """Work on one combination while nothing else is worked on."""
     from distributed.scheduler import KilledWorker
 
@@ -400,7 +400,7 @@ def _alone(client: Any, study: SweepStudy, job: _Job, run: str) -> tuple[_Job, O
     except KilledWorker:
         text = "every worker that ran it died"
         nothing = np.full((1, len(study.keep)), np.nan)
-        return job, Outcome(nothing, np.array([FAILED], np.int8), {0: text}, machine())
+        return job, BatchOutcome(nothing, np.array([FAILED], np.int8), {0: text}, machine())
     except Exception as error:
         raise _stopped(client, (type(error), error, None)) from None
 

@@ -28,7 +28,7 @@ from typing import Any, Protocol
 from asperity.errors import AsperityError, require_choice
 from asperity.scene.document import at, read_toml, require_keys, require_table, write_toml
 from asperity.studies.sweeps.content import digest, file_digest, flat
-from asperity.studies.sweeps.design import LEAF, Design, Variation, read_design, read_variation
+from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_design, read_variation
 
 SCHEMA = 1
 KINDS = {"drag": "asperity.studies.sweeps.drags", "scene": "asperity.studies.sweeps.scene_runs"}
@@ -79,7 +79,7 @@ class SweepStudy:
     kind: str
     keep: tuple[str, ...]
     fixed: Mapping[str, Any]
-    design: Design
+    design: SweepDesign
     folder: Path
     text: str
     files: Mapping[str, str]

@@ -20,7 +20,7 @@ _COLOURS = 6
 
 
 @dataclass(frozen=True)
-class View:
+class SweepView:
     """One figure: a metric, and what its axes are."""
 
     kind: str
@@ -52,7 +52,7 @@ def chosen(
     x: str | None = None,
     y: str | None = None,
     colour: str | None = None,
-) -> list[View]:
+) -> list[SweepView]:
     """Return the views to draw.
 
     By default, of each metric: the curve over the axis with most values, the spacing first; the
@@ -90,13 +90,13 @@ def chosen(
     found = []
     for metric in metrics or data.attrs["keep"][:1]:
         if view == "curve" or (view is None and across is not None):
-            found.append(View("curve", metric, _given("x", across), colour=told or ""))
+            found.append(SweepView("curve", metric, _given("x", across), colour=told or ""))
         if view == "map" or (view is None and across and up and colour is None):
-            found.append(View("map", metric, _given("x", across), _given("y", up)))
+            found.append(SweepView("map", metric, _given("x", across), _given("y", up)))
         if view == "effects" or (view is None and len(names) > 1 and not (x or y or colour)):
-            found.append(View("effects", metric))
+            found.append(SweepView("effects", metric))
     if not found:
-        found = [View("effects", metric) for metric in metrics or data.attrs["keep"][:1]]
+        found = [SweepView("effects", metric) for metric in metrics or data.attrs["keep"][:1]]
     return found
 
 

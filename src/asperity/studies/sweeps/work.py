@@ -41,7 +41,7 @@ class Batch(NamedTuple):
     """What `program()` returns where the sweep was started."""
 
 
-class Outcome(NamedTuple):
+class BatchOutcome(NamedTuple):
     """What came of a batch of n combinations."""
 
     values: NDArray[np.float64]
@@ -104,12 +104,12 @@ def packed(batch: Batch) -> bytes:
     return pickle.dumps(batch, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def work_packed(batch: bytes) -> Outcome:
+def work_packed(batch: bytes) -> BatchOutcome:
     """Run the combinations of a batch that `packed` made."""
     return work(pickle.loads(batch))
 
 
-def work(batch: Batch) -> Outcome:
+def work(batch: Batch) -> BatchOutcome:
     """Run the combinations of a batch; what one of them raises is its result."""
     if batch.program != program():
         raise WrongProgram(
@@ -131,7 +131,7 @@ def work(batch: Batch) -> Outcome:
             values[i] = numbers
         except Exception as error:
             states[i], errors[i] = FAILED, told(error)
-    return Outcome(values, states, errors, machine())
+    return BatchOutcome(values, states, errors, machine())
 
 
 def told(error: BaseException) -> str:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.drawing.renderer.parts import Part, scene_parts
-from asperity.drawing.renderer.view import Sheet, View
+from asperity.drawing.renderer.view import Sheet, ViewBall
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.viewer.drawables.atlas import Atlas
 from asperity.viewer.drawables.colours import height_colours
 
@@ -44,7 +44,7 @@ _TOOL_COARSER = 1.6
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Drawable:
     """A mesh to be shown.
 
     `vertices`, `normals`, `colours` (n, 3): [m], in the frame of the tool or of the world; unit
@@ -64,7 +64,7 @@ class Shape:
     atlas: Atlas | None = None
 
 
-def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
+def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
     """Return what to show of a scene with at most so many triangles.
 
     Raises nothing; a budget that is too small for the undisplaced shapes is exceeded by them.
@@ -73,8 +73,8 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Shape]:
     centre, radius = _extent(scene, parts)
     views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
     spacing = radius / 100.0
-    best: list[Shape] = []
-    fewest: list[Shape] = []
+    best: list[Drawable] = []
+    fewest: list[Drawable] = []
     low, high, least = 0.0, np.inf, np.inf
     for tried in range(_MOST_ROUNDS):
         shapes = [
@@ -152,19 +152,19 @@ def _spread(triangles: Array, pose: Array) -> Array:
     return np.asarray(points @ rotation_of(pose[3:]).T + pose[:3])
 
 
-def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array) -> View:
+def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array) -> ViewBall:
     """Return which ball of a part is drawn finely, in its frame if it is the tool."""
     if part.body.mesh is not None:
         if part.is_tool:
             contact = rotation_of(start[3:]).T @ (contact - start[:3])
-        return View(contact, _FINE, 100)
+        return ViewBall(contact, _FINE, 100)
     if part.is_tool:
-        return View(np.zeros(3), 4.0 * radius, 100)
+        return ViewBall(np.zeros(3), 4.0 * radius, 100)
     is_plane = part.body.mesh is None and any(g.kind == "plane" for g in part.body.geoms)
-    return View(centre, (_WIDE if is_plane else 2.0) * radius, 100)
+    return ViewBall(centre, (_WIDE if is_plane else 2.0) * radius, 100)
 
 
-def _shape(part: Part, view: View, spacing: float, number: int) -> Shape:
+def _shape(part: Part, view: ViewBall, spacing: float, number: int) -> Drawable:
     """Return the surface of a part, sampled every `spacing` [m]."""
     if part.is_tool:
         spacing *= _TOOL_COARSER
@@ -184,14 +184,14 @@ def _shape(part: Part, view: View, spacing: float, number: int) -> Shape:
             count += len(patch[0])
     if not count:
         empty = np.zeros((0, 3))
-        return Shape(
+        return Drawable(
             f"{part.body.name}-{number}", part.is_tool, empty, empty, empty,
             np.zeros((0, 3), np.int64), 0.0, 0.0,
         )  # fmt: skip
     height = np.concatenate(heights)
     field = part.body.texture
     low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)
-    return Shape(
+    return Drawable(
         f"{part.body.name}-{number}", part.is_tool, np.concatenate(points),
         np.concatenate(normals), height_colours(height, low, high, part.colour),
         _outwards(np.concatenate(points), np.concatenate(normals), np.concatenate(faces)),

@@ -8,7 +8,7 @@ from asperity.viewer.panels.mouse import Mouse
 from asperity.viewer.panels.panel import Panel
 from asperity.viewer.panels.scene_view import Stage
 from asperity.viewer.panels.status import Status
-from asperity.viewer.panels.textures import Textures
+from asperity.viewer.panels.textures import TexturesPanel
 
 
 def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
@@ -16,4 +16,4 @@ def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
 
     The stage is last: another scene takes it a while, and the controls are not to wait for it.
     """
-    return [Status(), Mouse(), Controls(), Textures(), Stage(triangles)]
+    return [Status(), Mouse(), Controls(), TexturesPanel(), Stage(triangles)]

@@ -24,12 +24,12 @@ from asperity.viewer.changes import (
 )
 from asperity.viewer.notify import attempt, is_asked
 from asperity.viewer.panels.panel import Frame
-from asperity.viewer.session_config import Choice
+from asperity.viewer.session_config import SessionConfig
 
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 RATES = ("500", "1000", "2000", "4000")
 STIFFNESS, FRICTION = (20.0, 4000.0), (0.0, 1.5)
@@ -47,7 +47,7 @@ class Controls:
         self._generation = -1
         self._lock, self._under_way = threading.Lock(), 0
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the controls."""
         self._link = link
         gui, scene = server.gui, link.choice.scene
@@ -149,14 +149,16 @@ class Controls:
         if is_asked(event):
             name = self._device.value
 
-            def chosen(choice: Choice) -> Choice:
+            def chosen(choice: SessionConfig) -> SessionConfig:
                 if name != "mouse":
                     device(name)  # says what lacks
                 return with_device(choice, name)
 
             self._restart(event, f"Device {name}", chosen)
 
-    def _restart(self, event: Any, what: str, make: Callable[[Choice], Choice]) -> None:
+    def _restart(
+        self, event: Any, what: str, make: Callable[[SessionConfig], SessionConfig]
+    ) -> None:
         """Have another loop made ready; if that fails, show what goes on."""
         link = self._link
 

@@ -10,11 +10,11 @@ from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
 from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.time import TimePanel
-from asperity.viewer.servo_client import Link
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import ShownLink, Timeline
 
 
-def instruments(link: Link, folder: Path) -> tuple[ShownLink, list[Panel]]:
+def instruments(link: ServoClient, folder: Path) -> tuple[ShownLink, list[Panel]]:
     """Return the instruments of a running link, and the link that the page is to show with them.
 
     That link's latest moment is the one of the timeline, so that all of the page goes where the

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.virtual_coupling.settings import held_body
+from asperity.dynamics.virtual_coupling.settings import coupled_body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.spatial.poses import rotation_of
-from asperity.viewer.motions import FORCES, KINDS, LENGTHS, SPEEDS, Motion
+from asperity.viewer.motions import FORCES, KINDS, LENGTHS, SPEEDS, CannedMotion
 from asperity.viewer.notify import attempt, is_asked, tell
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.panels.scene_view import UNITS
@@ -24,7 +24,7 @@ from asperity.viewer.panels.scene_view import UNITS
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 HELD = 5.0
 """A tab that has not moved the tool for so long holds it no more [s]; ours."""
@@ -66,7 +66,7 @@ class Mouse:
         self._generation = -1
         self._dragged = -np.inf
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the gizmo and the controls."""
         self._server, self._link = server, link
         self._gizmo = server.scene.add_transform_controls(
@@ -111,7 +111,7 @@ class Mouse:
         link, moment = self._link, frame.moment
         if frame.generation != self._generation:
             self._generation = frame.generation
-            body = held_body(link.choice.scene.model, link.choice.scene.tool)
+            body = coupled_body(link.choice.scene.model, link.choice.scene.tool)
             self._centre = np.array(body.centre)
             self._gizmo.visible = link.choice.is_mouse
             self._put(link.target)
@@ -170,7 +170,7 @@ class Mouse:
 
     def _move(self) -> None:
         self._link.move(
-            Motion(
+            CannedMotion(
                 self._kind.value, 1e-3 * self._speed.value, 1e-3 * self._length.value,
                 float(np.radians(self._direction.value)),
             ),

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.realtime.servo.snapshot import Moment
+from asperity.realtime.servo.snapshot import Snapshot
 
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Frame:
         Of the ticks since the last update; columns as in `servo.rows.FIELDS`. At most what the
         link keeps.
     next_row : int
-        The number of the row that will be next, for `Link.rows_since`.
+        The number of the row that will be next, for `ServoClient.rows_since`.
     alive : bool
         Whether the loop ticks.
     generation : int
@@ -45,7 +45,7 @@ class Frame:
 
     number: int
     now: float
-    moment: Moment | None
+    moment: Snapshot | None
     rows: NDArray[np.float64]
     next_row: int
     alive: bool
@@ -67,7 +67,7 @@ class Panel(Protocol):
     title: str
     """Of its tab; panels of one title share a tab. Empty: it has none, as the 3-D scene."""
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make its controls; called within its tab."""
 
     def update(self, frame: Frame) -> None:

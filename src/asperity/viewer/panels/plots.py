@@ -22,7 +22,7 @@ from asperity.viewer.timeline import Timeline
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 OFTEN = {"4 a second": 7, "1 a second": 30, "once in 4 s": 120}
 """How often plots are drawn anew, and so many updates of the page that is."""
@@ -51,7 +51,7 @@ class PlotsPanel:
         self._length = 5.0
         self._traces: Traces
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the plots."""
         self._server = server
         gui = server.gui

@@ -25,8 +25,8 @@ from asperity.viewer.timeline import Timeline
 if TYPE_CHECKING:
     import viser
 
-    from asperity.realtime.servo.parameters import Parameters
-    from asperity.viewer.servo_client import Link
+    from asperity.realtime.servo.parameters import LiveParameters
+    from asperity.viewer.servo_client import ServoClient
 
 _EVERY = 10
 _READY = "Every tick goes into a `recording.h5`, written by a process of its own."
@@ -50,13 +50,13 @@ class RecordPanel:
         self._recorder: RecorderOnRequest | None = None
         self._untap: Callable[[], None] = lambda: None
         self._generation = 0
-        self._parameters: Parameters | None = None
+        self._parameters: LiveParameters | None = None
         self._changes: list[dict[str, Any]] = []
         self._replayed: tuple[KeptRecording, ContactsAgain] | None = None
         self.path: Path | None = None
         """The last recording that was finished."""
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the buttons."""
         import viser
 

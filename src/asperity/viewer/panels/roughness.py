@@ -15,7 +15,7 @@ from asperity.viewer.timeline import Timeline
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 WINDOW = 1.0
 """Of the motion that a number is of [s]; ours."""
@@ -43,7 +43,7 @@ class RoughnessPanel:
         self._timeline = timeline
         self._shown: tuple[bool, float] | None = None
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the numbers and their explanation."""
         self._server = server
         with server.gui.add_folder("Perceived roughness, predicted"):

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.virtual_coupling.settings import held_body
-from asperity.realtime.servo.snapshot import Moment
+from asperity.dynamics.virtual_coupling.settings import coupled_body
+from asperity.geometry.poses import rotation_of
+from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
-from asperity.spatial.poses import rotation_of
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
 from asperity.viewer.drawables.glb import glb
-from asperity.viewer.drawables.shapes import TRIANGLES, Shape, first_contact, shapes_of
+from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact, shapes_of
 from asperity.viewer.panels.panel import Frame
 
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 Array = NDArray[np.float64]
 UNITS = 100.0
@@ -63,10 +63,10 @@ class Stage:
         self._triangles = triangles
         self._scene: Scene | None = None
         self._nodes: list[Any] = []
-        self.shapes: list[Shape] = []
+        self.shapes: list[Drawable] = []
         """What is shown."""
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Set light and camera up, and show the scene."""
         self._server, self._link = server, link
         scene = server.scene
@@ -111,7 +111,7 @@ class Stage:
             node.remove()
         self._scene = scene
         self.shapes = shapes_of(scene, self._triangles)
-        self._centre = np.array(held_body(scene.model, scene.tool).centre)
+        self._centre = np.array(coupled_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
         self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
         self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
@@ -126,7 +126,7 @@ class Stage:
         self._add_marks()
         self._set_camera(scene, tool)
 
-    def _add(self, shape: Shape, parent: str) -> None:
+    def _add(self, shape: Drawable, parent: str) -> None:
         data = glb(
             UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
             places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
@@ -202,7 +202,7 @@ class Stage:
 
     # -- what moves ----------------------------------------------------------------------------
 
-    def _show_stretch(self, moment: Moment) -> None:
+    def _show_stretch(self, moment: Snapshot) -> None:
         """Join the tool's centre of mass to where the handle has it."""
         ends = np.array(
             [
@@ -216,14 +216,14 @@ class Stage:
         )
         self._stretch.points = ends[None].astype(np.float32)
 
-    def _show_contacts(self, moment: Moment) -> None:
+    def _show_contacts(self, moment: Snapshot) -> None:
         points = (UNITS * moment.point).astype(np.float32)
         self._contacts.points = points
         places = points.astype(np.float64)
         pushes = self._arrows(places, moment.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
 
-    def _show_wrench(self, moment: Moment) -> None:
+    def _show_wrench(self, moment: Snapshot) -> None:
         """Show the wrench that the hand feels, over the tool's centre of mass, where it is seen."""
         pose, wrench = moment.tool_pose, moment.device_wrench
         turn = rotation_of(pose[3:])

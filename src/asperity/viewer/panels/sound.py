@@ -16,7 +16,7 @@ from asperity.viewer.timeline import Timeline
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 _LENGTHS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "20 s": 20.0}
 _RATE = 44100
@@ -45,7 +45,7 @@ class SoundPanel:
         self._timeline, self._can_be_live = timeline, live
         self._live: LiveSound | None = None
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the controls."""
         import viser
 

@@ -12,7 +12,7 @@ from asperity.viewer.panels.panel import Frame
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 EVERY = 8
 """Updates between two of the numbers; nobody reads faster."""
@@ -75,7 +75,7 @@ class Status:
 
     title = ""
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the table, and what to do when the loop is gone."""
         self._link = link
         gui = server.gui

@@ -27,14 +27,14 @@ from asperity.viewer.server.uploads import Uploads
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 FILE = "the file below"
 _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
 """Of an image that says neither [m]; ours."""
 
 
-class Textures:
+class TexturesPanel:
     """Textures and meshes, as a panel."""
 
     title = "Surfaces"
@@ -45,7 +45,7 @@ class Textures:
         self._meshes: dict[str, dict[str, Any]] = {}
         self._generation = -1
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the controls."""
         self._link = link
         gui = server.gui

@@ -11,7 +11,7 @@ from asperity.viewer.timeline import Timeline
 if TYPE_CHECKING:
     import viser
 
-    from asperity.viewer.servo_client import Link
+    from asperity.viewer.servo_client import ServoClient
 
 _SPEEDS = {"1 x": 1.0, "1/4 x": 0.25, "1/10 x": 0.1, "1/50 x": 0.02}
 _EVERY = 3
@@ -36,7 +36,7 @@ class TimePanel:
         self._shown: tuple[Any, ...] = ()
         self._followed = 0.0
 
-    def build(self, server: viser.ViserServer, link: Link) -> None:
+    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
         """Make the controls."""
         import viser
 

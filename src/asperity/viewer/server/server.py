@@ -14,7 +14,7 @@ from asperity.errors import AsperityError
 from asperity.viewer.panels.panel import Frame, Panel
 from asperity.viewer.server.origin import own_origin_only
 from asperity.viewer.server.transfers import bound_uploads
-from asperity.viewer.servo_client import Link
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.view_model import Frames
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Page:
 
     def __init__(
         self,
-        link: Link,
+        link: ServoClient,
         panels: Sequence[Panel],
         *,
         host: str = LOCAL,
@@ -151,7 +151,7 @@ def _updated(panel: Panel, frame: Frame) -> bool:
 
 
 def serve(
-    link: Link,
+    link: ServoClient,
     make_panels: Callable[[], Sequence[Panel]],
     *,
     host: str = LOCAL,

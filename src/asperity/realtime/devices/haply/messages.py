@@ -28,7 +28,7 @@ _GRIP_LISTS = {"wireless": "wireless_verse_grip", "wired": "verse_grip"}
 
 
 @dataclass
-class State:
+class HaplyState:
     """What one frame says of one device and its grip."""
 
     device_id: str
@@ -61,7 +61,7 @@ def first_part(profile: str, spelling: str) -> str:
     return f'"session":{json.dumps({"configure": configure})},'
 
 
-def read_state(text: str, device_id: str | None, grip: str) -> State:
+def read_state(text: str, device_id: str | None, grip: str) -> HaplyState:
     """Return what a frame says of a device (None: the first that is listed).
 
     Raises
@@ -82,7 +82,7 @@ def read_state(text: str, device_id: str | None, grip: str) -> State:
         position = _vector(state["cursor_position"], FARTHEST)
         velocity = _vector(state["cursor_velocity"], FASTEST)
         orientation, buttons = _grip(frame, grip)
-        return State(str(entry["device_id"]), position, velocity, orientation, buttons)
+        return HaplyState(str(entry["device_id"]), position, velocity, orientation, buttons)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"the service sent a frame that lacks {error}") from None
 

@@ -39,7 +39,7 @@ from asperity.realtime.devices.haply.messages import (
     force_message,
     read_state,
 )
-from asperity.realtime.devices.haply.websocket import Link
+from asperity.realtime.devices.haply.websocket import WebSocketClient
 from asperity.realtime.devices.orientation import TurnRate
 from asperity.realtime.devices.polling_thread import Answer, Exchange, Exchanging, UnusableError
 from asperity.realtime.devices.presets import PRESETS
@@ -97,7 +97,7 @@ class HaplyServiceDevice(Exchanging):
         self._grip = require_choice("grip", grip, GRIPS)
         self._first = first_part(profile, spelling) if profile else ""
         self._clock = clock
-        self._link: Link | None = None
+        self._link: WebSocketClient | None = None
         self._rate = TurnRate()
         self._device_id = ""
         self._greeted = 0
@@ -109,7 +109,7 @@ class HaplyServiceDevice(Exchanging):
         if self._exchange is not None:
             return
         try:
-            self._link = Link(self._uri, self._clock)
+            self._link = WebSocketClient(self._uri, self._clock)
         except ImportError:
             raise AsperityError(
                 "the Haply service needs websockets: pip install 'asperity[haply]'"
@@ -182,7 +182,7 @@ class HaplyServiceDevice(Exchanging):
             link.drop("it went silent")
         raise OSError(f"lost the Haply service: {link.error}")
 
-    def _send(self, link: Link, force: tuple[float, ...]) -> None:
+    def _send(self, link: WebSocketClient, force: tuple[float, ...]) -> None:
         greeting = self._first if link.openings != self._greeted else ""
         message = force_message(self._device_id, force, self._spelling, greeting)
         if not link.send(message):
@@ -215,7 +215,7 @@ def attached(uri: str = URI, patience: float = 0.5) -> list[str]:
 
     It connects and reads the inventory, and sends no command.
     """
-    link = Link(uri, time.monotonic)
+    link = WebSocketClient(uri, time.monotonic)
     deadline = time.monotonic() + patience
     try:
         while time.monotonic() < deadline:

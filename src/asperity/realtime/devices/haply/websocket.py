@@ -30,7 +30,7 @@ _MOST_READS = 16
 _NOTHING: list[str] = []
 
 
-class Link:
+class WebSocketClient:
     """One connection, made and made anew.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import clear, inner_kernel
-from asperity.spatial.rigid_body import fill_rotation
+from asperity.geometry.rigid_body import fill_rotation
 
 
 @inner_kernel

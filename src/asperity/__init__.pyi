@@ -1,0 +1,24 @@
+"""The public names, and where they are defined."""
+
+from .baking.bake import bake as bake
+from .contact.body_pair import BodyPair as BodyPair
+from .contact.response.settings import ForceSettings as ForceSettings
+from .contact.solver import ContactSolver as ContactSolver
+from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings
+from .errors import AsperityError as AsperityError
+from .geometry.bodies import Body as Body
+from .geometry.bodies import Geom as Geom
+from .realtime.devices.catalogue import device as device
+from .realtime.servo.running import Servo as Servo
+from .runs.dataset import open_recording as open_recording
+from .scene.builtin import load_scene as load_scene
+from .scene.from_files import make_scene as make_scene
+from .scene.scene import Scene as Scene
+from .scene.trajectory import ScriptedMotion as ScriptedMotion
+from .scene.trajectory import Trajectory as Trajectory
+from .scene.trajectory_file import read_poses as read_poses
+from .simulation.simulation import Simulation as Simulation
+from .texture.files.reading import read_heights as read_heights
+from .texture.height_field import HeightField as HeightField
+
+__version__: str

@@ -1,1 +1,0 @@
-"""Poses, quaternions, twists and wrenches: checked, interpolated, moved between frames."""
