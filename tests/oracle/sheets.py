@@ -14,16 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from asperity.errors import AsperityError
-
-if TYPE_CHECKING:
-    from asperity.geometry.bodies import Body, Geom, covers, origin_of_map
+from asperity.geometry.bodies import Body, Geom, covers, origin_of_map
 
 STEEPEST = 0.2
 """Facets with |w.n| below this belong to another patch."""

@@ -44,4 +44,8 @@ def compile_notice() -> str:
     """Return a description for work that may have to compile first."""
     from asperity._core.kernels import is_compiled
 
-    return "studies" if is_compiled("dynamics.drag", "force_at") else "studies (compiling first)"
+    return (
+        "studies"
+        if is_compiled("dynamics.dragged_hand.integrator", "force_at")
+        else "studies (compiling first)"
+    )

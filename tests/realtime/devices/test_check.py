@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from devices.clocks import Clock
+from clocks import Clock
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.calibration import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from devices.clocks import Clock, until
+from clocks import Clock, until
 
 from asperity.realtime.devices.polling_thread import HOLD, Answer, Exchange, UnusableError
 from asperity.realtime.devices.protocol import Reading

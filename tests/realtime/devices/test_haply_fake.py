@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from devices.clocks import Clock
+from clocks import Clock
 from websockets.sync.client import connect
 
 from asperity.realtime.devices.haply.cursor import HOME, Cursor, still_hand

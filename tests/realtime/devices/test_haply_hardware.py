@@ -8,7 +8,7 @@ import types
 
 import numpy as np
 import pytest
-from devices.clocks import until
+from clocks import until
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.haply.serial_port import HaplyHardwareDevice

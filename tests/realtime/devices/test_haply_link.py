@@ -6,7 +6,7 @@ import threading
 import time
 
 import pytest
-from devices.clocks import Clock
+from clocks import Clock
 from websockets.sync.server import serve
 
 from asperity.realtime.devices.haply import websocket as haply_link

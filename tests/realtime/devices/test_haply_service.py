@@ -8,7 +8,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from devices.clocks import until
+from clocks import until
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.haply.cursor import HOME, still_hand

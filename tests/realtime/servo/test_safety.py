@@ -212,8 +212,8 @@ def test_the_whole_loop_is_held_to_the_limits():
 
 def test_nothing_else_writes_to_a_device_or_opens_one():
     """Besides what passes on what it is told there are those who hold a `SafeDevice`."""
-    source = Path(asperity.__file__).parent
-    passing_on = {"devices/calibration.py", "devices/haply_fake_device.py", "servo/safety.py"}
+    source = Path(asperity.__file__).parent / "realtime"
+    passing_on = {"devices/calibration.py", "devices/haply/fake_device.py", "servo/safety.py"}
     found = {
         file.relative_to(source).as_posix()
         for file in source.rglob("*.py")

@@ -50,16 +50,17 @@ _ENTRIES = (
     Entry("mouse", "a page's pointer, in a simulated hand", "mouse", "MouseDevice", steady=True),
     Entry("replay", "a recording or a file of poses", "replayed", "ReplayedDevice", steady=True),
     Entry(
-        "haply", "Haply Inverse3, by its service", "haply_service", "HaplyServiceDevice",
+        "haply", "Haply Inverse3, by its service", "haply.service", "HaplyServiceDevice",
         "websockets", "haply", "Haply Hub or the Inverse service", HOME,
     ),
     Entry(
-        "haply-fake", "the same, simulated", "haply_fake_device",
+        "haply-fake", "the same, simulated", "haply.fake_device",
         "HaplyFakeDevice", "websockets", "haply", "", HOME, checked_with={"motion": "still"},
     ),
     Entry(
-        "haply-serial", "Haply Inverse3, by serial port", "haply_hardware", "HaplyHardwareDevice",
-        "HaplyHardwareAPI", "haply", "an Inverse3 on USB (Linux: group dialout)", HOME,
+        "haply-serial", "Haply Inverse3, by serial port", "haply.serial_port",
+        "HaplyHardwareDevice", "HaplyHardwareAPI", "haply",
+        "an Inverse3 on USB (Linux: group dialout)", HOME,
     ),
     Entry(
         "force-dimension", "omega, sigma, lambda", "force_dimension", "ForceDimensionDevice",
