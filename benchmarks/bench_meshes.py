@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.contact.solver import ContactSolver
-from asperity.geometry.poses import turn_between, turned
+from asperity.geometry.poses import rotated, rotation_between
 from asperity.scene.builtin import load_scene
 from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Simulation
@@ -334,14 +334,16 @@ def round_a_path(scene: Scene, count: int = 3000) -> tuple[float, float]:
     last: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     # The first quarter leads in.
     for p in 2.0 * np.pi * np.arange(-count // 4, count + 1) / count:
-        pose = turned(middle, np.radians([0.4 * np.sin(p), 0.3 * np.sin(2.0 * p), 8.0 * np.sin(p)]))
+        pose = rotated(
+            middle, np.radians([0.4 * np.sin(p), 0.3 * np.sin(2.0 * p), 8.0 * np.sin(p)])
+        )
         pose[:3] += [6e-3 * np.cos(p), 4e-3 * np.sin(p), 5e-5 * np.sin(3.0 * p)]
         wrench = engine.wrench(pose, DT).copy()
         if last is not None and p > 0.0:
             arms = [rotation(at) @ engine._collider.centre for at in (pose, last[0])]
             moved = pose[:3] + arms[0] - last[0][:3] - arms[1]
             mean = 0.5 * (wrench + last[1])
-            work = float(mean[:3] @ moved + mean[3:] @ turn_between(last[0], pose))
+            work = float(mean[:3] @ moved + mean[3:] @ rotation_between(last[0], pose))
             net, gross = net + work, gross + abs(work)
         last = pose, wrench
     return net, gross

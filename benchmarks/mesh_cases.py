@@ -50,7 +50,7 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.convex.pieces import convex_pieces
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
-from asperity.geometry.poses import turned
+from asperity.geometry.poses import rotated
 from asperity.geometry.shapes.cad_part import BOSS_TOP
 from asperity.scene.builtin.file_cad import YAW
 from asperity.scene.scene import Scene
@@ -107,8 +107,8 @@ def families(scene: Scene, simulation: Simulation) -> dict[str, Array]:
 
 def about(pose: Array, pivot: Array, turn: Array) -> Array:
     """Return a pose turned about a place of the world."""
-    out = turned(pose, turn)
-    arm = turned(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), turn)
+    out = rotated(pose, turn)
+    arm = rotated(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), turn)
     out[:3] = pivot + rotation(arm) @ (pose[:3] - pivot)
     return out
 

@@ -10,7 +10,7 @@ from asperity.contact.broad_phase.facet_pairs import moved_since, size_of
 from asperity.contact.broad_phase.neighbour_list import _take_from_all, near_pairs
 from asperity.contact.broad_phase.neighbour_records import note_nothing, noted_facets
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
-from asperity.geometry.poses import turned
+from asperity.geometry.poses import rotated
 from asperity.scene.builtin import load_scene
 from asperity.simulation.press import touching_pose
 from asperity.simulation.tool_contact import ToolContact
@@ -53,7 +53,7 @@ def test_a_tool_of_a_scene_that_slides_and_tilts(scene, count, speed):
     s = np.linspace(0.0, 1.0, count)[:, None]
     way = speed * DT * count * s * [0.8, 0.6, 0.0] - 2e-4 * np.sin(9.0 * s) * [0.0, 0.0, 1.0]
     tilt = 0.5 * speed * np.sin(7.0 * s) * [0.7, 0.4, 1.0]
-    path = np.array([turned(start, turn) for turn in tilt])
+    path = np.array([rotated(start, turn) for turn in tilt])
     path[:, :3] += way
     assert_noted_is_as_good_as_new(engine, path)
     assert is_taken_from_outer(engine) == (speed < 0.5)
@@ -65,7 +65,7 @@ def test_a_ball_that_rolls_and_jumps():
     engine = engine_of(thing("tool", ball_mesh(radius, 3)), slab(half=10e-3))
     x = np.concatenate([np.linspace(-6e-3, 6e-3, 150), np.linspace(0.0, 3e-3, 50)])
     out = radius - 1e-4
-    path = [turned(pose(a, 1e-3, out), np.array([0.0, a / radius, 0.3 * a / radius])) for a in x]
+    path = [rotated(pose(a, 1e-3, out), np.array([0.0, a / radius, 0.3 * a / radius])) for a in x]
     assert_noted_is_as_good_as_new(engine, path)
 
 

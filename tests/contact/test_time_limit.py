@@ -12,7 +12,7 @@ from naive_engine import ball, engine_for, plate, pose, waves
 from asperity._core.clock import IS_KNOWN, ends_in, seconds_now
 from asperity._core.kernels import kernel
 from asperity.contact.contacts import Contacts
-from asperity.geometry.poses import turned
+from asperity.geometry.poses import rotated
 from asperity.scene.builtin import load_scene
 from asperity.simulation.press import touching_pose
 from asperity.simulation.tool_contact import CUT_SHORT, NOT_CERTIFIED, ToolContact
@@ -43,7 +43,7 @@ def rubbed(name, count):
     start = touching_pose(stage.engine, stage.scene.start)
     start[2] -= 8e-4
     s = np.linspace(0.0, 1.0, count)[:, None]
-    path = np.array([turned(start, tilt) for tilt in 0.02 * np.sin(7.0 * s) * [0.7, 0.4, 1.0]])
+    path = np.array([rotated(start, tilt) for tilt in 0.02 * np.sin(7.0 * s) * [0.7, 0.4, 1.0]])
     path[:, :3] += 5e-5 * count * s * [0.8, 0.6, 0.0]
     return stage, path
 

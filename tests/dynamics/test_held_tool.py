@@ -16,8 +16,8 @@ from asperity.dynamics.virtual_coupling.settings import (
     gains_for,
 )
 from asperity.errors import AsperityError
-from asperity.geometry.poses import turn_between, turned
-from asperity.geometry.rigid_body import RigidBody, centre_of_mass, rotation_matrix
+from asperity.geometry.poses import rotated, rotation_between, rotation_of
+from asperity.geometry.rigid_body import RigidBody, centre_of_mass
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
@@ -25,8 +25,8 @@ from asperity.simulation.tool_contact import ToolContact
 COUPLED = MODES[1:]
 START = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 BODY = RigidBody(
-    0.05, np.array([0.01, 0.0, 0.03]), np.array([6e-5, 4e-5, 2e-5]), rotation_matrix(
-        turned(START, (0.3, -0.2, 0.5)))
+    0.05, np.array([0.01, 0.0, 0.03]), np.array([6e-5, 4e-5, 2e-5]), rotation_of(
+        rotated(START, (0.3, -0.2, 0.5))[3:])
 )  # fmt: skip
 NOTHING = LinearContact(START, np.zeros(6), np.zeros((6, 6)), 0, 0)
 
@@ -44,7 +44,7 @@ def follow(tool, handle, ticks, contact=NOTHING):
 def test_a_free_tool_comes_to_its_handle_and_the_hand_feels_nothing(mode):
     tool = held(mode)
     tool.reset(START)
-    handle = turned(START + np.array([0.01, -0.02, 0.005, 0, 0, 0, 0]), (0.4, 0.1, -0.3))
+    handle = rotated(START + np.array([0.01, -0.02, 0.005, 0, 0, 0, 0]), (0.4, 0.1, -0.3))
     wrench = follow(tool, handle, 300)
     np.testing.assert_allclose(tool.pose, handle, atol=1e-8)
     np.testing.assert_allclose(wrench[-1], 0.0, atol=1e-6)
@@ -113,10 +113,10 @@ def test_a_handle_that_spins_fast_is_followed(mode):
     tool.reset(START)
     handle, spin = START.copy(), np.array([30.0, -30.0, 25.0])
     for _ in range(400):
-        handle = turned(handle, 1e-3 * spin)
+        handle = rotated(handle, 1e-3 * spin)
         wrench = tool.advance(handle, np.append(np.zeros(3), spin), NOTHING)
         assert np.isfinite(wrench).all()
-    assert np.linalg.norm(turn_between(tool.pose, handle)) < 0.3
+    assert np.linalg.norm(rotation_between(tool.pose, handle)) < 0.3
     np.testing.assert_allclose(tool.twist[3:], spin, rtol=0.2, atol=3.0)
     wrench = follow(tool, handle, 200)[-1]
     np.testing.assert_allclose(wrench, 0.0, atol=1e-4)
@@ -130,7 +130,7 @@ def test_action_is_reaction(mode):
     tool.reset(START)
     before = tool._momentum.copy()
     for _ in range(20):
-        handle = turned(START + np.append(0.01 * rng.normal(size=3), np.zeros(4)),
+        handle = rotated(START + np.append(0.01 * rng.normal(size=3), np.zeros(4)),
                         0.3 * rng.normal(size=3))  # fmt: skip
         wrench = tool.advance(handle, 0.1 * rng.normal(size=6), NOTHING)
         np.testing.assert_allclose(tool._momentum - before, -1e-3 * wrench, atol=1e-12)
@@ -153,7 +153,7 @@ def test_an_old_contact_is_told_about_the_centre_of_mass():
     tool = held("direct")
     k = np.diag([100.0, 200.0, 400.0, 1.0, 2.0, 3.0])
     contact = LinearContact(START, np.array([0.1, 0.2, 0.4, 0, 0, 0.0]), k, 1, 0)
-    pose = turned(START, (1e-4, 2e-4, -1e-4))
+    pose = rotated(START, (1e-4, 2e-4, -1e-4))
     moved = centre_of_mass(pose, BODY.centre) - centre_of_mass(START, BODY.centre)
     pose[:3] -= moved  # the centre of mass stays
     wrench = tool.advance(pose, np.zeros(6), contact)
@@ -188,7 +188,7 @@ def test_a_handle_that_leaps_about_leaves_everything_finite_and_it_settles(
     simulation.reset()
     rest = simulation.scene.start + lift * np.eye(7)[2]
     for leap in leaps:
-        pose = turned(rest + np.append(leap[:3], np.zeros(4)), leap[3:])
+        pose = rotated(rest + np.append(leap[:3], np.zeros(4)), leap[3:])
         for _ in range(3):
             assert np.isfinite(simulation.step(pose)).all()
     # Held still above the plate, and then put down. One that is under it has to come through first.
@@ -201,7 +201,7 @@ def test_a_handle_that_leaps_about_leaves_everything_finite_and_it_settles(
     assert np.abs(np.diff(still, axis=0)).max() < 5e-3
     if all(leap[2] >= 0.0 for leap in leaps):  # else it may hang under the plate
         np.testing.assert_allclose(simulation.state.pose[:3], above[:3], atol=1e-5)
-        np.testing.assert_allclose(turn_between(simulation.state.pose, above), 0.0, atol=1e-4)
+        np.testing.assert_allclose(rotation_between(simulation.state.pose, above), 0.0, atol=1e-4)
         np.testing.assert_allclose(wrench, 0.0, atol=2e-2)
         last = np.array([simulation.step(rest) for _ in range(150)])
         assert np.abs(np.diff(last[-20:], axis=0)).max() < 5e-3

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
 from asperity.errors import AsperityError
-from asperity.geometry.poses import turn_between, turned
+from asperity.geometry.poses import rotated, rotation_between
 from asperity.geometry.rigid_body import centre_of_mass
 from asperity.realtime.devices.protocol import Device, Limits, Reading
 from asperity.realtime.devices.simulated import SimulatedDevice
@@ -45,7 +45,7 @@ def test_a_torque_turns_it_about_its_centre_of_mass():
     torque = np.array([0.02, -0.01, 0.03])
     for _ in range(1500):
         hand.advance(np.append(np.zeros(3), torque))
-    turn = turn_between(START, hand.pose)
+    turn = rotation_between(START, hand.pose)
     np.testing.assert_allclose(turn, torque / settings.rotational_stiffness, rtol=1e-6)
     np.testing.assert_allclose(
         centre_of_mass(hand.pose, CENTRE), centre_of_mass(START, CENTRE), atol=1e-12
@@ -54,7 +54,7 @@ def test_a_torque_turns_it_about_its_centre_of_mass():
 
 def test_free_it_follows_its_target_exactly():
     def target(t):
-        return turned(START + np.append([0.1 * t, 0.0, 0.0], np.zeros(4)), (0.0, 0.0, 2.0 * t))
+        return rotated(START + np.append([0.1 * t, 0.0, 0.0], np.zeros(4)), (0.0, 0.0, 2.0 * t))
 
     hand = SimulatedHand(target, centre=CENTRE)
     for _ in range(100):

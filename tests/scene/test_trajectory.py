@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.geometry.poses import between, require_pose, turn_between, turned, twist
+from asperity.geometry.poses import (
+    interpolate_pose,
+    mean_twist,
+    require_pose,
+    rotated,
+    rotation_between,
+)
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 from asperity.scene.trajectory_file import read_poses
 
@@ -58,21 +64,21 @@ def test_press_and_slide_begins_and_ends_above():
 def test_rotate_turns_in_place():
     path = scripted(ScriptedMotion(kind="rotate", seconds=1.0, turning=2.0), START)
     assert np.ptp(path.poses[:, :3], axis=0).max() == 0.0
-    rate = twist(path.poses[500], path.poses[501], 1e-3)
+    rate = mean_twist(path.poses[500], path.poses[501], 1e-3)
     np.testing.assert_allclose(rate, [0, 0, 0, 0, 0, 2.0], atol=1e-9)
 
 
 def test_between_poses_the_way_is_even_and_short():
     a = START
-    b = turned(a, (0.3, -0.4, 0.5))
+    b = rotated(a, (0.3, -0.4, 0.5))
     b[:3] += [0.01, 0.02, 0.03]
     b[3:] *= -1.0  # the same orientation
-    np.testing.assert_allclose(turn_between(a, b), (0.3, -0.4, 0.5), atol=1e-12)
+    np.testing.assert_allclose(rotation_between(a, b), (0.3, -0.4, 0.5), atol=1e-12)
     for s in (0.0, 0.3, 1.0):
-        mixed = between(a, b, s)
+        mixed = interpolate_pose(a, b, s)
         np.testing.assert_allclose(mixed[:3], a[:3] + s * (b[:3] - a[:3]))
         np.testing.assert_allclose(
-            turn_between(a, mixed), s * np.array([0.3, -0.4, 0.5]), atol=1e-12
+            rotation_between(a, mixed), s * np.array([0.3, -0.4, 0.5]), atol=1e-12
         )
 
 

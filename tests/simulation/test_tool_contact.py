@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from asperity.contact.solver import ContactSolver
-from asperity.geometry.poses import turned
+from asperity.geometry.poses import rotated
 from asperity.geometry.rigid_body import centre_of_mass
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.simulation.simulation import Simulation
@@ -16,7 +16,7 @@ AXES = np.eye(6)
 
 def moved(pose, step, centre):
     """Return a pose moved by a translation of its centre of mass and a turn about it."""
-    out = turned(pose, step[3:])
+    out = rotated(pose, step[3:])
     out[:3] += centre_of_mass(pose, centre) + step[:3] - centre_of_mass(out, centre)
     return out
 
@@ -24,7 +24,7 @@ def moved(pose, step, centre):
 def pressed(scene, depth, tilt):
     """Return a stage, and a pose in which the probe is that deep in a plate without texture."""
     stage = ToolContact(scene)
-    pose = turned(np.array([0.0, 0.0, 1.5e-3 - depth, 1, 0, 0, 0]), tilt)
+    pose = rotated(np.array([0.0, 0.0, 1.5e-3 - depth, 1, 0, 0, 0]), tilt)
     stage.evaluate(pose)  # bristles begin here
     return stage, pose
 

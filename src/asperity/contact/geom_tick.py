@@ -28,7 +28,14 @@ from asperity.contact.narrow_phase.penetration import (
 )
 from asperity.contact.response.baseline_methods import advance_noise, baseline_force, depth_on_grid
 from asperity.contact.response.point_laws import bristle_force
-from asperity.geometry.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
+from asperity.geometry.frames import (
+    depth_tolerance,
+    fill_relative_frame,
+    fill_tool_frame,
+    material_displacement,
+    to_body,
+    to_world,
+)
 
 NO_ROOM = 2
 
@@ -47,7 +54,7 @@ def _tick(
     body_a = poses[tool]
     vectors = space.vectors
     origin = vectors[3]
-    place_tool(pose, centre, body_a, origin)
+    fill_tool_frame(pose, centre, body_a, origin)
     count = collect_pairs(
         textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
     )
@@ -55,7 +62,7 @@ def _tick(
     patches = group(geometry, memory, count)
     # Seen from the tool's centre of mass.
     near_a, near_b = space.near[0], space.near[1]
-    seen_from(origin, body_a, near_a)
+    fill_relative_frame(origin, body_a, near_a)
     n, guess, force = vectors[4], vectors[5], vectors[6]
     shape = geometry
     if baseline is not None:
@@ -71,16 +78,16 @@ def _tick(
     for p in range(patches):
         b = memory.new_bodies[p]
         body_b = poses[b]
-        seen_from(origin, body_b, near_b)
+        fill_relative_frame(origin, body_b, near_b)
         recall(memory, p)
-        out_of(body_b, memory.new_patches[p], n)
-        out_of(body_b, memory.new_patches[p, 3:], guess)
+        to_world(body_b, memory.new_patches[p], n)
+        to_world(body_b, memory.new_patches[p, 3:], guess)
         for i in range(3):
             guess[i] += near_b[i, 3]
         count_a, count_b = geoms_of(memory, count, p)
         out = memory.results[p]
         clear(out)
-        tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
+        tolerance = depth_tolerance(textures, geometry, tool, b, parameters.tolerance)
         fill_depth_along(
             textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
             n, guess, tolerance, parameters.max_nodes, space, out,
@@ -114,7 +121,7 @@ def _tick(
         weight = depth / total
         push = parameters.stiffness * weight * depth
         body_b = poses[b]
-        out_of(body_b, memory.new_patches[p], n)
+        to_world(body_b, memory.new_patches[p], n)
         c = live
         live += 1
         contacts.body[c] = b
@@ -131,9 +138,9 @@ def _tick(
                 force[k] = push * out[M_X + k]
                 wrench_out[3 + k] += push * out[MOMENT + k]
         else:
-            seen_from(origin, body_b, near_b)
+            fill_relative_frame(origin, body_b, near_b)
             _, count_b = geoms_of(memory, count, p)
-            slid(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
+            material_displacement(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
             baseline_force(
                 textures, geometry, memory, count_b, near_b, n, guess, moved, push, depth,
                 baseline, space, force,
@@ -144,19 +151,19 @@ def _tick(
         for k in range(3):
             wrench_out[k] += force[k]
         if parameters.friction > 0.0:
-            slid(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
-            into(body_b, moved, bristle)
+            material_displacement(memory.counts[2] == 1, memory.pose, body_a, guess, origin, moved)
+            to_body(body_b, moved, bristle)
             for k in range(3):
                 moved[k] = bristle[k] if dt > 0.0 else 0.0
             across = stack_array((3,))
-            into(body_b, contacts.slope_normal[c], across)
+            to_body(body_b, contacts.slope_normal[c], across)
             size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
             held = memory.new_patches[p, 6:]
             drag = stack_array((3,))
             bristle_force(
                 held, moved, across, parameters.bristle_stiffness, parameters.friction * size, drag
             )
-            out_of(body_b, drag, bristle)
+            to_world(body_b, drag, bristle)
             for k in range(3):
                 one, two = (k + 1) % 3, (k + 2) % 3
                 force[k] += bristle[k]
@@ -165,7 +172,7 @@ def _tick(
         for k in range(3):
             contacts.force[c, k] = force[k]
             moved[k] = contacts.point[c, k] - body_b[k, 3]
-        into(body_b, moved, bristle)
+        to_body(body_b, moved, bristle)
         for k in range(3):
             memory.new_patches[p, 3 + k] = bristle[k]
         if dt > 0.0:

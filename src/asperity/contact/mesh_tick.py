@@ -20,7 +20,14 @@ from asperity.contact.narrow_phase.penetration import (
     STATUS,
 )
 from asperity.contact.response.point_laws import bristle_force
-from asperity.geometry.frames import into, out_of, place_tool, seen_from, slid, tolerance_for
+from asperity.geometry.frames import (
+    depth_tolerance,
+    fill_relative_frame,
+    fill_tool_frame,
+    material_displacement,
+    to_body,
+    to_world,
+)
 
 NO_ROOM = 2
 _JUMP = 1e-2
@@ -40,9 +47,9 @@ def _mesh_tick(
     body_a = poses[tool]
     vectors = work_space.vectors
     origin = vectors[3]
-    place_tool(pose, centre, body_a, origin)
+    fill_tool_frame(pose, centre, body_a, origin)
     near_a, near_b = work_space.near[0], work_space.near[1]
-    seen_from(origin, body_a, near_a)
+    fill_relative_frame(origin, body_a, near_a)
     known = memory.at[0] == 1
     moved = moved_since(table, tool, memory.pose, body_a) if known else 0.0
     if moved > _JUMP and dt == 0.0:
@@ -78,8 +85,8 @@ def _mesh_tick(
             if dt > 0.0:
                 memory.known[b] = 0
             continue
-        seen_from(origin, poses[b], near_b)
-        tolerance = tolerance_for(textures, geometry, tool, b, parameters.tolerance)
+        fill_relative_frame(origin, poses[b], near_b)
+        tolerance = depth_tolerance(textures, geometry, tool, b, parameters.tolerance)
         touch(
             textures, table, geometry, tool, b, near_a, near_b, pressed, moved,
             parameters.patch_radius, parameters.edge_fade, tolerance, parameters.max_nodes, memory,
@@ -117,16 +124,16 @@ def _mesh_tick(
             wrench_io[3 + k] += push * out[MOMENT + k]
         body_b = poses[b]
         if parameters.friction > 0.0:
-            slid(known and dt > 0.0, memory.pose, body_a, point, origin, gone)
-            into(body_b, gone, bent)
-            into(body_b, contacts.slope_normal[c], across)
+            material_displacement(known and dt > 0.0, memory.pose, body_a, point, origin, gone)
+            to_body(body_b, gone, bent)
+            to_body(body_b, contacts.slope_normal[c], across)
             most = parameters.friction * math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
             stiffness = parameters.bristle_stiffness * rows.weight[p]
             before_x, before_y, before_z = bristle[0], bristle[1], bristle[2]
             bristle_force(bristle, bent, across, stiffness, most, drag)
             if dt == 0.0:
                 bristle[0], bristle[1], bristle[2] = before_x, before_y, before_z
-            out_of(body_b, drag, bent)
+            to_world(body_b, drag, bent)
             for k in range(3):
                 one, two = (k + 1) % 3, (k + 2) % 3
                 force[k] += bent[k]
@@ -136,7 +143,7 @@ def _mesh_tick(
             contacts.force[c, k] = force[k]
             gone[k] = contacts.point[c, k] - body_a[k, 3]
         if dt > 0.0:
-            into(body_a, gone, memory.guess[b, d, which])
+            to_body(body_a, gone, memory.guess[b, d, which])
     if dt > 0.0:
         memory.at[0] = 1
         for i in range(3):

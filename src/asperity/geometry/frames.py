@@ -1,4 +1,8 @@
-"""Directions and poses in small arrays, for the kernels of a tick."""
+"""Body frames and directions in small arrays, for the kernels of a tick.
+
+A frame is an array (3, 4): the rotation matrix, whose columns are the body's axes, and the
+position of its origin [m].
+"""
 
 from __future__ import annotations
 
@@ -9,41 +13,44 @@ from asperity.geometry.rigid_body import fill_rotation
 
 
 @inner_kernel
-def place_tool(pose, centre, body_out, origin_out):
-    """Fill the tool's rotation and position (3, 4), and its centre of mass (3,) in world axes."""
-    fill_rotation(pose, body_out)
+def fill_tool_frame(pose, centre, frame_out, centre_out):
+    """Fill the tool's frame (3, 4) at a pose (7,), and its centre of mass (3,) in world axes."""
+    fill_rotation(pose, frame_out)
     for i in range(3):
-        body_out[i, 3] = origin_out[i] = pose[i]
+        frame_out[i, 3] = centre_out[i] = pose[i]
         for k in range(3):
-            origin_out[i] += body_out[i, k] * centre[k]
+            centre_out[i] += frame_out[i, k] * centre[k]
 
 
 @inner_kernel
-def seen_from(origin, body, near_out):
-    """Fill a body's rotation and its position as seen from a place (3, 4)."""
+def fill_relative_frame(origin, frame, frame_out):
+    """Fill a frame (3, 4) whose position is relative to `origin` (3,); the axes stay."""
     for i in range(3):
         for j in range(3):
-            near_out[i, j] = body[i, j]
-        near_out[i, 3] = body[i, 3] - origin[i]
+            frame_out[i, j] = frame[i, j]
+        frame_out[i, 3] = frame[i, 3] - origin[i]
 
 
 @inner_kernel
-def into(body, v, out):
-    """Fill a direction (3,) of world axes in a body's frame."""
+def to_body(frame, v, out):
+    """Fill the components in a body's axes of a vector (3,) given in world axes."""
     for i in range(3):
-        out[i] = body[0, i] * v[0] + body[1, i] * v[1] + body[2, i] * v[2]
+        out[i] = frame[0, i] * v[0] + frame[1, i] * v[1] + frame[2, i] * v[2]
 
 
 @inner_kernel
-def out_of(body, v, out):
-    """Fill a direction (3,) of a body's frame in world axes."""
+def to_world(frame, v, out):
+    """Fill the components in world axes of a vector (3,) given in a body's axes."""
     for i in range(3):
-        out[i] = body[i, 0] * v[0] + body[i, 1] * v[1] + body[i, 2] * v[2]
+        out[i] = frame[i, 0] * v[0] + frame[i, 1] * v[1] + frame[i, 2] * v[2]
 
 
 @inner_kernel
-def tolerance_for(textures, geometry, a, b, wanted):
-    """Return the gap that counts as certified: a thousandth of the overlap's rms height."""
+def depth_tolerance(textures, geometry, a, b, wanted):
+    """Return the gap between bounds at which a depth counts as certified [m].
+
+    `wanted` if positive; otherwise a thousandth of the rms height of both textures together.
+    """
     if wanted > 0.0:
         return wanted
     square = 0.0
@@ -54,19 +61,20 @@ def tolerance_for(textures, geometry, a, b, wanted):
 
 
 @inner_kernel
-def slid(known, last, body_a, point, origin, moved_out):
-    """Fill how far the tool's material at `point` has moved since the last tick.
+def material_displacement(known, last, frame, point, origin, displacement_out):
+    """Fill the displacement (3,) since the last tick of the tool's material at a point [m].
 
-    `last` (3, 4) is the tool's last pose, if `known`; `point` is seen from `origin`.
+    `last` (3, 4) is the tool's frame one tick before; if it is not `known`, the displacement is
+    zero. `point` (3,) is relative to `origin` (3,).
     """
     if not known:
-        clear(moved_out)
+        clear(displacement_out)
         return
     for i in range(3):
-        moved_out[i] = point[i] + origin[i] - last[i, 3]
+        displacement_out[i] = point[i] + origin[i] - last[i, 3]
     for k in range(3):
         local = 0.0
         for i in range(3):
-            local += body_a[i, k] * (point[i] + origin[i] - body_a[i, 3])
+            local += frame[i, k] * (point[i] + origin[i] - frame[i, 3])
         for i in range(3):
-            moved_out[i] -= last[i, k] * local
+            displacement_out[i] -= last[i, k] * local

@@ -1,4 +1,4 @@
-"""Poses (position and unit quaternion wxyz): checked, interpolated, differentiated."""
+"""Poses: a position [m] and a unit quaternion wxyz, checked, interpolated and differentiated."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from asperity.errors import AsperityError
 
+Pose = NDArray[np.float64]
 NORM_TOLERANCE = 1e-6
-"""How far the norm of a quaternion may be off 1 before it is refused; less is normalised."""
+"""Largest deviation of a quaternion's norm from 1; smaller ones are normalised."""
 
 
-def require_pose(pose: ArrayLike, name: str = "handle pose") -> NDArray[np.float64]:
+def require_pose(pose: ArrayLike, name: str = "handle pose") -> Pose:
     """Return a pose (7,): x, y, z [m], qw, qx, qy, qz, with its quaternion normalised.
 
     Raises
     ------
     AsperityError
-        Not seven finite numbers, or a quaternion whose norm is off 1 by more than
-        `NORM_TOLERANCE`.
+        `pose` is not seven finite numbers, or the norm of its quaternion differs from 1 by more
+        than `NORM_TOLERANCE`.
     """
     try:
         out = np.array(pose, dtype=np.float64)
@@ -51,8 +52,11 @@ def _shown(pose: Any) -> str:
     return " ".join(text.split())[:120]
 
 
-def between(first: NDArray[np.float64], last: NDArray[np.float64], s: float) -> NDArray[np.float64]:
-    """Return the pose at `s` (0 to 1) of the way: straight, and turning evenly by the short way."""
+def interpolate_pose(first: Pose, last: Pose, s: float) -> Pose:
+    """Return the pose at a fraction `s` (0 to 1) between two poses.
+
+    The position is interpolated linearly, the orientation spherically along the shorter arc.
+    """
     out = first + s * (last - first)
     a, b = first[3:].tolist(), last[3:].tolist()
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
@@ -69,21 +73,22 @@ def between(first: NDArray[np.float64], last: NDArray[np.float64], s: float) -> 
     return out
 
 
-def twist(
-    first: NDArray[np.float64], last: NDArray[np.float64], seconds: float
-) -> NDArray[np.float64]:
-    """Return the velocity (6,) that leads from one pose to the next in `seconds`.
+def mean_twist(first: Pose, last: Pose, seconds: float) -> NDArray[np.float64]:
+    """Return the constant velocity (6,) that moves a body from one pose to another in `seconds`.
 
-    Linear velocity of the body's origin [m/s], angular velocity [rad/s], world axes.
+    Linear velocity of the body's origin [m/s], then angular velocity [rad/s], world axes.
     """
     out = np.empty(6)
     out[:3] = (last[:3] - first[:3]) / seconds
-    out[3:] = turn_between(first, last) / seconds
+    out[3:] = rotation_between(first, last) / seconds
     return out
 
 
-def turn_between(first: NDArray[np.float64], last: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation vector (3,) [rad] from one pose's orientation to the next, short way."""
+def rotation_between(first: Pose, last: Pose) -> NDArray[np.float64]:
+    """Return the rotation vector (3,) [rad], world axes, from one orientation to another.
+
+    Of the two rotations that lead there, the one by at most pi.
+    """
     aw, ax, ay, az = first[3:].tolist()
     bw, bx, by, bz = last[3:].tolist()
     # last * conjugate(first)
@@ -99,8 +104,8 @@ def turn_between(first: NDArray[np.float64], last: NDArray[np.float64]) -> NDArr
     return np.array([x, y, z]) * scale
 
 
-def turned(pose: NDArray[np.float64], rotation: ArrayLike) -> NDArray[np.float64]:
-    """Return the pose turned in place by a rotation vector [rad] in world axes."""
+def rotated(pose: Pose, rotation: ArrayLike) -> Pose:
+    """Return a pose rotated about its own origin by a rotation vector [rad] in world axes."""
     vector = np.asarray(rotation, dtype=np.float64)
     angle = float(np.linalg.norm(vector))
     out = pose.copy()
@@ -118,7 +123,7 @@ def turned(pose: NDArray[np.float64], rotation: ArrayLike) -> NDArray[np.float64
 
 
 def rotation_of(quaternion: ArrayLike) -> NDArray[np.float64]:
-    """Return the rotation (3, 3) of a unit quaternion wxyz: columns are the body's axes."""
+    """Return the rotation matrix (3, 3) of a unit quaternion wxyz; columns are the body's axes."""
     w, x, y, z = np.asarray(quaternion, dtype=np.float64).tolist()
     return np.array(
         [

@@ -1,9 +1,12 @@
-"""Motion of a rigid body about its centre of mass: compiled pieces of the integrators.
+"""Kinematics and inertia of a rigid body about its centre of mass, for the integrators.
 
-Orientations move by the exponential map. The gyroscopic term has no term of its own: what is kept
-from tick to tick is angular *momentum*, in world axes, and the velocity follows from it and the
-inertia as it is turned. Free of torque the momentum stays what it is, so that the velocity is
-bounded by it over the least moment of inertia, however fast the body turns.
+Orientations advance by the exponential map. The integrators' state is the angular *momentum* in
+world axes, and the angular velocity follows from it and the inertia tensor at the present
+orientation. So no gyroscopic term appears, and without torque the momentum is conserved exactly:
+the angular velocity is bounded by it over the smallest moment of inertia at any spin.
+
+A *displacement* (6,) is a translation of the centre of mass [m] and a rotation vector [rad], both
+in world axes.
 """
 
 from __future__ import annotations
@@ -18,64 +21,55 @@ from asperity._core.kernels import inner_kernel, kernel
 
 
 class RigidBody(NamedTuple):
-    """What a held tool weighs."""
+    """Mass properties of a coupled tool."""
 
     mass: float
     """[kg]"""
     centre: NDArray[np.float64]
-    """Of mass, in the tool's frame [m], (3,)."""
+    """Centre of mass in the tool's frame [m], (3,)."""
     moments: NDArray[np.float64]
     """Principal moments of inertia [kg m^2], (3,)."""
     axes: NDArray[np.float64]
-    """The principal axes, as columns, in the tool's frame (3, 3)."""
-
-
-def rotation_matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation (3, 3) of a pose (7,)."""
-    out = np.empty((3, 3))
-    _fill_rotation(pose, out)
-    return out
+    """Principal axes in the tool's frame, as columns (3, 3)."""
 
 
 def centre_of_mass(pose: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the centre of mass is in the world (3,), `centre` (3,) in the tool's frame."""
+    """Return the world position (3,) [m] of the point `centre` (3,) of a body at a pose (7,)."""
     out = np.empty(3)
     _fill_centre(pose, centre, out)
     return out
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return the cross product of the first three of each; `np.cross` takes 20 times as long."""
+    """Return the cross product of the first three components; 20 times as fast as `np.cross`."""
     ax, ay, az = a[:3].tolist()
     bx, by, bz = b[:3].tolist()
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @kernel
-def _fill_rotation(pose, out):
-    fill_rotation(pose, out)
-
-
-@kernel
 def _fill_centre(pose, centre, out):
-    lever(pose, centre, out)
+    fill_lever_arm(pose, centre, out)
     for i in range(3):
         out[i] += pose[i]
 
 
 @kernel
-def shift_wrench(wrench, reach, out):
-    """Fill a wrench (6,) as it is about another point, from which this one is `reach` (3,) away."""
+def shift_wrench(wrench, lever_arm, out):
+    """Fill a wrench (6,) about another reference point.
+
+    `lever_arm` (3,) [m] leads from the new reference point to the present one.
+    """
     fx, fy, fz = wrench[0], wrench[1], wrench[2]
-    out[3] = wrench[3] + reach[1] * fz - reach[2] * fy
-    out[4] = wrench[4] + reach[2] * fx - reach[0] * fz
-    out[5] = wrench[5] + reach[0] * fy - reach[1] * fx
+    out[3] = wrench[3] + lever_arm[1] * fz - lever_arm[2] * fy
+    out[4] = wrench[4] + lever_arm[2] * fx - lever_arm[0] * fz
+    out[5] = wrench[5] + lever_arm[0] * fy - lever_arm[1] * fx
     out[0], out[1], out[2] = fx, fy, fz
 
 
 @inner_kernel
 def fill_rotation(pose, out):
-    """Fill the rotation (3, 3) of a pose (7,)."""
+    """Fill the rotation matrix (3, 3) of a pose (7,)."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     out[0, 0], out[0, 1], out[0, 2] = (
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
@@ -89,8 +83,8 @@ def fill_rotation(pose, out):
 
 
 @inner_kernel
-def lever(pose, centre, out):
-    """Fill the way (3,) from the frame's origin to the centre of mass, world axes."""
+def fill_lever_arm(pose, centre, out):
+    """Fill the vector (3,) from a body's origin to its centre of mass, world axes [m]."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     a, b, c = centre[0], centre[1], centre[2]
     # v + 2 w (q x v) + 2 q x (q x v)
@@ -101,17 +95,17 @@ def lever(pose, centre, out):
 
 
 @inner_kernel
-def way(first, last, centre, room, out):
-    """Fill the way (6,) from one pose to another: of the centre of mass, and the short turn.
+def fill_displacement(first, last, centre, workspace, out):
+    """Fill the displacement (6,) between two poses (7,), with a rotation by at most pi.
 
-    `room` (3,) is overwritten.
+    `workspace` (3,) is overwritten.
     """
-    lever(last, centre, room)
+    fill_lever_arm(last, centre, workspace)
     for i in range(3):
-        out[i] = last[i] - first[i] + room[i]
-    lever(first, centre, room)
+        out[i] = last[i] - first[i] + workspace[i]
+    fill_lever_arm(first, centre, workspace)
     for i in range(3):
-        out[i] -= room[i]
+        out[i] -= workspace[i]
     aw, ax, ay, az = first[3], first[4], first[5], first[6]
     bw, bx, by, bz = last[3], last[4], last[5], last[6]
     # last * conjugate(first)
@@ -129,20 +123,20 @@ def way(first, last, centre, room, out):
 
 
 @inner_kernel
-def move(pose, step, centre, room):
-    """Move a pose (7,) in place by `step` (6,): of its centre of mass [m], and its turn [rad]."""
-    lever(pose, centre, room)
+def apply_displacement(pose, displacement, centre, workspace):
+    """Move a pose (7,) in place by a displacement (6,); `workspace` (3,) is overwritten."""
+    fill_lever_arm(pose, centre, workspace)
     for i in range(3):
-        pose[i] += room[i] + step[i]
-    turn(pose, step[3], step[4], step[5])
-    lever(pose, centre, room)
+        pose[i] += workspace[i] + displacement[i]
+    rotate(pose, displacement[3], displacement[4], displacement[5])
+    fill_lever_arm(pose, centre, workspace)
     for i in range(3):
-        pose[i] -= room[i]
+        pose[i] -= workspace[i]
 
 
 @inner_kernel
-def turn(pose, x, y, z):
-    """Turn a pose in place by a rotation vector [rad] in world axes: the exponential map."""
+def rotate(pose, x, y, z):
+    """Rotate a pose (7,) in place by a rotation vector (x, y, z) [rad]: the exponential map."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5 if angle < 1e-12 else math.sin(0.5 * angle) / angle
     w, x, y, z = math.cos(0.5 * angle), scale * x, scale * y, scale * z
@@ -156,8 +150,11 @@ def turn(pose, x, y, z):
 
 
 @inner_kernel
-def about_axes(rotation, axes, values, out):
-    """Fill the matrix (3, 3), world axes, that has `values` (3,) along a body's principal axes."""
+def fill_world_tensor(rotation, axes, values, out):
+    """Fill the tensor (3, 3), in world axes, with principal `values` (3,) of a rotated body.
+
+    `rotation` (3, 3) is the body's, `axes` (3, 3) are the principal axes in the body's frame.
+    """
     for i in range(3):
         for j in range(3):
             total = 0.0
@@ -171,10 +168,11 @@ def about_axes(rotation, axes, values, out):
 
 
 @inner_kernel
-def solve(matrix, values):
-    """Solve `matrix` x = `values` (6,) in place, the matrix symmetric and positive definite.
+def solve_cholesky(matrix, values):
+    """Solve `matrix` x = `values` for x (6,), in place, by Cholesky factorisation.
 
-    By Cholesky's factors, which overwrite its lower half. Returns whether it was definite.
+    The factor overwrites the lower triangle of `matrix` (6, 6). Return whether it was positive
+    definite; if not, `values` is not the solution.
     """
     for j in range(6):
         pivot = matrix[j, j]

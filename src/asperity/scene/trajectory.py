@@ -18,7 +18,7 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.geometry.poses import between, require_pose, turned
+from asperity.geometry.poses import interpolate_pose, require_pose, rotated
 
 Array = NDArray[np.floating[Any]]
 KINDS = ("slide", "circle", "press-and-slide", "rotate")
@@ -180,7 +180,7 @@ def scripted(
     poses = np.repeat(start[None], ticks + 1, axis=0)
     if motion.kind == "rotate":
         angles = motion.turning * _smooth_start(times, motion.ramp)
-        poses = np.array([turned(start, (0.0, 0.0, angle)) for angle in angles])
+        poses = np.array([rotated(start, (0.0, 0.0, angle)) for angle in angles])
     elif motion.kind == "circle":
         angles = motion.speed / motion.radius * _smooth_start(times, motion.ramp)
         x, y = motion.radius * np.sin(angles), motion.radius * (1.0 - np.cos(angles))
@@ -254,5 +254,5 @@ def at_ticks(trajectory: Trajectory, dt: float) -> Array:
     out = np.empty((count, 7))
     for i, (t, r) in enumerate(zip(ticks, right, strict=True)):
         s = (t - times[r - 1]) / (times[r] - times[r - 1])
-        out[i] = between(poses[r - 1], poses[r], min(max(s, 0.0), 1.0))
+        out[i] = interpolate_pose(poses[r - 1], poses[r], min(max(s, 0.0), 1.0))
     return out

@@ -22,7 +22,7 @@ from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
 from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.dynamics.virtual_coupling.settings import DeviceLimits, coupled_body
 from asperity.errors import AsperityError, require_finite
-from asperity.geometry.poses import require_pose, twist
+from asperity.geometry.poses import mean_twist, require_pose
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 from asperity.simulation.press import pressed_pose, touching_pose
@@ -183,7 +183,7 @@ class Simulation:
         """Return the handle's velocity (6,): as given, or from its last pose."""
         if given is not None:
             return np.array(require_finite("handle twist", given, 6))
-        return twist(pose if self._last is None else self._last, pose, self.dt)
+        return mean_twist(pose if self._last is None else self._last, pose, self.dt)
 
     @property
     def port_twist(self) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.errors import require_between
-from asperity.geometry.poses import between
+from asperity.geometry.poses import interpolate_pose
 from asperity.scene.scene import Scene
 from asperity.simulation.anti_aliasing import (
     BUDGET,
@@ -207,7 +207,7 @@ class ToolContact:
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return self._timed(pose if s == 1.0 else between(last, pose, s), piece)
+            return self._timed(pose if s == 1.0 else interpolate_pose(last, pose, s), piece)
 
         def in_time() -> bool:
             # Another one, and the last pose.

@@ -9,7 +9,7 @@ import numpy as np
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.normals import normal_under
-from asperity.geometry.frames import into
+from asperity.geometry.frames import to_body
 
 _STEADY = 0.85
 """A pair's normal that turns by more than this cosine in one tick is not believed."""
@@ -64,7 +64,7 @@ def collect_pairs(
         body = poses[geometry.body[h]]
         for i in range(3):
             point[i] = places[c, i] - body[i, 3]
-        into(body, point, n)
+        to_body(body, point, n)
         for i in range(3):
             point[i] = n[i]
         normal_under(geometry, h, point, _blend(geometry, textures, g, h), n)

@@ -63,7 +63,7 @@ from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.mesh_depth import pairs_of_charts, patch_depths
 from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES, WINDOWS
 from asperity.contact.narrow_phase.penetration import DEPTH
-from asperity.geometry.frames import out_of
+from asperity.geometry.frames import to_world
 
 _BIRTH = 2e-4
 """A contact may begin this deep, and the motion of a tick besides [m]."""
@@ -218,9 +218,9 @@ def touch(
             continue
         # Axes that turn with B: what is split along them is the same wherever B is.
         frame_round(n, local)
-        out_of(near_b, u, frame[0])
-        out_of(near_b, v, frame[1])
-        out_of(near_b, n, world)
+        to_world(near_b, u, frame[0])
+        to_world(near_b, v, frame[1])
+        to_world(near_b, n, world)
         for k in range(3):
             frame[2, k] = world[k]
         pairs, made_a, stride, enough = pairs_of_charts(

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.geometry.rigid_body import lever
+from asperity.geometry.rigid_body import fill_lever_arm
 
 _STICKS = 1.0 - 1e-9
 """A bristle below this part of its limit sticks."""
@@ -43,7 +43,7 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, room, out):
     stiffness, friction = parameters.stiffness, parameters.friction
     point, slope_normal, weight = contacts.point, contacts.slope_normal, contacts.weight
     origin, jacobian = room[6:], room[:6]
-    lever(pose, centre, origin)
+    fill_lever_arm(pose, centre, origin)
     for i in range(3):
         origin[i] += pose[i]
     for i in range(6):

@@ -39,7 +39,7 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.geometry.poses import turn_between
+from asperity.geometry.poses import rotation_between
 from asperity.geometry.rigid_body import centre_of_mass, cross
 
 MOST_OFFSET = 0.02
@@ -170,7 +170,7 @@ class SimulatedHand:
         following = np.array(self._target(self.dt), dtype=np.float64)
         self._pose[:] = self._aim
         self._velocity[:3] = (self._centre_of(following) - self._centre_of(self._aim)) / self.dt
-        self._velocity[3:] = turn_between(self._aim, following) / self.dt
+        self._velocity[3:] = rotation_between(self._aim, following) / self.dt
         self._acceleration[:] = 0.0
         self.arm[:] = self._centre_of(self._pose) - self._pose[:3]
 

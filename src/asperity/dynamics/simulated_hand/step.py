@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from asperity._core.kernels import kernel
-from asperity.geometry.rigid_body import lever, move, way
+from asperity.geometry.rigid_body import apply_displacement, fill_displacement, fill_lever_arm
 
 OFFSET, TICK, STIFFNESS, DAMPING, MASS, NUMBERS = range(6)
 """Places in `numbers`: how far the hand presses beyond its target [m], the tick [s]; the hand's."""
@@ -20,8 +20,8 @@ def hand_tick(wrench, following, centre, normal, along, pressing, turning, numbe
     aim, pose, velocity, acceleration, arm = state
     drive, lag, step = room
     dt, offset = numbers[TICK], numbers[OFFSET]
-    way(aim, following, centre, arm, drive)
-    way(aim, pose, centre, arm, lag)
+    fill_displacement(aim, following, centre, arm, drive)
+    fill_displacement(aim, pose, centre, arm, lag)
     deep, rise, push = offset, 0.0, 0.0
     for i in range(3):
         slip = velocity[i] - drive[i] / dt
@@ -46,6 +46,6 @@ def hand_tick(wrench, following, centre, normal, along, pressing, turning, numbe
         spin = turning[3] * lag[j] + turning[4] * spin + turning[5] * wrench[j]
         velocity[j] = drive[j] / dt + spin
     pose[:] = following
-    move(pose, step, centre, arm)
-    lever(pose, centre, arm)
+    apply_displacement(pose, step, centre, arm)
+    fill_lever_arm(pose, centre, arm)
     aim[:] = following

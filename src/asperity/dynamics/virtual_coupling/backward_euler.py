@@ -14,7 +14,12 @@ from __future__ import annotations
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.dynamics.virtual_coupling.loads import all_finite, pull_to, push_at, would_pull
-from asperity.geometry.rigid_body import about_axes, fill_rotation, move, solve
+from asperity.geometry.rigid_body import (
+    apply_displacement,
+    fill_rotation,
+    fill_world_tensor,
+    solve_cholesky,
+)
 
 
 @kernel
@@ -29,8 +34,8 @@ def implicit_step(
     touches = push_at(pose, body.centre, contact_pose, contact_wrench, contact_stiffness, room)
     pull_to(pose, body.centre, handle_pose, handle_twist, room)
     fill_rotation(pose, room.turned)
-    about_axes(room.turned, body.axes, body.moments, room.inertia)
-    about_axes(room.turned, body.axes, gains.rotational_damping, room.damping)
+    fill_world_tensor(room.turned, body.axes, body.moments, room.inertia)
+    fill_world_tensor(room.turned, body.axes, gains.rotational_damping, room.damping)
     well = _velocity(body, gains, dt, momentum, contact_stiffness, touches, room, velocity)
     if touches and would_pull(contact_wrench, contact_stiffness, room, velocity, dt):
         well = _velocity(body, gains, dt, momentum, contact_stiffness, False, room, velocity)
@@ -48,7 +53,7 @@ def implicit_step(
         )
     for i in range(6):
         room.values[i] = dt * velocity[i]
-    move(pose, room.values, body.centre, room.vector)
+    apply_displacement(pose, room.values, body.centre, room.vector)
     return well and all_finite(pose, momentum, wrench_out)
 
 
@@ -70,4 +75,4 @@ def _velocity(body, gains, dt, momentum, contact_stiffness, touches, room, veloc
         for j in range(3):
             matrix[3 + i, 3 + j] += room.inertia[i, j] + dt * room.damping[i, j]
             velocity_out[3 + i] += dt * room.damping[i, j] * room.drive[3 + j]
-    return solve(matrix, velocity_out)
+    return solve_cholesky(matrix, velocity_out)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.geometry.rigid_body import lever, way
+from asperity.geometry.rigid_body import fill_displacement, fill_lever_arm
 
 FASTEST, FASTEST_TURN = 10.0, 100.0
 """No hand moves faster [m/s], [rad/s]: a handle that leaps is not followed by its damper."""
@@ -55,7 +55,7 @@ def push_at(pose, centre, contact_pose, contact_wrench, contact_stiffness, room)
 
     A contact pushes and does not pull: moved out of it, the tool has left.
     """
-    way(contact_pose, pose, centre, room.vector, room.away)
+    fill_displacement(contact_pose, pose, centre, room.vector, room.away)
     for i in range(6):
         total = contact_wrench[i]
         for j in range(6):
@@ -89,7 +89,7 @@ def would_pull(contact_wrench, contact_stiffness, room, step, dt):
 @inner_kernel
 def pull_to(pose, centre, handle_pose, handle_twist, room):
     """Fill `room.pull` and `room.drive`: where the handle is from the tool, and how it moves."""
-    way(pose, handle_pose, centre, room.vector, room.pull)
+    fill_displacement(pose, handle_pose, centre, room.vector, room.pull)
     speed = turning = 0.0
     for i in range(3):
         speed += handle_twist[i] ** 2
@@ -100,7 +100,7 @@ def pull_to(pose, centre, handle_pose, handle_twist, room):
     for i in range(3):
         drive[3 + i] = less * handle_twist[3 + i]
     # As if the handle reached as far as the tool's centre of mass.
-    lever(pose, centre, room.vector)
+    fill_lever_arm(pose, centre, room.vector)
     for i in range(3):
         room.vector[i] += pose[i] - handle_pose[i]
     for i in range(3):
@@ -131,11 +131,11 @@ def extrapolated(pose, centre, contact_pose, contact_wrench, contact_stiffness, 
 @kernel
 def fill_port_twist(last_handle, handle, pose, centre, dt, vector, out):
     """Fill the mean velocity (6,) of the handle at the centre of mass of a tool at `pose`."""
-    way(last_handle, handle, centre, vector, out)
+    fill_displacement(last_handle, handle, centre, vector, out)
     # From the handle's idea of that centre to where the tool has it.
-    lever(handle, centre, vector)
+    fill_lever_arm(handle, centre, vector)
     x, y, z = handle[0] + vector[0], handle[1] + vector[1], handle[2] + vector[2]
-    lever(pose, centre, vector)
+    fill_lever_arm(pose, centre, vector)
     x, y, z = pose[0] + vector[0] - x, pose[1] + vector[1] - y, pose[2] + vector[2] - z
     a, b, c = out[3], out[4], out[5]
     out[0] += b * z - c * y

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.dynamics.virtual_coupling.loads import all_finite, pull_to, push_at
-from asperity.geometry.rigid_body import about_axes, fill_rotation, move
+from asperity.geometry.rigid_body import apply_displacement, fill_rotation, fill_world_tensor
 
 
 @kernel
@@ -25,8 +25,8 @@ def semi_implicit_step(
     fill_rotation(pose, room.turned)
     for i in range(3):
         room.vector[i] = 1.0 / body.moments[i]
-    about_axes(room.turned, body.axes, room.vector, room.inertia)
-    about_axes(room.turned, body.axes, gains.rotational_damping, room.damping)
+    fill_world_tensor(room.turned, body.axes, room.vector, room.inertia)
+    fill_world_tensor(room.turned, body.axes, gains.rotational_damping, room.damping)
     _velocity(body.mass, room.inertia, momentum, velocity)
     for i in range(3):
         slowing = 0.0
@@ -41,7 +41,7 @@ def semi_implicit_step(
     _velocity(body.mass, room.inertia, momentum, velocity)
     for i in range(6):
         room.values[i] = dt * velocity[i]
-    move(pose, room.values, body.centre, room.vector)
+    apply_displacement(pose, room.values, body.centre, room.vector)
     return all_finite(pose, momentum, wrench_out)
 
 

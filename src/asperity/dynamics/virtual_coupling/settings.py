@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_between, require_choice
-from asperity.geometry.rigid_body import RigidBody, rotation_matrix
+from asperity.geometry.poses import rotation_of
+from asperity.geometry.rigid_body import RigidBody
 
 if TYPE_CHECKING:
     import mujoco
@@ -113,12 +114,11 @@ class Gains(NamedTuple):
 def coupled_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -> RigidBody:
     """Return what the tool of a model weighs in the hand: within `MASS` and `MOMENTS`, scaled."""
     body: Any = model.body(tool)
-    pose = np.concatenate([np.zeros(3), np.asarray(body.iquat, dtype=np.float64)])
     return RigidBody(
         mass=float(np.clip(body.mass[0], *MASS)) * mass_scale,
         centre=np.array(body.ipos, dtype=np.float64),
         moments=np.clip(np.asarray(body.inertia, dtype=np.float64), *MOMENTS) * mass_scale,
-        axes=rotation_matrix(pose),
+        axes=rotation_of(body.iquat),
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from asperity._core.kernels import kernel
 from asperity.dynamics.virtual_coupling.loads import all_finite, pull_to, push_at, would_pull
-from asperity.geometry.rigid_body import move, solve
+from asperity.geometry.rigid_body import apply_displacement, solve_cholesky
 
 
 @kernel
@@ -31,7 +31,7 @@ def static_step(
             for j in range(6):
                 room.matrix[i, j] = contact_stiffness[i, j]
             room.matrix[i, i] += spring
-        well = solve(room.matrix, step)
+        well = solve_cholesky(room.matrix, step)
         touches = not would_pull(contact_wrench, contact_stiffness, room, step, 1.0)
     for i in range(6):
         spring = gains.stiffness if i < 3 else gains.rotational_stiffness
@@ -39,5 +39,5 @@ def static_step(
             step[i] = room.pull[i]
         momentum[i], velocity[i] = 0.0, step[i] / dt
         wrench_out[i] = spring * (step[i] - room.pull[i])
-    move(pose, step, body.centre, room.vector)
+    apply_displacement(pose, step, body.centre, room.vector)
     return well and all_finite(pose, momentum, wrench_out)

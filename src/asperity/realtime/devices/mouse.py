@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.simulated_hand.hand import MOST_OFFSET, HandSettings, SimulatedHand
 from asperity.errors import AsperityError, require_between
-from asperity.geometry.poses import between, turn_between
+from asperity.geometry.poses import interpolate_pose, rotation_between
 from asperity.realtime.devices.pointer_file import Pointed, Wanted
 from asperity.realtime.devices.protocol import Limits
 from asperity.realtime.devices.simulated import LIMITS, SimulatedDevice
@@ -82,7 +82,7 @@ class Led:
         self._since = 0.0
         self._goal = np.array(goal, dtype=np.float64)
         way = math.dist(self._straight[:3].tolist(), self._goal[:3].tolist())
-        turn = float(np.linalg.norm(turn_between(self._straight, self._goal)))
+        turn = float(np.linalg.norm(rotation_between(self._straight, self._goal)))
         seconds = max(SLACK * self._interval, way / FASTEST, turn / FASTEST_TURN)
         self._left = max(math.ceil(seconds / self.dt), 1)
 
@@ -109,7 +109,7 @@ def _on_the_way(
     """Return the pose at a share of the way; quickly where nothing turns."""
     if (first[3:] == last[3:]).all():
         return first + share * (last - first)
-    return between(first, last, share)
+    return interpolate_pose(first, last, share)
 
 
 class ReachingHand(SimulatedHand):
@@ -215,4 +215,4 @@ class MouseDevice(SimulatedDevice):
         if row >= last and last > loop:
             row = loop + (row - loop) % (last - loop)
         i = min(int(row), max(last - 1, 0))
-        return between(told.table[i], told.table[min(i + 1, last)], min(row - i, 1.0))
+        return interpolate_pose(told.table[i], told.table[min(i + 1, last)], min(row - i, 1.0))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
-from asperity.geometry.poses import between, twist
+from asperity.geometry.poses import interpolate_pose, mean_twist
 from asperity.realtime.devices.protocol import Limits, Reading
 from asperity.realtime.devices.wrench_check import REFUSED, taken
 
@@ -106,8 +106,8 @@ class ReplayedDevice:
         else:
             first, last = self._times[i - 1], self._times[i]
             a, b = self._poses[i - 1], self._poses[i]
-            out.pose[:] = between(a, b, (now - first) / (last - first))
-            out.twist[:] = twist(a, b, last - first)
+            out.pose[:] = interpolate_pose(a, b, (now - first) / (last - first))
+            out.twist[:] = mean_twist(a, b, last - first)
         out.buttons, out.age = 0, 0.0
         out.error, self._error = self._error, ""
         return True
