@@ -16,9 +16,11 @@ import xarray as xr
 import asperity
 from asperity import AsperityError
 from asperity.cli import main
-from asperity.cli.ranges import Between
-from asperity.cli.sound import SoundCommand
+from asperity.cli.main import COMMANDS
+from asperity.cli.options import SI_FACTORS, Range, check_ranges, in_si
+from asperity.cli.realtime_run import DeviceOptions
 from asperity.cli.study import HandOptions, StudyCommand
+from asperity.cli.view import ViewCommand
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.geometry.offsets.analytic import Grating, Sinusoid
 from asperity.geometry.offsets.sampled import offset_surface
@@ -46,15 +48,15 @@ def refused(capsys, folder, *arguments, out="new/out"):
 # --- numbers ------------------------------------------------------------------------------------
 
 POSITIVE = [
-    ("--diameters-mm", "0.05 and 50"),
-    ("--forces-n", "0.001 and 100"),
-    ("--speeds-mm-s", "0.1 and 10000"),
-    ("--amplitude-mm", "0.0001 and 10"),
-    ("--element-height-mm", "0.001 and 10"),
-    ("--height-range-mm", "0.0001 and 10"),
-    ("--hand.mass-kg", "0.001 and 10"),
-    ("--hand.stiffness-n-m", "10 and 100000"),
-    ("--hand.damping-n-s-m", "0.01 and 100"),
+    ("--diameters-mm", "0.05 and 50 mm"),
+    ("--forces-n", "0.001 and 100 N"),
+    ("--speeds-mm-s", "0.1 and 10000 mm/s"),
+    ("--amplitude-mm", "0.0001 and 10 mm"),
+    ("--element-height-mm", "0.001 and 10 mm"),
+    ("--height-range-mm", "0.0001 and 10 mm"),
+    ("--hand.mass-kg", "0.001 and 10 kg"),
+    ("--hand.stiffness-n-m", "10 and 100000 N/m"),
+    ("--hand.damping-n-s-m", "0.01 and 100 N s/m"),
 ]
 
 
@@ -90,18 +92,48 @@ def test_other_options(option, values, words, capsys, tmp_path):
     assert all(word in line for word in words)
 
 
-@pytest.mark.parametrize("options", [StudyCommand, HandOptions, SoundCommand])
+# A dataclass for each command, and the two of nested options.
+OPTIONS = [
+    *(typing.get_args(command)[0] for command in typing.get_args(COMMANDS)), HandOptions,
+    DeviceOptions,
+]  # fmt: skip
+UNIT_BY_NAME = {"s": ("seconds", "start"), "Hz": ("rate",)}
+"""Options whose name means their unit without ending in it."""
+
+
+@pytest.mark.parametrize("options", OPTIONS)
 def test_every_number_has_its_range(options):
     hints = typing.get_type_hints(options, include_extras=True)
     for field in dataclasses.fields(options):
         hint = hints[field.name]
-        numeric = "float" in str(hint) or "int" in str(hint).replace("Hint", "")
-        bounds = [part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Between)]
-        # Levels are counted in the file itself.
-        assert bool(bounds) == numeric or field.name == "level", field.name
+        kind = str(typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint)
+        numeric = "float" in kind or "int" in kind
+        bounds = [part for part in getattr(hint, "__metadata__", ()) if isinstance(part, Range)]
+        # Levels are counted in the file itself; `bake` knows the file's triangles.
+        exempt = field.name in ("level", "faces", "size")
+        assert bool(bounds) == numeric or exempt, field.name
+        for bound in bounds:
+            assert bound.unit in SI_FACTORS
+            unit_by_name = field.name in UNIT_BY_NAME.get(bound.unit, ())
+            assert not bound.unit or unit_by_name or field.name.endswith(bound.suffix), field.name
         values = field.default if isinstance(field.default, tuple) else (field.default,)
         for bound in bounds:
             assert all(value is None or bound.low <= value <= bound.high for value in values)
+
+
+def test_options_in_si_units_lose_the_unit_in_their_name():
+    si = in_si(StudyCommand("force", speeds_mm_s=(42.0, 83.0), band_hz=(20.0, 200.0)))
+    assert si.speeds == (42.0 * 1e-3, 83.0 * 1e-3)
+    assert si.band == (20.0, 200.0)
+    assert si.height_range is None
+    assert in_si(HandOptions(mass_kg=0.2)).mass == 0.2
+
+
+def test_a_nested_option_is_named_as_it_is_typed():
+    with pytest.raises(AsperityError, match=r"^--rate-hz must lie between 100 and 20000 Hz"):
+        check_ranges(ViewCommand(options=DeviceOptions(rate_hz=5.0)))
+    with pytest.raises(AsperityError, match=r"^--hand\.mass-kg must lie"):
+        check_ranges(StudyCommand("force", hand=HandOptions(mass_kg=0.0)))
 
 
 # --- choices ------------------------------------------------------------------------------------
@@ -262,8 +294,8 @@ def test_options_of_sound(option, value, words, capsys, tmp_path):
         (lambda path: None, ["no such file"]),
         (lambda path: path.touch(), ["empty"]),
         (lambda path: path.mkdir(), ["folder"]),
-        (lambda path: path.write_bytes(bytes(range(256))), ["not a dataset that can be read"]),
-        (lambda path: a_run(path, schema=99), ["no run of asperity's"]),
+        (lambda path: path.write_bytes(bytes(range(256))), ["cannot be read as a dataset"]),
+        (lambda path: a_run(path, schema=99), ["not written by asperity", "99"]),
     ],
 )
 def test_files_of_sound(make, words, capsys, tmp_path):

@@ -22,7 +22,7 @@ def test_a_scan_is_baked_and_run(tmp_path, capsys):
     arguments = ["bake", stone, "--faces", "150", "--size", "128", "--out", str(out)]
     assert main(arguments) == 0
     said = capsys.readouterr()
-    assert "5,120 triangles to 150 and 128 x 128 heights" in said.out
+    assert "5,120 triangles reduced to 150 and 128 x 128 heights" in said.out
     assert "unit guessed: mm" in said.out
     assert said.err == ""
     report = json.loads((out / "bake.json").read_text("utf-8"))

@@ -11,7 +11,7 @@ from scipy.io import wavfile
 
 from asperity import __version__
 from asperity.cli import main
-from asperity.cli.machine_check import timer_jitter
+from asperity.cli.doctor import timer_jitter
 
 QUICK = ["--spacings", "6", "--diameters-mm", "2", "3"]
 

@@ -37,7 +37,7 @@ def test_a_check_of_the_fake_moves_it_and_saves_nothing(capsys, tmp_path):
     assert main(["devices", "check", "haply-fake", "--yes"]) == 0
     told = capsys.readouterr().out
     assert "it gave way by " in told
-    assert "nothing is saved" in told
+    assert "no calibration is saved" in told
     assert list(tmp_path.rglob("*.toml")) == []
 
 
@@ -60,10 +60,10 @@ def test_a_check_saves_what_it_found(capsys, monkeypatch):
     ("arguments", "told"),
     [
         (["devices", "chek"], "did you mean 'check'"),
-        (["devices", "check"], "which one"),
+        (["devices", "check"], "name of the device is missing"),
         (["devices", "list", "haply"], "takes no name"),
         (["devices", "check", "hapl"], "did you mean 'haply'"),
-        (["devices", "check", "replay"], "no device to check"),
+        (["devices", "check", "replay"], "cannot be checked"),
         (["devices", "check", "haply-fake"], "--yes"),
     ],
 )
@@ -76,7 +76,7 @@ def test_what_cannot_be_done_is_one_line(arguments, told, capsys, monkeypatch):
 
 
 def test_doctor_counts_the_backends(capsys):
-    from asperity.cli.machine_check import _devices
+    from asperity.cli.doctor import _devices
 
     assert "haply-fake" in _devices()
     assert "asperity devices" in _devices()

@@ -53,7 +53,7 @@ def test_a_model_of_recordings_matches_their_held_out_ends(recordings, tmp_path,
 def test_a_model_is_not_judged_by_what_it_is_made_of(recordings, tmp_path, capsys):
     options = ["--held-out", str(recordings[1]), "--out", str(tmp_path / "fit")]
     assert main(["fit", *map(str, recordings[:2]), *options]) == 2
-    assert "--held-out: the model would be made of 1.h5 itself" in capsys.readouterr().err
+    assert "--held-out 1.h5 is also a SOURCE; give another" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -63,8 +63,8 @@ def test_a_model_is_not_judged_by_what_it_is_made_of(recordings, tmp_path, capsy
         ([], "give a scene"),
         (["nowhere.h5"], "no such recording: nowhere.h5"),
         (["probe-plate", "hammer-blocks"], "one scene, or recordings"),
-        (["probe-plate", "--held-out", "x.h5"], "--held-out is for recordings"),
-        (["x.h5", "--seconds", "2"], "--seconds is for a scene"),
+        (["probe-plate", "--held-out", "x.h5"], "--held-out needs recordings as SOURCE"),
+        (["x.h5", "--seconds", "2"], "--seconds needs a scene as SOURCE"),
         (["probe-plate", "--criterion", "best"], "unknown --criterion 'best'"),
         (["probe-plate", "--forces-n", "400"], "--forces-n must lie between"),
         (["probe-plate", "--model", "none.xml"], "no such texture model"),

@@ -108,7 +108,7 @@ def test_folders_that_cannot_be_written(kind, capsys, tmp_path):
     [
         (None, ["no such file"]),
         (b"", ["empty"]),
-        (b"not a dataset", ["not a dataset that can be read"]),
+        (b"not a dataset", ["cannot be read as a dataset"]),
     ],
 )
 def test_bad_input_of_sound(content, names, capsys, tmp_path):
@@ -173,7 +173,7 @@ def test_bad_options_of_findings(options, names, capsys, tmp_path):
         ("rnu", "unknown: rnu; available subcommands: demo, study, run,"),
         ("export a --kinds csv xyz", "invalid choice 'xyz' for argument '--kinds'. Expected one"),
         ("run probe-plate --coupling", "Missing value for argument '--coupling'"),
-        ("study", "Missing from asperity study: STR diameter, force, speed, models, or all"),
+        ("study", "Missing from asperity study: NAME diameter, force, speed, models, or all"),
     ],
 )
 def test_the_parser_says_in_a_line_what_would_be_valid(arguments, told, capsys):

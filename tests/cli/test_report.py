@@ -5,7 +5,7 @@ import re
 import pytest
 
 from asperity.cli.demo_pipeline import PROBES, SCENES, run_demo, steps
-from asperity.cli.report import render
+from asperity.cli.report import report_page
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES
 from asperity.studies.otaduy_lin_2004.studies import StudySettings
 from asperity.viewer.pictures import PICTURED
@@ -36,7 +36,7 @@ def test_progress_is_told_as_often_as_announced(demo):
 
 def test_the_page_is_self_contained_and_complete(demo):
     results, _ = demo
-    page = render(results)
+    page = report_page(results)
     links = re.findall(r"(?:src|href)=['\"]([^'\"]{0,30})", page)
     assert links
     assert all(link.startswith("data:") for link in links)
@@ -50,7 +50,7 @@ def test_the_page_is_self_contained_and_complete(demo):
 
 def test_each_scene_is_shown_with_its_figures(demo):
     results, _ = demo
-    page = render(results)
+    page = report_page(results)
     assert {scene.name for scene in SCENES} == set(results.runs)
     for plate in (4, 5, 6):
         assert f"(colour plate {plate})" in page
@@ -71,13 +71,13 @@ def test_missing_surfaces_are_said_to_be_generated(demo):
     for surface in REAL_SURFACES:
         assert results.remarks[surface.name].startswith("Generated")
         assert "Stand-in" in results.rubs[surface.name].attrs["title"]
-    page = render(results)
+    page = report_page(results)
     assert "<h2>Rough surfaces that stand in" in page
     assert "<h2>Real surfaces" not in page
 
 
 def test_figures_of_claims_have_their_unit(demo):
-    page = render(demo[0])
+    page = report_page(demo[0])
     cells = re.findall(r"<small>([\d. /]+)( m/s²)?</small></td>", page)
     assert len(cells) > 8
     assert any(unit for _, unit in cells)

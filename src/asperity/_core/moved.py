@@ -52,7 +52,7 @@ MODULES = {
     "devices.mapped": "realtime.devices.mapping_kernels",
     "devices.pointed": "realtime.devices.pointer_file",
     "devices.wrenches": "realtime.devices.wrench_check",
-    "doctor": "cli.machine_check",
+    "doctor": "cli.doctor",
     "dynamics.coupling": "dynamics.virtual_coupling.settings",
     "dynamics.damping": "dynamics.passivity.step",
     "dynamics.drag": "dynamics.dragged_hand.integrator",

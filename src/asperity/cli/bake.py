@@ -8,52 +8,53 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command, in_si
 
 
+@command
 @dataclass
 class BakeCommand:
-    """Make a haptic object of a scan: few triangles, and a texture of heights with all the rest.
+    """Turn a scan into a haptic object: a low-resolution mesh and a texture of heights on it.
 
     Writes object.obj, heights.tiff, a scene (scene.xml, scene.toml), bake.json with the error
-    against the scan, and a picture. `asperity run DIR` slides a probe over it.
+    against the scan, and a picture. `asperity run DIR` then slides a probe over the object.
     """
 
     source: Annotated[Positional[Path], arg(metavar="MESH")]
     """A mesh (.obj, .glb, .gltf, .ply, .stl), points of one side (.ply, .xyz), or a height map."""
     faces: int = 500
-    """Triangles of the simple mesh, 4 or more."""
+    """Triangles of the low-resolution mesh, 4 or more."""
     size: int = 1024
     """Texels along each side of the texture, 32 to 8192."""
     unit: str | None = None
-    """Of the file: m, cm, mm, in, ... Default: guessed, and said."""
+    """Length unit of the file: m, cm, mm, in, ... Default: guessed from the size, and printed."""
     up: str | None = None
-    """x, y or z: which of the mesh's axes points upwards. Default: z; of glTF, y."""
+    """Axis of the mesh that points upwards: x, y or z. Default: z; for glTF, y."""
     base: Path | None = None
-    """A low-resolution mesh to bake onto, instead of simplifying."""
-    pixel_um: Annotated[float | None, Between(1e-3, 1e5)] = None
-    """Distance between samples of a height map that does not hold it [um]."""
-    relief_mm: Annotated[float | None, Between(1e-6, 100.0)] = None
-    """Lowest to highest of a height map that carries no scale [mm]."""
+    """A low-resolution mesh to bake onto, instead of simplifying the scan."""
+    pixel_um: Annotated[float | None, Range(1e-3, 1e5, "um")] = None
+    """Sample spacing of a height map whose file does not give it."""
+    relief_mm: Annotated[float | None, Range(1e-6, 100.0, "mm")] = None
+    """Peak-to-valley height of a height map whose file gives no vertical scale."""
     picture: bool = True
     """Draw picture.png."""
     out: Path = Path("out/bake")
     """Folder for the result."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Bake, and say how near it comes."""
-        check_ranges(self)
+        """Bake, and print the error against the scan."""
         from asperity.baking.bake import bake
         from asperity.cli.progress import progress_bars
 
+        options = in_si(self)
         with progress_bars() as bars:
             task = bars.add_task(self.source.name, total=100)
 
             def show(stage: str, share: float) -> None:
-                told = f"{self.source.name}  {stage}"
-                bars.update(task, completed=round(100 * share), description=told)
+                label = f"{self.source.name}  {stage}"
+                bars.update(task, completed=round(100 * share), description=label)
 
             baked = bake(
                 self.source,
@@ -63,8 +64,8 @@ class BakeCommand:
                 unit=self.unit,
                 up=self.up,
                 base=self.base,
-                pixel_size=None if self.pixel_um is None else self.pixel_um * 1e-6,
-                height_range=None if self.relief_mm is None else self.relief_mm * 1e-3,
+                pixel_size=options.pixel,
+                height_range=options.relief,
                 picture=self.picture,
                 overwrite=self.overwrite,
                 on_progress=show,
@@ -73,9 +74,9 @@ class BakeCommand:
         columns, rows = report["texture_size"]
         error = report["error_um"]
         print(
-            f"{self.out}: {report['full_faces']:,} triangles to {report['faces']:,} and "
-            f"{columns} x {rows} heights in {report['seconds']:.1f} s; off by {error['rms']:.3g} "
-            f"um (rms), {error['max']:.4g} um at most; {100 * report['coverage']:.4g} % found"
+            f"{self.out}: {report['full_faces']:,} triangles reduced to {report['faces']:,} and "
+            f"{columns} x {rows} heights in {report['seconds']:.1f} s; error {error['rms']:.3g} "
+            f"um rms, at most {error['max']:.4g} um; coverage {100 * report['coverage']:.4g} %"
         )
         for note in report["notes"]:
             print(f"  {note}")

@@ -1,4 +1,4 @@
-"""Finding and opening what commands read."""
+"""Input files of commands: measured surfaces and datasets that `asperity` wrote."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
 
 
 def measured_folder(given: Path | None) -> Path | None:
-    """Return the folder of measured surfaces: the given one, or the usual one where it is."""
+    """Return the folder of measured surfaces: the given one, else the default one if it exists."""
     if given is not None:
         if not given.is_dir():
             raise AsperityError(f"no such folder of measured surfaces: {given}")
         return given
-    beside = Path("../shared/data/measured")
-    return beside if beside.is_dir() else None
+    default = Path("../shared/data/measured")
+    return default if default.is_dir() else None
 
 
 def open_dataset(path: Path) -> xr.Dataset:
-    """Return a dataset that `asperity` wrote, read into memory."""
+    """Return a dataset that `asperity study` or `asperity demo` wrote, read into memory."""
     import xarray as xr
 
     if not os.path.exists(path):
-        raise AsperityError(f"no such file: {path}; give one that asperity study wrote")
+        raise AsperityError(f"no such file: {path}; give a .nc file that asperity study wrote")
     if path.is_dir():
         raise AsperityError(f"{path} is a folder; give a .nc file in it")
     if path.stat().st_size == 0:
@@ -37,7 +37,10 @@ def open_dataset(path: Path) -> xr.Dataset:
             data.load()
     except Exception as error:  # h5netcdf raises several kinds for files that are not HDF5
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise AsperityError(f"{path} is not a dataset that can be read: {reason}") from None
+        raise AsperityError(f"{path} cannot be read as a dataset: {reason}") from None
     if data.attrs.get("schema") != 1:
-        raise AsperityError(f"{path} is no run of asperity's; give one that asperity study wrote")
+        raise AsperityError(
+            f"{path} was not written by asperity (schema {data.attrs.get('schema')!r}, must be 1); "
+            "give a .nc file that asperity study wrote"
+        )
     return data

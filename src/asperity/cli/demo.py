@@ -5,22 +5,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from asperity.cli.options import command
 from asperity.errors import OutputError
 
 
+@command
 @dataclass
 class DemoCommand:
-    """Run the paper's studies, real surfaces and three scenes; leave one self-contained page."""
+    """Run the studies of Otaduy & Lin (2004), real surfaces and three 6-DoF scenes; write a report.
+
+    The report is one self-contained HTML page; figures, data and sounds are written beside it.
+    """
 
     out: Path = Path("out")
-    """Folder: report.html goes into it, figures, data and sounds into its subfolder demo."""
+    """Folder for report.html, with figures, data and sounds in its subfolder demo."""
     data: Path | None = None
-    """Folder of measured surfaces. Default: ../shared/data/measured, where that is present."""
+    """Folder of measured surfaces. Default: ../shared/data/measured, if it exists; a surface that
+    is not in the folder is replaced by a generated one."""
     overwrite: bool = False
     """Replace an earlier report."""
 
     def run(self) -> None:
-        """Run, write, and say where the page is."""
+        """Run everything, write the report, and print where it is."""
         import time
 
         start = time.perf_counter()
@@ -28,7 +34,7 @@ class DemoCommand:
         from asperity.cli.data_files import measured_folder
         from asperity.cli.demo_pipeline import run_demo, steps
         from asperity.cli.progress import compile_notice, progress_bars
-        from asperity.cli.report import render
+        from asperity.cli.report import report_page
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
         page = self.out / "report.html"
@@ -51,10 +57,10 @@ class DemoCommand:
                     on_rub=lambda: bars.advance(second),
                     on_ticks=lambda: bars.advance(third),
                 )
-            took = {"loading the libraries": loading} | results.watch.seconds
-            took["all"] = time.perf_counter() - start
-            results.watch.seconds = took
-            write_whole(page, render(results))
+            seconds = {"loading the libraries": loading} | results.watch.seconds
+            seconds["all"] = time.perf_counter() - start
+            results.watch.seconds = seconds
+            write_whole(page, report_page(results))
         held = sum(claim["holds"] for claim in results.claims)
         print(
             f"{page}: {held} of {len(results.claims)} claims hold; "
@@ -63,12 +69,12 @@ class DemoCommand:
 
 
 def _scenes_notice() -> str:
-    """Return a description of the scenes; say, once, that the first run takes longer."""
+    """Return the description of the scenes' bar; warn if the first run has to compile."""
     import logging
 
     from asperity._core.kernels import is_compiled
 
-    if is_compiled("engine.mesh_tick", "mesh_tick"):
+    if is_compiled("contact.mesh_tick", "mesh_tick"):
         return "scenes"
     logging.getLogger(__name__).warning(
         "first run after an installation: compiling takes about a minute more"

@@ -1,4 +1,7 @@
-"""`asperity demo`: the studies, real surfaces and three scenes in 6-DoF, into one report."""
+"""The computations of `asperity demo`: studies, real surfaces, and three scenes in 6-DoF.
+
+`run_demo` writes their files and returns `Results`, from which `report.report_page` makes the page.
+"""
 
 from __future__ import annotations
 
@@ -25,52 +28,53 @@ if TYPE_CHECKING:
     from asperity.studies.otaduy_lin_2004.claims import Claim
 
 PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
-"""Diameters rubbed over the real surfaces [m]."""
+"""Probe diameters on the real surfaces [m]."""
 _SOUND_PROBE = 2
-_SOUND_RATE = 22050
-_SOUND_SECONDS = 2.0
+"""Index of the probe whose sound is written."""
+_SOUND_RATE, _SOUND_SECONDS = 22050, 2.0
+"""Sampling rate [Hz] and duration [s] of the sounds."""
 _PICTURE_ROWS = 440
+"""Height of the pictures of scenes [pixels]."""
 _TICKS = 25
-"""Ticks of a scene between two calls that tell how far it is."""
-
+"""Ticks of a scene between two calls of the progress callback."""
 _TIMED = slice(98, 200)
-"""Ticks that are run once more to be timed; the first two are not counted."""
+"""Ticks that are run again to be timed; the first two warm up."""
 
 Advance = Callable[[], None]
 
 
 @dataclass(frozen=True)
 class DemoScene:
-    """A scene of the demo, and how much of it is run."""
+    """A scene of the demo, and how long it runs."""
 
     name: str
     seconds: float
-    """Of simulated time."""
+    """Simulated time [s]."""
     anti_alias: str
 
     @property
     def prefix(self) -> str:
-        """How the names of its files begin."""
+        """Prefix of the names of its files."""
         return self.name.replace("-", "_") + "_"
 
     @property
     def calls(self) -> int:
-        """How often its progress is told."""
+        """Number of calls of the progress callback."""
         return round(self.seconds * 1e3) // _TICKS + 1
 
 
-# Longest first: they share two threads. Averaging would cost several poses in every tick.
+# The longest first, since they share two threads. Anti-aliasing evaluates several poses per tick.
 SCENES = (
     DemoScene("file-cad", 0.2, "off"),
     DemoScene("hammer-blocks", 0.25, "off"),
     DemoScene("probe-plate-dots", 0.3, "tick"),
 )
-"""The scenes that are run, in six directions."""
+"""The 6-DoF scenes of the demo."""
 
 
 @dataclass
 class Stopwatch:
-    """How long each step took, by name [s]."""
+    """Wall time of each step, by name [s]."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -84,25 +88,25 @@ class Stopwatch:
 
 @dataclass
 class Results:
-    """All that the report shows."""
+    """Everything that the report shows."""
 
     settings: StudySettings
     studies: dict[str, xr.Dataset]
     claims: list[Claim]
     rubs: dict[str, xr.Dataset]
     remarks: dict[str, str]
-    """What each real surface is, measured or generated."""
+    """Origin of each real surface: measured or generated."""
     sounds: dict[str, Sound]
     runs: dict[str, Run]
-    """What came of each scene in 6-DoF, by name."""
+    """Run of each 6-DoF scene, by name."""
     tick_us: dict[str, tuple[float, float]]
-    """How long a tick of each took with nothing beside it: median and 99 % [us]."""
+    """Tick time of each scene with no other work running: median and 99 % quantile [us]."""
     folder: Path
     watch: Stopwatch
 
 
 def steps(settings: StudySettings) -> tuple[int, int, int]:
-    """Return how often each of the three progress callbacks of `run_demo` is called."""
+    """Return how often `run_demo` calls each of its three progress callbacks."""
     drags = settings.spacings * sum(settings.drags(name) for name in STUDIES)
     return drags, len(REAL_SURFACES) * len(PROBES), sum(shown.calls for shown in SCENES)
 
@@ -116,14 +120,14 @@ def run_demo(
     on_rub: Advance = lambda: None,
     on_ticks: Advance = lambda: None,
 ) -> Results:
-    """Run everything, write figures, datasets, claims and sounds into `folder`.
+    """Run everything; write figures, datasets, claims and sounds into `folder`.
 
     Parameters
     ----------
     folder : Path
         An existing folder.
     data : Path or None
-        Folder of measured surfaces; what is not there is generated.
+        Folder of measured surfaces; those that are not in it are generated.
     settings : StudySettings, optional
     on_drag, on_rub, on_ticks : callable
         Called after each drag of the studies, after each probe on a real surface, and every few
@@ -132,14 +136,14 @@ def run_demo(
     settings = settings or StudySettings()
     watch = Stopwatch()
     sweep = settings.sweep()
-    # Compiled kernels let go of the interpreter's lock: scenes and rubs run beside the studies.
+    # Compiled kernels release the interpreter's lock: scenes and rubs run beside the studies.
     with ThreadPoolExecutor(max_workers=2) as pool:
         start = time.perf_counter()
         pending_runs = [pool.submit(_run_one, shown, folder, on_ticks) for shown in SCENES]
         pending = [
             pool.submit(_rub_one, surface, data, settings, on_rub) for surface in REAL_SURFACES
         ]
-        # Slow to import; by now the others are under way.
+        # These are slow to import, so they are imported while the threads already work.
         from asperity.drawing import figure_style
         from asperity.studies.otaduy_lin_2004.figures import rub_figure
         from asperity.studies.otaduy_lin_2004.write import write_dataset, write_studies
@@ -151,14 +155,14 @@ def run_demo(
             }
         with watch.step("figures and data of the studies"):
             claims = write_studies(studies, None, folder, ("svg",))
-        done = [future.result() for future in pending]
-        ran = [future.result() for future in pending_runs]
+        rubbed = [future.result() for future in pending]
+        finished = [future.result() for future in pending_runs]
         watch.seconds["scenes and real surfaces (beside the two above)"] = (
             time.perf_counter() - start
         )
     rubs, remarks, sounds = {}, {}, {}
     with watch.step("figures, data and sounds of the real surfaces"):
-        for surface, (dataset, remark) in zip(REAL_SURFACES, done, strict=True):
+        for surface, (dataset, remark) in zip(REAL_SURFACES, rubbed, strict=True):
             rubs[surface.name], remarks[surface.name] = dataset, remark
             write_dataset(dataset, folder / f"{surface.name}.nc")
             figure_style.save(rub_figure(dataset), folder, surface.name, ("png",))
@@ -167,16 +171,16 @@ def run_demo(
             )
             sounds[surface.name].write(folder / f"{surface.name}.wav")
     with watch.step("ticks of the scenes, timed alone"):
-        # Beside other threads a tick waits for the interpreter longer than it computes.
+        # Beside other threads, a tick would mostly wait for the interpreter's lock.
         tick_us = {
             shown.name: _timed(run, scene)
-            for shown, (run, _, scene) in zip(SCENES, ran, strict=True)
+            for shown, (run, _, scene) in zip(SCENES, finished, strict=True)
         }
     runs = {}
     with watch.step("figures and data of the scenes"):
         from asperity.runs.run_scene import write_figures, write_summary
 
-        for shown, (run, pictures, _) in zip(SCENES, ran, strict=True):
+        for shown, (run, pictures, _) in zip(SCENES, finished, strict=True):
             runs[shown.name] = run
             write_summary(run, folder / f"{shown.prefix}summary.json")
             write_figures(run, pictures, folder, prefix=shown.prefix, kinds=("svg",))
@@ -186,7 +190,7 @@ def run_demo(
 def _run_one(
     shown: DemoScene, folder: Path, on_ticks: Advance
 ) -> tuple[Run, tuple[Picture, Picture], Scene]:
-    """Run a scene in 6-DoF; return what came of it, pictures of it, and the scene."""
+    """Run a 6-DoF scene; return the run, its pictures, and the scene."""
     from asperity.runs.run_scene import run_scene, take_pictures
     from asperity.scene.builtin import load_scene
 
@@ -194,30 +198,30 @@ def _run_one(
         trajectory={"seconds": shown.seconds}, force={"anti_alias": shown.anti_alias}
     )
 
-    def tell(i: int, _: Rollout) -> None:
+    def advance(i: int, _: Rollout) -> None:
         if i % _TICKS == 0:
             on_ticks()
 
-    run = run_scene(scene, folder / f"{shown.prefix}recording.h5", on_tick=tell)
+    run = run_scene(scene, folder / f"{shown.prefix}recording.h5", on_tick=advance)
     return run, take_pictures(run, scene, rows=_PICTURE_ROWS), scene
 
 
 def _timed(run: Run, scene: Scene) -> tuple[float, float]:
-    """Return the median and the 99 % quantile of the time of a tick [us]."""
+    """Return the median and the 99 % quantile of the tick time [us]."""
     import numpy as np
 
     from asperity.scene.trajectory import Trajectory
     from asperity.simulation.simulation import Simulation
 
     path = Trajectory(run.rollout.time[_TIMED], run.rollout.handle_pose[_TIMED])
-    took = Simulation(scene).rollout(path).tick_seconds[2:] * 1e6
-    return float(np.median(took)), float(np.percentile(took, 99.0))
+    tick_us = Simulation(scene).rollout(path).tick_seconds[2:] * 1e6
+    return float(np.median(tick_us)), float(np.percentile(tick_us, 99.0))
 
 
 def _rub_one(
     surface: RealSurface, data: Path | None, settings: StudySettings, on_rub: Advance
 ) -> tuple[xr.Dataset, str]:
-    """Rub all probes over one surface; return what came of it, and what the surface is."""
+    """Drag all probes over one surface; return the dataset and the origin of the surface."""
     middle = settings.middle()
     heights, remark = surface.load(data)
     title = surface.title if remark.startswith("Measured") else f"Stand-in for: {surface.title}"

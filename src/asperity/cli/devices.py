@@ -7,31 +7,33 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from asperity.cli.options import command
 from asperity.errors import AsperityError, require_choice
 
 
+@command
 @dataclass
 class DevicesCommand:
-    """List the haptic devices: what is installed, attached, and how to get the rest.
+    """List the haptic devices: which are installed and attached, and how to install the others.
 
-    `asperity devices check NAME` tries one: axes, home, and a force up to 0.5 N; it saves what it
-    finds.
+    `asperity devices check NAME` tests one (axes, home position, a force up to 0.5 N) and saves
+    its calibration.
     """
 
     action: Annotated[Positional[str], arg(metavar="[list|check]")] = "list"
     """What to do."""
     name: Annotated[Positional[str | None], arg(metavar="NAME")] = None
-    """Which device to check."""
+    """The device to check."""
     yes: bool = False
-    """Check without asking: axes and home are taken as they are. Clear the space around it!"""
+    """Check without prompts: axes and home are accepted as they are. Clear the space around it!"""
 
     def run(self) -> None:
-        """List, or check."""
+        """List the devices, or check one."""
         require_choice("action", self.action, ("list", "check"))
         if self.action == "check":
             self._check()
         elif self.name is not None or self.yes:
-            raise AsperityError("asperity devices takes no name; to try one: devices check NAME")
+            raise AsperityError("asperity devices takes no name; to test one: devices check NAME")
         else:
             self._list()
 
@@ -48,9 +50,9 @@ class DevicesCommand:
         for finding in found:
             if finding.advice:
                 print(f"{finding.entry.name}: {finding.advice}")
-        kept = [f.entry.name for f in found if is_calibrated(f.entry.name)]
-        if kept:
-            print(f"calibrated: {', '.join(kept)}")
+        calibrated = [f.entry.name for f in found if is_calibrated(f.entry.name)]
+        if calibrated:
+            print(f"calibrated: {', '.join(calibrated)}")
 
     def _check(self) -> None:
         from asperity.realtime.devices.calibration import save_calibration
@@ -58,14 +60,17 @@ class DevicesCommand:
         from asperity.realtime.servo.device_check import check_device
 
         if self.name is None:
-            raise AsperityError("asperity devices check NAME: which one? See 'asperity devices'")
+            raise AsperityError(
+                "the name of the device is missing: asperity devices check NAME; "
+                "'asperity devices' lists the names"
+            )
         entry = entry_of(self.name)
         if entry.steady:
-            raise AsperityError(f"{entry.name} is no device to check: it has no motors and no axes")
-        tried = device(self.name, calibrated=False, **entry.checked_with)
-        outcome = check_device(tried, home=entry.home, ask=None if self.yes else _ask)
+            raise AsperityError(f"{entry.name} cannot be checked: it has no motors and no axes")
+        unchecked = device(self.name, calibrated=False, **entry.checked_with)
+        outcome = check_device(unchecked, home=entry.home, ask=None if self.yes else _ask)
         if entry.name == "haply-fake":
-            print("nothing is saved: it is simulated")
+            print("the device is simulated: no calibration is saved")
             return
         path = save_calibration(self.name, outcome.calibration)
         print(f"saved {path}")
@@ -76,4 +81,6 @@ def _ask(request: str) -> None:
     try:
         input(f"{request}, then press Enter ")
     except EOFError:
-        raise AsperityError("nobody answers on standard input; give --yes") from None
+        raise AsperityError(
+            "standard input is closed; give --yes to check without prompts"
+        ) from None

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError, require_choice
 
@@ -17,43 +17,43 @@ if TYPE_CHECKING:
     from asperity.psychophysics.design import ExperimentDesign
     from asperity.psychophysics.interfaces.front import Front
     from asperity.psychophysics.session.presenters import Presenter
-    from asperity.psychophysics.session.session import SessionOutcome
+    from asperity.psychophysics.session.session import Session, SessionOutcome
     from asperity.realtime.servo.process import ServoSpec
     from asperity.scene.scene import Scene
 
 
+@command
 @dataclass
 class ExperimentCommand:
-    """Run a participant's session of an experiment, or go on with it.
+    """Run one participant's session of an experiment, or resume it.
 
-    The same command goes on where a session was interrupted. Every answer is on the disk before
-    the next trial begins. Leaves answers.csv, trials.csv, and a recording of every interval.
+    The same command resumes a session that was interrupted. Every answer is saved to disk before
+    the next trial begins. Writes answers.csv, trials.csv, and a recording of every interval.
     """
 
     file: Annotated[Positional[Path], arg(metavar="FILE.toml")]
-    """The experiment; see the documentation of experiments."""
+    """The experiment; see the documentation, Experiments."""
     participant: str | None = None
-    """A code, not a name: P07."""
-    session: Annotated[int, Between(1, 1000)] = 1
+    """Code of the participant, not a name: P07."""
+    session: Annotated[int, Range(1, 1000)] = 1
     """Number of the session."""
     device: str | None = None
-    """What the participant holds: haply, touch, ...: see `asperity devices`; or simulated."""
+    """Device that the participant holds: simulated, haply, touch, ...: see `asperity devices`."""
     page: bool = False
-    """Ask in the live page, in a browser, instead of the terminal. Without --device: the mouse."""
+    """Ask in a page in the browser instead of the terminal. Without --device, the mouse moves the
+    tool."""
     simulate: bool = False
-    """A simulated participant answers. Without --device: in simulated time."""
+    """Let a simulated participant answer. Without --device, in simulated time."""
     check: bool = False
-    """Only check the experiment and all its stimuli, and say what there would be."""
-    options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
-    port: Annotated[int, Between(0, 65535)] = 8080
-    """Of the page, which is for this computer alone; 0: any that is free."""
+    """Check the experiment and all its stimuli, and print what a session would contain."""
+    options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
+    port: Annotated[int, Range(0, 65535)] = 8080
+    """Port of the page, which only this computer can open; 0: any free port."""
     out: Path | None = None
     """Folder of this session. Default: out/experiment/FILE/PARTICIPANT-SESSION."""
 
     def run(self) -> None:
-        """Run the session, and say how far it came."""
-        check_ranges(self.options)
-        check_ranges(self)
+        """Run the session, and print how far it came."""
         from asperity.psychophysics.design import read_design
         from asperity.psychophysics.session.session import Session, participant_code
 
@@ -62,51 +62,53 @@ class ExperimentCommand:
             self._check(design)
             return
         if self.participant is None:
-            raise AsperityError("--participant is missing: a code, such as P07")
+            raise AsperityError("--participant is missing: give a code, such as P07")
         code = participant_code(self.participant)
         self._refuse_mixed()
         place = Path("out/experiment") / self.file.stem / f"{code}-{self.session}"
         with Session(design, self.out or place, code, self.session) as session:
             try:
-                outcome = self._go_through(session)
+                outcome = self._run(session)
             except KeyboardInterrupt:
-                told = f"all {session.answers} answers are kept"
-                raise KeyboardInterrupt(f"{told}; the same command goes on") from None
-        self._say(outcome)
+                raise KeyboardInterrupt(
+                    f"all {session.answers} answers are kept; the same command resumes"
+                ) from None
+        self._print(outcome)
 
     def _refuse_mixed(self) -> None:
+        """Refuse options that contradict each other."""
         if self.page and self.simulate:
             raise AsperityError("give --page or --simulate, not both")
         if self.device is None and not (self.page or self.simulate):
             raise AsperityError(
-                "give --device NAME for what the participant holds, --page for the mouse, or "
-                "--simulate for nobody"
+                "give --device NAME for the participant's device, --page for the mouse, or "
+                "--simulate for a simulated participant"
             )
         if self.device is None and self.options != DeviceOptions():
-            raise AsperityError("options of a device need --device")
+            raise AsperityError("options of the servo loop need --device NAME")
 
-    def _go_through(self, session: Any) -> SessionOutcome:
+    def _run(self, session: Session) -> SessionOutcome:
+        """Run a session with the front end and the presenter that the options choose."""
         from asperity.psychophysics.interfaces.front import SimulatedFront
         from asperity.psychophysics.interfaces.terminal import TerminalFront
         from asperity.psychophysics.session.presenters import DevicePresenter
 
         design = session.design
         if self.page:
-            return self._in_page(session)
+            return self._run_in_page(session)
         front: Front = TerminalFront()
         if self.simulate:
             front = SimulatedFront(design, session.participant, session.number)
         if self.device is None:
-            return self._with_progress(session, front)
+            return self._run_simulated(session, front)
         presenter = DevicePresenter(design.stimuli, functools.partial(self._spec, self.device))
         try:
-            outcome: SessionOutcome = session.run(presenter, front)
+            return session.run(presenter, front)
         finally:
             presenter.close()
-        return outcome
 
-    def _with_progress(self, session: Any, front: Front) -> SessionOutcome:
-        """Run a session in simulated time, with a bar."""
+    def _run_simulated(self, session: Session, front: Front) -> SessionOutcome:
+        """Run a session in simulated time, with a progress bar."""
         from asperity.cli.progress import progress_bars
         from asperity.psychophysics.session.presenters import HeadlessPresenter
         from asperity.simulation.simulation import announce_compiling
@@ -123,14 +125,13 @@ class ExperimentCommand:
                 ready(trial, progress)
 
             front.ready = show  # type: ignore[method-assign]
-            outcome: SessionOutcome = session.run(presenter, front, sleep=lambda _: None)
-        return outcome
+            return session.run(presenter, front, sleep=lambda _: None)
 
-    def _in_page(self, session: Any) -> SessionOutcome:
-        """Run a session in the page, and tell the experimenter here."""
+    def _run_in_page(self, session: Session) -> SessionOutcome:
+        """Run a session in the page; print the answers on stderr for the experimenter."""
         import sys
 
-        from asperity.cli.realtime_run import key_values, with_coupling
+        from asperity.cli.realtime_run import parse_device_options, with_coupling
         from asperity.psychophysics.interfaces.page import (
             Desk,
             PageFront,
@@ -139,7 +140,6 @@ class ExperimentCommand:
             smooth,
         )
         from asperity.psychophysics.session.presenters import DevicePresenter
-        from asperity.realtime.servo.safety import SafetySettings
         from asperity.simulation.simulation import announce_compiling
         from asperity.viewer.server.server import Page, require_viser
         from asperity.viewer.session_config import SessionConfig
@@ -149,16 +149,9 @@ class ExperimentCommand:
         design, options = session.design, self.options
         scene = with_coupling(design.stimuli.scene(design.all_stimuli()[0]), None)
         show = design.presentation.show
-        choice = SessionConfig(
+        config = SessionConfig(
             scene if show else smooth(scene), design.name, self.device or "mouse",
-            options=key_values(options.device_option), rate=options.rate_hz,
-            passivity=not options.no_passivity,
-            mapping={
-                "scale": options.scale, "force_scale": options.force_scale,
-                "clutch_button": options.clutch_button,
-            },
-            safety=SafetySettings(max_force=options.max_force_n),
-            real_time=options.real_time,
+            options=parse_device_options(options.device_option), **options.session(),
         )  # fmt: skip
         desk = Desk(design)
 
@@ -166,28 +159,28 @@ class ExperimentCommand:
             return link.spec(with_coupling(scene, None), seconds)
 
         with (
-            TrialLink(choice, show=show) as link,
-            Page(link, panels(desk, choice, show=show), port=self.port, label=design.name) as page,
+            TrialLink(config, show=show) as link,
+            Page(link, panels(desk, config, show=show), port=self.port, label=design.name) as page,
         ):
             print(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)", flush=True)
             presenter = DevicePresenter(design.stimuli, spec, on_servo=link.feel)
             front = PageFront(desk, lambda line: print(line, file=sys.stderr, flush=True))
             try:
-                outcome: SessionOutcome = session.run(presenter, front)
+                return session.run(presenter, front)
             finally:
                 presenter.close()
-        return outcome
 
     def _spec(self, device: str, scene: Scene, seconds: float) -> ServoSpec:
+        """Return the servo process of one interval."""
         from asperity.cli.realtime_run import servo_spec, with_coupling
 
         return servo_spec(with_coupling(scene, None), device, self.options, seconds, None)
 
     def _check(self, design: ExperimentDesign) -> None:
-        """Make every stimulus, and say what a session would be."""
+        """Make every stimulus, and print what a session would contain."""
         from asperity.psychophysics.procedures.procedures import procedure
 
-        marks = design.check_scenes()
+        digests = design.check_scenes()
         first = procedure(design, "P00", 1)
         trial, most = first.next(), first.most
         assert trial is not None
@@ -196,43 +189,48 @@ class ExperimentCommand:
         adaptive = design.adaptive
         target = getattr(adaptive, "target", None)
         print(
-            f"{self.file}: {design.name}, {design.method}; {len(marks)} stimuli made; at most "
-            f"{most} trials of {len(trial.stimuli)} intervals, {seconds / 60.0:.3g} min of feeling"
-            + (f"; the staircase goes to {100.0 * target:.1f} % right" if target else "")
+            f"{self.file}: {design.name}, {design.method}; {len(digests)} stimuli are valid; "
+            f"at most {most} trials of {len(trial.stimuli)} intervals, "
+            f"{seconds / 60.0:.3g} min of exploration"
+            + (f"; the staircase converges to {100.0 * target:.1f} % correct" if target else "")
         )
 
-    def _say(self, outcome: SessionOutcome) -> None:
+    def _print(self, outcome: SessionOutcome) -> None:
         if outcome.complete:
             print(f"{outcome.folder}: {outcome.answers} answers; the session is complete")
         else:
             print(
-                f"{outcome.folder}: paused after {outcome.answers} answers, of at most "
-                f"{outcome.most}; the same command goes on"
+                f"{outcome.folder}: paused after {outcome.answers} of at most {outcome.most} "
+                "answers; the same command resumes"
             )
 
 
+@command
 @dataclass
 class AnalyseCommand:
-    """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures."""
+    """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures.
+
+    Writes analysis.json and the figures.
+    """
 
     folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
-    """Of a session, or one with folders of sessions in it."""
+    """Folder of a session, or a folder that contains folders of sessions."""
     function: str = "weibull"
-    """logistic, normal, weibull: the psychometric function."""
-    samples: Annotated[int, Between(100, 100000)] = 1000
-    """Of the bootstrap: of intervals of magnitudes and scales, and of a function's deviance."""
-    confidence: Annotated[float, Between(0.5, 0.999)] = 0.95
-    """Of the intervals."""
-    seed: Annotated[int, Between(0, 2**31 - 1)] = 0
-    """Of the bootstrap."""
+    """Psychometric function: logistic, normal, weibull."""
+    samples: Annotated[int, Range(100, 100000)] = 1000
+    """Number of bootstrap samples, for the intervals of magnitudes and scales and the deviance of
+    psychometric functions."""
+    confidence: Annotated[float, Range(0.5, 0.999)] = 0.95
+    """Confidence level of the intervals."""
+    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
+    """Seed of the bootstrap."""
     out: Path | None = None
     """Folder for the results. Default: FOLDER/analysis."""
     overwrite: bool = False
     """Replace an earlier analysis."""
 
     def run(self) -> None:
-        """Analyse, write, and say the main numbers."""
-        check_ranges(self)
+        """Analyse, write, and print the main numbers."""
         from asperity._core.output import result_folder
         from asperity.psychophysics.analysis.analysis import Options, analyse
         from asperity.psychophysics.analysis.psychometric import FUNCTIONS
@@ -243,32 +241,32 @@ class AnalyseCommand:
         options = Options(self.function, self.samples, self.confidence, self.seed)
         out = self.out or self.folder / "analysis"
         with result_folder(out, overwrite=self.overwrite) as folder:
-            told = analyse(results, folder, options)
-        print(f"{out}: {told['experiment']}, {told['method']}, {len(results)} sessions")
-        for line in _lines(told):
+            analysis = analyse(results, folder, options)
+        print(f"{out}: {analysis['experiment']}, {analysis['method']}, {len(results)} sessions")
+        for line in _main_numbers(analysis):
             print(f"  {line}")
 
 
-def _lines(told: dict[str, Any]) -> list[str]:
-    """Return the main numbers of an analysis."""
+def _main_numbers(analysis: dict[str, Any]) -> list[str]:
+    """Return the main numbers of an analysis, a line each."""
     lines = [
         f"{session['name']}: not complete, {session['answers']} answers"
-        for session in told["sessions"]
+        for session in analysis["sessions"]
         if not session["complete"]
     ]
-    for one in told.get("forced-choice", ()):
-        found = one.get("psychometric")
-        if found is None:
+    for one in analysis.get("forced-choice", ()):
+        fit = one.get("psychometric")
+        if fit is None:
             lines.append(f"{one['session']}: {one['not_fitted']}")
             continue
-        doubt = "; AT THE END OF THE RANGE: nothing was found" if found["at_bound"] else ""
+        doubt = "; AT THE LIMIT OF THE SEARCH: no threshold found" if fit["at_bound"] else ""
         lines.append(
-            f"{one['session']}: threshold {found['threshold']:.4g} "
-            f"({found['threshold_low']:.4g} to {found['threshold_high']:.4g}), "
-            f"{one['trials']} trials, deviance p {found['deviance_p']:.2g}{doubt}"
+            f"{one['session']}: threshold {fit['threshold']:.4g} "
+            f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
+            f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{doubt}"
         )
-    if "magnitude" in told:
-        quadratic, power = told["magnitude"]["quadratic"], told["magnitude"]["power_law"]
+    if "magnitude" in analysis:
+        quadratic, power = analysis["magnitude"]["quadratic"], analysis["magnitude"]["power_law"]
         if power:
             lines.append(
                 f"slope in log-log {power['slope']:.3g} ({power['low']:.3g} to {power['high']:.3g})"
@@ -277,8 +275,8 @@ def _lines(told: dict[str, Any]) -> list[str]:
             peak = f", peak at {quadratic['peak']:.4g}" if quadratic["peak"] else ""
             lines.append(f"quadratic: R² {quadratic['r_squared']:.3f}{peak}")
     for method in ("pairs", "ranking"):
-        if method in told:
-            scale = told[method]["scales"][0]
-            ranked = sorted(zip(scale["values"], told[method]["stimuli"], strict=True))[::-1]
-            lines.append("most first: " + ", ".join(f"{name} ({v:.2f})" for v, name in ranked))
+        if method in analysis:
+            scale = analysis[method]["scales"][0]
+            ranked = sorted(zip(scale["values"], analysis[method]["stimuli"], strict=True))[::-1]
+            lines.append("largest first: " + ", ".join(f"{name} ({v:.2f})" for v, name in ranked))
     return lines

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command
 from asperity.errors import AsperityError
 
 
+@command
 @dataclass
 class FindingsCommand:
-    """Judge published findings about roughness through a probe, and say which come out.
+    """Test the models against published findings on roughness perceived through a probe.
 
-    Prints the table. With --out, writes it as JSON, CSV and Markdown, with figures.
+    Prints a table of which findings each metric reproduces. With --out, writes it as JSON, CSV and
+    Markdown, with figures.
     """
 
     out: Path | None = None
@@ -22,21 +24,21 @@ class FindingsCommand:
     docs: Path | None = None
     """Folder of the documentation, for its page findings.md and images/findings_*.png."""
     fit: bool = False
-    """Search for one hand and one metric first (minutes), and use them for the last column."""
-    hands: Annotated[int, Between(2, 4096)] = 64
-    """Of the search, a power of 2."""
-    seed: Annotated[int, Between(0, 2**31 - 1)] = 0
-    """Of the search and of its bootstrap."""
-    spacings: Annotated[int, Between(8, 200)] = 20
-    """Of each curve of the table."""
+    """First search for the hand and the metric that fit best (minutes); use them in the last
+    column instead of the published fit."""
+    hands: Annotated[int, Range(2, 4096)] = 64
+    """Number of hands that the search tries, a power of 2."""
+    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
+    """Seed of the search and of its bootstrap."""
+    spacings: Annotated[int, Range(8, 200)] = 20
+    """Number of spacings on each curve."""
     data: Path | None = None
-    """Folder of measured surfaces. Default: ../shared/data/measured, where that is present."""
+    """Folder of measured surfaces. Default: ../shared/data/measured, if it exists."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Judge, print, and write."""
-        check_ranges(self)
+        """Judge every finding, print the table, and write it."""
         import json
 
         from asperity._core.output import result_folder
@@ -51,10 +53,10 @@ class FindingsCommand:
         if self.hands & (self.hands - 1):
             raise AsperityError(f"--hands must be a power of 2, got {self.hands}")
         if self.docs and not (self.docs / "images").is_dir():
-            raise AsperityError(f"{self.docs} is no folder of documentation: it has no images/")
+            raise AsperityError(f"--docs {self.docs} is no folder of documentation: no images/")
         data = measured_folder(self.data)
 
-        def work(folder: Path | None) -> None:
+        def judge(folder: Path | None) -> None:
             with progress_bars() as bars:
                 fit = fits.published()
                 if self.fit:
@@ -80,8 +82,8 @@ class FindingsCommand:
             print_table(rows, columns)
 
         if self.out is None:
-            work(None)
+            judge(None)
             return
         with result_folder(self.out, overwrite=self.overwrite) as folder:
-            work(folder)
+            judge(folder)
         print(f"{self.out}: findings.md, findings.json, findings.csv, figures")

@@ -8,62 +8,66 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command, in_si
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.vibrotactile.model import TextureModel
     from asperity.vibrotactile.signals import Exploration
 
+_SPEEDS, _FORCES = (0.03, 0.06, 0.1, 0.15), (0.3, 0.6, 1.2)
+"""Default grid of a scene: speeds [m/s] and normal forces [N]."""
+_SECONDS, _RATE = 1.5, 2000.0
+"""Default duration [s] and tick rate [Hz] of a scene's runs."""
 _FOR_SCENES = ("speeds_mm_s", "forces_n", "seconds", "rate_khz")
-_HELD = 0.25
-"""The last part of a recording is held out, where no other is."""
+_HELD_OUT = 0.25
+"""Last part of each recording that is held out if no recordings are."""
 
 
+@command
 @dataclass
 class FitCommand:
-    """Make a vibration model of a texture, for devices that can only vibrate.
+    """Fit a vibration model of a texture, for devices that can only vibrate.
 
-    From a scene, whose tool is then moved at a grid of speeds and forces, or from recordings. Says
-    how well spectrum and size are reproduced on runs that the model was not made of. Writes
-    model.xml (as the Penn Haptic Texture Toolkit has it), fit.json and figures.
+    To a scene, whose tool is then moved at a grid of speeds and forces, or to recordings. Prints
+    how well spectrum and amplitude are reproduced on data held out of the fit. Writes model.xml
+    (format of the Penn Haptic Texture Toolkit, HaTT), fit.json and figures.
     """
 
     sources: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE")]
-    """A scene (a name, or a folder), or recordings (recording.h5, or the folders they are in)."""
+    """A scene (a name, or a folder), or recordings (recording.h5, or their folders)."""
     held_out: tuple[Path, ...] = ()
-    """Recordings to judge the model by. Default: the last quarter of each, or, of a scene, runs
-    between the grid's speeds and forces."""
+    """Recordings to judge the model by. Default: the last quarter of each recording; for a scene,
+    runs between the grid's speeds and forces."""
     model: Path | None = None
-    """A model file of HaTT, or of this command: judge that one instead of fitting."""
-    speeds_mm_s: Annotated[tuple[float, ...] | None, Between(1.0, 1000.0)] = None
-    """Of a scene's grid [mm/s]. Default: 30, 60, 100, 150."""
-    forces_n: Annotated[tuple[float, ...] | None, Between(1e-3, 20.0)] = None
-    """Of a scene's grid [N]. Default: 0.3, 0.6, 1.2."""
-    seconds: Annotated[float | None, Between(0.3, 600.0)] = None
-    """Of each run of a scene. Default: 1.5."""
-    rate_khz: Annotated[float | None, Between(0.1, 100.0)] = None
-    """At which a scene is run [kHz]. Default: 2, so that vibration up to 1 kHz is there."""
-    mass_kg: Annotated[float, Between(1e-4, 10.0)] = 0.05
-    """The mass that the texture's force accelerates [kg]."""
-    order: Annotated[int | None, Between(1, 60)] = None
-    """AR coefficients. Default: by the criterion, up to 20."""
+    """A model file of HaTT or of this command, to judge instead of fitting one."""
+    speeds_mm_s: Annotated[tuple[float, ...] | None, Range(1.0, 1000.0, "mm/s")] = None
+    """Speeds of a scene's grid. Default: 30, 60, 100, 150."""
+    forces_n: Annotated[tuple[float, ...] | None, Range(1e-3, 20.0, "N")] = None
+    """Normal forces of a scene's grid. Default: 0.3, 0.6, 1.2."""
+    seconds: Annotated[float | None, Range(0.3, 600.0, "s")] = None
+    """Duration of each run of a scene. Default: 1.5."""
+    rate_khz: Annotated[float | None, Range(0.1, 100.0, "kHz")] = None
+    """Tick rate of a scene's runs. Default: 2, for vibration up to 1 kHz."""
+    mass_kg: Annotated[float, Range(1e-4, 10.0, "kg")] = 0.05
+    """Mass that the texture force accelerates."""
+    order: Annotated[int | None, Range(1, 60)] = None
+    """Number of AR coefficients. Default: chosen by the criterion, at most 20."""
     criterion: str = "bic"
-    """bic or aic."""
-    bandwidth_hz: Annotated[float, Between(0.1, 100.0)] = 4.0
-    """No resonance is narrower [Hz]."""
+    """Information criterion for the order: bic or aic."""
+    bandwidth_hz: Annotated[float, Range(0.1, 100.0, "Hz")] = 4.0
+    """Smallest bandwidth of a resonance."""
     wav: bool = False
-    """Write vibration.wav as well: strokes to and fro, at half the largest force."""
-    seed: Annotated[int, Between(0, 2**31 - 1)] = 0
-    """Of the noise that drives the model."""
+    """Also write vibration.wav: back-and-forth strokes at half the largest force."""
+    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
+    """Seed of the noise that drives the model."""
     out: Path = Path("out/fit")
     """Folder for the results."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Run or read, fit, judge, write, and say how well it does."""
-        check_ranges(self)
+        """Run or read, fit, judge, write, and print the errors."""
         from asperity._core.output import result_folder
         from asperity.vibrotactile.ar import CRITERIA
         from asperity.vibrotactile.fit import FitSettings, fit, judge
@@ -72,20 +76,20 @@ class FitCommand:
 
         require_choice("--criterion", self.criterion, CRITERIA)
         if not self.sources:
-            raise AsperityError("give a scene (a name, or a folder), or recordings to fit to")
+            raise AsperityError("SOURCE is missing: give a scene, or recordings")
         settings = FitSettings(
             order=self.order, criterion=self.criterion, bandwidth=self.bandwidth_hz
         )
         given = None if self.model is None else read_hatt(self.model)
         with result_folder(self.out, overwrite=self.overwrite) as folder:
-            training, held = self._data(given)
+            training, held_out = self._data(given)
             fitted = None
             if given is None:
                 fitted = fit(training, settings, name=self._name())
                 model = fitted.model
             else:
-                model = self._at_rate_of(given, held)
-            judged = judge(model, held, settings, seed=self.seed)
+                model = self._at_rate_of(given, held_out)
+            judged = judge(model, held_out, settings, seed=self.seed)
             summary = summary_of(model, fitted, judged) | {
                 "sources": list(self.sources), "mass_kg": self.mass_kg, "seed": self.seed,
             }  # fmt: skip
@@ -94,53 +98,58 @@ class FitCommand:
         print(f"{self.out}: {', '.join(summary['files'])}")
 
     def _name(self) -> str:
+        """Return the name of the model."""
         return Path(self.sources[0]).name if len(self.sources) == 1 else f"{len(self.sources)} runs"
 
-    def _at_rate_of(self, model: TextureModel, held: list[Exploration]) -> TextureModel:
+    def _at_rate_of(self, model: TextureModel, held_out: list[Exploration]) -> TextureModel:
+        """Return a model at the lowest rate of the recordings."""
         from asperity.vibrotactile.rates import at_rate
 
-        lowest = min(one.rate for one in held)
+        lowest = min(one.rate for one in held_out)
         if lowest > model.rate:
             raise AsperityError(
-                f"the model runs at {model.rate:g} Hz and the recording at {lowest:g} Hz; give "
-                "recordings at the model's rate or below"
+                f"the recordings' lowest rate is {lowest:g} Hz, above the model's; give one at "
+                f"{model.rate:g} Hz or below"
             )
         return at_rate(model, lowest)
 
     def _data(self, given: TextureModel | None) -> tuple[list[Exploration], list[Exploration]]:
-        """Return explorations to fit to, and those that are held out."""
+        """Return the data to fit, and the data held out of the fit."""
         recordings = [_recording_at(Path(source)) for source in self.sources]
         if not any(recordings):
             if len(self.sources) > 1:
                 raise AsperityError(
-                    f"one scene, or recordings: {', '.join(self.sources)} are {len(self.sources)}"
+                    f"SOURCE must be one scene, or recordings, got {len(self.sources)} scenes: "
+                    f"{', '.join(self.sources)}"
                 )
             if self.held_out:
-                raise AsperityError("--held-out is for recordings; a scene runs its own")
+                raise AsperityError(
+                    "--held-out needs recordings as SOURCE; a scene makes its own held-out runs"
+                )
             return self._of_scene(given)
         options = [name for name in _FOR_SCENES if getattr(self, name) is not None]
         if options:
             option = options[0].replace("_", "-")
-            raise AsperityError(f"--{option} is for a scene; recordings have their own")
+            raise AsperityError(f"--{option} needs a scene as SOURCE; it is fixed in recordings")
         missing = [s for s, file in zip(self.sources, recordings, strict=True) if file is None]
         if missing:
             raise AsperityError(
-                f"no such recording: {missing[0]}; give recording.h5, or the folder it is in"
+                f"no such recording: {missing[0]}; give recording.h5, or its folder"
             )
         files = [file for file in recordings if file is not None]
-        whole = [self._read(file) for file in files]
+        complete = [self._read(file) for file in files]
         if given is not None:
-            return [], whole
-        others = [_recording_at(file) or file for file in self.held_out]
-        twice = {file.resolve() for file in files} & {file.resolve() for file in others}
+            return [], complete
+        held_out = [_recording_at(file) or file for file in self.held_out]
+        twice = {file.resolve() for file in files} & {file.resolve() for file in held_out}
         if twice:
-            raise AsperityError(f"--held-out: the model would be made of {twice.pop().name} itself")
+            raise AsperityError(f"--held-out {twice.pop().name} is also a SOURCE; give another")
         if self.held_out:
-            return whole, [self._read(file) for file in others]
-        ends = [int((1.0 - _HELD) * one.vibration.size) for one in whole]
+            return complete, [self._read(file) for file in held_out]
+        ends = [int((1.0 - _HELD_OUT) * one.vibration.size) for one in complete]
         return (
-            [one.part(0, end) for one, end in zip(whole, ends, strict=True)],
-            [one.part(end, one.vibration.size) for one, end in zip(whole, ends, strict=True)],
+            [one.part(0, end) for one, end in zip(complete, ends, strict=True)],
+            [one.part(end, one.vibration.size) for one, end in zip(complete, ends, strict=True)],
         )
 
     def _read(self, file: Path) -> Exploration:
@@ -159,30 +168,28 @@ class FitCommand:
         from asperity.simulation.tool_contact import announce_compiling
         from asperity.vibrotactile.explore import explore, geometric_means
 
-        scene = load_scene(self.sources[0])
-        speeds = [1e-3 * v for v in self.speeds_mm_s or (30.0, 60.0, 100.0, 150.0)]
-        forces = list(self.forces_n or (0.3, 0.6, 1.2))
-        seconds = 1.5 if self.seconds is None else self.seconds
-        rate = 2000.0 if self.rate_khz is None else 1e3 * self.rate_khz
-        if given is not None and self.rate_khz is None:
-            rate = given.rate
-        middle = geometric_means(speeds), geometric_means(forces)
+        scene, options = load_scene(self.sources[0]), in_si(self)
+        speeds = list(options.speeds or _SPEEDS)
+        forces = list(options.forces or _FORCES)
+        seconds = _SECONDS if options.seconds is None else options.seconds
+        rate = options.rate or (_RATE if given is None else given.rate)
+        between = geometric_means(speeds), geometric_means(forces)
         announce_compiling()
-        runs = [middle] if given is not None else [(speeds, forces), middle]
+        runs = [between] if given is not None else [(speeds, forces), between]
         total = sum(len(v) * len(f) for v, f in runs) * round(seconds * rate)
         with progress_bars() as bars:
             task = bars.add_task(scene.name, total=total)
-            made: list[Any] = [
+            explored: list[Any] = [
                 explore(
                     scene, v, f, rate=rate, seconds=seconds, mass=self.mass_kg,
                     on_tick=lambda n: bars.advance(task, n),
                 )
                 for v, f in runs
             ]  # fmt: skip
-        return ([], made[0]) if given is not None else (made[0], made[1])
+        return ([], explored[0]) if given is not None else (explored[0], explored[1])
 
     def _write(
-        self, folder: Path, model: TextureModel, fitted: Any, held: list[Any],
+        self, folder: Path, model: TextureModel, fitted: Any, judged: list[Any],
         summary: dict[str, Any],
     ) -> None:  # fmt: skip
         import json
@@ -191,19 +198,20 @@ class FitCommand:
         from asperity.vibrotactile import figures
         from asperity.vibrotactile.hatt import write_hatt
 
-        title = f"{model.name}: what it makes of runs that it was not made of"
+        title = f"{model.name}: synthesis against data held out of the fit"
         files = []
         if fitted is not None:
             write_hatt(model, folder / "model.xml")
             files += ["model.xml"]
-            told = f"{model.name}: {fitted.recorded} fitted models"
-            made = figure_style.save(figures.plane_figure(fitted, held, told), folder, "plane")
-            files += [path.name for path in made]
-        if held:
+            plane = figures.plane_figure(
+                fitted, judged, f"{model.name}: {fitted.recorded} fitted models"
+            )
+            files += [path.name for path in figure_style.save(plane, folder, "plane")]
+        if judged:
             for figure in (figures.spectra_figure, figures.waves_figure):
                 name = figure.__name__.removesuffix("_figure")
-                made = figure_style.save(figure(model, held, title), folder, name)
-                files += [path.name for path in made]
+                saved = figure_style.save(figure(model, judged, title), folder, name)
+                files += [path.name for path in saved]
         if self.wav:
             self._sound(model, folder / "vibration.wav", summary)
             files.append("vibration.wav")
@@ -224,9 +232,9 @@ class FitCommand:
         summary["wav_full_scale_m_s2"] = sound.gain
 
 
-def _recording_at(place: Path) -> Path | None:
-    """Return the recording at a place, or None."""
-    if place.is_dir():
-        inside = place / "recording.h5"
+def _recording_at(path: Path) -> Path | None:
+    """Return the recording at a path, or None if it is none."""
+    if path.is_dir():
+        inside = path / "recording.h5"
         return inside if inside.is_file() else None
-    return place if place.suffix in (".h5", ".hdf5", ".nc") else None
+    return path if path.suffix in (".h5", ".hdf5", ".nc") else None

@@ -1,4 +1,7 @@
-"""Parsing and exit codes: 0 well, 1 our fault, 2 bad input, 130 interrupted."""
+"""The entry point: parse, check ranges, run one command, return an exit code.
+
+0: success. 1: a fault of asperity. 2: bad input. 130: interrupted.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,7 @@ from asperity.cli.experiment import AnalyseCommand, ExperimentCommand
 from asperity.cli.export import ExportCommand
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import FitCommand
+from asperity.cli.options import check_ranges
 from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
 from asperity.cli.record import RecordCommand, ReplayCommand
@@ -41,65 +45,69 @@ from asperity.errors import AsperityError
 LogLevel = Literal["debug", "info", "warning", "error"]
 _DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
 _ONE_INTERRUPTION = 0.5
-"""Signals closer than this are one [s]."""
+"""Signals closer together than this count as one [s]."""
+
+
+COMMANDS = (
+    Annotated[DemoCommand, tyro.conf.subcommand("demo")]
+    | Annotated[StudyCommand, tyro.conf.subcommand("study")]
+    | Annotated[RunCommand, tyro.conf.subcommand("run")]
+    | Annotated[RecordCommand, tyro.conf.subcommand("record")]
+    | Annotated[ReplayCommand, tyro.conf.subcommand("replay")]
+    | Annotated[ViewCommand, tyro.conf.subcommand("view")]
+    | Annotated[ExportCommand, tyro.conf.subcommand("export")]
+    | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
+    | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
+    | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]
+    | Annotated[FitCommand, tyro.conf.subcommand("fit")]
+    | Annotated[DevicesCommand, tyro.conf.subcommand("devices")]
+    | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
+    | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
+    | Annotated[BakeCommand, tyro.conf.subcommand("bake")]
+    | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
+    | Annotated[ExperimentCommand, tyro.conf.subcommand("experiment")]
+    | Annotated[AnalyseCommand, tyro.conf.subcommand("analyse")]
+    | Annotated[DoctorCommand, tyro.conf.subcommand("doctor")]
+)
+"""The commands, in the order of the help."""
 
 
 @dataclass
 class Arguments:
-    """asperity: texture forces through a probe, and the perceptual studies behind them."""
+    """Render haptic texture: simulate, feel, record and compare textured contact."""
 
-    command: (
-        Annotated[DemoCommand, tyro.conf.subcommand("demo")]
-        | Annotated[StudyCommand, tyro.conf.subcommand("study")]
-        | Annotated[RunCommand, tyro.conf.subcommand("run")]
-        | Annotated[RecordCommand, tyro.conf.subcommand("record")]
-        | Annotated[ReplayCommand, tyro.conf.subcommand("replay")]
-        | Annotated[ViewCommand, tyro.conf.subcommand("view")]
-        | Annotated[ExportCommand, tyro.conf.subcommand("export")]
-        | Annotated[SoundCommand, tyro.conf.subcommand("sound")]
-        | Annotated[StabilityCommand, tyro.conf.subcommand("stability")]
-        | Annotated[FindingsCommand, tyro.conf.subcommand("findings")]
-        | Annotated[FitCommand, tyro.conf.subcommand("fit")]
-        | Annotated[DevicesCommand, tyro.conf.subcommand("devices")]
-        | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
-        | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
-        | Annotated[BakeCommand, tyro.conf.subcommand("bake")]
-        | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
-        | Annotated[ExperimentCommand, tyro.conf.subcommand("experiment")]
-        | Annotated[AnalyseCommand, tyro.conf.subcommand("analyse")]
-        | Annotated[DoctorCommand, tyro.conf.subcommand("doctor")]
-    )
+    command: Annotated[COMMANDS, tyro.conf.arg(name="")]  # type: ignore[valid-type]
     log_level: LogLevel = "warning"
-    """How much to say on stderr."""
+    """Least severe messages that are printed on stderr."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # Not every terminal has every character, nor every file name a decoding.
+        # A terminal may lack characters of a message, and a file name may not be decodable.
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         with _stopped_by_signals():
-            code = _obey(arguments)
+            code = _run(arguments)
             if sys.stdout:
                 sys.stdout.flush()
         return code
     except KeyboardInterrupt as stop:
-        # A command that keeps what it has says so.
+        # A command that keeps partial results passes a message.
         print(f"asperity: interrupted; {str(stop) or 'nothing was written'}", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # Nobody reads on. Python will flush once more at exit: into nothing.
+        # The reader of stdout is gone. Python flushes once more at exit: into /dev/null.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (AsperityError, OSError, MemoryError) as error:
-        logging.getLogger("asperity").debug("where it happened:", exc_info=True)
+        logging.getLogger("asperity").debug("traceback of the error:", exc_info=True)
         return _refuse(str(error) or "not enough memory")
 
 
-def _obey(arguments: list[str]) -> int:
-    """Do what the arguments say; return the exit code."""
+def _run(arguments: list[str]) -> int:
+    """Parse the arguments and run their command; return the exit code."""
     if arguments == ["--version"]:
         print(f"asperity {__version__}")
         return 0
@@ -108,15 +116,17 @@ def _obey(arguments: list[str]) -> int:
         return parsed
     logging.basicConfig(format="asperity: %(message)s")
     logging.getLogger("asperity").setLevel(parsed.log_level.upper())
+    check_ranges(parsed.command)
     parsed.command.run()
     return 0
 
 
 @contextlib.contextmanager
 def _stopped_by_signals() -> Iterator[None]:
-    """Let the signals that end a process interrupt the block as Ctrl-C does, so that it cleans up.
+    """Turn the signals that end a process into `KeyboardInterrupt`, so that the block cleans up.
 
-    Signals in quick succession count as one: a second Ctrl-C must not interrupt the cleaning up.
+    Signals in quick succession count as one, so that a second Ctrl-C does not interrupt the
+    clean-up.
     """
     last = -math.inf
 
@@ -128,31 +138,32 @@ def _stopped_by_signals() -> Iterator[None]:
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     usual = {getattr(signal, name): signal.getsignal(getattr(signal, name)) for name in names}
-    # What the caller ignores or handles stays so; only the main thread may handle signals.
-    mine = [s for s, handler in usual.items() if handler in _DEFAULTS]
+    # Signals that the caller ignores or handles are left alone; only the main thread may set
+    # handlers.
+    replaced = [s for s, handler in usual.items() if handler in _DEFAULTS]
     if threading.current_thread() is not threading.main_thread():
-        mine = []
+        replaced = []
     try:
-        for number in mine:
+        for number in replaced:
             signal.signal(number, interrupt)
         yield
     except KeyboardInterrupt:
         raise
     except BaseException:
-        # Numba makes a SystemError of an interruption that meets it between two kernels.
+        # An interruption between two kernels reaches us as Numba's SystemError.
         if last > -math.inf:
             raise KeyboardInterrupt from None
         raise
     finally:
-        for number in mine:
+        for number in replaced:
             signal.signal(number, usual[number])
 
 
 def _parse(arguments: list[str]) -> Arguments | int:
-    """Return the parsed arguments, or the exit code of a parser that has had its say."""
-    said = io.StringIO()
+    """Return the parsed arguments, or an exit code if the parser printed help or an error."""
+    message = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said):
+        with contextlib.redirect_stderr(message):
             return tyro.cli(
                 Arguments,
                 args=_global_first(arguments),
@@ -162,11 +173,11 @@ def _parse(arguments: list[str]) -> Arguments | int:
     except SystemExit as stop:
         if stop.code in (0, None):
             return 0
-        return _refuse(one_line(said.getvalue()))
+        return _refuse(one_line(message.getvalue()))
 
 
 def _global_first(arguments: list[str]) -> list[str]:
-    """Return the arguments with --log-level, which any command takes, in front of the command."""
+    """Return the arguments with --log-level moved in front of the command."""
     for at, word in enumerate(arguments):
         name, equals, _ = word.partition("=")
         if name == "--log-level":
@@ -176,5 +187,6 @@ def _global_first(arguments: list[str]) -> list[str]:
 
 
 def _refuse(reason: str) -> int:
+    """Print why the input is refused, in one line; return the exit code."""
     print(f"asperity: error: {' '.join(reason.split())}", file=sys.stderr)
     return 2

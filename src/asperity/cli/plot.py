@@ -8,34 +8,37 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from asperity.cli.options import command
 
+
+@command
 @dataclass
 class PlotCommand:
-    """Draw the usual views of a sweep's store, complete or not.
+    """Draw the standard figures of a sweep's store, complete or not.
 
-    The metric over one parameter, with a quadratic in log-log; the map of two parameters; what
-    each parameter alone explains. Which of them, and of what, follows from what the store holds.
+    The metric over one parameter with a quadratic fit in log-log; a map over two parameters; the
+    variance that each parameter explains. By default, all figures for which the store has axes.
     """
 
     store: Annotated[Positional[Path], arg(metavar="STORE")]
-    """What `asperity sweep` wrote."""
+    """The Zarr store that `asperity sweep` wrote."""
     view: str | None = None
-    """curve, map, or effects. Default: all that the store has the axes for."""
+    """curve, map, or effects. Default: all for which the store has axes."""
     metric: tuple[str, ...] = ()
-    """Numbers that were kept, a set of figures each. Default: the first."""
+    """Metrics to draw, a set of figures each. Default: the first in the store."""
     x: str | None = None
-    """Parameter along the figure. Default: spacing, or the axis with most values."""
+    """Parameter on the horizontal axis. Default: spacing, or the axis with most values."""
     y: str | None = None
-    """Parameter up a map. Default: the axis with most values but one."""
+    """Parameter on the vertical axis of a map. Default: the axis with second most values."""
     colour: str | None = None
-    """Parameter of a curve's colours. Default: the axis with most values, up to six."""
+    """Parameter shown by the colours of a curve. Default: the axis with most values, up to six."""
     out: Path = Path("out/plot")
     """Folder for the figures."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Read, choose, draw."""
+        """Draw the figures and print what each shows."""
         from asperity._core.output import result_folder
         from asperity.drawing import figure_style
         from asperity.studies.sweeps.figures import draw
@@ -49,9 +52,9 @@ class PlotCommand:
         with result_folder(self.out, overwrite=self.overwrite) as folder:
             for view in views:
                 figure_style.save(draw(data, view), folder, f"{view.metric}_{view.kind}")
-        told = "; ".join(
+        drawn = "; ".join(
             " ".join([view.metric, view.kind]) + (f" over {view.x}" if view.x else "")
             + (f" and {view.y}" if view.y else "") + (f", {view.colour}" * bool(view.colour))
             for view in views
         )  # fmt: skip
-        print(f"{self.out}: {told}")
+        print(f"{self.out}: {drawn}")

@@ -1,4 +1,4 @@
-"""Progress bars for long work."""
+"""Progress bars of long commands, on stderr."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
-    """Give a display on stderr to which tasks are added; silent where stderr is no terminal.
+    """Give a display to which tasks are added; it shows nothing if stderr is not a terminal.
 
-    With `remaining` it estimates the time that is left, too.
+    With `remaining` it also estimates the remaining time.
     """
     from rich.console import Console
     from rich.progress import (
@@ -41,7 +41,7 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
 
 
 def compile_notice() -> str:
-    """Return a description for work that may have to compile first."""
+    """Return the description of the studies' bar, which mentions a pending compilation."""
     from asperity._core.kernels import is_compiled
 
     return (

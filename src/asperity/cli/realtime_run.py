@@ -1,4 +1,4 @@
-"""What `asperity run --device` and `asperity record` have in common: a scene felt in real time."""
+"""Real-time sessions with a device: the options and steps that several commands share."""
 
 from __future__ import annotations
 
@@ -7,113 +7,114 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from asperity.cli.ranges import Between
+from asperity.cli.options import Range, command
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
     from asperity.realtime.servo.process import ServoSpec
-    from asperity.realtime.servo.scheduling import RealTime
     from asperity.scene.scene import Scene
     from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
 
+@command
 @dataclass
 class DeviceOptions:
-    """How a device is used. Only with --device."""
+    """Options of the device and of its servo loop. They need --device."""
 
     device_option: tuple[str, ...] = ()
-    """Options of the device, KEY=VALUE ...; see the documentation of devices."""
-    rate_hz: Annotated[float, Between(100.0, 20e3)] = 1000.0
-    """Ticks a second."""
-    scale: Annotated[float, Between(1e-3, 1e3)] = 1.0
-    """Metres of the scene for one of the device."""
-    force_scale: Annotated[float, Between(1e-3, 1e3)] = 1.0
-    """Newtons at the device for one of the scene."""
-    max_force_n: Annotated[float | None, Between(0.0, 100.0)] = None
-    """Lower limit than the device's own [N]."""
-    clutch_button: Annotated[int | None, Between(0, 31)] = None
-    """Button that lets the hand move without the tool."""
+    """Options of the device's driver, KEY=VALUE ...; see the documentation, Devices."""
+    rate_hz: Annotated[float, Range(100.0, 20e3, "Hz")] = 1000.0
+    """Tick rate of the servo loop."""
+    scale: Annotated[float, Range(1e-3, 1e3)] = 1.0
+    """Scene length per device length."""
+    force_scale: Annotated[float, Range(1e-3, 1e3)] = 1.0
+    """Device force per scene force."""
+    max_force_n: Annotated[float | None, Range(0.0, 100.0, "N")] = None
+    """Force limit. Default: the device's own limit, which this cannot raise."""
+    clutch_button: Annotated[int | None, Range(0, 31)] = None
+    """Number of the button that decouples the hand from the tool while pressed. Default: none."""
     no_passivity: bool = False
-    """Only keep the account of energy, correct nothing."""
+    """Let the passivity controller observe the energy without changing the force."""
     priority: bool = False
-    """Ask for real-time priority."""
-    core: Annotated[int | None, Between(0, 1023)] = None
-    """Ask for this core."""
+    """Request real-time priority from the operating system."""
+    core: Annotated[int | None, Range(0, 1023)] = None
+    """Request this CPU core."""
     lock_memory: bool = False
-    """Ask for memory that is never swapped out."""
+    """Request memory that is never swapped out."""
     no_busy_wait: bool = False
-    """Sleep between ticks, rather than keep a core busy."""
+    """Sleep between ticks instead of keeping a core busy; ticks may then start late."""
 
-    @property
-    def real_time(self) -> RealTime:
-        """What is to be asked of the system."""
+    def session(self) -> dict[str, Any]:
+        """Return the arguments that `ServoSpec` and `SessionConfig` share."""
+        from asperity.realtime.servo.safety import SafetySettings
         from asperity.realtime.servo.scheduling import RealTime
 
-        return RealTime(self.priority, self.core, self.lock_memory, busy_wait=not self.no_busy_wait)
+        return {
+            "rate": self.rate_hz,
+            "passivity": not self.no_passivity,
+            "mapping": {
+                "scale": self.scale, "force_scale": self.force_scale,
+                "clutch_button": self.clutch_button,
+            },
+            "safety": SafetySettings(max_force=self.max_force_n),
+            "real_time": RealTime(
+                self.priority, self.core, self.lock_memory, busy_wait=not self.no_busy_wait
+            ),
+        }  # fmt: skip
 
 
 def servo_spec(
     scene: Scene,
-    name: str,
+    device_name: str,
     options: DeviceOptions,
     seconds: float | None,
     motion: ScriptedMotion | Trajectory | None,
 ) -> ServoSpec:
-    """Return what a servo process needs to know.
+    """Return the specification of a servo process for a scene and a device.
 
     Parameters
     ----------
     scene : Scene
-    name : str
-        Of the device.
+    device_name : str
     options : DeviceOptions
     seconds : float, optional
+        Duration. Default: that of a simulated or replayed motion, else unlimited.
     motion : ScriptedMotion or Trajectory, optional
-        What a simulated hand does. Default: the scene's own.
+        Motion of the simulated hand. Default: the scene's.
     """
     from asperity.realtime.devices.catalogue import device
     from asperity.realtime.servo.device_makers import named_device, simulated_device
     from asperity.realtime.servo.process import ServoSpec
-    from asperity.realtime.servo.safety import SafetySettings
     from asperity.scene.trajectory import Trajectory
 
-    given = key_values(options.device_option)
-    in_scene = name == "simulated" or name == "replay" or name.startswith("replay:")
+    driver_options = parse_device_options(options.device_option)
+    replayed = device_name == "replay" or device_name.startswith("replay:")
     make: functools.partial[Any]
-    if name == "simulated":
-        if given:
-            raise AsperityError("the device simulated takes no --device-option here")
+    if device_name == "simulated":
+        if driver_options:
+            raise AsperityError(
+                f"the device 'simulated' has no options, got --device-option "
+                f"{' '.join(options.device_option)}"
+            )
         motion = scene.motion if motion is None else motion
         make = functools.partial(simulated_device, scene, motion, 1.0 / options.rate_hz)
-        if seconds is None:
-            seconds = motion.seconds
+        seconds = motion.seconds if seconds is None else seconds
     else:
         if isinstance(motion, Trajectory):
-            raise AsperityError("--trajectory is for the device simulated, or use replay:FILE")
-        made: Any = device(name, **given)  # refuses here what would be refused there
-        make = functools.partial(named_device, name, given)
-        if seconds is None and in_scene:
+            raise AsperityError("--trajectory FILE needs --device simulated, or use replay:FILE")
+        # Made here too, so that a wrong option is refused before the process starts.
+        made: Any = device(device_name, **driver_options)
+        make = functools.partial(named_device, device_name, driver_options)
+        if seconds is None and replayed:
             seconds = made.seconds
-    return ServoSpec(
-        scene,
-        make,
-        in_scene=in_scene,
-        rate=options.rate_hz,
-        seconds=seconds,
-        passivity=not options.no_passivity,
-        mapping={
-            "scale": options.scale, "force_scale": options.force_scale,
-            "clutch_button": options.clutch_button,
-        },
-        safety=SafetySettings(max_force=options.max_force_n),
-        real_time=options.real_time,
-    )  # fmt: skip
+    in_scene = device_name == "simulated" or replayed
+    return ServoSpec(scene, make, in_scene=in_scene, seconds=seconds, **options.session())
 
 
-def feel(
+def run_on_device(
     spec: ServoSpec, out: Path, *, source: str, figures: bool, overwrite: bool
 ) -> dict[str, Any]:
-    """Run a session with a line of progress; print and return what there is to say."""
+    """Run a session with a progress line; print and return its summary."""
     from asperity.cli.progress import progress_bars
     from asperity.realtime.servo.session import run_session
 
@@ -124,11 +125,11 @@ def feel(
         def show(moment: Any) -> None:
             fx, fy, fz = moment.device_wrench[:3]
             force = (fx * fx + fy * fy + fz * fz) ** 0.5
-            told = (
+            label = (
                 f"{scene.name}  {force:5.2f} N  {moment.misses} missed, "
                 f"{moment.fallbacks} fallbacks"
             )
-            bars.update(task, completed=round(moment.time, 1), description=told)
+            bars.update(task, completed=round(moment.time, 1), description=label)
 
         def begun(ready: dict[str, Any]) -> None:
             bars.update(task, description=f"{scene.name}: {ready['device']}")
@@ -137,11 +138,11 @@ def feel(
             spec, out, source=source, figures=figures, overwrite=overwrite,
             on_moment=show, on_start=begun,
         )  # fmt: skip
-    say(summary, out)
+    print_session(summary, out)
     return summary
 
 
-def say(summary: dict[str, Any], out: Path) -> None:
+def print_session(summary: dict[str, Any], out: Path) -> None:
     """Print the summary of a session in a few lines."""
     timing, safety, recorder = summary["timing"], summary["safety"], summary["recorder"]
     print(
@@ -149,28 +150,28 @@ def say(summary: dict[str, Any], out: Path) -> None:
         f"{timing['ticks']} ticks, {timing['misses']} missed ({timing['misses_percent']:.2g} %), "
         f"{timing['fallbacks']} fallbacks ({timing['fallbacks_percent']:.2g} %), "
         f"{timing['cut_short']} searches cut short; "
-        f"at most {summary['largest_force_n']:.3g} N in contact; passivity "
-        f"{summary['passivity']['interventions']}, clamped {safety['clamped_force']}, "
-        f"silent {safety['silences']} times; ended: {summary['ended']}"
+        f"contact force at most {summary['largest_force_n']:.3g} N; passivity corrections "
+        f"{summary['passivity']['interventions']}, clamped forces {safety['clamped_force']}, "
+        f"silences {safety['silences']}; ended: {summary['ended']}"
     )
     for error in (safety["last_error"], recorder["error"]):
         if error:
             print(f"  {error}")
-    for what, answer in summary["real_time"].items():
+    for request, answer in summary["real_time"].items():
         if answer.startswith("refused"):
-            print(f"  {what}: {answer}")
+            print(f"  {request}: {answer}")
     for note in summary["notes"]:
         print(f"  {note}")
 
 
-def with_coupling(scene: Scene, coupling: str | None) -> Scene:
-    """Return a scene for a hand: on a coupling, if neither scene nor option says otherwise."""
-    mode = coupling or scene.document.get("coupling", {}).get("mode", "implicit")
-    return replace(scene.changed(coupling={"mode": mode}), notes=scene.notes)
+def with_coupling(scene: Scene, mode: str | None) -> Scene:
+    """Return a scene with a virtual coupling: `mode`, else the scene's own, else implicit."""
+    chosen = mode or scene.document.get("coupling", {}).get("mode", "implicit")
+    return replace(scene.changed(coupling={"mode": chosen}), notes=scene.notes)
 
 
-def key_values(options: tuple[str, ...]) -> dict[str, Any]:
-    """Return options of a device as they are given, KEY=VALUE."""
+def parse_device_options(options: tuple[str, ...]) -> dict[str, Any]:
+    """Return options of a driver from KEY=VALUE texts; numbers become numbers."""
     return dict(_key_value(text) for text in options)
 
 

@@ -6,79 +6,81 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
 
 
+@command
 @dataclass
 class RecordCommand:
-    """Record what a hand feels of a scene, until Ctrl-C.
+    """Record a real-time session with a device until Ctrl-C.
 
-    As `asperity run SCENE --device NAME`, without figures: recording.h5 and summary.json.
+    As `asperity run SCENE --device NAME`, but without figures: writes recording.h5 and
+    summary.json.
     """
 
     scene: Annotated[Positional[str], arg(metavar="SCENE")]
     """As for `asperity run`."""
     device: str = "simulated"
     """simulated, replay:FILE, haply, touch, ...: see `asperity devices`."""
-    seconds: Annotated[float | None, Between(0.01, 86400.0)] = None
-    """How long. Default: until Ctrl-C."""
-    options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
+    seconds: Annotated[float | None, Range(0.01, 86400.0, "s")] = None
+    """Duration. Default: until Ctrl-C; of a simulated or replayed motion, its own."""
+    options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
     coupling: str | None = None
-    """direct, implicit, semi-implicit, static. Default: as the scene says, else implicit."""
-    seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
-    """Of textures that have one. Default: as the scene says."""
+    """Virtual coupling: direct, implicit, semi-implicit, static. Default: the scene's, else
+    implicit."""
+    seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
+    """Seed of random textures. Default: the scene's."""
     out: Path = Path("out/record")
     """Folder for the results."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
         """Record."""
-        check_ranges(self.options)
-        check_ranges(self)
-        from asperity.cli.realtime_run import feel, servo_spec, with_coupling
+        from asperity.cli.realtime_run import run_on_device, servo_spec, with_coupling
         from asperity.scene.builtin import load_scene
 
         scene = with_coupling(load_scene(self.scene, seed=self.seed), self.coupling)
         spec = servo_spec(scene, self.device, self.options, self.seconds, None)
-        feel(spec, self.out, source=self.scene, figures=False, overwrite=self.overwrite)
+        run_on_device(spec, self.out, source=self.scene, figures=False, overwrite=self.overwrite)
 
 
+@command
 @dataclass
 class ReplayCommand:
-    """Look at a recording: the page of `asperity view`, with a slider through its time.
+    """Show a recording in the browser, or play its handle motion through a scene again.
 
-    With --out, play its handle through its scene again instead, in simulated time: writes a new
-    recording and figures, and says how far the wrenches differ. To play it in real time, to feel
-    nothing but be recorded again: asperity run SCENE --device replay:FILE.
+    Without --out: the page of `asperity view`, with a slider through the recording's time. With
+    --out: no page; the recorded handle motion is simulated again, a new recording and figures are
+    written, and the difference between the wrenches is printed. To replay on a real-time loop:
+    `asperity run SCENE --device replay:FILE`.
     """
 
     file: Annotated[Positional[Path], arg(metavar="FILE")]
-    """recording.h5, or the folder it is in."""
+    """recording.h5, or the folder that contains it."""
     scene: str | None = None
-    """Another scene to play it in. Default: the recording's."""
-    port: Annotated[int, Between(0, 65535)] = 8080
-    """Of the page; 0 is any that is free."""
+    """Another scene for the motion. Default: the recording's."""
+    port: Annotated[int, Range(0, 65535)] = 8080
+    """Port of the page; 0: any free port."""
     no_open: bool = False
-    """Do not open a browser; only say where the page is."""
+    """Print the address of the page without opening a browser."""
     out: Path | None = None
-    """Folder for the results of playing it through the scene again; no page then."""
+    """Simulate the motion again, with the results in this folder, instead of showing a page."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Show the page, or play, write, and say how far it differs."""
-        check_ranges(self)
+        """Show the page, or simulate the motion again."""
         from asperity.runs.recording import recording_file
 
         file = recording_file(self.file)
         if self.out is None:
             self._show(file)
         else:
-            self._play(file, self.out)
+            self._simulate(file, self.out)
 
     def _show(self, file: Path) -> None:
         from asperity.viewer.replayed import ReplayPage
@@ -95,7 +97,7 @@ class ReplayCommand:
             except KeyboardInterrupt:
                 print("ended")
 
-    def _play(self, file: Path, out: Path) -> None:
+    def _simulate(self, file: Path, out: Path) -> None:
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
         from asperity.realtime.servo.replay import replay, scene_of_recording
@@ -116,12 +118,13 @@ class ReplayCommand:
             done = replay(recording, scene, folder / "recording.h5", on_tick=show)
             write_summary(done, folder / "summary.json")
             write_figures(done, take_pictures(done, scene), folder)
-        apart = done.summary["replay"]
-        felt, contact = apart["device_wrench"], apart["contact_wrench"]
+        difference = done.summary["replay"]
+        device, contact = difference["device_wrench"], difference["contact_wrench"]
         print(
-            f"{out}: {apart['ticks']} ticks of {file} in {scene.name}; the hand's force "
-            f"differs by at most {felt['largest_force_n']:.3g} N (at {felt['at_s']:.3f} s), "
-            f"{felt['rms_force_n']:.3g} N rms, and by {felt['largest_force_untouched_n']:.3g} N in "
-            f"the {apart['ticks_untouched']} ticks that nothing was done to; the contact's by "
+            f"{out}: {difference['ticks']} ticks of {file} in {scene.name}; the device force "
+            f"differs by at most {device['largest_force_n']:.3g} N (at {device['at_s']:.3f} s), "
+            f"{device['rms_force_n']:.3g} N rms, and by at most "
+            f"{device['largest_force_untouched_n']:.3g} N in the {difference['ticks_untouched']} "
+            f"ticks without passivity correction or limit; the contact force differs by at most "
             f"{contact['largest_force_n']:.3g} N"
         )

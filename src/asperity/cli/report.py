@@ -37,7 +37,7 @@ _STUDIES = {
 }
 
 
-def render(results: Results) -> str:
+def report_page(results: Results) -> str:
     """Return the page."""
     parts = [
         _header(results),

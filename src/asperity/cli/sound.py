@@ -6,43 +6,46 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command, in_si
 
 
+@command
 @dataclass
 class SoundCommand:
-    """Write the acceleration of a run as a WAV file, for ears and for voice-coil actuators."""
+    """Write the acceleration of a study's run as a WAV file, for ears or voice-coil actuators.
 
-    run_file: Annotated[Positional[Path], "file"]
+    Writes sound.wav, normalised to 1 dB below full scale, and sound.json with the acceleration
+    that full scale stands for.
+    """
+
+    run_file: Annotated[Positional[Path], arg(metavar="FILE")]
     """A dataset that `asperity study` or `asperity demo` wrote, such as diameter.nc."""
-    spacing_mm: Annotated[float | None, Between(1e-3, 1e3)] = None
-    """Of a study: the nearest spacing is taken. Default: where the middle level is largest."""
+    spacing_mm: Annotated[float | None, Range(1e-3, 1e3, "mm")] = None
+    """Spacing of a study; the nearest is taken. Default: where the middle level is largest."""
     level: int | None = None
-    """Level of the study's factor, or the probe of a rub, from 0. Default: the middle one."""
-    seconds: Annotated[float | None, Between(0.05, 60.0)] = None
-    """Length. Default: 2 s of a periodic motion, the whole of another."""
-    rate: Annotated[int, Between(1000, 192000)] = 44100
-    """Samples per second."""
+    """Level of the study's factor, or probe on a real surface, from 0. Default: the middle one."""
+    seconds: Annotated[float | None, Range(0.05, 60.0, "s")] = None
+    """Duration. Default: 2 s of a periodic motion, the whole of any other."""
+    rate: Annotated[int, Range(1000, 192000, "Hz")] = 44100
+    """Sampling rate."""
     out: Path = Path("out/sound")
-    """Folder for the WAV file and its sidecar, sound.json."""
+    """Folder for sound.wav and sound.json."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Write sound.wav and sound.json, and say what full scale stands for."""
+        """Write both files and print what full scale stands for."""
         import json
 
-        check_ranges(self)
         from asperity._core.output import result_folder
         from asperity.cli.data_files import open_dataset
         from asperity.runs.sound import from_run
 
-        data = open_dataset(self.run_file)
         sound = from_run(
-            data,
-            spacing=None if self.spacing_mm is None else self.spacing_mm * 1e-3,
+            open_dataset(self.run_file),
+            spacing=in_si(self).spacing,
             level=self.level,
             rate=self.rate,
             seconds=self.seconds,

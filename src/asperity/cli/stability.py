@@ -8,39 +8,41 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command, in_si
 
 
+@command
 @dataclass
 class StabilityCommand:
-    """Find the largest stable stiffness of a scene over rate and damping.
+    """Find the largest stable stiffness of a scene over tick rate and damping.
 
-    Writes stability.json and a chart (PNG and SVG): Colgate's bound, the scene without its
-    textures, and with them; and how much a hand that wants to be still feels.
+    Writes stability.json and a chart (PNG and SVG): Colgate's bound, the limit without and with
+    textures, and the force on a hand at rest (buzzing and aliveness).
     """
 
     scene: Annotated[Positional[str], arg(metavar="SCENE")]
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder."""
-    rates_khz: Annotated[tuple[float, ...], Between(0.01, 100.0)] = (0.5, 1.0, 2.0, 4.0)
-    """Ticks a second [kHz]."""
-    dampings_n_s_m: Annotated[tuple[float, ...], Between(1e-3, 100.0)] = (0.1, 0.3, 1.0, 3.0)
-    """Of the device, or of device and hand together [N s/m]."""
-    mass_kg: Annotated[float, Between(1e-3, 10.0)] = 0.05
-    """Of device and hand [kg]."""
-    force_n: Annotated[float, Between(1e-3, 20.0)] = 0.58
-    """That presses [N]."""
-    places: Annotated[int, Between(1, 100)] = 4
-    """Along one wave, where the textured scene is tried."""
+    rates_khz: Annotated[tuple[float, ...], Range(0.01, 100.0, "kHz")] = (0.5, 1.0, 2.0, 4.0)
+    """Tick rates."""
+    dampings_n_s_m: Annotated[tuple[float, ...], Range(1e-3, 100.0, "N s/m")] = (
+        0.1, 0.3, 1.0, 3.0,
+    )  # fmt: skip
+    """Damping of the device, or of device and hand together."""
+    mass_kg: Annotated[float, Range(1e-3, 10.0, "kg")] = 0.05
+    """Mass of device and hand."""
+    force_n: Annotated[float, Range(1e-3, 20.0, "N")] = 0.58
+    """Normal force."""
+    places: Annotated[int, Range(1, 100)] = 4
+    """Number of positions along one texture wavelength at which the scene is tested."""
     out: Path = Path("out/stability")
     """Folder for the results."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def run(self) -> None:
-        """Measure, write, and say what holds."""
+        """Measure, write, and print the limits."""
         import json
 
-        check_ranges(self)
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
         from asperity.drawing import figure_style
@@ -50,12 +52,13 @@ class StabilityCommand:
         from asperity.studies.stability.figures import stability_figure
         from asperity.studies.stability.measure import StabilitySettings, measure_stability, summary
 
+        options = in_si(self)
         settings = StabilitySettings(
-            rates=tuple(rate * 1e3 for rate in self.rates_khz),
-            dampings=self.dampings_n_s_m,
-            hand=Hand(mass=self.mass_kg),
-            force=self.force_n,
-            places=self.places,
+            rates=options.rates,
+            dampings=options.dampings,
+            hand=Hand(mass=options.mass),
+            force=options.force,
+            places=options.places,
         )
         scene = load_scene(self.scene)
         announce_compiling()
@@ -63,16 +66,16 @@ class StabilityCommand:
             total = len(settings.rates) * len(settings.dampings)
             task = bars.add_task(scene.name, total=total)
             result = measure_stability(scene, settings, progress=lambda: bars.advance(task))
-            told = json.dumps(summary(result, scene), indent=2, allow_nan=False)
-            (folder / "stability.json").write_text(told + "\n", "utf-8")
+            text = json.dumps(summary(result, scene), indent=2, allow_nan=False)
+            (folder / "stability.json").write_text(text + "\n", "utf-8")
             figure = stability_figure(result, scene.name, scene.force.stiffness)
             figure_style.save(figure, folder, "stability")
-        ratio = result.plain / result.bound
-        worst = result.textured / result.bound
+        smooth = result.plain / result.bound
+        textured = result.textured / result.bound
         symptoms = result.symptoms[scene.coupling.mode]
         print(
-            f"{self.out}: plain wall stable up to {ratio.min():.2f} to {ratio.max():.2f} of "
-            f"2 b / T, textured down to {worst.min():.2g}; Hessian up to "
-            f"{result.raised.max():.3g} k; {scene.coupling.mode}: buzzing "
+            f"{self.out}: largest stable stiffness {smooth.min():.2f} to {smooth.max():.2f} of "
+            f"2 b / T without texture, at least {textured.min():.2g} with; contact stiffness up to "
+            f"{result.raised.max():.3g} k; {scene.coupling.mode} coupling: buzzing "
             f"{symptoms.buzzing * 1e3:.3g} mN, aliveness {symptoms.aliveness * 1e3:.3g} mN"
         )

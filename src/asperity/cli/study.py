@@ -6,112 +6,113 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command, in_si
 from asperity.errors import require_choice
 
 if TYPE_CHECKING:
     from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
 
+@command
 @dataclass
 class HandOptions:
-    """The hand of Eq. 7."""
+    """The hand: a mass on a spring and a damper (Otaduy & Lin 2004, Eq. 7)."""
 
-    mass_kg: Annotated[float, Between(1e-3, 10.0)] = 0.05
-    """Mass [kg]."""
-    stiffness_n_m: Annotated[float, Between(10.0, 1e5)] = 300.0
-    """Stiffness [N/m]."""
-    damping_n_s_m: Annotated[float, Between(0.01, 100.0)] = 3.0
-    """Damping [N s/m]."""
+    mass_kg: Annotated[float, Range(1e-3, 10.0, "kg")] = 0.05
+    """Mass."""
+    stiffness_n_m: Annotated[float, Range(10.0, 1e5, "N/m")] = 300.0
+    """Stiffness."""
+    damping_n_s_m: Annotated[float, Range(0.01, 100.0, "N s/m")] = 3.0
+    """Damping."""
 
 
+@command
 @dataclass
 class StudyCommand:
-    """Run the paper's studies: diameter, force, speed, models, or all.
+    """Run a perceptual study of Otaduy & Lin (2004): diameter, force, speed, models, or all.
 
-    Writes a figure (PNG and SVG), a dataset (netCDF) and claims.json for each.
+    Writes a figure (PNG and SVG) and a dataset (netCDF) for each study, and claims.json.
     """
 
-    name: Annotated[Positional[str], "study"]
+    name: Annotated[Positional[str], arg(metavar="NAME")]
     """diameter, force, speed, models, or all"""
     surface: str = "sinusoid"
     """sinusoid, trapezoid, square, dots, self-affine, or a file of heights."""
     metric: str = "max_acceleration"
-    """Of the main figure: max_acceleration, max_abs_acceleration, band_rms, threshold_power."""
-    spacing_range_mm: Annotated[tuple[float, float], Between(0.05, 20.0)] = (0.5, 3.5)
-    """Smallest and largest spacing [mm]."""
-    spacings: Annotated[int, Between(5, 1000)] = 40
-    """How many, equally far apart in log."""
-    diameters_mm: Annotated[tuple[float, ...], Between(0.05, 50.0)] = (2.0, 3.0, 4.0)
-    """Of the probe [mm]; the middle one serves the other studies."""
-    forces_n: Annotated[tuple[float, ...], Between(1e-3, 100.0)] = (0.29, 0.58, 0.87)
-    """Normal force [N]."""
-    speeds_mm_s: Annotated[tuple[float, ...], Between(0.1, 1e4)] = (42.0, 83.0, 169.0)
-    """Speed [mm/s]."""
-    amplitude_mm: Annotated[float, Between(1e-4, 10.0)] = 0.1
-    """Of the sinusoid [mm]."""
-    element_height_mm: Annotated[float, Between(1e-3, 10.0)] = 0.4
-    """Of ridges and dots [mm]."""
-    element_width_mm: Annotated[float, Between(1e-3, 20.0)] = 0.5
-    """Of a ridge's top, or of a dot's [mm]."""
-    flank_mm: Annotated[float, Between(0.0, 20.0)] = 0.05
-    """Horizontal width of the sloping sides of ridges and dots [mm]."""
-    jitter: Annotated[float, Between(0.0, 1.0)] = 0.5
-    """Of the dots, as a part of half the spacing, 0 to 1."""
-    hurst: Annotated[float, Between(0.0, 1.0)] = 0.8
-    """Hurst exponent of the self-affine surface, 0 to 1."""
-    rms_slope: Annotated[float, Between(1e-3, 10.0)] = 0.3
-    """Of the self-affine surface."""
-    height_range_mm: Annotated[float | None, Between(1e-4, 10.0)] = None
-    """Peak to peak of a height map that carries no scale [mm]."""
+    """Metric of the main figure: max_acceleration, max_abs_acceleration, band_rms,
+    threshold_power."""
+    spacing_range_mm: Annotated[tuple[float, float], Range(0.05, 20.0, "mm")] = (0.5, 3.5)
+    """Smallest and largest spacing."""
+    spacings: Annotated[int, Range(5, 1000)] = 40
+    """Number of spacings, equally spaced in log."""
+    diameters_mm: Annotated[tuple[float, ...], Range(0.05, 50.0, "mm")] = (2.0, 3.0, 4.0)
+    """Probe diameters; the other studies use the middle one."""
+    forces_n: Annotated[tuple[float, ...], Range(1e-3, 100.0, "N")] = (0.29, 0.58, 0.87)
+    """Normal forces; the other studies use the middle one."""
+    speeds_mm_s: Annotated[tuple[float, ...], Range(0.1, 1e4, "mm/s")] = (42.0, 83.0, 169.0)
+    """Sliding speeds; the other studies use the middle one."""
+    amplitude_mm: Annotated[float, Range(1e-4, 10.0, "mm")] = 0.1
+    """Amplitude of the sinusoid: half of peak to peak."""
+    element_height_mm: Annotated[float, Range(1e-3, 10.0, "mm")] = 0.4
+    """Height of ridges and dots."""
+    element_width_mm: Annotated[float, Range(1e-3, 20.0, "mm")] = 0.5
+    """Width of the top of a ridge; diameter of the top of a dot."""
+    flank_mm: Annotated[float, Range(0.0, 20.0, "mm")] = 0.05
+    """Horizontal width of the sloping sides of ridges and dots."""
+    jitter: Annotated[float, Range(0.0, 1.0)] = 0.5
+    """Largest displacement of a dot, as a fraction of half the spacing."""
+    hurst: Annotated[float, Range(0.0, 1.0)] = 0.8
+    """Hurst exponent of the self-affine surface."""
+    rms_slope: Annotated[float, Range(1e-3, 10.0)] = 0.3
+    """RMS slope of the self-affine surface."""
+    height_range_mm: Annotated[float | None, Range(1e-4, 10.0, "mm")] = None
+    """Peak-to-valley height of a height map that carries no vertical scale, such as an image."""
     missing: str = "refuse"
-    """What to do with gaps (NaN) in a height map: refuse, or fill from their surroundings."""
-    band_hz: Annotated[tuple[float, float], Between(0.1, 1e4)] = (20.0, 200.0)
-    """Of the band metric [Hz]."""
+    """Treatment of gaps (NaN) in a height map: refuse, or fill from the surroundings."""
+    band_hz: Annotated[tuple[float, float], Range(0.1, 1e4, "Hz")] = (20.0, 200.0)
+    """Band of the metric band_rms."""
     hand: HandOptions = field(default_factory=HandOptions)
-    seed: Annotated[int, Between(0, 2**31 - 1)] = 0
-    """Of jitter, roughness and noise."""
+    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
+    """Seed of jitter, roughness and noise."""
     out: Path | None = None
     """Folder for the results. Default: out/study."""
     overwrite: bool = False
-    """Replace what is in the folder."""
+    """Replace files of the same names in the folder."""
 
     def settings(self) -> StudySettings:
-        """Return the options in SI units, checked."""
+        """Return the settings of the studies, in SI units."""
         from asperity.dynamics.dragged_hand.hand import Hand
         from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
-        low, high = self.spacing_range_mm
-        stimulus = StimulusOptions(
-            amplitude=self.amplitude_mm * 1e-3,
-            element_height=self.element_height_mm * 1e-3,
-            element_width=self.element_width_mm * 1e-3,
-            flank=self.flank_mm * 1e-3,
-            jitter=self.jitter,
-            hurst=self.hurst,
-            rms_slope=self.rms_slope,
-            height_range=None if self.height_range_mm is None else self.height_range_mm * 1e-3,
-            missing=self.missing,
-            seed=self.seed,
-        )
+        options, hand = in_si(self), in_si(self.hand)
         return StudySettings(
-            surface=self.surface,
-            stimulus=stimulus,
-            hand=Hand(self.hand.mass_kg, self.hand.stiffness_n_m, self.hand.damping_n_s_m),
-            spacing_range=(low * 1e-3, high * 1e-3),
-            spacings=self.spacings,
-            diameters=tuple(value * 1e-3 for value in self.diameters_mm),
-            forces=self.forces_n,
-            speeds=tuple(value * 1e-3 for value in self.speeds_mm_s),
-            band=self.band_hz,
+            surface=options.surface,
+            stimulus=StimulusOptions(
+                amplitude=options.amplitude,
+                element_height=options.element_height,
+                element_width=options.element_width,
+                flank=options.flank,
+                jitter=options.jitter,
+                hurst=options.hurst,
+                rms_slope=options.rms_slope,
+                height_range=options.height_range,
+                missing=options.missing,
+                seed=options.seed,
+            ),
+            hand=Hand(hand.mass, hand.stiffness, hand.damping),
+            spacing_range=options.spacing_range,
+            spacings=options.spacings,
+            diameters=options.diameters,
+            forces=options.forces,
+            speeds=options.speeds,
+            band=options.band,
         )
 
     def run(self) -> None:
-        """Run, write, and print what holds."""
-        check_ranges(self)
+        """Run the studies, write the results, and print how many claims hold."""
         from asperity._core.output import result_folder
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.runs.vibration_metrics import METRICS

@@ -8,41 +8,41 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command
 
 if TYPE_CHECKING:
     from asperity.studies.sweeps.run import SweepProgress
     from asperity.studies.sweeps.study import SweepStudy
 
 
+@command
 @dataclass
 class SweepCommand:
-    """Run every combination of a large study, on all cores or on a Dask cluster.
+    """Run every combination of a parameter sweep, on all cores or on a Dask cluster.
 
-    Results go into one Zarr store as they come. A sweep that was stopped, however, goes on with
-    the same command. `asperity plot` draws the store.
+    Results are written to one Zarr store as they are computed. The same command resumes a sweep
+    that was interrupted. `asperity plot` draws the store.
     """
 
     study: Annotated[Positional[Path], arg(metavar="STUDY.toml")]
-    """What stays, what varies, what is kept; see the documentation, Large studies."""
+    """Fixed parameters, varied parameters and stored metrics; see the documentation, Sweeps."""
     out: Path | None = None
-    """The store. Default: out/sweep/STUDY.zarr."""
-    workers: Annotated[int | None, Between(0, 4096)] = None
-    """Local processes. Default: one for each core. 0: in this process, without Dask."""
+    """The Zarr store. Default: out/sweep/STUDY.zarr."""
+    workers: Annotated[int | None, Range(0, 4096)] = None
+    """Number of local processes; 0: in this process, without Dask. Default: one for each core."""
     scheduler: str | None = None
     """Address of a Dask scheduler, tcp://HOST:PORT, instead of local processes."""
     check: bool = False
-    """Check the study, say what it would run, and stop."""
+    """Check the study and print what it would run, without running it."""
     retry_failed: bool = False
-    """Run combinations again that failed before."""
+    """Run again the combinations that failed before."""
     any_version: bool = False
-    """Go on with a store that another version of asperity, or of its packages, began."""
+    """Resume a store that was begun with another version of asperity or of its packages."""
     overwrite: bool = False
-    """Begin anew."""
+    """Delete the existing store and begin again."""
 
     def run(self) -> None:
-        """Check, run, and say what came of it."""
-        check_ranges(self)
+        """Check, run, and print how many combinations were computed."""
         from asperity.studies.sweeps.study import read_study
 
         study = read_study(self.study)
@@ -53,19 +53,19 @@ class SweepCommand:
         from asperity.studies.sweeps.run import run_sweep
 
         out = self.out or Path("out/sweep") / f"{self.study.stem}.zarr"
-        far: SweepProgress | None = None
+        latest: SweepProgress | None = None
         with progress_bars(remaining=True) as bars:
             task: Any = None
 
             def show(now: SweepProgress) -> None:
-                nonlocal far, task
-                far, known = now, now.done + now.failed
-                words = now.note or (f"{now.failed} failed" if now.failed else study.title)
+                nonlocal latest, task
+                latest, known = now, now.done + now.failed
+                label = now.note or (f"{now.failed} failed" if now.failed else study.title)
                 if task is None or (now.note and not known):
                     if task is not None:
                         bars.remove_task(task)
-                    task = bars.add_task(words, total=now.total, completed=known)
-                bars.update(task, completed=known, description=words)
+                    task = bars.add_task(label, total=now.total, completed=known)
+                bars.update(task, completed=known, description=label)
 
             try:
                 done = run_sweep(
@@ -74,30 +74,31 @@ class SweepCommand:
                     any_version=self.any_version, progress=show,
                 )  # fmt: skip
             except KeyboardInterrupt:
-                if far is None:
+                if latest is None:
                     raise
                 raise KeyboardInterrupt(
-                    f"{far.done + far.failed} of {far.total} are in {out}; the same command goes on"
+                    f"{latest.done + latest.failed} of {latest.total} combinations are in {out}; "
+                    "the same command resumes"
                 ) from None
         rate = f", {done.computed / done.seconds:.3g} a second" if done.computed else ""
         before = done.total - done.computed
         print(
             f"{out}: {done.total} combinations, {done.done} done, {done.failed} failed; "
-            f"{done.computed} of them now, in {done.seconds:.1f} s{rate}"
-            + (f", {before} before" if before else "")
+            f"{done.computed} computed now in {done.seconds:.1f} s{rate}"
+            + (f", {before} earlier" if before else "")
         )
         if done.failed:
-            print(f"  the first that failed: {done.first_error}")
+            print(f"  first failure: {done.first_error}")
 
 
 def _described(study: SweepStudy) -> str:
-    """Return what a study would run, in one line."""
+    """Return in one line what a study would run."""
     axes = ", ".join(
         f"{axis.size} of {axis.name}"
         + (f" ({', '.join(axis.columns)})" if list(axis.columns) != [axis.name] else "")
         for axis in study.design.axes
     )
     return (
-        f"{study.size} combinations of kind {study.kind}: {axes}; keeps {', '.join(study.keep)}; "
-        f"blocks of {study.block} at most"
+        f"{study.size} combinations of kind {study.kind}: {axes}; stores {', '.join(study.keep)}; "
+        f"at most {study.block} in a block"
     )

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import OmitArgPrefixes, Positional, arg
+from tyro.conf import Positional, arg
 
-from asperity.cli.ranges import Between, check_ranges
+from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError
 
@@ -16,66 +16,66 @@ if TYPE_CHECKING:
     from asperity.viewer.session_config import SessionConfig
 
 FIRST = "probe-plate"
-"""What is shown first if nothing is said."""
-
+"""Scene that is shown first by default."""
 _PICTURES = (".png", ".jpg", ".jpeg")
 
 
+@command
 @dataclass
 class ViewCommand:
-    """Open a page in the browser on a scene that is being felt: see it, move it, change it.
+    """Open a page in the browser on a running simulation: view it, move the tool, change settings.
 
-    Without a device, the mouse moves the tool. The page is for this computer alone, unless
-    --host says otherwise. Ends with Ctrl-C.
+    Without a device, the mouse moves the tool. By default only this computer can open the page.
+    Ends with Ctrl-C.
     """
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
-    """As for `asperity run`. Default: probe-plate; the page offers the others."""
+    """As for `asperity run`. Default: probe-plate; the others can be chosen in the page."""
     device: str = "mouse"
     """mouse, haply, touch, ...: see `asperity devices`."""
-    port: Annotated[int, Between(0, 65535)] = 8080
-    """Of the page; 0: any that is free. If it is taken, the next that is free."""
+    port: Annotated[int, Range(0, 65535)] = 8080
+    """Port of the page; 0: any free port. If it is in use, the next free one is taken."""
     host: str = "127.0.0.1"
-    """Another address opens the page to other computers, with a token; says what that exposes."""
+    """Network address of the page. Any other lets other computers open it, with a token; a warning
+    lists what that exposes."""
     out: Path = Path("out/view")
     """Folder for recordings."""
     no_open: bool = False
-    """Do not open a browser; only say where the page is."""
-    triangles: Annotated[int, Between(1000, 2_000_000)] = 50_000
-    """Shown at most."""
-    seconds: Annotated[float | None, Between(0.1, 86400.0)] = None
-    """How long. Default: until Ctrl-C."""
+    """Print the address of the page without opening a browser."""
+    triangles: Annotated[int, Range(1000, 2_000_000)] = 50_000
+    """Largest number of triangles shown."""
+    seconds: Annotated[float | None, Range(0.1, 86400.0, "s")] = None
+    """Duration. Default: until Ctrl-C."""
     screenshot: Path | None = None
-    """Write a picture of the page as a PNG or JPEG, by a browser without a window, and end."""
-    options: OmitArgPrefixes[DeviceOptions] = field(default_factory=DeviceOptions)
+    """Write a picture of the page (PNG or JPEG), taken by a headless browser, and end."""
+    options: Annotated[DeviceOptions, arg(name="")] = field(default_factory=DeviceOptions)
     coupling: str | None = None
-    """direct, implicit, semi-implicit, static. Default: as the scene says, else implicit."""
-    seed: Annotated[int | None, Between(0, 2**31 - 1)] = None
-    """Of textures that have one. Default: as the scene says."""
+    """Virtual coupling: direct, implicit, semi-implicit, static. Default: the scene's, else
+    implicit."""
+    seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
+    """Seed of random textures. Default: the scene's."""
 
     def run(self) -> None:
-        """Serve the page until it is over."""
-        check_ranges(self.options)
-        check_ranges(self)
+        """Serve the page until the end."""
         if self.screenshot is not None and self.screenshot.suffix.lower() not in _PICTURES:
             raise AsperityError(f"--screenshot must be a .png or .jpg file, got {self.screenshot}")
         from asperity.viewer.server.server import require_viser
 
         require_viser()
-        choice = self._choice()
+        config = self._config()
         from asperity.simulation.simulation import announce_compiling
         from asperity.viewer.app import live_page
         from asperity.viewer.servo_client import ServoClient
 
         announce_compiling()
         if self.screenshot is not None:
-            self._take(choice, self.screenshot)
+            self._take_picture(config, self.screenshot)
             return
         with (
-            ServoClient(choice) as link,
+            ServoClient(config) as link,
             live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
-            print(f"{page.url}  ({choice.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
+            print(f"{page.url}  ({config.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
             if not self.no_open:
                 import webbrowser
 
@@ -85,8 +85,8 @@ class ViewCommand:
             except KeyboardInterrupt:
                 print("ended")
 
-    def _take(self, choice: SessionConfig, picture: Path) -> None:
-        """Write a picture of the page; whoever stops it is told whether there is one."""
+    def _take_picture(self, config: SessionConfig, picture: Path) -> None:
+        """Write a picture of the page; an interruption reports whether it was written."""
         from asperity.viewer.app import live_page
         from asperity.viewer.browser import take_picture
         from asperity.viewer.servo_client import ServoClient
@@ -94,7 +94,7 @@ class ViewCommand:
         taken = False
         try:
             with (
-                ServoClient(choice) as link,
+                ServoClient(config) as link,
                 live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
             ):
                 take_picture(page, picture)
@@ -103,12 +103,11 @@ class ViewCommand:
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 
-    def _choice(self) -> SessionConfig:
-        """Return what to begin with."""
-        from asperity.cli.realtime_run import key_values
+    def _config(self) -> SessionConfig:
+        """Return the session that the page starts with."""
+        from asperity.cli.realtime_run import parse_device_options
         from asperity.dynamics.virtual_coupling.settings import MODES
         from asperity.errors import require_choice
-        from asperity.realtime.servo.safety import SafetySettings
         from asperity.scene.builtin import load_scene
         from asperity.viewer.changes import on_coupling
         from asperity.viewer.session_config import SessionConfig
@@ -116,18 +115,10 @@ class ViewCommand:
         if self.coupling is not None:
             require_choice("--coupling", self.coupling, MODES)
         source = self.scene or FIRST
-        options = self.options
         return SessionConfig(
             on_coupling(load_scene(source, seed=self.seed), self.coupling),
             source,
             self.device,
-            options=key_values(options.device_option),
-            rate=options.rate_hz,
-            passivity=not options.no_passivity,
-            mapping={
-                "scale": options.scale, "force_scale": options.force_scale,
-                "clutch_button": options.clutch_button,
-            },
-            safety=SafetySettings(max_force=options.max_force_n),
-            real_time=options.real_time,
-        )  # fmt: skip
+            options=parse_device_options(self.options.device_option),
+            **self.options.session(),
+        )

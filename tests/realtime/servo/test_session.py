@@ -198,7 +198,7 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
         (["run", "probe-plate", "--rate-hz", "2000"], "options of a device need --device"),
         (
             ["run", "probe-plate", "--device", "touch", "--speed-mm-s", "9"],
-            "--speed-mm-s: a hand moves the device touch; leave them out",
+            "--speed-mm-s: the user's hand moves the device touch; leave them out",
         ),
         (
             ["run", "probe-plate", "--device", "tuch"],

@@ -199,7 +199,7 @@ def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, cap
     out = tmp_path / "out"
     words = ["compare", "hammer-blocks", "--method", "minsky", "--seconds", "0.05"]
     assert main([*words, "--no-properties", "--out", str(out)]) == 0
-    assert "minsky: cannot: a law of one point" in capsys.readouterr().out
+    assert "minsky: not applicable: a law of one point" in capsys.readouterr().out
     assert "is a mesh" in (out / "comparison.md").read_text()
 
 

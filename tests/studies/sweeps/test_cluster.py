@@ -143,7 +143,7 @@ def test_a_client_killed_in_the_middle_goes_on_with_the_same_command(whole, tmp_
     process = start(study, out, "--workers", "2")
     said, errors = process.communicate(timeout=120)
     assert process.returncode == 0, errors
-    assert f"{SIZE - known} of them now" in said
+    assert f"{SIZE - known} computed now" in said
     assert same(out, whole)
     after = blocks_done(out)
     assert all(after[f] == stamp for f, stamp in before.items())
