@@ -76,7 +76,7 @@ COMMANDS = (
 class Arguments:
     """Render haptic texture: simulate, feel, record and compare textured contact."""
 
-    command: Annotated[COMMANDS, tyro.conf.arg(name="")]  # type: ignore[valid-type]
+    command: Annotated[COMMANDS, tyro.conf.arg(name="")]
     log_level: LogLevel = "warning"
     """Least severe messages that are printed on stderr."""
 

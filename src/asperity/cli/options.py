@@ -24,7 +24,7 @@ SI_FACTORS = {
     "deg/s": math.pi / 180.0, "Hz": 1.0, "kHz": 1e3, "kg": 1.0, "N": 1.0, "N/m": 1.0, "N s/m": 1.0,
 }  # fmt: skip
 """By how much a value in a unit is multiplied to be in SI units."""
-_POSITIONAL = Positional[Any].__metadata__[0]  # type: ignore[attr-defined]
+_POSITIONAL = Positional[Any].__metadata__[0]  # type: ignore[misc]
 Options = TypeVar("Options")
 
 
