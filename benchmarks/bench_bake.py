@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.geometry.mesh.mesh import mesh_from_arrays
-from asperity.geometry.shapes.hammer import hammer
+from asperity.geometry.shapes.shape import hammer
 
 Array = NDArray[np.float64]
 DIVISIONS = 29

@@ -51,8 +51,7 @@ from asperity.geometry.convex.pieces import convex_pieces
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
 from asperity.geometry.poses import rotated
-from asperity.geometry.shapes.cad_part import BOSS_TOP
-from asperity.scene.builtin.file_cad import YAW
+from asperity.scene.builtin.file_cad import BOSS_TOP, YAW
 from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Simulation
 from asperity.texture.height_field import HeightField

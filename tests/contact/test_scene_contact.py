@@ -8,7 +8,12 @@ import pytest
 from naive_engine import pose
 from scipy.spatial.transform import Rotation
 
-from asperity.geometry.shapes.cad_part import (
+from asperity.scene.builtin import load_scene
+from asperity.simulation.press import touching_pose
+from asperity.simulation.simulation import Simulation
+from contact.naive_meshes import STIFFNESS, Thing, engine_of, roller, thing, touch
+from oracle.depth import reference_depth
+from tools.shapes.cad_part import (
     BOLT_CORNERS,
     BOLT_RADIUS,
     BOLT_X,
@@ -18,11 +23,6 @@ from asperity.geometry.shapes.cad_part import (
     THICKNESS,
     cad_part,
 )
-from asperity.scene.builtin import load_scene
-from asperity.simulation.press import touching_pose
-from asperity.simulation.simulation import Simulation
-from contact.naive_meshes import STIFFNESS, Thing, engine_of, roller, thing, touch
-from oracle.depth import reference_depth
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 

@@ -8,17 +8,31 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from asperity.errors import AsperityError
-from asperity.geometry.shapes import cad_part, file_tool, hammer
-from asperity.geometry.shapes.block import BLOCKS, block
-from asperity.geometry.shapes.clip import clipped
-from asperity.geometry.shapes.patchwork import detail_triangles, triangle_areas
-from asperity.geometry.shapes.triangulate import triangulated
+from asperity.geometry.shapes.block import block
+from asperity.geometry.shapes.shape import (
+    cad_part,
+    file_tool,
+    hammer,
+    read_shape,
+    shipped_file,
+    write_shape,
+)
+from asperity.scene.builtin.file_cad import BLADE_LENGTH, BLADE_THICKNESS, MACHINED, TEETH
+from asperity.scene.builtin.file_cad import BOSS_TOP as SCENE_BOSS_TOP
+from asperity.scene.builtin.hammer_blocks import BLOCKS, FACE_TIP, FORGED
 from asperity.texture.patterns.patterns import PATTERNS
+from tools.shapes import cad_part as part_generator
+from tools.shapes import file_tool as file_generator
+from tools.shapes import hammer as hammer_generator
+from tools.shapes.__main__ import MAKERS
+from tools.shapes.clip import clipped
+from tools.shapes.patchwork import detail_triangles, triangle_areas
+from tools.shapes.triangulate import triangulated
 
 SHAPES = {
-    "hammer": hammer.hammer(),
-    "file": file_tool.file_tool(),
-    "part": cad_part.cad_part(),
+    "hammer": hammer(),
+    "file": file_tool(),
+    "part": cad_part(),
     "block": block(0.06, 0.04, 0.03),
     "small block": block(0.02, 0.01, 0.008, chamfer=5e-4),
 }
@@ -26,9 +40,9 @@ PAPER = {"hammer": (518, 433_000), "file": (632, 286_000), "part": (720, 658_000
 """Triangles of each body, and of its full detail, in the paper."""
 FLATS = {"hammer": 6, "file": 3, "part": 7, "block": 6, "small block": 6}
 TEXTURES = {
-    "hammer": (hammer.TEXTURE, None),
-    "file": (file_tool.TEXTURE, file_tool.CUT_FACES),
-    "part": (cad_part.TEXTURE, None),
+    "hammer": (FORGED, None),
+    "file": (TEETH, file_generator.CUT_FACES),
+    "part": (MACHINED, None),
 }
 
 each = pytest.mark.parametrize("name", SHAPES)
@@ -265,18 +279,50 @@ def test_the_files_belly():
 
 def test_the_cut_faces_come_first_and_run_along_the_file():
     shape = SHAPES["file"]
-    corners, uv = corners_of(shape)[file_tool.CUT_FACES], shape.uv[file_tool.CUT_FACES]
+    corners, uv = corners_of(shape)[file_generator.CUT_FACES], shape.uv[file_generator.CUT_FACES]
     assert corners[..., 0].min() >= 0.0
     along = (corners[:, 1:, 0] - corners[:, :1, 0]) / shape.uv_size[0]
     np.testing.assert_allclose(uv[:, 1:, 0] - uv[:, :1, 0], along, atol=1e-9)
 
 
 def test_another_tile_keeps_the_scale():
-    shape = SHAPES["block"]
-    other = shape.with_uv_size((0.01, 0.03))
+    shape, other = SHAPES["block"], block(0.06, 0.04, 0.03, uv_size=(0.01, 0.03))
     np.testing.assert_allclose(
         other.uv * np.array(other.uv_size), shape.uv * np.array(shape.uv_size), rtol=1e-12
     )
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_the_generator_reproduces_the_shipped_files(name):
+    made, shipped = MAKERS[name](), read_shape(shipped_file(name))
+    assert shipped_file(name).stat().st_size < 100_000
+    np.testing.assert_array_equal(made.faces, shipped.faces)
+    assert len(made.pieces) == len(shipped.pieces)
+    # Triangulations and hulls come from Qhull, linear algebra from LAPACK: to rounding.
+    for one, other in zip(
+        [made.vertices, made.normals, made.uv, made.uv_size, *made.pieces],
+        [shipped.vertices, shipped.normals, shipped.uv, shipped.uv_size, *shipped.pieces],
+        strict=True,
+    ):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-13)
+
+
+def test_a_shape_is_read_as_it_was_written(tmp_path):
+    shape = SHAPES["block"]
+    write_shape(tmp_path / "block.npz", shape)
+    again = read_shape(tmp_path / "block.npz")
+    for one, other in zip(shape[:4], again[:4], strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(shape.pieces[0], again.pieces[0])
+    assert again.uv_size == shape.uv_size
+
+
+def test_the_scenes_know_the_sizes_of_the_shipped_meshes():
+    assert SCENE_BOSS_TOP == SHAPES["part"].vertices[:, 2].max() == part_generator.BOSS_TOP
+    assert BLADE_LENGTH == SHAPES["file"].vertices[:, 0].max() == file_generator.LENGTH
+    assert BLADE_THICKNESS == file_generator.THICKNESS
+    tip = SHAPES["hammer"].vertices[:, 0].max()
+    assert FACE_TIP == tip == hammer_generator.FACE_TIP
 
 
 def test_a_block_without_room_for_its_chamfers_is_refused():

@@ -24,10 +24,7 @@ from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.poses import rotation_of
 from asperity.geometry.shapes.block import block
-from asperity.geometry.shapes.cad_part import cad_part
-from asperity.geometry.shapes.file_tool import file_tool
-from asperity.geometry.shapes.hammer import hammer
-from asperity.geometry.shapes.patchwork import Shape
+from asperity.geometry.shapes.shape import Shape, cad_part, file_tool, hammer
 from asperity.scene.document import Table, arguments, at, beside, require_keys
 from asperity.scene.mjcf import model_mesh
 

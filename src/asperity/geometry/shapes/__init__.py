@@ -1,1 +1,1 @@
-"""Low-resolution bodies of the paper's colour plates 5 and 6, made by code."""
+"""Meshes that come with the package: a hammer, a file, a machined part, and chamfered blocks."""

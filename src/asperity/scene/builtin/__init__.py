@@ -1,4 +1,4 @@
-"""Scenes that come with asperity, made by code, and scenes from folders: `load_scene`."""
+"""Built-in scenes, and `load_scene`, which also reads scenes from folders."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "hammer-blocks": hammer_blocks,
     "file-cad": file_cad,
 }
-"""What makes each built-in scene."""
+"""Constructors of the built-in scenes, by name."""
 PROBE_PLATES = tuple(name for name in SCENES if name.startswith("probe-plate"))
-"""Those made by `probe_plate`, whose probe has a diameter."""
+"""Scenes whose probe has a `diameter`."""
 
 
 def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
@@ -33,12 +33,12 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
     name_or_path : str or Path
         One of `SCENES`, or a folder with `scene.xml` and `scene.toml`.
     seed : int, optional
-        Of all textures that have one; by default as the scene says.
+        Seed of all random textures; by default those of the scene.
 
     Raises
     ------
     AsperityError
-        No such scene, or one that is wrong: one line that names the key and what is valid.
+        No such scene, or an invalid one: one line that names the key and its valid values.
     """
     name = str(name_or_path)
     if name in SCENES:

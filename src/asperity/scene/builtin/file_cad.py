@@ -1,9 +1,9 @@
-"""The paper's colour plate 6: a file on a machined part.
+"""A file on a machined part, after colour plate 6 of Otaduy & Lin (2004).
 
-The paper prints no sizes; all are asperity's. The part, a flange with a boss, stands on a smooth
-table, its underside on z = 0. The file lies flat on top of the boss; its frame is on its middle
-plane where the blade begins, x along the blade to its point, z up. It is pushed to and fro along
-its blade, turned a little against the part's long side.
+The paper prints no sizes; all sizes here were chosen for this package. The part, a flange with a
+boss, stands on a smooth table, its underside on z = 0. The file lies flat on top of the boss; its
+frame is on its middle plane where the blade begins, x along the blade to its point, z up. It is
+pushed to and fro along its blade, at an angle to the part's long side.
 """
 
 from __future__ import annotations
@@ -12,10 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from asperity.geometry.shapes.cad_part import BOSS_TOP
-from asperity.geometry.shapes.cad_part import TEXTURE as MACHINED
-from asperity.geometry.shapes.file_tool import LENGTH, THICKNESS
-from asperity.geometry.shapes.file_tool import TEXTURE as TEETH
 from asperity.scene.mesh import mesh_and_pieces
 from asperity.scene.mjcf import mesh_assets, mesh_geoms
 from asperity.scene.scene import Scene, scene_of
@@ -24,13 +20,32 @@ STEEL, WOOD = 7850.0, 700.0
 """Densities of the blade and the part, and of the file's handle [kg/m^3]."""
 METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
 YAW = float(np.radians(20.0))
-"""How far the file is turned from the part's long side."""
+"""Angle from the part's long side to the file [rad]."""
 STROKE = 0.04
-"""[m]."""
+"""Length of a stroke [m]."""
+BLADE_LENGTH, BLADE_THICKNESS = 0.120, 0.0040
+"""Of the shipped file [m]."""
+BOSS_TOP = 0.022
+"""Height of the shipped part [m]."""
+_TILE, _PIXEL = 0.033, 1.65e-4
+"""Of the part's texture [m]; two triangles a texel make the 658,000 of the paper's full detail."""
+MACHINED: dict[str, Any] = {
+    "kind": "brushed", "size": _TILE, "pixel_size": _PIXEL, "rms": 6e-6,
+    "length": 0.012, "width": 6 * _PIXEL, "seed": 6,
+}  # fmt: skip
+"""Marks of machining along the part's long side."""
+_PITCH = 1.55e-3
+"""Distance between teeth [m], a coarse cut. With 8 samples a tooth, the fewest that a spline
+follows, the pixels on the cut faces make the 286,000 triangles of the paper's full detail."""
+TEETH: dict[str, Any] = {
+    "kind": "cross_cut", "pitch": _PITCH, "second_pitch": _PITCH, "height": 2.5e-4,
+    "samples": 8, "periods": 12, "variation": 0.2, "seed": 3,
+}  # fmt: skip
+"""Teeth of a double cut, steep towards the point."""
 
 _XML = """<mujoco model="file-cad">
   <!-- Metres and kilograms. The tool's frame is where its blade begins, on its middle plane. Geoms
-       in group 2 are the shapes, only seen; those in group 3 the convex pieces that may touch. -->
+       in group 2 are the shapes, for display; group 3 holds the convex pieces that collide. -->
   <visual>
     <map znear="0.001"/>
   </visual>
@@ -73,9 +88,9 @@ def file_cad() -> Scene:
             rgba=[HANDLE if wood else colour for wood in wooden],
         )  # fmt: skip
     along = np.array([np.cos(YAW), np.sin(YAW), 0.0])
-    # The middle of the stroke has the middle of the blade over the boss.
-    place = -(0.5 * LENGTH + 0.5 * STROKE) * along
-    place[2] = BOSS_TOP + 0.5 * THICKNESS + 5e-4
+    # In the middle of the stroke the middle of the blade is over the boss.
+    place = -(0.5 * BLADE_LENGTH + 0.5 * STROKE) * along
+    place[2] = BOSS_TOP + 0.5 * BLADE_THICKNESS + 5e-4
     xml = _XML.format(
         assets="\n".join(assets),
         place=" ".join(f"{x:.9g}" for x in place),

@@ -1,20 +1,18 @@
-"""The paper's colour plate 5: a hammer on striped blocks.
+"""A hammer on striped blocks, after colour plate 5 of Otaduy & Lin (2004).
 
-The paper prints no sizes; all are asperity's. Three blocks of different lengths, heights and
-stripes stand in a row on a smooth table. The hammer strikes face down: its frame is the middle of
-its face, z up through the head, the handle towards -x. So its position is where the face is, and
-without a turn it stands upright on what it meets. It is rubbed along the first block, across the
-stripes.
+The paper prints no sizes; all sizes here were chosen for this package. Three blocks of different
+lengths, heights and stripes stand in a row on a smooth table. The hammer strikes face down: its
+frame is the middle of its face, z up through the head, the handle towards -x. So its position is
+that of the face, and the identity rotation stands it upright on a surface. It is rubbed along the
+first block, across the stripes.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity.geometry.shapes.block import BLOCKS
-from asperity.geometry.shapes.hammer import FACE_TIP, TEXTURE
 from asperity.scene.mesh import mesh_and_pieces
 from asperity.scene.mjcf import mesh_assets, mesh_geoms
 from asperity.scene.scene import Scene, scene_of
@@ -24,12 +22,52 @@ STEEL, WOOD = 7850.0, 700.0
 METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
 GAP = 0.008
 """Between blocks [m]."""
+FACE_TIP = 0.0479
+"""Distance from the shipped hammer's origin to the middle of its face [m]."""
+_PIXEL = 3.6e-4
+"""Pixel of the hammer's texture [m]: two triangles each make the 433,000 of the paper's model."""
+FORGED: dict[str, Any] = {
+    "kind": "rough", "size": 0.036, "pixel_size": _PIXEL, "hurst": 0.8,
+    "rms_slope": 0.06, "rolloff": 0.008, "cutoff": 5 * _PIXEL, "seed": 5,
+}  # fmt: skip
+"""Forged and worn steel."""
+
+
+class StripedBlock(NamedTuple):
+    """Size and texture of one of the blocks."""
+
+    size: tuple[float, float, float]
+    """Length, width, height [m]."""
+    texture: dict[str, Any]
+    """As in `scene.toml`."""
+    uv_size: tuple[float, float]
+    """Size of the texture's tile [m]."""
+
+
+BLOCKS = (
+    StripedBlock(
+        (0.060, 0.040, 0.030),
+        {"kind": "grating", "pitch": 3e-3, "height": 3e-4, "width": 1.5e-3, "fillet": 3e-4},
+        (0.024, 0.024),
+    ),
+    StripedBlock(
+        (0.040, 0.040, 0.020),
+        {"kind": "grating", "pitch": 2e-3, "height": 3e-4, "width": 1e-3, "fillet": 2.5e-4},
+        (0.016, 0.016),
+    ),
+    StripedBlock(
+        (0.080, 0.030, 0.015),
+        {"kind": "stripes", "pitch": 4e-3, "depth": 3e-4, "width": 2.4e-3, "fillet": 4e-4},
+        (0.032, 0.032),
+    ),
+)
+"""Three blocks of different size and pitch; the stripes run across their length."""
 _UPRIGHT = (float(np.sqrt(0.5)), 0.0, float(np.sqrt(0.5)), 0.0)
-"""From the maker's frame, the face towards +x, to the face downwards."""
+"""Rotation from the mesh's frame, its face towards +x, to face down."""
 
 _XML = """<mujoco model="hammer-blocks">
   <!-- Metres and kilograms. The tool's frame is the middle of its striking face. Geoms in group 2
-       are the shapes, only seen; those in group 3 the convex pieces that may touch. -->
+       are the shapes, for display; group 3 holds the convex pieces that collide. -->
   <visual>
     <map znear="0.001"/>
   </visual>
@@ -61,18 +99,18 @@ def hammer_blocks() -> Scene:
     hammer: dict[str, Any] = {
         "kind": "hammer", "position": [0.0, 0.0, FACE_TIP], "quaternion": list(_UPRIGHT),
     }  # fmt: skip
-    bodies: dict[str, Any] = {"hammer": {"mesh": hammer, "texture": {**TEXTURE, "mapping": "uv"}}}
+    bodies: dict[str, Any] = {"hammer": {"mesh": hammer, "texture": {**FORGED, "mapping": "uv"}}}
     part, geoms = _hammer(hammer)
     assets, blocks = [part], list[str]()
     y = -0.5 * BLOCKS[0].size[1]
-    for made, colour in zip(BLOCKS, _COLOURS, strict=True):
+    for block, colour in zip(BLOCKS, _COLOURS, strict=True):
         name = f"block-{len(blocks) + 1}"
-        length, width, height = made.size
+        length, width, height = block.size
         mesh = {
             "kind": "block", "length": length, "width": width, "height": height,
-            "uv_size": list(made.uv_size),
+            "uv_size": list(block.uv_size),
         }  # fmt: skip
-        bodies[name] = {"mesh": mesh, "texture": {**made.texture, "mapping": "uv"}}
+        bodies[name] = {"mesh": mesh, "texture": {**block.texture, "mapping": "uv"}}
         part, solids = _block(name, mesh, colour)
         assets.append(part)
         blocks.append(_BLOCK.format(name=name, y=y + 0.5 * width, z=0.5 * height, geoms=solids))

@@ -1,8 +1,8 @@
-"""The paper's colour plate 4: a spherical tip on a handle, and a textured plate under it.
+"""A spherical probe on a textured plate, after colour plate 4 of Otaduy & Lin (2004).
 
-The paper prints no sizes. These are asperity's: a tip of 3 mm, waves of 0.1 mm amplitude and
-2 mm length, raised dots and ridges of 0.4 mm height, a stiffness of 400 N/m (what a Touch can
-do), a drag at 83 mm/s that begins with a normal force of 0.58 N.
+The paper prints no sizes. Chosen for this package: a tip of 3 mm diameter; waves of 0.1 mm
+amplitude and 2 mm length; raised dots and ridges of 0.4 mm height; a stiffness of 400 N/m, which a
+3D Systems Touch can render; a drag at 83 mm/s that begins with a normal force of 0.58 N.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ TEXTURES: dict[str, dict[str, Any]] = {
     },
     "grating": {"kind": "grating", "pitch": 2.5e-3, "height": 4e-4, "width": 1e-3},
 }  # fmt: skip
-"""The textures of the three plates, as `scene.toml` says it."""
+"""The textures of the three plates, as in `scene.toml`."""
 
 _XML = """<mujoco model="probe-plate">
   <!-- Metres and kilograms. The tool's frame is the centre of its tip; textures, force and the
-       default motion stand in scene.toml. -->
+       default motion are in scene.toml. -->
   <visual>
     <map znear="0.001"/>
   </visual>
@@ -54,10 +54,10 @@ def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: floa
     Parameters
     ----------
     texture : str or mapping
-        "sinusoid", "jittered_dots" or "grating" (see `TEXTURES`), or what would stand under
+        "sinusoid", "jittered_dots" or "grating" (see `TEXTURES`), or the contents of the table
         `[bodies.plate.texture]`.
     diameter : float
-        Of the tip [m], 0.2 mm to 8 mm.
+        Diameter of the tip [m], 0.2 mm to 8 mm.
     """
     require_between("diameter", diameter, 2e-4, 8e-3, "m")
     table: Mapping[str, Any]

@@ -1,35 +1,27 @@
 """A flat hand file with a turned handle: the tool of colour plate 6.
 
 The paper prints a picture and no sizes; its low-resolution file has 632 triangles. All sizes here
-are ours.
+were chosen for this package.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.shapes.charts import banded, dome, unrolled
-from asperity.geometry.shapes.patchwork import CURVED, ROUND, Patchwork, Shape
-from asperity.geometry.shapes.sections import closed, convex_pieces, lathe, loft
+from asperity.geometry.shapes.shape import Shape
+from tools.shapes.charts import banded, dome, unrolled
+from tools.shapes.patchwork import CURVED, ROUND, Patchwork
+from tools.shapes.sections import closed, convex_pieces, lathe, loft
 
 Array = NDArray[np.float64]
 
 PITCH = 1.55e-3
-"""Of the teeth [m], a coarse cut. With 8 samples a tooth, the fewest that a spline follows, the
-pixels on the cut faces make the 286,000 triangles of the paper's full detail (with tang and handle
-729,000); a finer cut would make more."""
-PIXEL_SIZE = PITCH / 8
+"""Distance between teeth [m], as in the texture of the built-in scene."""
 UV_SIZE = (8 * math.sqrt(2.0) * PITCH, 8 * math.sqrt(2.0) * PITCH)
-"""Of the texture's tile [m]: what `cross_cut` makes of 12 periods at 45 degrees."""
-TEXTURE: dict[str, Any] = {
-    "kind": "cross_cut", "pitch": PITCH, "second_pitch": PITCH, "height": 2.5e-4,
-    "samples": 8, "periods": 12, "variation": 0.2, "seed": 3,
-}  # fmt: skip
-"""Teeth of a double cut, as `scene.toml` says it; steep towards the point. Ours."""
+"""Size of the texture's tile [m]: what `cross_cut` makes of 12 periods at 45 degrees."""
 
 LENGTH, WIDTH, THICKNESS = 0.120, 0.020, 0.0040
 """Of the blade [m]."""

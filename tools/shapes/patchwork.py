@@ -1,4 +1,4 @@
-"""What a shape is, and the patchwork of triangles from which the shapes here are made.
+"""Patchwork of triangles from which the shapes are built.
 
 The texture moves a surface along its corner normals, so these decide where the displaced surface
 stays closed. Every triangle has a smoothing group and a rank. A corner's normal is the mean of the
@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.shapes.triangulate import triangulated
+from asperity.geometry.shapes.shape import Shape
+from tools.shapes.triangulate import triangulated
 
 Array = NDArray[np.float64]
 WELD = 1e-9
@@ -25,28 +25,6 @@ GAP = 1e-3
 """Between charts [m]."""
 ROUND, CURVED, FLAT = 0, 1, 2
 """Ranks: what carries the turn of the normals, what keeps its own, what is truly flat."""
-
-
-class Shape(NamedTuple):
-    """A closed mesh with normals, texture coordinates and the convex pieces that make it up."""
-
-    vertices: Array
-    """[m], (n, 3)."""
-    faces: NDArray[np.int64]
-    """Vertices of each triangle, counter-clockwise as seen from outside, (m, 3)."""
-    normals: Array
-    """Unit normals at the corners, (m, 3, 3); equal on all triangles of a flat face."""
-    uv: Array
-    """Texture coordinates of the corners [-], (m, 3, 2); not mirrored; beyond 0..1 they wrap."""
-    pieces: tuple[Array, ...]
-    """Corners of convex solids whose union is the body [m], each (k, 3)."""
-    uv_size: tuple[float, float]
-    """What one unit of u and v spans [m]."""
-
-    def with_uv_size(self, size: tuple[float, float]) -> Shape:
-        """Return the shape for a texture of another physical `size` (u, v) [m]."""
-        scale = np.asarray(self.uv_size) / np.asarray(size)
-        return self._replace(uv=self.uv * scale, uv_size=(float(size[0]), float(size[1])))
 
 
 def triangle_areas(shape: Shape) -> Array:

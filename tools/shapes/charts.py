@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.shapes.patchwork import cells, plane_axes
+from tools.shapes.patchwork import cells, plane_axes
 
 Array = NDArray[np.float64]
 DISTORTION = 1.07

@@ -1,20 +1,20 @@
 """A ball-pein hammer: the textured tool of colour plate 5.
 
 The paper prints a picture and no sizes; its low-resolution hammer has 518 triangles. All sizes
-here are ours, those of a common hammer of about half a kilogram.
+here were chosen for this package, after a common hammer of about half a kilogram.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.shapes.charts import banded, dome
-from asperity.geometry.shapes.patchwork import CURVED, FLAT, ROUND, Patchwork, Shape
-from asperity.geometry.shapes.sections import (
+from asperity.geometry.shapes.shape import Shape
+from tools.shapes.charts import banded, dome
+from tools.shapes.patchwork import CURVED, FLAT, ROUND, Patchwork
+from tools.shapes.sections import (
     circle,
     closed,
     convex_pieces,
@@ -27,15 +27,8 @@ from asperity.geometry.shapes.sections import (
 
 Array = NDArray[np.float64]
 
-PIXEL_SIZE = 3.6e-4
-"""Of the texture [m]: two triangles a texel make the 433,000 of the paper's full detail. Ours."""
 UV_SIZE = (0.036, 0.036)
-"""Of the texture's tile [m]."""
-TEXTURE: dict[str, Any] = {
-    "kind": "rough", "size": UV_SIZE[0], "pixel_size": PIXEL_SIZE, "hurst": 0.8,
-    "rms_slope": 0.06, "rolloff": 0.008, "cutoff": 5 * PIXEL_SIZE, "seed": 5,
-}  # fmt: skip
-"""Forged and worn steel, as `scene.toml` says it. Ours."""
+"""Size of the texture's tile [m]."""
 
 CORNERS = 12
 """Of every section: sides every 30 degrees, so that two lie across the head and two along it."""

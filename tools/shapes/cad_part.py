@@ -1,33 +1,26 @@
 """A machined flange with a boss: what the file of colour plate 6 scrubs.
 
 The paper prints a picture and no sizes; its low-resolution part has 720 triangles. All sizes here
-are ours.
+were chosen for this package.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.shapes.charts import banded, unrolled
-from asperity.geometry.shapes.clip import clipped
-from asperity.geometry.shapes.patchwork import CURVED, FLAT, ROUND, Patchwork, Shape
-from asperity.geometry.shapes.sections import circle, closed, lathe, loft, polygon
+from asperity.geometry.shapes.shape import Shape
+from tools.shapes.charts import banded, unrolled
+from tools.shapes.clip import clipped
+from tools.shapes.patchwork import CURVED, FLAT, ROUND, Patchwork
+from tools.shapes.sections import circle, closed, lathe, loft, polygon
 
 Array = NDArray[np.float64]
 
-PIXEL_SIZE = 1.65e-4
-"""Of the texture [m]: two triangles a texel make the 658,000 of the paper's full detail. Ours."""
 UV_SIZE = (0.033, 0.033)
-"""Of the texture's tile [m]."""
-TEXTURE: dict[str, Any] = {
-    "kind": "brushed", "size": UV_SIZE[0], "pixel_size": PIXEL_SIZE, "rms": 6e-6,
-    "length": 0.012, "width": 6 * PIXEL_SIZE, "seed": 6,
-}  # fmt: skip
-"""Marks of machining along the part's long side, as `scene.toml` says it. Ours."""
+"""Size of the texture's tile [m]."""
 
 THICKNESS = 0.009
 """Of the plate, from z = 0 [m]."""
