@@ -34,7 +34,7 @@ from asperity._core.kernels import kernel
 from asperity.contact.broad_phase.mujoco_pairs import Collider
 from asperity.contact.geom_tick import tick
 from asperity.contact.narrow_phase.geom_depth import depth_along
-from asperity.contact.narrow_phase.penetration import DEPTH, POINT_X, RESULT_SIZE
+from asperity.contact.narrow_phase.records import PENETRATION
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
@@ -97,7 +97,7 @@ def timed_depths(
 ):  # fmt: skip
     """Fill time [ns] and depth of each place of `path` (n, 3): the certified search alone."""
     stamp = np.zeros(2, np.int64)
-    out, guess, n = np.zeros(RESULT_SIZE), np.full(3, np.nan), np.array([0.0, 0.0, 1.0])
+    out, guess, n = np.zeros(1, PENETRATION), np.full(3, np.nan), np.array([0.0, 0.0, 1.0])
     body_a, body_b = np.zeros((3, 4)), np.zeros((3, 4))
     for i in range(3):
         body_a[i, i] = body_b[i, i] = 1.0
@@ -106,13 +106,13 @@ def timed_depths(
         for i in range(3):
             # Seen from the sphere's centre, which moves; the place stays on the plate.
             body_b[i, 3] = -path[q, i]
-            guess[i] = guess[i] if q == 0 else out[POINT_X + i] + path[q - 1, i] - path[q, i]
+            guess[i] = guess[i] if q == 0 else out[0].point[i] + path[q - 1, i] - path[q, i]
         depth_along(
             textures, geometry, geoms_a, 1, geoms_b, 1, body_a, body_b, n, guess, tolerance,
             max_nodes, space, out,
         )  # fmt: skip
         ns_out[q] = now(stamp) - begun
-        depth_out[q] = out[DEPTH]
+        depth_out[q] = out[0].depth
 
 
 def surface(name: str, n: int) -> HeightField:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from asperity.contact import body_arrays as flat
 from asperity.contact.narrow_phase import geom_depth as patch
 from asperity.contact.narrow_phase import penetration as deepest
+from asperity.contact.narrow_phase.records import PENETRATION
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
@@ -175,18 +176,18 @@ class Pair:
             np.column_stack([flat.rotation_of(at[3:]), at[:3] - pose_a[:3]])
             for at in (pose_a, pose_b)
         ]
-        out = np.empty(deepest.RESULT_SIZE)
+        out = np.zeros(1, PENETRATION)
         geoms_a, geoms_b = self._geoms
         patch.depth_along(
             self._textures, self._geometry, geoms_a, geoms_a.size, geoms_b, geoms_b.size,
             *placed, np.asarray(n, dtype=np.float64), np.full(3, np.nan),
             tolerance, nodes, self._space, out,
         )  # fmt: skip
+        found = out[0]
         return Along(
-            out[deepest.DEPTH], out[deepest.GAP], int(out[deepest.STATUS]),
-            int(out[deepest.COUNT_TIES]),
-            out[deepest.POINT_X : deepest.M_X] + pose_a[:3], out[deepest.M_X : deepest.MOMENT],
-            -out[deepest.M_X :],
+            found["depth"], found["gap"], int(found["status"]), int(found["ties"]),
+            found["point"] + pose_a[:3], found["slope_normal"],
+            -np.concatenate([found["slope_normal"], found["moment"]]),
         )  # fmt: skip
 
 

@@ -12,18 +12,8 @@ from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.narrow_phase.geom_depth import depth_along
 from asperity.contact.narrow_phase.mesh_depth import facets_along
 from asperity.contact.narrow_phase.mesh_workspace import MAX_CHART_PAIRS, MAX_CHARTS, facet_space
-from asperity.contact.narrow_phase.penetration import (
-    COUNT_NODES,
-    COUNT_TIES,
-    DEPTH,
-    GAP,
-    M_X,
-    MOMENT,
-    POINT_X,
-    RESULT_SIZE,
-    STATUS,
-    workspace,
-)
+from asperity.contact.narrow_phase.penetration import workspace
+from asperity.contact.narrow_phase.records import CERTIFIED, PENETRATION
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, unit_quaternion
 from asperity.geometry.poses import rotation_of
@@ -119,13 +109,13 @@ class BodyPair:
         n = np.array(require_finite("normal", normal, 3))
         if not abs(np.linalg.norm(n) - 1.0) < 1e-6:
             raise AsperityError(f"normal must have length 1, got {normal!r}")
-        out = np.zeros(RESULT_SIZE)
+        found = np.zeros(1, PENETRATION)
         at_a, at_b, n = _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n)
         if self._table is not None:
             fits = facets_along(
                 self._textures, self._table, self._geometry, at_a, at_b, n,
                 require_positive("smooth_overlap", smooth_overlap, "[m]"), self.tolerance,
-                self.max_nodes, self._space, self._room, out,
+                self.max_nodes, self._space, self._room, found,
             )  # fmt: skip
             if not fits:
                 raise AsperityError(
@@ -136,18 +126,19 @@ class BodyPair:
             depth_along(
                 self._textures, self._geometry, self._geoms[0], self._geoms[0].size,
                 self._geoms[1], self._geoms[1].size, at_a, at_b, n, np.full(3, np.nan),
-                self.tolerance, self.max_nodes, self._space, out,
+                self.tolerance, self.max_nodes, self._space, found,
             )  # fmt: skip
-        m = out[M_X : M_X + 3].copy()
+        out = found[0]
+        m = out["slope_normal"].copy()
         return Depth(
-            depth=float(out[DEPTH]),
-            gradient=np.concatenate([-m, -out[MOMENT : MOMENT + 3]]),
-            point=out[POINT_X : POINT_X + 3] + a[:3],
+            depth=float(out["depth"]),
+            gradient=np.concatenate([-m, -out["moment"]]),
+            point=out["point"] + a[:3],
             slope_normal=m,
-            gap=float(out[GAP]),
-            certified=bool(out[STATUS] == 0.0),
-            nodes=int(out[COUNT_NODES]),
-            ties=int(out[COUNT_TIES]),
+            gap=float(out["gap"]),
+            certified=bool(out["status"] == CERTIFIED),
+            nodes=int(out["nodes"]),
+            ties=int(out["ties"]),
         )
 
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.narrow_phase.records import PENETRATION
+
 
 class ForceParameters(NamedTuple):
     """The part of `ForceSettings` that every law uses."""
@@ -67,7 +69,7 @@ class Memory(NamedTuple):
     new_patches: NDArray[np.float64]
     geoms: NDArray[np.int64]
     """The geoms of a patch: the tool's and the scene's, (2, geoms)."""
-    results: NDArray[np.float64]
+    results: NDArray[np.void]
     """What the search left for each patch."""
 
 
@@ -111,7 +113,7 @@ def memory_for(pairs: int, patches: int, geoms: int) -> Memory:
         new_bodies=np.zeros(patches, np.int64),
         new_patches=np.zeros((patches, 9)),
         geoms=np.zeros((2, geoms), np.int64),
-        results=np.zeros((patches, 16)),
+        results=np.zeros(patches, PENETRATION),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import clear, inner_kernel, kernel
+from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.manifold.geom_manifold import (
@@ -16,16 +17,6 @@ from asperity.contact.manifold.geom_manifold import (
     steady_normals,
 )
 from asperity.contact.narrow_phase.geom_depth import fill_depth_along
-from asperity.contact.narrow_phase.penetration import (
-    COUNT_NODES,
-    COUNT_TIES,
-    DEPTH,
-    GAP,
-    M_X,
-    MOMENT,
-    POINT_X,
-    STATUS,
-)
 from asperity.contact.response.baseline_methods import advance_noise, baseline_force, depth_on_grid
 from asperity.contact.response.point_laws import bristle_force
 from asperity.geometry.frames import (
@@ -86,7 +77,7 @@ def _tick(
             guess[i] += near_b[i, 3]
         count_a, count_b = geoms_of(memory, count, p)
         out = memory.results[p]
-        clear(out)
+        clear_record(out)
         tolerance = depth_tolerance(textures, geometry, tool, b, parameters.tolerance)
         fill_depth_along(
             textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
@@ -97,11 +88,11 @@ def _tick(
                 textures, geometry, memory.geoms, count_a, count_b, near_a, near_b, n, grid,
                 space, out,
             )  # fmt: skip
-        deep = out[DEPTH] > 0.0
+        deep = out.depth > 0.0
         for i in range(count):
             if memory.now_pairs[i, 3] == p:
                 g, h = memory.now_pairs[i, 0], memory.now_pairs[i, 1]
-                held = out[DEPTH] > held_below(geometry, textures, g, h)
+                held = out.depth > held_below(geometry, textures, g, h)
                 memory.now_pairs[i, 2] = 1 if held else 0
         if not deep:
             memory.new_bodies[p] = -1
@@ -116,8 +107,8 @@ def _tick(
         total = 0.0
         for q in range(patches):
             if memory.new_bodies[q] == b:
-                total += memory.results[q, DEPTH]
-        depth = out[DEPTH]
+                total += memory.results[q].depth
+        depth = out.depth
         weight = depth / total
         push = parameters.stiffness * weight * depth
         body_b = poses[b]
@@ -126,17 +117,17 @@ def _tick(
         live += 1
         contacts.body[c] = b
         contacts.depth[c], contacts.weight[c] = depth, weight
-        contacts.gap[c], contacts.status[c] = out[GAP], int(out[STATUS])
-        contacts.nodes[c], contacts.ties[c] = int(out[COUNT_NODES]), int(out[COUNT_TIES])
+        contacts.gap[c], contacts.status[c] = out.gap, out.status
+        contacts.nodes[c], contacts.ties[c] = out.nodes, out.ties
         for k in range(3):
             contacts.normal[c, k] = n[k]
-            contacts.slope_normal[c, k] = out[M_X + k]
-            contacts.point[c, k] = out[POINT_X + k] + origin[k]
-            guess[k] = out[POINT_X + k]
+            contacts.slope_normal[c, k] = out.slope_normal[k]
+            contacts.point[c, k] = out.point[k] + origin[k]
+            guess[k] = out.point[k]
         if baseline is None:
             for k in range(3):
-                force[k] = push * out[M_X + k]
-                wrench_out[3 + k] += push * out[MOMENT + k]
+                force[k] = push * out.slope_normal[k]
+                wrench_out[3 + k] += push * out.moment[k]
         else:
             fill_relative_frame(origin, body_b, near_b)
             _, count_b = geoms_of(memory, count, p)

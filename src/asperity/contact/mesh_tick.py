@@ -9,16 +9,6 @@ import numpy as np
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.contact.broad_phase.facet_pairs import moved_since
 from asperity.contact.manifold.mesh_manifold import remember, touch
-from asperity.contact.narrow_phase.penetration import (
-    COUNT_NODES,
-    COUNT_TIES,
-    DEPTH,
-    GAP,
-    M_X,
-    MOMENT,
-    POINT_X,
-    STATUS,
-)
 from asperity.contact.response.point_laws import bristle_force
 from asperity.geometry.frames import (
     depth_tolerance,
@@ -110,18 +100,18 @@ def _mesh_tick(
             continue
         c = contacts.count[0]
         contacts.count[0] += 1
-        push = parameters.stiffness * rows.weight[p] * out[DEPTH]
-        contacts.body[c], contacts.depth[c], contacts.weight[c] = b, out[DEPTH], rows.weight[p]
-        contacts.gap[c], contacts.status[c] = out[GAP], int(out[STATUS])
-        contacts.nodes[c], contacts.ties[c] = int(out[COUNT_NODES]), int(out[COUNT_TIES])
+        push = parameters.stiffness * rows.weight[p] * out.depth
+        contacts.body[c], contacts.depth[c], contacts.weight[c] = b, out.depth, rows.weight[p]
+        contacts.gap[c], contacts.status[c] = out.gap, out.status
+        contacts.nodes[c], contacts.ties[c] = out.nodes, out.ties
         for k in range(3):
-            point[k] = out[POINT_X + k]
+            point[k] = out.point[k]
             contacts.normal[c, k] = rows.normal[p, k]
-            contacts.slope_normal[c, k] = out[M_X + k]
+            contacts.slope_normal[c, k] = out.slope_normal[k]
             contacts.point[c, k] = point[k] + origin[k]
-            force[k] = push * out[M_X + k]
+            force[k] = push * out.slope_normal[k]
             wrench_io[k] += force[k]
-            wrench_io[3 + k] += push * out[MOMENT + k]
+            wrench_io[3 + k] += push * out.moment[k]
         body_b = poses[b]
         if parameters.friction > 0.0:
             material_displacement(known and dt > 0.0, memory.pose, body_a, point, origin, gone)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from asperity._core.kernels import inner_kernel
 from asperity.contact.broad_phase.facet_bvh import BINS
 from asperity.contact.manifold.overlap_region import MASS, MEAN, WHERE, way_out
-from asperity.contact.narrow_phase.penetration import DEPTH, POINT_X
 
 _EXPLAINED, _OWN = 1.2, 2.0
 """A place is out, and surely not, after this many depths of the other direction."""
@@ -81,12 +80,12 @@ def weigh(table, count, near_b, space):
             continue
         deepest = int(way[FIRST])
         for p in range(deepest, int(way[FIRST] + way[ROWS])):
-            if rows.result[p, DEPTH] > rows.result[deepest, DEPTH]:
+            if rows.result[p].depth > rows.result[deepest].depth:
                 deepest = p
         for i in range(3):
             place[i] = 0.0
             for k in range(3):
-                place[i] += near_b[k, i] * (rows.result[deepest, POINT_X + k] - near_b[k, 3])
+                place[i] += near_b[k, i] * (rows.result[deepest].point[k] - near_b[k, 3])
         for c in range(BINS):
             other = space.directions[c]
             if c == d or other[DEPTH_OF] <= 0.0 or other[ROWS] == 0.0:
@@ -143,5 +142,5 @@ def share_stiffness(space):
         way = space.directions[d]
         first, patches = int(way[FIRST]), int(way[ROWS])
         for p in range(first, first + patches):
-            live = rows.result[p, DEPTH] > 0.0
+            live = rows.result[p].depth > 0.0
             rows.weight[p] = way[FADE] * way[PART] / (total * patches) if live else 0.0

@@ -62,7 +62,6 @@ from asperity.contact.manifold.overlap_region import (
 from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.mesh_depth import pairs_of_charts, patch_depths
 from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES, WINDOWS
-from asperity.contact.narrow_phase.penetration import DEPTH
 from asperity.geometry.frames import to_world
 
 _BIRTH = 2e-4
@@ -235,7 +234,7 @@ def touch(
         )  # fmt: skip
         total = deepest = 0.0
         for p in range(patches):
-            depth = rows.result[start + p, DEPTH]
+            depth = rows.result[start + p].depth
             total += max(depth, 0.0)
             deepest = max(deepest, depth)
             rows.where[start + p, 0], rows.where[start + p, 1] = b, d

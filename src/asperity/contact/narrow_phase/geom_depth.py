@@ -97,7 +97,7 @@ def fill_depth_along(
     textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
     tolerance, max_nodes, space, result_out,
 ):  # fmt: skip
-    """Fill `result_out` (14,) with the depth of A in B along `n`, and where; see `DEPTH`, ...
+    """Fill a `PENETRATION` record with the depth of A in B along `n`.
 
     Parameters
     ----------
@@ -117,10 +117,7 @@ def fill_depth_along(
     max_nodes : int
         Most boxes to look at.
     space : Workspace
-    result_out : (14,) array
-        Depth [m] (-inf: nothing overlaps along n), gap between the bounds [m], nodes looked at,
-        status, number of places that are equally deep; their mean place on A's surface, m, and
-        the mean of place x m, seen from the origin in world axes.
+    result_out : PENETRATION record
     """
     # Nothing is allocated here: that would take longer than the small sums below.
     frame = space.frame
@@ -148,7 +145,7 @@ def depth_along(
     """Do what `fill_depth_along` does, called from Python."""
     fill_depth_along(
         textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
-        tolerance, max_nodes, space, result_out,
+        tolerance, max_nodes, space, result_out[0],
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
+from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import between_bodies, facing_pairs
 from asperity.contact.manifold.overlap_region import piece
@@ -18,14 +19,7 @@ from asperity.contact.narrow_phase.facet_patch import facet_chart
 from asperity.contact.narrow_phase.geom_depth import frame_round, geom_charts
 from asperity.contact.narrow_phase.incumbent import BEST, TIES, UPPER
 from asperity.contact.narrow_phase.overlap import OVERLAP_SIZE, F
-from asperity.contact.narrow_phase.penetration import (
-    DEPTH,
-    LOOK_COVERS,
-    PAIR,
-    RESULT_SIZE,
-    begin,
-    fill_result,
-)
+from asperity.contact.narrow_phase.penetration import LOOK_COVERS, PAIR, begin, fill_result
 from asperity.contact.narrow_phase.surface_patch import COVERS, FLATTEST, ROWS, TEXTURE, C
 from asperity.contact.narrow_phase.warm_start import depths_before, from_lines, keep_promising
 
@@ -246,7 +240,7 @@ def patch_depths(
         np.int64(0),
     )  # fmt: skip
     fill_result(textures, stride, n, tolerance, work_space, results_out[0])
-    if ways == 1 or results_out[0, DEPTH] == -math.inf:
+    if ways == 1 or results_out[0].depth == -math.inf:
         return 1
     single, at_1, at_2 = _single_place(work_space, stride, lines)
     for which in range(ways - 1, -1, -1):
@@ -254,8 +248,7 @@ def patch_depths(
         within = sign_1 * at_1 >= -radius and sign_2 * at_2 >= -radius
         out = results_out[which]
         if single and within:
-            for k in range(RESULT_SIZE):
-                out[k] = results_out[0, k]
+            copy_record(out, results_out[0])
             continue
         added = np.int64(0)
         for k in range(2):
@@ -325,7 +318,7 @@ def facets_along(
     textures, table, geometry, body_a, body_b, n, highest, tolerance, max_nodes, work_space, space,
     result_out,
 ):  # fmt: skip
-    """Fill `result_out` (14,) with the depth of body 0 in body 1 along `n`; see `depth_along`.
+    """Fill `result_out` (1,) with the depth of body 0 in body 1 along `n`; see `depth_along`.
 
     Facets count whose smooth overlap is less than `highest` [m]. Returns whether there was room
     for all of them.
@@ -354,5 +347,5 @@ def facets_along(
     begin(work_space, max_nodes, -math.inf)
     nowhere = np.nan
     sieve(textures, stride, pairs, nowhere, nowhere, tolerance, work_space, space, np.int64(0))
-    fill_result(textures, stride, n, tolerance, work_space, result_out)
+    fill_result(textures, stride, n, tolerance, work_space, result_out[0])
     return enough and foot.facing.clock[1] == 0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from asperity.contact.broad_phase.facet_bvh import BINS, FacetTable
 from asperity.contact.manifold.overlap_region import FootprintSpace, footprint_space
 from asperity.contact.narrow_phase.best_first import BOX_SIZE, MAX_BOXES
-from asperity.contact.narrow_phase.penetration import RESULT_SIZE
+from asperity.contact.narrow_phase.records import PENETRATION
 
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
@@ -26,8 +26,8 @@ class PatchRows(NamedTuple):
     """How many there are, and how often there was no room; (2,)."""
     where: NDArray[np.int64]
     """Body, direction and window, (n, 3)."""
-    result: NDArray[np.float64]
-    """What the search left, (n, 14)."""
+    result: NDArray[np.void]
+    """Penetration of each patch, `PENETRATION` records (n,)."""
     normal: NDArray[np.float64]
     """n of each, world axes, (n, 3)."""
     weight: NDArray[np.float64]
@@ -70,7 +70,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         rows=PatchRows(
             count=np.zeros(2, np.int64),
             where=np.zeros((MAX_PATCHES, 3), np.int64),
-            result=np.zeros((MAX_PATCHES, RESULT_SIZE)),
+            result=np.zeros(MAX_PATCHES, PENETRATION),
             normal=np.zeros((MAX_PATCHES, 3)),
             weight=np.zeros(MAX_PATCHES),
         ),

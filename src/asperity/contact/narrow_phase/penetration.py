@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import clear, inner_kernel, small_kernel
+from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.records import clear_record
 from asperity.contact.narrow_phase.branch_and_bound import (
     MOST_TIES,
     SAME,
@@ -46,6 +47,7 @@ from asperity.contact.narrow_phase.overlap import (
     Y,
     borders_at,
 )
+from asperity.contact.narrow_phase.records import BUDGET_SPENT, CERTIFIED
 from asperity.contact.narrow_phase.surface_patch import (
     LEVEL,
     RECTANGLE,
@@ -54,14 +56,6 @@ from asperity.contact.narrow_phase.surface_patch import (
     TEXTURE,
     C,
 )
-
-CERTIFIED, BUDGET_SPENT = 0, 1
-"""Whether the gap is within the tolerance, or the search ran out of nodes before it was."""
-
-# What a search leaves; one row of numbers.
-DEPTH, GAP, COUNT_NODES, STATUS, COUNT_TIES = 0, 1, 2, 3, 4
-POINT_X, M_X, MOMENT = 5, 8, 11  # place on A, m and the mean of place x m; all seen from the origin
-RESULT_SIZE = 14
 
 # Of a pair of charts before it is searched: an upper bound, where the smooth bases overlap most.
 LOOKED, PAIR = 3, 4  # whether it has been climbed once; number of A's chart * stride + that of B's
@@ -277,18 +271,18 @@ def _slope_of_tie(textures, stride, at, space, out):
 
 @inner_kernel
 def fill_result(textures, stride, n, tolerance, space, result_out):
-    """Fill `result_out` (14,) from what a search left; see `DEPTH`, ..."""
+    """Fill a `PENETRATION` record with the result of a search."""
     state, frame = space.state, space.frame
-    clear(result_out)
+    clear_record(result_out)
     if space.best[OVERLAP_SIZE] < 0.0:
         state[BEST] = -np.inf  # nothing was found, whatever was looked for
-    result_out[DEPTH] = state[BEST]
-    result_out[COUNT_NODES] = state[NODES]
+    result_out.depth = state[BEST]
+    result_out.nodes = int(state[NODES])
     if state[BEST] == -np.inf:
         return
     gap = max(state[UPPER] - state[BEST], 0.0)
-    result_out[GAP] = gap
-    result_out[STATUS] = CERTIFIED if gap <= tolerance else BUDGET_SPENT
+    result_out.gap = gap
+    result_out.status = CERTIFIED if gap <= tolerance else BUDGET_SPENT
     m, p, q = space.vectors[0], space.vectors[1], space.vectors[2]
     spread = 0.0
     for t in range(int(state[TIES])):
@@ -314,15 +308,17 @@ def fill_result(textures, stride, n, tolerance, space, result_out):
                 for k in range(3 if certain else 0):
                     m[k] = p[k]
         height = -at[POINT + 2] if x_is_a else -at[ABOVE]
-        result_out[COUNT_TIES] += 1.0
+        result_out.ties += 1
         total += share
         for k in range(3):
             p[k] = frame[0, k] * at[POINT] + frame[1, k] * at[POINT + 1] + n[k] * height
             q[k] = frame[0, k] * m[0] + frame[1, k] * m[1] + n[k]
         for k in range(3):
-            result_out[POINT_X + k] += share * p[k]
-            result_out[M_X + k] += share * q[k]
+            result_out.point[k] += share * p[k]
+            result_out.slope_normal[k] += share * q[k]
             one, two = (k + 1) % 3, (k + 2) % 3
-            result_out[MOMENT + k] += share * (p[one] * q[two] - p[two] * q[one])
-    for k in range(POINT_X, RESULT_SIZE):
-        result_out[k] /= total
+            result_out.moment[k] += share * (p[one] * q[two] - p[two] * q[one])
+    for k in range(3):
+        result_out.point[k] /= total
+        result_out.slope_normal[k] /= total
+        result_out.moment[k] /= total

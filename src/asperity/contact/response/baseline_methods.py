@@ -10,12 +10,6 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.geom_depth import smooth_texture_under
 from asperity.contact.narrow_phase.grid import grid_depth
-from asperity.contact.narrow_phase.penetration import (
-    DEPTH,
-    M_X,
-    MOMENT,
-    POINT_X,
-)
 from asperity.contact.response.point_laws import (
     SIIRA_PAI,
     filter_noise,
@@ -52,11 +46,11 @@ def _differences(
         textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
         grid.window, grid.grid, 0.0, 1.0, space, sample,
     )  # fmt: skip
-    out[DEPTH] = sample[0]
+    out.depth = sample[0]
     if sample[0] == -np.inf:
         return
     for k in range(3):
-        out[POINT_X + k] = sample[1 + k]
+        out.point[k] = sample[1 + k]
     moved = stack_array((3, 4))
     centre, gradient, turn = stack_array((3,)), stack_array((3,)), stack_array((3,))
     clear(centre)
@@ -79,15 +73,15 @@ def _differences(
                 textures, geometry, geoms[0], count_a, geoms[1], count_b, moved, body_b, n, guess,
                 grid.window, grid.grid, 0.0, 1.0, space, sample,
             )  # fmt: skip
-            value = sample[0] if sample[0] > -np.inf else out[DEPTH]
+            value = sample[0] if sample[0] > -np.inf else out.depth
             difference += sign * value
         if axis < 3:
             gradient[axis] = difference / (2.0 * step)
         else:
             turn[axis - 3] = difference / (2.0 * step)
     for k in range(3):
-        out[M_X + k] = n[k] - gradient[k]
-        out[MOMENT + k] = -turn[k]
+        out.slope_normal[k] = n[k] - gradient[k]
+        out.moment[k] = -turn[k]
 
 
 @inner_kernel
@@ -95,11 +89,11 @@ def depth_on_grid(
     textures, geometry, geoms, count_a, count_b, body_a, body_b, n, grid, space, out
 ):  # fmt: skip
     """Replace a certified depth and its gradient by those of a grid round its place."""
-    if out[DEPTH] == -np.inf:
+    if out.depth == -np.inf:
         return
     centre = stack_array((3,))
     for k in range(3):
-        centre[k] = out[POINT_X + k]
+        centre[k] = out.point[k]
     if not grid.soft:
         _differences(
             textures, geometry, geoms, count_a, count_b, body_a, body_b, n, centre, grid, space,
@@ -111,9 +105,9 @@ def depth_on_grid(
         textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, centre,
         grid.window, grid.grid, grid.beta, grid.soft_area, space, sample,
     )  # fmt: skip
-    out[DEPTH] = sample[0]
+    out.depth = sample[0]
     for k in range(3):
-        out[MOMENT + k], out[M_X + k] = sample[1 + k], sample[4 + k]
+        out.moment[k], out.slope_normal[k] = sample[1 + k], sample[4 + k]
 
 
 @inner_kernel
