@@ -9,7 +9,7 @@ OUT    ?= out
 # seconds longer to start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test test-slow lint bench compare pictures docs wheel-test install clean
+.PHONY: demo view test test-slow lint bench compare pictures docs reference wheel-test install clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
@@ -48,6 +48,9 @@ pictures: $(VENV)/installed-dev      ## the page with each scene, for the README
 	@sh .ci/browser.sh
 	for scene in probe-plate-dots hammer-blocks file-cad; do $(BIN)/asperity view $$scene --no-open \
 	  --port 0 --screenshot src/asperity/viewer/pictures/$$scene.jpg || exit 1; done
+
+reference: $(VENV)/installed-run     ## the command reference, docs/cli.md, from the parser
+	$(BIN)/python tools/cli_reference.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

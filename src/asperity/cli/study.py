@@ -21,11 +21,11 @@ class HandOptions:
     """The hand: a mass on a spring and a damper (Otaduy & Lin 2004, Eq. 7)."""
 
     mass_kg: Annotated[float, Range(1e-3, 10.0, "kg")] = 0.05
-    """Mass."""
+    """Mass of the hand."""
     stiffness_n_m: Annotated[float, Range(10.0, 1e5, "N/m")] = 300.0
-    """Stiffness."""
+    """Stiffness of the hand."""
     damping_n_s_m: Annotated[float, Range(0.01, 100.0, "N s/m")] = 3.0
-    """Damping."""
+    """Damping of the hand."""
 
 
 @command
