@@ -46,7 +46,7 @@ def main():
     parser.add_argument("--hands", nargs="+", choices=HANDS, default=list(HANDS))
     options = parser.parse_args()
     settings = StudySettings(spacings=options.spacings)
-    spacing, sweep, known = settings.spacing_values(), settings.sweep(), {}
+    spacing, simulator, known = settings.spacing_values(), settings.simulator(), {}
     start = time.perf_counter()
     for kind in options.hands:
         print(f"\nhand: {kind}")
@@ -59,7 +59,7 @@ def main():
                         Condition(spacing=float(s), **(settings.middle() | {factor: level}))
                         for s in spacing
                     ]
-                    line.append([sweep.metric(metric, c) for c in conditions])
+                    line.append([simulator.metric(metric, c) for c in conditions])
                     for c in conditions:
                         if (kind, c) not in known:
                             known[kind, c] = drag_in_scene(c, kind=kind)

@@ -135,9 +135,9 @@ def main() -> int:
         run_study(study, settings, peaks=False)
 
     def three_studies(peaks: bool) -> None:
-        sweep = settings.sweep()
+        simulator = settings.simulator()
         for study in FACTORS:
-            run_study(study, settings, sweep=sweep, peaks=peaks)
+            run_study(study, settings, simulator=simulator, peaks=peaks)
 
     bare = seconds(lambda: three_studies(False), 5)
     whole = seconds(lambda: three_studies(True), 3)

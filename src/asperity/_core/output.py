@@ -25,7 +25,7 @@ def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
         `folder` is no folder, holds something and `overwrite` is false, or cannot be written.
     """
     folder = Path(os.path.realpath(folder))
-    with _told(folder), ExitStack() as undo:
+    with output_errors(folder), ExitStack() as undo:
         _refuse_taken(folder, overwrite)
         for parent in reversed(folder.parents):
             if not parent.exists():
@@ -44,15 +44,15 @@ def growing_folder(folder: Path, *, overwrite: bool = False) -> Path:
     It is made if need be. Otherwise as `result_folder`.
     """
     folder = Path(os.path.realpath(folder))
-    with _told(folder):
+    with output_errors(folder):
         _refuse_taken(folder, overwrite)
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Turn what the system says of a failed writing into one line that names `path`."""
+def output_errors(path: Path) -> Iterator[None]:
+    """Turn an `OSError` into an `OutputError`, one line that names `path`."""
     try:
         yield
     except OSError as error:
@@ -90,7 +90,7 @@ def _move_in(fresh: Path, folder: Path) -> None:
 def write_whole(path: Path, text: str) -> None:
     """Write a text file in one go: a reader sees the old one or the new one."""
     part = path.with_name(f".{path.name}.part")
-    with _told(path):
+    with output_errors(path):
         try:
             part.write_text(text, "utf-8")
             part.replace(path)

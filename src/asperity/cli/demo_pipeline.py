@@ -135,7 +135,7 @@ def run_demo(
     """
     settings = settings or StudySettings()
     watch = Stopwatch()
-    sweep = settings.sweep()
+    simulator = settings.simulator()
     # Compiled kernels release the interpreter's lock: scenes and rubs run beside the studies.
     with ThreadPoolExecutor(max_workers=2) as pool:
         start = time.perf_counter()
@@ -150,7 +150,7 @@ def run_demo(
 
         with watch.step("studies"):
             studies = {
-                name: run_study(name, settings, sweep=sweep, progress=lambda _: on_drag())
+                name: run_study(name, settings, simulator=simulator, progress=lambda _: on_drag())
                 for name in STUDIES
             }
         with watch.step("figures and data of the studies"):

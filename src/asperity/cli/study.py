@@ -122,19 +122,19 @@ class StudyCommand:
         require_choice("study", self.name, [*STUDIES, "all"])
         require_choice("metric", self.metric, METRICS)
         settings = self.settings()
-        make_surface = settings.sweep().make_surface
+        make_surface = settings.simulator().make_surface
         for spacing in settings.spacing_range:
             make_surface(spacing).tracer(max(settings.diameters))
         names = STUDIES if self.name == "all" else (self.name,)
         total = settings.spacings * sum(settings.drags(name) for name in names)
         out = self.out or Path("out/study")
         with result_folder(out, overwrite=self.overwrite) as folder:
-            sweep = settings.sweep()
+            simulator = settings.simulator()
             with progress_bars() as bars:
                 task = bars.add_task(compile_notice(), total=total)
                 results = {
                     name: run_study(
-                        name, settings, sweep=sweep, progress=lambda _: bars.advance(task)
+                        name, settings, simulator=simulator, progress=lambda _: bars.advance(task)
                     )
                     for name in names
                 }

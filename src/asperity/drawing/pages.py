@@ -2,18 +2,23 @@
 
 An HTML page extends `base.html` and fills its blocks `title` and `main`; `base.html` brings the
 style sheet, `page.css`. Values are escaped in templates whose name ends in `.html` and left as they
-are in all others.
+are in all others. Templates may use the functions `data_uri`,
+`filled`, `inline` and `table_row` as filters.
 """
 
 from __future__ import annotations
 
 import base64
 import mimetypes
+import re
+import textwrap
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup, escape
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -42,6 +47,25 @@ def data_uri(path: Path) -> str:
     return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 
 
+def filled(text: str, width: int = 110) -> str:
+    """Return paragraphs, separated by empty lines, filled anew."""
+    parts = [" ".join(part.split()) for part in text.strip().split("\n\n")]
+    return "\n\n".join(textwrap.fill(part, width, break_on_hyphens=False) for part in parts)
+
+
+def inline(text: str) -> Markup:
+    """Return HTML of a text with the code, bold and italics of Markdown."""
+    out = str(escape(text))
+    for mark, tag in ((r"\*\*", "b"), (r"\*", "i"), ("`", "code")):
+        out = re.sub(f"{mark}(.+?){mark}", rf"<{tag}>\1</{tag}>", out)
+    return Markup(out)
+
+
+def table_row(cells: Sequence[str]) -> str:
+    """Return a row of a Markdown table; a bar in a cell becomes a slash."""
+    return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
+
+
 @cache
 def _environment() -> Environment:
     environment = Environment(
@@ -52,5 +76,6 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["data_uri"] = data_uri
+    for function in (data_uri, filled, inline, table_row):
+        environment.filters[function.__name__] = function
     return environment

@@ -33,9 +33,10 @@ def lab():
 
 def test_the_seeds_findings_are_judged_as_the_studies_claims(lab):
     settings = StudySettings(spacings=PLAN.spacings)
-    sweep = settings.sweep()
+    simulator = settings.simulator()
     studies = {
-        name: run_study(name, settings, sweep=sweep) for name in ("diameter", "force", "speed")
+        name: run_study(name, settings, simulator=simulator)
+        for name in ("diameter", "force", "speed")
     }
     claims = {claim["id"]: claim["holds"] for claim in evaluate_claims(studies)}
     seven = [finding for finding in FINDINGS if finding.id in CLAIMS]

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.drawing.pages import filled
 from asperity.errors import AsperityError
 from asperity.studies.literature import fit as fits
 from asperity.studies.literature.catalogue import FINDINGS, JUDGED_BY_METRIC
 from asperity.studies.literature.hand_search import HELD_OUT, hands_of, measures_tried
 from asperity.studies.literature.laboratory import Laboratory, Plan, judged
 from asperity.studies.literature.measures import PAPER
-from asperity.studies.literature.page import FIGURES
-from asperity.studies.literature.page_text import value_text, wrapped
+from asperity.studies.literature.page import FIGURES, value_text
 from asperity.studies.literature.table import MARKS, columns_of, judge_all
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -69,7 +69,7 @@ def test_the_fit_that_is_shipped_is_of_this_code():
 
 
 def test_the_pages_words():
-    assert wrapped("one\ntwo\n\nthree") == "one two\n\nthree"
+    assert filled("one\ntwo\n\nthree") == "one two\n\nthree"
     assert value_text([1.23456, None, True]) == "[1.23, none, yes]"
     assert value_text([[1.0], [2.0]]) == "[1], [2]"
 

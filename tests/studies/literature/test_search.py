@@ -13,12 +13,12 @@ from asperity.studies.literature.catalogue import JUDGED_BY_METRIC
 from asperity.studies.literature.finding import Verdict
 from asperity.studies.literature.hand_search import (
     RANGES,
-    Searched,
+    SearchResult,
     bootstrap,
     choose,
     hands_of,
-    luckiest,
     measures_tried,
+    most_findings,
     neighbours,
     other_conditions,
     parameter,
@@ -56,12 +56,12 @@ def test_no_metric_is_tried_twice_and_the_studies_are_among_them():
 def test_the_choice_gets_most_and_prefers_what_others_do_well_with():
     near = np.array([[0, 1], [1, 2], [2, 1], [3, 0]])
     holds = np.zeros((4, 2, 5), dtype=bool)
-    holds[0, 0] = True  # The luckiest: all five, but its metric and its neighbours get nothing.
+    holds[0, 0] = True  # All five, but its metric and its neighbours get nothing.
     holds[1, 1, :4] = holds[2, 1, :4] = holds[3, 1, :3] = holds[0, 1, :2] = True
     best = choose(holds, np.ones(5), near)
     assert best[:2] in {(1, 1), (2, 1)}
     assert best.got == 4
-    assert luckiest(holds, np.ones(5)) == (0, 0, 5)
+    assert most_findings(holds, np.ones(5)) == (0, 0, 5)
     assert choose(holds, np.array([0.0, 0.0, 0.0, 0.0, 1.0]), near)[:2] == (0, 0)
 
 
@@ -130,13 +130,13 @@ def test_a_hand_that_cannot_be_dragged_gets_nothing():
         return Verdict(True, {})
 
     finding = replace(JUDGED_BY_METRIC[0], judge=judge)
-    told = search([Hand(mass=0.2), Hand()], (PAPER,), findings=[finding])
-    assert told.holds[:, 0, 0].tolist() == [False, True]
-    assert told.failed == [0]
+    result = search([Hand(mass=0.2), Hand()], (PAPER,), findings=[finding])
+    assert result.holds[:, 0, 0].tolist() == [False, True]
+    assert result.failed == [0]
 
 
 def test_a_fit_is_plain_json_and_gives_its_choice_back(searched):
-    default = Searched(
+    default = SearchResult(
         [Hand()],
         tuple(COLUMNS.values()),
         searched.findings,

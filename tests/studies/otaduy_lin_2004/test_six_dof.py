@@ -14,7 +14,7 @@ MIDDLE = StudySettings().middle()
 
 @pytest.fixture(scope="module")
 def sweep():
-    return StudySettings().sweep()
+    return StudySettings().simulator()
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,8 @@ AT_LARGEST = {"max_acceleration": (1.75, 2.05, 2.01), "max_abs_acceleration": (3
 @pytest.fixture(scope="module")
 def studies():
     settings = StudySettings()
-    sweep = settings.sweep()
-    return {name: run_study(name, settings, sweep=sweep) for name in STUDIES}
+    simulator = settings.simulator()
+    return {name: run_study(name, settings, simulator=simulator) for name in STUDIES}
 
 
 @pytest.fixture(scope="module")

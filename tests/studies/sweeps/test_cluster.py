@@ -15,10 +15,10 @@ from clusters import DEADLY, environment, running_scheduler, wait_for, worker_pr
 from asperity import AsperityError
 from asperity.cli import main
 from asperity.scene.document import write_toml
+from asperity.studies.sweeps.batch import DONE, FAILED
 from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
 from asperity.studies.sweeps.study import read_study
-from asperity.studies.sweeps.work import DONE, FAILED
 
 pytestmark = pytest.mark.xdist_group("sweep-cluster")
 

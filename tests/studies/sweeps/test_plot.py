@@ -5,9 +5,10 @@ import pytest
 
 from asperity import AsperityError
 from asperity.cli import main
+from asperity.studies.sweeps.batch import DONE
 from asperity.studies.sweeps.figures import draw
 from asperity.studies.sweeps.sensitivity import Groups, share
-from asperity.studies.sweeps.store import open_sweep, opened_store
+from asperity.studies.sweeps.store import BlockResults, open_store, open_sweep
 from asperity.studies.sweeps.study import read_study
 from asperity.studies.sweeps.views import chosen
 
@@ -22,10 +23,11 @@ def made(path, vary, number, design=None):
     study = read_study(document)
     columns = {k: np.array(v) for k, v in study.design.columns(range(study.size)).items()}
     values = number(columns)
-    with opened_store(path, study, most=study.size) as store:
+    with open_store(path, study, block_size=study.size) as store:
         for block in store.blocks:
-            part = slice(block.first, block.first + block.size)
-            store.write(block, values[part, None], np.ones(block.size, np.int8), {})
+            results = BlockResults.empty(block.size, 1)
+            results.values[:, 0], results.states[:] = values[block.places], DONE
+            store.write(block, results)
     return open_sweep(path)
 
 

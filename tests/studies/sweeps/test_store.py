@@ -10,10 +10,10 @@ from asperity import AsperityError
 from asperity.studies.otaduy_lin_2004.drags import Condition
 from asperity.studies.otaduy_lin_2004.studies import StudySettings
 from asperity.studies.sweeps import store as stores
+from asperity.studies.sweeps.batch import DONE, FAILED
 from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
 from asperity.studies.sweeps.study import read_study
-from asperity.studies.sweeps.work import DONE, FAILED
 
 SPACING = {"from": 0.5e-3, "to": 3.5e-3, "count": 8, "scale": "log"}
 STUDY = {
@@ -51,7 +51,7 @@ def test_the_store_is_a_dataset_with_named_dimensions_and_units(whole, study, tm
     assert whole["state"].dtype == np.int8
     picked = float(whole["band_rms"].sel(speed=0.1, normal_force=0.6).isel(spacing=3))
     condition = Condition(float(whole.spacing[3]), 3e-3, 0.6, 0.1)
-    assert picked == StudySettings().sweep().metric("band_rms", condition)
+    assert picked == StudySettings().simulator().metric("band_rms", condition)
     assert 'kind = "drag"' in whole.attrs["study"]
     # Without our help, and without a word.
     run_sweep(study, tmp_path / "a.zarr", workers=0)
@@ -69,12 +69,12 @@ class Killed(BaseException):
     """Stands for the end of the process."""
 
 
-@pytest.mark.parametrize("after", range(9))
+@pytest.mark.parametrize("after", range(12))
 def test_a_sweep_killed_between_any_two_writes_goes_on(study, whole, after, tmp_path, monkeypatch):
     path = tmp_path / "a.zarr"
     left, real = after, stores.SweepStore.write
 
-    def write(self, block, values, states, errors, **options):
+    def write(self, block, results):
         """Write array by array, as the real one, and die after some of them."""
         nonlocal left
         arrays = dict(self._arrays)
@@ -83,16 +83,16 @@ def test_a_sweep_killed_between_any_two_writes_goes_on(study, whole, after, tmp_
             def __init__(self, array):
                 self.array = array
 
-            def __setitem__(self, place, told):
+            def __setitem__(self, place, values):
                 nonlocal left
                 if left == 0:
                     raise Killed
                 left -= 1
-                self.array[place] = told
+                self.array[place] = values
 
         self._arrays = {name: Dying(array) for name, array in arrays.items()}
         try:
-            real(self, block, values, states, errors, **options)
+            real(self, block, results)
         finally:
             self._arrays = arrays
 
@@ -101,12 +101,12 @@ def test_a_sweep_killed_between_any_two_writes_goes_on(study, whole, after, tmp_
         with pytest.raises(Killed):
             run_sweep(study, path, workers=0)
     before = open_sweep(path)
-    # A block counts if all its numbers and its states are there: three writes a block.
-    assert int((before["state"] == DONE).sum()) == after // 3 * BLOCK
+    # A block counts if all its numbers, its errors and its states are there: four writes a block.
+    assert int((before["state"] == DONE).sum()) == after // 4 * BLOCK
     assert np.isfinite(before["band_rms"].values[before["state"].values == DONE]).all()
     written = {f: f.stat().st_mtime_ns for f in path.glob("state/c/**/*") if f.is_file()}
     done = run_sweep(study, path, workers=0)
-    assert done.computed == 48 - after // 3 * BLOCK
+    assert done.computed == 48 - after // 4 * BLOCK
     assert same(path, whole)
     assert all(f.stat().st_mtime_ns == stamp for f, stamp in written.items())
     assert run_sweep(study, path, workers=0).computed == 0
@@ -181,7 +181,7 @@ def test_a_store_is_kept_from_other_studies_versions_and_writers(study, tmp_path
     with pytest.raises(AsperityError, match="holds another study, 'sweep'"):
         run_sweep(other, path, workers=0)
     with (
-        stores.opened_store(path, study, most=16),
+        stores.open_store(path, study, block_size=16),
         pytest.raises(AsperityError, match="another sweep writes to"),
     ):
         run_sweep(study, path, workers=0)

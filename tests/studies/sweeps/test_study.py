@@ -111,7 +111,7 @@ def test_a_drag_is_that_of_the_studies():
     from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
     numbers = Drags({"diameter": 2e-3}, None, 0).numbers({"spacing": 1e-3}, ["band_rms"])
-    sweep = StudySettings().sweep()
+    sweep = StudySettings().simulator()
     assert numbers == [sweep.metric("band_rms", Condition(1e-3, 2e-3, 0.58, 0.083))]
 
 
@@ -207,7 +207,7 @@ RANGE = {"from": 1.0, "to": 2.0}
         (study({"speed": [0.1]}, design={"kind": "grids"}), ["design.kind", "'grid'"]),
         (study({"speed": [0.1, 0.2], "diameter": [2e-3]}, design={"kind": "list"}),
          ["equally many", "2 of speed", "1 of diameter"]),
-        (study({"speed": [0.1]}, fixed={"speed": 0.1}), ["speed stands under fixed and under"]),
+        (study({"speed": [0.1]}, fixed={"speed": 0.1}), ["speed is under fixed and under vary"]),
         (study({"surface": ["sinusoidal"]}), ["vary.surface", "did you mean 'sinusoid'"]),
         (study({"surface": ["none.png"]}), ["vary.surface: no such file", "none.png"]),
         (study({"surface": {"folder": "none"}}), ["vary.surface.folder: no such folder"]),

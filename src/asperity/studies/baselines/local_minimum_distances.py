@@ -1,21 +1,20 @@
 r"""Local minimum distances, and repulsion before contact.
 
 Johnson & Willemsen, *Six degree-of-freedom haptic rendering of complex polygonal models* (2003);
-Johnson, Willemsen & Cohen (2005). Every place where the distance between the two surfaces is least
-among its surroundings pushes the tool away, from a stand-off distance s on:
+Johnson, Willemsen & Cohen (2005). Every local minimum of the distance between the two surfaces
+repels the tool if it is less than a stand-off distance s:
 
     F = sum_i k (s - d_i) n_i   where d_i < s,    T = sum_i (p_i - centre of mass) x F_i ,
 
-p_i and q_i the nearest points on tool and body, d_i = |p_i - q_i|, n_i = (p_i - q_i) / d_i. The
-places are found by a search down two trees of spheres and normal cones (`normal_cones`): a pair of
-nodes is left alone if it is farther than s, or if no line between its spheres lies within both
-cones. Of the triangles that are left, a pair counts if no neighbour of either is nearer to the
-other: that is what a local minimum is between surfaces of facets.
+p_i and q_i are the nearest points on tool and body, d_i = |p_i - q_i|, n_i = (p_i - q_i) / d_i. The
+minima are found by traversing two trees of spheres and normal cones (`normal_cones`): a pair of
+nodes is pruned if it is farther apart than s, or if no line between its spheres lies within both
+cones. A remaining pair of triangles counts if no neighbour of either is nearer to the other.
 
-As quoted from memory and from the beginning of the paper of 2005; the formulas of the paper of 2003
-were not at hand. What is ours: the linear repulsion; local minima nearer to each other than
-`merged` count as one, or a face on a face would push as often as it has triangles; and surfaces
-that cross push with k s along their normals.
+Quoted from memory and from the beginning of the paper of 2005; the formulas of the paper of 2003
+were not available. Asperity's own: the linear repulsion; local minima nearer to each other than
+`merged` count as one, because otherwise a face on a face would push once for each triangle; and
+surfaces that cross push with k s along their normals.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
 _MOST = 4096
-"""Local minima of one body that are kept."""
+"""Largest number of local minima of one body."""
 _SAME_WAY = 0.9
-"""Cosine between directions of local minima that may count as one."""
+"""Least cosine between the directions of local minima that count as one."""
 
 
 class LmdRenderer:
-    """The tree of the tool and those of the bodies around it.
+    """Renders the tree of the tool against those of the bodies around it.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ class LmdRenderer:
     stand_off : float
         s [m].
     merged : float
-        Local minima nearer than this to a nearer one are left out [m].
+        Local minima within this distance of one with a smaller distance are dropped [m].
     """
 
     def __init__(
@@ -73,17 +72,17 @@ class LmdRenderer:
         self._points, self._distances = np.empty((_MOST, 3, 3)), np.empty(_MOST)
         self._crossing = np.empty((2, 3))
         self.looked = np.zeros(2, np.int64)
-        """Pairs of nodes and of triangles that were looked at so far."""
+        """Numbers of visited pairs of nodes and of triangles."""
 
     def reset(self) -> None:
-        """Forget all poses so far: there is nothing to forget but the counts."""
+        """Reset the counts `looked`; the wrench depends on the pose alone."""
         self.looked[:] = 0
 
     def minima(self, pose: Array) -> tuple[Array, Array]:
         """Return the local minima at a pose (7,), the nearest first.
 
-        Points (n, 3, 3), on the tool, on the body, and the unit direction from there to the tool,
-        world axes; and distances (n,) [m]. Surfaces that cross are one more, at distance 0.
+        Points (n, 3, 3): on the tool, on the body, and the unit direction from there to the tool,
+        world axes; and distances (n,) [m]. Surfaces that cross add one at distance 0.
         """
         rotation = rotation_of(pose[3:])
         points, distances = [np.empty((0, 3, 3))], [np.empty(0)]
@@ -99,11 +98,11 @@ class LmdRenderer:
             points.append(own)
             distances.append(self._distances[:found].copy())
             if crossing(self.tool, tree, turn, shift, self._crossing):
-                place, way = self._crossing @ there.rotation.T
-                size = float(np.linalg.norm(way))
+                place, direction = self._crossing @ there.rotation.T
+                size = float(np.linalg.norm(direction))
                 if size > 0.0:
                     place = place + there.position
-                    points.append(np.array([[place, place, way / size]]))
+                    points.append(np.array([[place, place, direction / size]]))
                     distances.append(np.zeros(1))
         return _merged(np.concatenate(points), np.concatenate(distances), self._merged)
 
@@ -120,7 +119,7 @@ class LmdRenderer:
 
 
 def _merged(points: Array, distances: Array, near: float) -> tuple[Array, Array]:
-    """Return the local minima but for those close to a nearer one that point the same way."""
+    """Return the local minima without those close to a smaller one of the same direction."""
     order = np.argsort(distances, kind="stable")
     points, distances = points[order], distances[order]
     kept: list[int] = []
@@ -141,11 +140,11 @@ class LmdMethod:
     Parameters
     ----------
     detail : bool
-        Of the displaced surfaces; else of the smooth ones.
+        Use the displaced surfaces; otherwise the smooth ones.
     points : int
-        Most points of a body's surface, about.
+        Approximate largest number of points of a body's surface.
     stand_off : float
-        Where repulsion begins [m], above 0.
+        Distance at which repulsion begins [m], above 0.
     """
 
     detail: bool
@@ -163,7 +162,7 @@ class LmdMethod:
         """Return why the method cannot render a scene, or None."""
         for body in scene.bodies:
             if is_unbounded(body):
-                return f"{body.name} is a plane without end: no tree of triangles"
+                return f"{body.name} is an unbounded plane: no tree of triangles"
         return next(filter(None, map(finite_reason, scene.bodies)), None)
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LmdRenderer:

@@ -1,14 +1,14 @@
-r"""Trees of triangles with a sphere and a cone of normals at every node, and what they prune.
+r"""Bounding volume hierarchies of triangles with a sphere and a normal cone at every node.
 
 Johnson & Cohen (2001), *Spatialized normal cone hierarchies*. Two nodes can hold points p and q at
-a local minimum of distance only if some line from a sphere to the other lies within both cones:
-with the middles' line a, the spheres' radii r and s, and half angles alpha and beta of the cones,
+a local minimum of distance only if some line between their spheres lies within both cones: with the
+vector a between the centres, radii r and s, and half angles alpha and beta of the cones,
 
     angle(a, axis_A) <= alpha + gamma,   angle(-a, axis_B) <= beta + gamma,
     sin gamma = (r + s) / |a| .
 
-A triangle's own cone holds the normals of all triangles that share a corner with it, because an
-edge's normals lie between those of its two triangles.
+The cone of a triangle contains the normals of all triangles that share a corner with it, because
+the normals at an edge lie between those of its two triangles.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from asperity.studies.baselines.triangle_pairs import nearest_points
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _SAME = 1e-9
-"""Points nearer than this are one [m]."""
+"""Points nearer than this are welded [m]."""
 
 
 class Tree(NamedTuple):
-    """Triangles in the order of the leaves of a full binary tree, and its nodes.
+    """A full binary tree; its leaves are triangles, in their order.
 
-    Node k has the children 2 k + 1 and 2 k + 2; the last row of nodes are the leaves.
+    Node k has the children 2 k + 1 and 2 k + 2; the last level of nodes are the leaves.
     """
 
     triangles: Array
@@ -40,19 +40,39 @@ class Tree(NamedTuple):
     normals: Array
     """(m, 3), unit."""
     first: Indices
-    """(m + 1,) where the neighbours of each triangle begin."""
+    """(m + 1,) index of the first neighbour of each triangle."""
     neighbours: Indices
-    """Triangles that share a corner with it."""
+    """Triangles that share a corner with each triangle, concatenated."""
     middles: Array
     """(nodes, 3) [m]"""
     radii: Array
-    """(nodes,) [m]; -1 of a node that holds nothing."""
+    """(nodes,) [m]; -1 of an empty node."""
     axes: Array
     """(nodes, 3), unit."""
     angles: Array
     """(nodes,) [rad]"""
     leaves: int
-    """How many there are: a power of two."""
+    """Number of leaves, a power of two."""
+
+
+class RigidMotion(NamedTuple):
+    """A transform from one frame into another."""
+
+    rotation: Array
+    """(3, 3)"""
+    translation: Array
+    """(3,) [m]"""
+
+
+class NeighbourScratch(NamedTuple):
+    """Memory of `_is_least`."""
+
+    triangle: Array
+    """A neighbour in the other frame (3, 3) [m]."""
+    nearest: Array
+    """Nearest points of the two triangles (2, 3) [m]."""
+    work: Array
+    """Memory of `nearest_points` (2, 3)."""
 
 
 def tree_of(surface: DisplacedSurface) -> Tree:
@@ -78,7 +98,7 @@ def tree_of(surface: DisplacedSurface) -> Tree:
 
 
 def _welded(surface: DisplacedSurface) -> tuple[Array, Indices]:
-    """Return points and faces with one point for each place."""
+    """Return points and faces of a surface with coincident points welded."""
     _, first, number = np.unique(
         np.round(surface.points / _SAME).astype(np.int64), axis=0, return_index=True,
         return_inverse=True,
@@ -87,7 +107,7 @@ def _welded(surface: DisplacedSurface) -> tuple[Array, Indices]:
 
 
 def _morton(places: Array) -> Indices:
-    """Return numbers that are near for near places (Morton 1966), 20 bits an axis."""
+    """Return Morton codes of places, 20 bits an axis (Morton 1966)."""
     low, extent = places.min(axis=0), max(float(np.ptp(places, axis=0).max()), 1e-12)
     cells = ((places - low) / extent * (2**20 - 1)).astype(np.int64)
     out = np.zeros(len(places), np.int64)
@@ -112,7 +132,7 @@ def _neighbours(faces: Indices) -> tuple[Indices, Indices]:
 
 
 def _nodes(triangles: Array, normals: Array, own: Array) -> tuple[Array, Array, Array, Array, int]:
-    """Return middles, radii, axes, angles and the number of leaves, from the leaves upwards."""
+    """Return centres, radii, axes, angles and the number of leaves, built from the leaves up."""
     m = len(triangles)
     leaves = 1 << max(math.ceil(math.log2(m)), 0)
     count = 2 * leaves - 1
@@ -146,7 +166,7 @@ def _nodes(triangles: Array, normals: Array, own: Array) -> tuple[Array, Array, 
             cosine = np.einsum("ij,ij->i", axes[child], axes[here])
             wide = np.arccos(np.clip(cosine, -1.0, 1.0)) + angles[child]
             angles[here] = np.where(held, np.maximum(angles[here], wide), angles[here])
-        # The box's own sphere may be smaller than what holds the children's.
+        # The sphere around the box may be smaller than the one around the children's spheres.
         box = 0.5 * np.linalg.norm(high[here] - low[here], axis=1)
         radii[here] = np.minimum(radii[here], box)
         begin = start
@@ -174,15 +194,18 @@ def _angle(ax, ay, az, v):
 
 
 @inner_kernel
-def _is_least(tree, rotation, shift, one, mover, other, distance, room, near, spare):
-    """Return whether no neighbour of triangle `one` of a tree is nearer to the triangle `other`."""
-    for place in range(tree.first[one], tree.first[one + 1]):
+def _is_least(tree, index, moving, motion, other, distance, scratch):
+    """Return whether no neighbour of triangle `index` of a tree is nearer to the triangle `other`.
+
+    `motion` transforms the triangles of the tree if it is the moving one.
+    """
+    for place in range(tree.first[index], tree.first[index + 1]):
         triangle = tree.triangles[tree.neighbours[place]]
-        if mover:
-            _placed(rotation, shift, triangle, spare)
-            away = nearest_points(spare, other, room, near)
+        if moving:
+            _placed(motion.rotation, motion.translation, triangle, scratch.triangle)
+            away = nearest_points(scratch.triangle, other, scratch.work, scratch.nearest)
         else:
-            away = nearest_points(other, triangle, room, near)
+            away = nearest_points(other, triangle, scratch.work, scratch.nearest)
         if away < distance - 1e-12 - 1e-9 * distance:
             return False
     return True
@@ -190,7 +213,7 @@ def _is_least(tree, rotation, shift, one, mover, other, distance, room, near, sp
 
 @inner_kernel
 def _divided(a, b, i, j, leaf_i, leaf_j, stack, top):
-    """Put the halves of a pair of nodes on the stack, if there is room; return its new height."""
+    """Push the halves of a pair of nodes on the stack, if it has room; return its new height."""
     if top + 2 > stack.shape[0]:
         return top
     if leaf_j or (not leaf_i and a.radii[i] > b.radii[j]):
@@ -204,29 +227,30 @@ def _divided(a, b, i, j, leaf_i, leaf_j, stack, top):
 
 @kernel
 def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, counts):
-    """Fill the local minimum distances of two surfaces; return how many.
+    """Find the local minimum distances of two surfaces; return how many there are.
 
     Parameters
     ----------
     a, b : Tree
-        `a` is turned by `rotation` and moved by `shift` into b's frame.
+    rotation, shift : (3, 3), (3,) arrays
+        From the frame of `a` into that of `b`.
     cutoff : float
-        Nothing farther counts [m].
+        Largest distance that counts [m].
     points_out : (n, 3, 3) array
-        On a, on b, and the unit direction from b to a, b's frame.
+        Filled: points on a and on b, and the unit direction from b to a, in b's frame.
     distances_out : (n,) array
-        [m], above 0: where surfaces cross there is none, see `crossing`.
+        Filled: distances [m], above 0. Where the surfaces cross there is none; see `crossing`.
     counts : (2,) int64 array
-        Pairs of nodes and pairs of triangles that were looked at, added to what stands there.
+        Increased by the numbers of visited pairs of nodes and of triangles.
     """
     most, found = distances_out.size, 0
     stack = np.empty((4096, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, 0
     top = 1
     middle, axis = np.empty(3), np.empty(3)
-    one, spare, room, near, pair = (
-        np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
-    )  # fmt: skip
+    one, room, pair = np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3))
+    motion = RigidMotion(rotation, shift)
+    scratch = NeighbourScratch(np.empty((3, 3)), np.empty((2, 3)), room)
     while top > 0:
         top -= 1
         i, j = stack[top, 0], stack[top, 1]
@@ -261,22 +285,22 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
         distance = nearest_points(one, b.triangles[t], room, pair)
         if distance > cutoff or distance < 1e-12 or found == most:
             continue
-        # Now that the line is known, it has to lie within both cones itself.
+        # The line is known now: it must lie within both cones itself.
         for k in range(3):
             room[0, k] = (pair[1, k] - pair[0, k]) / distance
         if _angle(room[0, 0], room[0, 1], room[0, 2], axis) > a.angles[i] + 1e-6:
             continue
         if _angle(-room[0, 0], -room[0, 1], -room[0, 2], b.axes[j]) > b.angles[j] + 1e-6:
             continue
-        if not _is_least(
-            a, rotation, shift, s, True, b.triangles[t], distance, room, near, spare
-        ) or not _is_least(b, rotation, shift, t, False, one, distance, room, near, spare):
+        if not _is_least(a, s, True, motion, b.triangles[t], distance, scratch):
+            continue
+        if not _is_least(b, t, False, motion, one, distance, scratch):
             continue
         _turned(rotation, a.normals[s], axis)
         for k in range(3):
             points_out[found, 0, k], points_out[found, 1, k] = pair[0, k], pair[1, k]
             points_out[found, 2, k] = (pair[0, k] - pair[1, k]) / distance
-        # Of the sides of a sheet, the one that faces the other surface counts.
+        # Of the two sides of a sheet, only the one facing the other surface counts.
         along = 0.0
         for k in range(3):
             along += points_out[found, 2, k] * (b.normals[t, k] - axis[k])
@@ -289,7 +313,7 @@ def local_minima(a, b, rotation, shift, cutoff, points_out, distances_out, count
 
 @inner_kernel
 def _apart(one, other, normal):
-    """Return whether a triangle lies on one side of the plane of another, of this normal."""
+    """Return whether a triangle is on one side of the plane of another, whose normal is given."""
     low, high = math.inf, -math.inf
     for i in range(3):
         side = 0.0
@@ -301,14 +325,14 @@ def _apart(one, other, normal):
 
 @kernel
 def crossing(a, b, rotation, shift, out):
-    """Return how many pairs of triangles of two surfaces cross, up to 256 of them.
+    """Count the pairs of triangles of two surfaces that cross, up to 256.
 
     Parameters
     ----------
     a, b, rotation, shift
         As for `local_minima`.
     out : (2, 3) array
-        The mean place of those of `b`, and the sum of b's normals less a's, b's frame.
+        Filled: the mean centre of those of `b`, and the sum of b's normals minus a's, b's frame.
     """
     stack = np.empty((4096, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, 0
@@ -334,7 +358,7 @@ def crossing(a, b, rotation, shift, out):
         s, t = i - a.leaves + 1, j - b.leaves + 1
         _placed(rotation, shift, a.triangles[s], one)
         _turned(rotation, a.normals[s], axis)
-        # Most pairs lie on one side of each other's plane.
+        # Most triangles are on one side of each other's plane.
         if _apart(one, b.triangles[t], b.normals[t]) or _apart(b.triangles[t], one, axis):
             continue
         if nearest_points(one, b.triangles[t], room, pair) > 1e-12:

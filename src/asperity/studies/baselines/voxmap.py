@@ -1,31 +1,29 @@
 r"""Voxmap and pointshell: points of the tool's surface against a body's voxels.
 
 McNeely, Puterbaugh & Troy, *Six degree-of-freedom haptic rendering using voxel sampling* (1999).
-The body that stands is a *voxmap*: each voxel is free, on the surface, or so many layers below it.
-The tool is a *pointshell*: points of its surface with their normals. For a point p with the tool's
-outward normal m, in a voxel of layer l (0 on the surface) with its middle at c, the *tangent plane*
-goes through c, perpendicular to m, and
+The stationary body is a *voxmap*: each voxel is free, on the surface, or in a numbered layer below
+it. The tool is a *pointshell*: points of its surface with their normals. For a point p with the
+tool's outward normal m, in a voxel of layer l (0 on the surface) with centre c, the *tangent plane*
+contains c and is perpendicular to m, and
 
     d = (p - c) . m + l s,    F = - K d m   where d > 0,    T = (p - centre of mass) x F,
 
-s being the side of a voxel. Forces are summed over points; beyond ten of them the sum is scaled by
-10 / N, so that stiffness grows with the number of points up to ten and no further. K is the scene's
-stiffness.
+where s is the side of a voxel and K the scene's stiffness. Forces are summed over points; for more
+than ten points the sum is scaled by 10 / N, so that stiffness grows with N up to ten.
 
-As quoted from memory and by other work; the paper itself was not at hand. What is ours: the term
-`l s`, since the paper's tool never gets below the surface's layer (its virtual coupling and its
-braking before contact see to that), while the poses compared here are as deep as the scene's
-stiffness asks; layers by nearly Euclidean distance; shell points on the surface itself, one in
-each voxel that it meets, instead of at those voxels' middles.
+Quoted from memory and from later work; the paper itself was not available. Differences, asperity's
+own: the term `l s`, because the paper's tool never gets below the surface layer (its virtual
+coupling and braking before contact prevent it), whereas poses compared here are as deep as the
+scene's stiffness allows; layers by nearly Euclidean distance; shell points on the surface, one in
+each voxel that it meets, instead of at the centres of those voxels.
 
-*Full detail*: shell and voxmap are made of the displaced surfaces, with voxels as small as the
-budget of memory and of points allows. *Low detail*: of the smooth ones, coarser.
+*Full detail*: shell and voxmap of the displaced surfaces, with voxels as small as the budgets of
+memory and points allow. *Low detail*: of the smooth surfaces, coarser.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,38 +44,23 @@ from asperity.studies.baselines.displaced_surfaces import (
 )
 from asperity.studies.baselines.placement import Standing, placed, require
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
-from asperity.studies.baselines.voxel_points import number_layers, shell_forces
+from asperity.studies.baselines.voxel_points import (
+    Pointshell,
+    ShellWrench,
+    Voxmap,
+    number_layers,
+    shell_forces,
+)
 
 Array = NDArray[np.float64]
 SUMMED = 10
-"""Points whose forces are summed as they are; of more, the sum is scaled to so many."""
+"""Number of points above which the summed force is scaled down to that of so many."""
 _PER_WAVE, _PER_RELIEF = 8.0, 3.0
-"""Voxels to a texture's shortest wave, and to its height, that are fine enough."""
+"""Sufficient number of voxels per shortest wave of a texture, and per its relief."""
 _PLAIN = 1e-4
-"""Fine enough for bodies without texture [m]."""
+"""Sufficient side of a voxel for bodies without texture [m]."""
 _EDGE = 2
-"""Free voxels round a body."""
-
-
-class Voxmap(NamedTuple):
-    """A body that stands, as voxels in its own frame."""
-
-    codes: NDArray[np.uint8]
-    """0 free, 1 on the surface, 1 + l so many layers below it, (x, y, z). Empty for a plane
-    without end, which is its frame's z = 0 and needs none."""
-    corner: Array
-    """Low corner of the first voxel [m], (3,)."""
-    size: float
-    """Side of a voxel [m]."""
-
-
-class Pointshell(NamedTuple):
-    """Points of the tool's surface in its own frame."""
-
-    points: Array
-    """[m], (n, 3)."""
-    normals: Array
-    """Outwards, unit, (n, 3)."""
+"""Free voxels around a body."""
 
 
 def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
@@ -86,12 +69,12 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     Raises
     ------
     AsperityError
-        If the surface does not close round any inside at this size.
+        If the surface encloses no inside at this size.
     """
     if is_unbounded(body):
         return Voxmap(np.zeros((0, 0, 0), np.uint8), np.zeros(3), size)
     points = points_between(displaced_surface(body, 0.5 * size, smooth=smooth), 0.5 * size)
-    # Off by an odd part of a voxel, so that flat faces do not lie between two layers of them.
+    # An odd fraction of a voxel, so that flat faces do not lie between two layers.
     corner = points.min(axis=0) - (_EDGE + 0.37) * size
     at = ((points - corner) / size).astype(np.int64)
     shell = np.zeros(at.max(axis=0) + 2 + _EDGE, bool)
@@ -100,8 +83,8 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     inside = ~shell & (free != free[0, 0, 0])
     if not inside.any():
         raise AsperityError(
-            f"body {body.name!r} has no inside at voxels of {1e3 * size:.3g} mm: its surface is "
-            "open, or thinner than that"
+            f"body {body.name!r} encloses no voxel of {1e3 * size:.3g} mm: its surface is open, or "
+            "thinner than that"
         )
     codes = np.zeros(shell.shape, np.uint8)
     codes[shell] = 1
@@ -121,7 +104,7 @@ def pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
 
 
 class VoxmapRenderer:
-    """A pointshell and the voxmaps that it meets.
+    """Renders a pointshell against voxmaps.
 
     Parameters
     ----------
@@ -130,7 +113,7 @@ class VoxmapRenderer:
     centre : (3,) array
         The tool's centre of mass in its frame [m].
     stiffness : float
-        K, of a point [N/m].
+        K of one point [N/m].
     """
 
     def __init__(
@@ -139,9 +122,9 @@ class VoxmapRenderer:
     ) -> None:  # fmt: skip
         self.shell, self.maps = shell, maps
         self._centre, self._stiffness = centre, stiffness
-        self._sums = np.zeros(8)
+        self._sums = ShellWrench(np.zeros(3), np.zeros(3))
         self.touching: list[int] = []
-        """How many points touch each body at the last pose."""
+        """Number of points that touched each body at the last pose."""
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
@@ -149,16 +132,15 @@ class VoxmapRenderer:
         force, torque, deepest = np.zeros(3), np.zeros(3), 0.0
         self.touching = []
         for grid, there in self.maps:
-            turn = there.rotation.T @ rotation
-            shift = there.rotation.T @ (pose[:3] - there.position)
-            shell_forces(
-                self.shell.points, self.shell.normals, turn, shift, self._centre, grid.codes,
-                grid.corner, grid.size, self._sums,
-            )  # fmt: skip
-            force += there.rotation @ self._sums[:3]
-            torque += there.rotation @ self._sums[3:6]
-            deepest = max(deepest, float(self._sums[6]))
-            self.touching.append(int(self._sums[7]))
+            relative = there.rotation.T @ rotation
+            translation = there.rotation.T @ (pose[:3] - there.position)
+            depth, contacts = shell_forces(
+                self.shell, grid, relative, translation, self._centre, self._sums
+            )
+            force += there.rotation @ self._sums.force
+            torque += there.rotation @ self._sums.torque
+            deepest = max(deepest, float(depth))
+            self.touching.append(int(contacts))
         touching = sum(self.touching)
         if touching == 0:
             return NOTHING
@@ -166,12 +148,12 @@ class VoxmapRenderer:
         return MethodWrench(scale * force, scale * torque, deepest, touching)
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: the wrench depends on the pose alone."""
 
 
 @dataclass(frozen=True)
 class VoxmapMethod:
-    """Voxmap and pointshell, of displaced surfaces or of smooth ones.
+    """Voxmap and pointshell, of displaced or of smooth surfaces.
 
     Parameters
     ----------
@@ -180,11 +162,11 @@ class VoxmapMethod:
     smooth : bool
         Leave textures out.
     voxels : int
-        Most voxels of all bodies together, about.
+        Approximate largest number of voxels of all bodies together.
     points : int
-        Most points of the shell, about.
+        Approximate largest number of points of the shell.
     size : float, optional
-        Side of a voxel [m], whatever the budgets say.
+        Side of a voxel [m], regardless of the budgets.
     """
 
     name: str
@@ -214,7 +196,7 @@ class VoxmapMethod:
         return VoxmapRenderer(shell, maps, bodies.centre, scene.force.stiffness)
 
     def voxel_size(self, scene: Scene) -> float:
-        """Return the side of a voxel [m]: fine enough for the textures, or what fits."""
+        """Return the side of a voxel [m]: as fine as the textures need, or as the budget allows."""
         if self.size is not None:
             return self.size
         bodies = placed(scene)
@@ -234,7 +216,7 @@ class VoxmapMethod:
 
 
 def _box_volume(body: Body) -> float:
-    """Return the volume of a box round a body [m^3]."""
+    """Return the volume of a box around a body [m^3]."""
     _, radius = bounding_ball(body)
     points = displaced_surface(body, 0.05 * radius, smooth=True).points
     return float(np.prod(np.ptp(points, axis=0)))
@@ -245,7 +227,7 @@ FULL = VoxmapMethod(
     "voxmap, full detail",
     "Without the paper's virtual coupling and braking before contact, and pressed deeper than its "
     "authors let a tool get; the formula is recalled, not read in the source. Surface voxels "
-    "are those that samples half a voxel apart fall in: another meshing changes a few of them.",
+    "are those that contain samples half a voxel apart: another meshing changes a few of them.",
     smooth=False,
     voxels=8_000_000,
     points=300_000,

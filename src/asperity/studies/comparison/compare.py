@@ -1,4 +1,4 @@
-"""All methods on one scene and one motion."""
+"""Run all methods on one scene and one motion, and measure them."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from asperity.studies.comparison.properties import (
 
 Array = NDArray[np.float64]
 BAND = (20.0, 200.0)
-"""[Hz], which the studies' own metric takes (asperity's)."""
+"""Band of the studies' metric `band_rms` [Hz] (asperity's)."""
 REFERENCE = METHODS["asperity"]
-_BESIDE = 200
+_REFERENCE_TICKS = slice(0, 200)
 """Ticks of asperity that are timed before and after those of a method."""
 
 
@@ -43,10 +43,10 @@ class CompareSettings:
     dt : float
         Tick [s].
     budget : float
-        Processor time that one method's ticks may take [s]; slower ones go less far, which the
-        number of ticks says.
+        Processor time that the ticks of one method may take [s]; slower methods stop earlier, so
+        they have fewer ticks.
     properties : bool
-        Measure the properties too.
+        Measure properties too.
     """
 
     motion: ScriptedMotion | Trajectory | None = None
@@ -56,7 +56,7 @@ class CompareSettings:
 
 
 class ForceSpectrum(NamedTuple):
-    """Amplitude of the tangential force over frequency."""
+    """Amplitude spectrum of the tangential force."""
 
     frequency: Array
     """[Hz]."""
@@ -65,34 +65,34 @@ class ForceSpectrum(NamedTuple):
 
 
 class MethodResult(NamedTuple):
-    """One method."""
+    """Results of one method."""
 
     method: Method
     reason: str | None
-    """Why it could not render the scene; then there is nothing else."""
+    """Why it could not render the scene; then only `properties` may be present."""
     preparing: float
-    """How long making it ready took [s]."""
+    """Duration of its preparation [s]."""
     height: float
-    """How far its path lay above asperity's [m]."""
-    felt: DrivenRun | None
-    beside: float | None
-    """Median tick of asperity just before and after [s]."""
+    """Height of its path above asperity's [m]."""
+    run: DrivenRun | None
+    reference_tick: float | None
+    """Median tick of asperity just before and after it [s]."""
     spectrum: ForceSpectrum | None
     properties: Properties | None
 
     @property
     def cost(self) -> tuple[float, float] | None:
         """Median and 99th percentile of a tick [s]."""
-        if self.felt is None:
+        if self.run is None:
             return None
-        return float(np.median(self.felt.seconds)), float(np.percentile(self.felt.seconds, 99))
+        return float(np.median(self.run.seconds)), float(np.percentile(self.run.seconds, 99))
 
     @property
     def ratio(self) -> float | None:
-        """Median tick over asperity's, on the same machine just before and after."""
-        if self.cost is None or self.beside is None:
+        """Median tick over asperity's, timed on the same machine just before and after."""
+        if self.cost is None or self.reference_tick is None:
             return None
-        return self.cost[0] / self.beside
+        return self.cost[0] / self.reference_tick
 
     @property
     def band_rms(self) -> float | None:
@@ -101,30 +101,30 @@ class MethodResult(NamedTuple):
             return None
         f = self.spectrum.frequency
         inside = (f >= BAND[0]) & (f <= BAND[1])
-        # A Hann window spreads a sine over 1.5 lines' worth of power.
+        # A Hann window spreads the power of a sine over 1.5 lines.
         return float(np.sqrt((self.spectrum.amplitude[inside] ** 2).sum() / 2.0 / 1.5))
 
     @property
     def tangential(self) -> float | None:
         """RMS of the tangential force [N]."""
-        return None if self.felt is None else tangential_rms(self.felt.force)
+        return None if self.run is None else tangential_rms(self.run.force)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What came of it."""
+    """Result of `compare`."""
 
     scene: Scene
     settings: CompareSettings
     poses: Array
     """Asperity's path, (n, 7)."""
     push: float
-    """The mean force upwards to which all were pressed [N]."""
+    """The mean upward force to which all methods were pressed [N]."""
     rows: list[MethodResult]
 
 
 def rounded(value: float) -> str:
-    """Return a number to three digits, as it is shown; below a thousandth of its unit is noise."""
+    """Return a number with three digits; values below a thousandth are noise and become 0."""
     if abs(value) < 1e-3:
         return "0"
     return f"{value:.3g}" if abs(value) < 999.5 else f"{float(f'{value:.3g}'):.0f}"
@@ -142,16 +142,16 @@ def compare(
     Parameters
     ----------
     scene : Scene
-        Its friction is left out: not all methods have any.
+        Its friction is ignored, because not all methods have any.
     methods : sequence of Method
     settings : CompareSettings, optional
     progress : callable
-        Called with what is done and how far it is, in per cent.
+        Called with the current step and its progress in per cent.
 
     Raises
     ------
     AsperityError
-        If the motion cannot be made, or the tool meets nothing on its way.
+        If the motion cannot be made, or the tool touches nothing along it.
     """
     settings = settings or CompareSettings()
     scene = scene.changed(force={"friction": 0.0})
@@ -161,7 +161,7 @@ def compare(
     push = mean_push(reference, poses)
     if push <= 0.0:
         raise AsperityError(
-            f"on this motion the tool of scene {scene.name!r} is not pushed up; nothing to compare"
+            f"on this motion the tool of scene {scene.name!r} is not pushed up: nothing to compare"
         )
     rows = []
     for method in methods:
@@ -171,7 +171,7 @@ def compare(
 
 
 def path_of(scene: Scene, settings: CompareSettings) -> Array:
-    """Return the poses (n, 7) of a motion, tick by tick, pressed as asperity's own model says."""
+    """Return the poses (n, 7) of a motion, one a tick, pressed according to asperity's model."""
     simulation = Simulation(scene, dt=settings.dt)
     trajectory = simulation.trajectory(settings.motion)
     return np.asarray(at_ticks(trajectory, settings.dt), dtype=np.float64)
@@ -181,7 +181,7 @@ def _row(
     method: Method, scene: Scene, settings: CompareSettings, poses: Array, push: float,
     reference: Renderer, progress: Callable[[str, int], None],
 ) -> MethodResult:  # fmt: skip
-    """Do one method."""
+    """Run one method and measure its properties."""
     progress(f"{method.label}: preparing", 0)
     properties = None
     if settings.properties:
@@ -193,9 +193,9 @@ def _row(
             progress(f"{method.label}: properties", round(100 * done / STEPS))
 
         properties = measure_properties(method, step)
-    nothing = MethodResult(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
-    if nothing.reason is not None:
-        return nothing
+    failed = MethodResult(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
+    if failed.reason is not None:
+        return failed
     done = 0
 
     def tick() -> None:
@@ -210,15 +210,15 @@ def _row(
         preparing = time.perf_counter() - begun
         progress(f"{method.label}: pressing", 0)
         height = 0.0 if method is REFERENCE else pressed_to(renderer, poses, push)
-        # Just before, and not before what may take minutes: the machine is not always as fast.
-        before = follow(reference, poses[:_BESIDE]).seconds
-        felt = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
+        # Right before the run: preparing may take minutes, in which the machine's speed changes.
+        before = follow(reference, poses[_REFERENCE_TICKS]).seconds
+        run = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
     except AsperityError as error:
-        return nothing._replace(reason=str(error))
-    except MemoryError:  # one method must not take the others with it
-        return nothing._replace(reason="it needs more memory than there is")
-    after = follow(reference, poses[:_BESIDE]).seconds
-    beside = float(np.median(np.concatenate([before, after])))
-    frequency, level = force_spectrum(felt.force, settings.dt)
+        return failed._replace(reason=str(error))
+    except MemoryError:  # the other methods must still run
+        return failed._replace(reason="it needs more memory than there is")
+    after = follow(reference, poses[_REFERENCE_TICKS]).seconds
+    reference_tick = float(np.median(np.concatenate([before, after])))
+    frequency, level = force_spectrum(run.force, settings.dt)
     spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))
-    return MethodResult(method, None, preparing, height, felt, beside, spectrum, properties)
+    return MethodResult(method, None, preparing, height, run, reference_tick, spectrum, properties)

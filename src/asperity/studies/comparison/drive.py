@@ -1,7 +1,7 @@
-"""Driving a method along a path: pressed to the same force as the others, timed tick by tick.
+"""Drive a method along a path, pressed to the same force as the others, and time every tick.
 
-Methods differ in how stiff they are: the same depth is a touch for one and a dent for another. So
-all follow one path, each raised or lowered as a whole until its mean force upwards is the same.
+Methods differ in stiffness: at equal depth, one exerts a small force and another a large one. So
+all follow one path, each raised or lowered as a whole until its mean upward force is the same.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from asperity.studies.baselines import Renderer
 from asperity.studies.stability.measure import Symptoms, symptoms_of
 
 Array = NDArray[np.float64]
-LOOKS = 12
+PUSH_SAMPLES = 12
 """Poses of a path over which the mean force is taken."""
 _FIRST_STEP, _FARTHEST = 2e-5, 8e-3
-"""How a height is searched [m]."""
+"""First step and largest value of the searched height [m]."""
 _OFF = 3e-3
-"""Part of the force by which it may be missed."""
-WARM_UP = 16
-"""Ticks before those that are timed."""
+"""Relative tolerance of the force."""
+WARM_UP = slice(0, 16)
+"""Poses of the ticks before those that are timed."""
 
 
 class DrivenRun(NamedTuple):
-    """What a tool felt along a path, one row a tick."""
+    """The wrench on a tool along a path, one row a tick."""
 
     force: Array
     """[N], (n, 3)."""
@@ -52,14 +52,14 @@ def raised(poses: Array, height: float) -> Array:
 
 
 def mean_push(renderer: Renderer, poses: Array) -> float:
-    """Return the mean force upwards [N] over `LOOKS` poses of a path."""
+    """Return the mean upward force [N] over `PUSH_SAMPLES` poses of a path."""
     renderer.reset()
-    looks = poses[np.linspace(0, len(poses) - 1, min(LOOKS, len(poses))).astype(int)]
-    return float(np.mean([renderer.wrench(pose).force[2] for pose in looks]))
+    samples = poses[np.linspace(0, len(poses) - 1, min(PUSH_SAMPLES, len(poses))).astype(int)]
+    return float(np.mean([renderer.wrench(pose).force[2] for pose in samples]))
 
 
 def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
-    """Return how far to raise a path [m] so that its mean force upwards is `force` [N].
+    """Return how far to raise a path [m] so that its mean upward force is `force` [N].
 
     Raises
     ------
@@ -77,13 +77,13 @@ def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
         low, off_low = high, off_high
         if abs(high) >= _FARTHEST:
             raise AsperityError(
-                f"at no height within {1e3 * _FARTHEST:g} mm of the path is it pushed up with "
+                f"at no height within {1e3 * _FARTHEST:g} mm of the path is the mean upward force "
                 f"{force:.3g} N"
             )
-        # The last step would go farther than is looked: it ends there.
+        # The last step is shortened to end at the largest height.
         high, step = sign * min(abs(high) + step, _FARTHEST), 2.0 * step
         off_high = over(high)
-    # False position (Illinois): the push is nearly a power of the depth.
+    # Illinois variant of false position: the force is nearly a power of the depth.
     while abs(high - low) > 1e-8:
         middle = (low * off_high - high * off_low) / (off_high - off_low)
         off = over(middle)
@@ -103,21 +103,21 @@ def follow(
     budget: float | None = None,
     on_tick: Callable[[], None] = lambda: None,
 ) -> DrivenRun:
-    """Ask for the wrench at every pose of a path, in order.
+    """Compute and time the wrench at every pose of a path, in order.
 
     Parameters
     ----------
     renderer : Renderer
     poses : (n, 7) array
     budget : float, optional
-        Stop after so much processor time [s], 64 ticks at least; what was felt is returned.
+        Stop after this processor time [s], but not before 64 ticks; return the ticks so far.
     on_tick : callable
         Called after each tick.
     """
-    # Of this thread alone: on a busy machine a wall clock times the others.
+    # Processor time of this thread: on a busy machine a wall clock also times other processes.
     clock = time.thread_time
     renderer.reset()
-    for pose in poses[:WARM_UP]:
+    for pose in poses[WARM_UP]:
         renderer.wrench(pose)
     renderer.reset()
     rows, seconds = [], []
@@ -142,9 +142,9 @@ def follow(
 def held_still(
     renderer: Renderer, pose: Array, centre: Array, force: float, *, ticks: int = 800
 ) -> Symptoms:
-    """Return what a simulated hand feels that presses at one place and wants to be still.
+    """Return the symptoms of instability felt by a simulated hand that presses at one place.
 
-    As `asperity stability` has it: the last half of 0.8 s at 1 kHz.
+    As in `asperity stability`, they are measured over the last half of 0.8 s at 1 kHz.
     """
 
     def target(_: float) -> Array:

@@ -13,13 +13,13 @@ from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, 
 
 _GREY = "#b5b5b0"
 _STRETCH = 0.15
-"""Of the motion that traces show [s]."""
+"""Duration that traces show [s]."""
 Array = NDArray[np.float64]
 
 
 def done_rows(result: Comparison) -> list[MethodResult]:
     """Return the methods that could render the scene."""
-    return [row for row in result.rows if row.felt is not None]
+    return [row for row in result.rows if row.run is not None]
 
 
 def _grid(rows: list[MethodResult], title: str, subtitle: str) -> tuple[Figure, list[Axes]]:
@@ -36,13 +36,13 @@ def _grid(rows: list[MethodResult], title: str, subtitle: str) -> tuple[Figure, 
     return figure, axes
 
 
-def _room(figure: Figure) -> None:
+def _lay_out(figure: Figure) -> None:
     height = figure.get_size_inches()[1]
     figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.45 / height), h_pad=0.6)
 
 
 def _along(poses: Array) -> Array:
-    """Return the unit direction in which a path goes farthest, (3,)."""
+    """Return the unit direction in which a path extends farthest, (3,)."""
     away = poses[:, :3] - poses[:, :3].mean(axis=0)
     _, _, rows = np.linalg.svd(away, full_matrices=False)
     first = rows[0]
@@ -53,7 +53,7 @@ def traces_figure(result: Comparison) -> Figure:
     """Return the tangential force along the motion, one panel a method, asperity's in grey."""
     rows = done_rows(result)
     dt = result.settings.dt
-    shortest = min(len(row.felt.force) for row in rows if row.felt is not None)
+    shortest = min(len(row.run.force) for row in rows if row.run is not None)
     count = min(round(_STRETCH / dt), shortest)
     begin = min(shortest // 4, shortest - count)
     direction = _along(result.poses)
@@ -67,28 +67,28 @@ def traces_figure(result: Comparison) -> Figure:
         own = _part(rows[0], direction, begin, count) if rows[0].method.name == "asperity" else None
         most = 0.0
         for axis, row in zip(axes, rows, strict=False):
-            shown, where = _acting(row, direction)
+            shown, where = _shown_direction(row, direction)
             values = _part(row, shown, begin, count)
             if own is not None and row is not rows[0]:
                 axis.plot(time, own, color=_GREY, lw=1.0)
             axis.plot(time, values, color=COLOURS[0], lw=1.1)
             axis.set_title(row.method.label + where)
             axis.set_xlim(0.0, time[-1] if count > 1 else 1.0)
-            # A method that rattles must not make lines of all others.
+            # A noisy method must not flatten the traces of all others.
             most = max(most, float(np.percentile(np.abs(values), 97)))
         if own is not None:
             most = max(1.15 * float(np.abs(own).max()), min(most, 3.0 * float(np.abs(own).max())))
         for axis in axes:
             axis.set_ylim(-1.1 * max(most, 1e-6), 1.1 * max(most, 1e-6))
-        _named(axes, len(rows), "time [ms]", "force [N]")
-        _room(figure)
+        _label_axes(axes, len(rows), "time [ms]", "force [N]")
+        _lay_out(figure)
     return figure
 
 
-def _acting(row: MethodResult, direction: Array) -> tuple[Array, str]:
-    """Return along what a method's force changes (3,), and how to say so if not the motion."""
-    assert row.felt is not None
-    across = across_mean(row.felt.force)
+def _shown_direction(row: MethodResult, direction: Array) -> tuple[Array, str]:
+    """Return the direction (3,) along which to show a method's force, and a note for the title."""
+    assert row.run is not None
+    across = across_mean(row.run.force)
     change = across - across.mean(axis=0)
     if np.square(change @ direction).sum() >= 0.01 * np.square(change).sum():
         return direction, ""
@@ -97,11 +97,11 @@ def _acting(row: MethodResult, direction: Array) -> tuple[Array, str]:
 
 
 def _part(row: MethodResult, direction: Array, begin: int, count: int) -> Array:
-    assert row.felt is not None
-    return np.asarray((across_mean(row.felt.force) @ direction)[begin : begin + count])
+    assert row.run is not None
+    return np.asarray((across_mean(row.run.force) @ direction)[begin : begin + count])
 
 
-def _named(axes: list[Axes], count: int, x: str, y: str) -> None:
+def _label_axes(axes: list[Axes], count: int, x: str, y: str) -> None:
     for k, axis in enumerate(axes[:count]):
         if k % 2 == 0:
             axis.set_ylabel(y)
@@ -130,13 +130,13 @@ def spectra_figure(result: Comparison) -> Figure:
             axis.plot(row.spectrum.frequency[1:], amplitude, color=COLOURS[1], lw=0.9)
             axis.set(yscale="log", ylim=(1e-5 * top, 3.0 * top), xlim=(0.0, 500.0))
             axis.set_title(f"{row.method.label}: {rounded(1e3 * (row.band_rms or 0.0))} mN")
-        _named(axes, len(rows), "frequency [Hz]", "force [N]")
-        _room(figure)
+        _label_axes(axes, len(rows), "frequency [Hz]", "force [N]")
+        _lay_out(figure)
     return figure
 
 
 def cost_figure(result: Comparison) -> Figure:
-    """Return what a tick costs, median and 99th percentile, over asperity's median."""
+    """Return the cost of a tick, median and 99th percentile, over asperity's median."""
     rows = done_rows(result)
     with style():
         figure = Figure(figsize=(7.6, 0.9 + 0.27 * len(rows)))

@@ -1,8 +1,8 @@
-"""Properties of a method, each measured on a scene in which one thing is changed.
+"""Properties of a method, each measured on scenes that differ in one parameter.
 
-Every property is one number and a criterion. A verdict says whether the number meets it, not
-whether the method is good. The limits of speed and silence were set after the noise of two methods
-had been seen, the others before any method was measured.
+Every property is a number with a criterion. The verdict states whether the number meets the
+criterion, not whether the method is good. The limits of speed and silence were set after the noise
+of two methods had been seen, the others before any method was measured.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ Array = NDArray[np.float64]
 
 
 class Criterion(NamedTuple):
-    """What is measured, and from where on it counts."""
+    """A measured number, and the limit from which a property holds."""
 
     title: str
     what: str
-    """The number, in words."""
+    """Definition of the number."""
     unit: str
     limit: float
     above: bool
-    """Whether the property holds from the limit upwards, or downwards."""
+    """Whether the property holds above the limit, or below it."""
 
 
 CRITERIA = {
@@ -73,17 +73,17 @@ CRITERIA = {
         "%", 2.0, False,
     ),
 }  # fmt: skip
-"""In the order of tables. The limits are asperity's."""
+"""In the order of the tables. The limits are asperity's."""
 
 
 class Measured(NamedTuple):
     """One property of one method."""
 
     value: float | None
-    """None where it could not be measured."""
+    """None if it could not be measured."""
     holds: bool | None
     detail: str
-    """The numbers behind it, or why there are none."""
+    """The numbers from which it is computed, or why there are none."""
 
 
 class Properties(NamedTuple):
@@ -91,11 +91,11 @@ class Properties(NamedTuple):
 
     measured: dict[str, Measured]
     still: Symptoms | None
-    """What a hand feels that wants to be still."""
+    """Symptoms felt by a hand at rest; None if it could not be simulated."""
 
 
 STEPS = len(CRITERIA) + 1
-"""How often `measure_properties` reports progress."""
+"""Number of progress reports of `measure_properties`."""
 
 
 def measure_properties(
@@ -103,7 +103,7 @@ def measure_properties(
 ) -> Properties:  # fmt: skip
     """Return the properties of a method. Takes seconds to a minute."""
     bench = _Bench(method)
-    ways = {
+    measurements = {
         "torque": bench.torque,
         "probe_size": bench.probe_size,
         "force": bench.normal_force,
@@ -112,9 +112,9 @@ def measure_properties(
         "meshing": bench.meshing,
     }
     out = {}
-    for name, way in ways.items():
+    for name, measure in measurements.items():
         try:
-            value, detail = way()
+            value, detail = measure()
         except AsperityError as error:
             out[name] = Measured(None, None, str(error).rpartition("'stimulus': ")[2])
         else:
@@ -130,7 +130,7 @@ def measure_properties(
 
 
 class _Bench:
-    """A method on the scenes of `stimuli`; what several properties need is made once."""
+    """A method on the scenes of `stimuli`; renderers are shared between properties."""
 
     def __init__(self, method: Method) -> None:
         self._method = method
@@ -153,25 +153,25 @@ class _Bench:
         )
 
     def _slid(self, ready: tuple[Scene, Renderer], force: float) -> DrivenRun:
-        """Return what is felt along the path, pressed to a mean force."""
+        """Slide along the path, pressed to a mean force."""
         scene, renderer = ready
         path = stimuli.line(scene, stimuli.SPEED)
         return follow(renderer, raised(path, pressed_to(renderer, path, force)))
 
     def torque(self) -> tuple[float, str]:
-        """Slide a flat foot, and see whether texture turns it."""
-        felt = self._slid(self._renderer("foot", stimuli.foot_on_plate), stimuli.FORCE)
-        rms, push = _turning(felt), float(felt.force[:, 2].mean())
+        """Measure the torque that texture exerts on a sliding flat foot."""
+        run = self._slid(self._renderer("foot", stimuli.foot_on_plate), stimuli.FORCE)
+        rms, push = _turning(run), float(run.force[:, 2].mean())
         try:
             smooth = self._renderer("smooth foot", lambda: _smooth(stimuli.foot_on_plate()))
             alone = _turning(self._slid(smooth, stimuli.FORCE))
-        except AsperityError:  # without texture there is nothing that it could render
+        except AsperityError:  # the method cannot render a scene without texture
             alone = 0.0
         value = 100.0 * math.sqrt(max(rms**2 - alone**2, 0.0)) / (push * stimuli.FOOT[0])
         return value, f"{1e3 * rms:.3g} mN m at {push:.2g} N, {1e3 * alone:.3g} without texture"
 
     def probe_size(self) -> tuple[float, str]:
-        """Slide balls of three sizes."""
+        """Compare the tangential force on balls of three sizes."""
         sizes = [
             tangential_rms(self._slid(self._ball(diameter), stimuli.FORCE).force)
             for diameter in stimuli.DIAMETERS
@@ -179,7 +179,7 @@ class _Bench:
         return _spread(sizes), ", ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
 
     def normal_force(self) -> tuple[float, str]:
-        """Slide with two forces, three-fold."""
+        """Compare the tangential force at two normal forces, one three times the other."""
         low, high = (
             tangential_rms(self._slid(self._ball(), force).force) for force in (0.29, 0.87)
         )
@@ -188,7 +188,7 @@ class _Bench:
         return high / low, f"{1e3 * low:.3g} and {1e3 * high:.3g} mN"
 
     def speed(self) -> tuple[float, str]:
-        """Slide at two speeds, four-fold, for as long: to and fro."""
+        """Compare two speeds, one four times the other, over equal times, to and fro."""
         ready = self._ball()
         scene, renderer = ready
         path = stimuli.line(scene, stimuli.SPEED)
@@ -203,16 +203,16 @@ class _Bench:
         return value, f"{1e3 * slow:.3g} and {1e3 * fast:.3g} mN"
 
     def silence(self) -> tuple[float, str]:
-        """Slide over a smooth plate."""
+        """Measure the tangential force on a smooth plate."""
         sizes = [
             tangential_rms(self._slid(self._smooth_ball(diameter), stimuli.FORCE).force)
             for diameter in (stimuli.DIAMETERS[0], stimuli.DIAMETERS[-1])
         ]
-        told = " and ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
-        return 100.0 * max(sizes) / stimuli.FORCE, told
+        detail = " and ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
+        return 100.0 * max(sizes) / stimuli.FORCE, detail
 
     def meshing(self) -> tuple[float, str]:
-        """Slide over one plate of 1, 4 and 16 boxes, at the same places."""
+        """Compare the forces on one plate made of 1, 4 and 16 boxes, along the same path."""
         scene, renderer = self._ball()
         poses = stimuli.line(scene, stimuli.SPEED)
         poses = raised(poses, pressed_to(renderer, poses, stimuli.FORCE))
@@ -221,7 +221,7 @@ class _Bench:
         return _difference(one, others)
 
     def still(self) -> Symptoms:
-        """Let a hand press on a slope of a wave."""
+        """Measure the symptoms of a hand that presses on the slope of a wave."""
         scene, renderer = self._ball()
         poses = stimuli.line(scene, stimuli.SPEED)
         height = pressed_to(renderer, poses, stimuli.FORCE)
@@ -234,19 +234,19 @@ def _smooth(scene: Scene) -> Scene:
     return scene.changed(bodies={"plate": {"texture": None}})
 
 
-def _turning(felt: DrivenRun) -> float:
+def _turning(run: DrivenRun) -> float:
     """Return the RMS change of the torque on the foot about the middle of its sole [N m].
 
-    What the lateral force does at that lever is not counted.
+    The torque of the lateral force about that point is subtracted.
     """
-    change = felt.torque - felt.torque.mean(axis=0)
+    change = run.torque - run.torque.mean(axis=0)
     down = np.array([0.0, 0.0, -stimuli.FOOT[2]])
-    change = change - np.cross(down, felt.force - felt.force.mean(axis=0))
+    change = change - np.cross(down, run.force - run.force.mean(axis=0))
     return float(np.sqrt((change**2).sum(axis=1).mean()))
 
 
 def tangential_rms(force: Array) -> float:
-    """Return the RMS of the change of the part of forces (n, 3) across their mean [N]."""
+    """Return the RMS change of the component of forces (n, 3) perpendicular to their mean [N]."""
     across = across_mean(force)
     change = across - across.mean(axis=0)
     return float(np.sqrt((change**2).sum(axis=1).mean()))
@@ -262,8 +262,8 @@ def _difference(one: Array, others: list[Array]) -> tuple[float, str]:
     """Return the largest RMS difference from `one`, in per cent of its tangential force's RMS."""
     differences = [float(np.sqrt(((other - one) ** 2).sum(axis=1).mean())) for other in others]
     size = tangential_rms(one)
-    told = ", ".join(f"{1e3 * difference:.3g}" for difference in differences)
+    detail = ", ".join(f"{1e3 * difference:.3g}" for difference in differences)
     if size <= 1e-6:
-        # Where nothing is felt of the texture the normal force is the measure.
+        # Without a tangential force, relate the difference to the normal force.
         size = float(np.abs(one).max())
-    return 100.0 * max(differences) / size, f"{told} of {1e3 * size:.3g} mN"
+    return 100.0 * max(differences) / size, f"{detail} of {1e3 * size:.3g} mN"

@@ -1,4 +1,4 @@
-"""What a comparison leaves on disk: tables, traces, figures, a page."""
+"""Write a comparison to disk: tables, traces, figures, pages."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from asperity.studies.comparison.properties import CRITERIA
 
 def write_comparison(result: Comparison, folder: Path, command: str) -> None:
     """Fill a folder: comparison.json, methods.csv, traces.csv, figures, comparison.md and .html."""
-    told = json.dumps(summary(result, command), indent=2, allow_nan=False)
-    (folder / "comparison.json").write_text(told + "\n", "utf-8")
+    text = json.dumps(summary(result, command), indent=2, allow_nan=False)
+    (folder / "comparison.json").write_text(text + "\n", "utf-8")
     _methods_csv(result, folder / "methods.csv")
     _traces_csv(result, folder / "traces.csv")
     if done_rows(result):
@@ -37,7 +37,7 @@ def write_comparison(result: Comparison, folder: Path, command: str) -> None:
 
 
 def summary(result: Comparison, command: str) -> dict[str, Any]:
-    """Return all numbers for a file of JSON, in SI units."""
+    """Return all results for `comparison.json`, in SI units."""
     return {
         "schema": 1,
         "command": command,
@@ -55,9 +55,9 @@ def _row(row: MethodResult) -> dict[str, Any]:
         "name": row.method.name, "label": row.method.label, "source": row.method.source,
         "what_it_is_not": row.method.what_it_is_not, "cannot": row.reason,
     }  # fmt: skip
-    if row.felt is not None and row.cost is not None:
+    if row.run is not None and row.cost is not None:
         out |= {
-            "ticks": len(row.felt.force),
+            "ticks": len(row.run.force),
             "preparing_s": row.preparing,
             "raised_m": row.height,
             "tick_median_s": row.cost[0],
@@ -65,10 +65,10 @@ def _row(row: MethodResult) -> dict[str, Any]:
             "tick_over_asperity": row.ratio,
             "tangential_rms_n": row.tangential,
             "band_rms_n": row.band_rms,
-            "mean_force_n": row.felt.force.mean(axis=0).tolist(),
-            "torque_std_n_m": row.felt.torque.std(axis=0).tolist(),
-            "deepest_m": float(row.felt.depth.max()),
-            "contacts_median": float(np.median(row.felt.contacts)),
+            "mean_force_n": row.run.force.mean(axis=0).tolist(),
+            "torque_std_n_m": row.run.torque.std(axis=0).tolist(),
+            "deepest_m": float(row.run.depth.max()),
+            "contacts_median": float(np.median(row.run.contacts)),
         }
     if row.properties is not None:
         out["properties"] = {k: m._asdict() for k, m in row.properties.measured.items()}
@@ -106,9 +106,9 @@ def _traces_csv(result: Comparison, path: Path) -> None:
         for i, pose in enumerate(result.poses):
             cells = [f"{i * result.settings.dt:.6g}", *(f"{x:.9g}" for x in pose[:3])]
             for row in rows:
-                assert row.felt is not None
-                if i < len(row.felt.force):
-                    values = np.concatenate([row.felt.force[i], row.felt.torque[i]])
+                assert row.run is not None
+                if i < len(row.run.force):
+                    values = np.concatenate([row.run.force[i], row.run.torque[i]])
                     cells += [f"{value:.6g}" for value in values]
                 else:
                     cells += [""] * 6
@@ -116,7 +116,7 @@ def _traces_csv(result: Comparison, path: Path) -> None:
 
 
 def write_docs(folder: Path, docs: Path, result: Comparison, command: str) -> list[Path]:
-    """Put the page and its figures, written in `folder`, into the documentation."""
+    """Write the page into the documentation, with the figures that are in `folder`."""
     from asperity._core.output import write_whole
 
     images = docs / "images"

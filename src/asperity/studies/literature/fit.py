@@ -1,10 +1,11 @@
-"""The fit as it is published: a search, its choice, and how that does where it never looked."""
+"""The published fit: the choice of a search, and its score on findings and conditions held out."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,12 @@ from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.hand_search import (
     HELD_OUT,
     RANGES,
-    Searched,
+    SearchResult,
     bootstrap,
     choose,
     hands_of,
     interval,
-    luckiest,
+    most_findings,
     neighbours,
     other_conditions,
     parameter,
@@ -32,15 +33,16 @@ from asperity.studies.literature.laboratory import Laboratory, Tables, judged
 from asperity.studies.literature.measures import COLUMNS, Measure
 
 PUBLISHED = Path(__file__).with_name("published_fit.json")
-"""The fit of the documentation: `fit.json` as `asperity findings --fit` wrote it."""
+"""The fit of the documentation: a `fit.json` written by `asperity findings --fit`."""
 _PARTS = 8
-"""Of each parameter's range, in its profile."""
+"""Parts of each parameter's range in its profile."""
 _LISTED = 10
+"""Length of lists of metrics."""
 REFERENCES = ("max_acceleration", "band_rms")
-"""The designs that the choice is held against, with the default hand."""
+"""Metrics with which, and the default hand, the choice is compared."""
 DESIGNS = ("chosen", "most", *REFERENCES)
 OTHERS = 4
-"""Held-out sets of conditions."""
+"""Number of held-out sets of conditions."""
 
 
 def run_fit(
@@ -53,25 +55,25 @@ def run_fit(
 
 
 def summarise(
-    searched: Searched,
-    default: Searched,
+    searched: SearchResult,
+    default: SearchResult,
     *,
     seed: int = 0,
     others: int = OTHERS,
     progress: Callable[[], None] | None = None,
 ) -> dict[str, Any]:
-    """Return the fit of a search, ready for JSON; `default` is that of the default hand."""
+    """Return the fit of a search, ready for JSON; `default` is the search of the default hand."""
     hands, measures, findings, holds, failed = searched
     ids = [finding.id for finding in findings]
     counted = np.array([finding not in HELD_OUT for finding in ids])
     weights = counted.astype(np.float64)
     best = choose(holds, weights, neighbours(hands))
-    luck = luckiest(holds, weights)
+    most = most_findings(holds, weights)
     row = holds[best.hand, best.measure]
     counts = holds[:, :, counted].sum(axis=2)
     names = list(COLUMNS)
     fixed = {name: default.holds[0, names.index(name)] for name in REFERENCES}
-    pairs = [(hands[c.hand], measures[c.measure]) for c in (best, luck)]
+    pairs = [(hands[c.hand], measures[c.measure]) for c in (best, most)]
     designs = [*pairs, *((Hand(), COLUMNS[name]) for name in REFERENCES)]
     return {
         "schema": 1,
@@ -81,7 +83,7 @@ def summarise(
         "failed_hands": len(failed),
         "ranges": {name: list(ends) for name, ends in RANGES.items()},
         "chosen": _pair(*pairs[0]),
-        "most": _pair(*pairs[1]) | {"got": luck.got, "pairs": int(np.sum(counts == luck.got))},
+        "most": _pair(*pairs[1]) | {"got": most.got, "pairs": int(np.sum(counts == most.got))},
         "counted": int(counted.sum()),
         "got": best.got,
         "pairs_as_good": int(np.sum(counts >= best.got)),
@@ -89,7 +91,7 @@ def summarise(
         "mean_of_metric": float(counts[:, best.measure].mean()),
         "holds": dict(zip(ids, row.tolist(), strict=True)),
         "held_out_findings": {
-            name: [bool(v[ids.index(name)]) for v in (row, holds[luck.hand, luck.measure])]
+            name: [bool(v[ids.index(name)]) for v in (row, holds[most.hand, most.measure])]
             + [bool(v[ids.index(name)]) for v in fixed.values()]
             for name in HELD_OUT
             if name in ids
@@ -111,7 +113,7 @@ def summarise(
 
 
 def _as_good(hands: Sequence[Hand], good: NDArray[np.bool_]) -> dict[str, Any]:
-    """Return how many hands are as good with the chosen metric, and what they span."""
+    """Return how many hands are as good with the chosen metric, and their ranges."""
     kept = [hand for hand, is_good in zip(hands, good.tolist(), strict=True) if is_good]
     spans = {name: parameter(kept, name) for name in RANGES}
     return {"hands": len(kept)} | {
@@ -130,7 +132,7 @@ def _pair(hand: Hand, measure: Measure) -> dict[str, Any]:
 
 
 def as_json(measure: Measure) -> dict[str, Any]:
-    """Return a metric as plain JSON; the peak's power is null."""
+    """Return a metric as JSON values; an infinite power becomes None."""
     return {
         "kind": measure.kind,
         "signal": measure.signal,
@@ -160,8 +162,8 @@ def _elsewhere(
     others: int,
     progress: Callable[[], None] | None,
 ) -> dict[str, dict[str, int]]:
-    """Return in how many of the held-out sets of conditions each design gets each finding."""
-    told = {name: {f.id: 0 for f in findings} for name in DESIGNS}
+    """Return in how many held-out sets of conditions each design gets each finding."""
+    times = {name: {f.id: 0 for f in findings} for name in DESIGNS}
     for seed in range(1, others + 1):
         plan, dots, sinusoids = other_conditions(seed)
         tables: Tables = {}
@@ -171,14 +173,17 @@ def _elsewhere(
         }
         for name, (hand, measure) in zip(DESIGNS, designs, strict=True):
             for finding in findings:
-                told[name][finding.id] += bool(judged(finding, labs[hand], measure).holds)
+                times[name][finding.id] += bool(judged(finding, labs[hand], measure).holds)
         if progress:
             progress()
-    return told
+    return times
 
 
 def _resampled(
-    searched: Searched, counted: NDArray[np.bool_], fixed: dict[str, NDArray[np.bool_]], seed: int
+    searched: SearchResult,
+    counted: NDArray[np.bool_],
+    fixed: dict[str, NDArray[np.bool_]],
+    seed: int,
 ) -> dict[str, Any]:
     """Return the bootstrap over the counted findings."""
     found = bootstrap(
@@ -215,25 +220,25 @@ def _shares(names: list[str], total: int) -> dict[str, float]:
 def _profiles(
     hands: Sequence[Hand], counts: NDArray[np.int64], measure: int
 ) -> dict[str, dict[str, Any]]:
-    told = {}
+    profiles = {}
     for name, (low, high) in RANGES.items():
         edges = np.geomspace(low, high, _PARTS + 1)
         values = parameter(hands, name)
-        told[name] = {
+        profiles[name] = {
             "edges": edges.tolist(),
             "any_metric": profile(values, counts.max(axis=1), edges),
             "chosen_metric": profile(values, counts[:, measure], edges),
         }
-    return told
+    return profiles
 
 
 def _best(measures: Sequence[Measure], counts: NDArray[np.int64]) -> list[dict[str, Any]]:
-    order = np.lexsort((-counts.mean(axis=0), -counts.max(axis=0)))[:_LISTED]
+    order = np.lexsort((-counts.mean(axis=0), -counts.max(axis=0)))
     return [
         {
             "name": measures[i].name,
             "best": int(counts[:, i].max()),
             "mean": float(counts[:, i].mean()),
         }
-        for i in order
+        for i in islice(order, _LISTED)
     ]

@@ -1,16 +1,19 @@
-"""One metric and one hand for all findings: a search over both, and how sure its answer is.
+"""Search for one metric and one hand that reproduce most findings, and its uncertainty.
 
-Every hand of a Sobol design drags through every condition once; some 70 metrics are then read off
-the same drags. What comes out is a table of yes and no, hand by metric by finding, and everything
-else is counting in it:
+Every hand of a Sobol design is dragged through every condition once; some 70 metrics are computed
+from the same drags. The result is a table of booleans, hand x metric x finding, from which all else
+is counted:
 
-- the *choice* is not the pair that gets most: of thousands of pairs, that one is lucky. It is the
-  metric that gets most on average over all hands, and with it the hand whose neighbourhood in the
-  design (itself and its four nearest) gets most. Findings that are held out do not count;
+- the *choice* is not the pair that gets most: the best of thousands of pairs is lucky. It is the
+  metric that gets most on average over all hands, with the hand whose neighbourhood in the design
+  (itself and its four nearest) gets most. Findings that are held out do not count;
 - the *most* is the pair that gets most, for comparison;
-- the *bootstrap* draws findings with replacement, chooses again, and looks at how the choice does
-  on those that were not drawn;
+- the *bootstrap* draws findings with replacement, chooses again, and scores the choice on the
+  findings that were not drawn;
 - the *profile* of a parameter is the most findings that any design gets in each part of its range.
+
+The module is in the package, not among the tools of the repository, because `asperity findings
+--fit` runs it wherever asperity is installed.
 """
 
 from __future__ import annotations
@@ -31,20 +34,20 @@ from asperity.studies.literature.measures import COLUMNS, Measure
 from asperity.studies.literature.plates import Dots, Sinusoids
 
 RANGES = {"mass": (0.01, 0.5), "stiffness": (50.0, 5000.0), "damping": (0.3, 30.0)}
-"""Of the hand [kg], [N/m], [N s/m], in equal steps of the logarithm: wide, and asperity's."""
+"""Ranges of the hand's parameters [kg], [N/m], [N s/m], log-uniform; asperity's, and wide."""
 HELD_OUT = ("static.speed", "grit.generated", "grit.measured")
-"""Findings that the choice does not see. The measured papers are judged for the choice alone."""
+"""Findings that the choice does not use. The measured papers are judged for the choice alone."""
 LOWS = (5.0, 10.0, 20.0, 40.0, 80.0)
 HIGHS = (50.0, 100.0, 200.0, 400.0, 800.0)
 """Edges of the bands that are tried [Hz]."""
 WAVE_BANDS = (None, (10.0, 100.0), (20.0, 200.0), (20.0, 400.0), (40.0, 400.0))
-"""The bands that are tried with other norms than the RMS, which cost more."""
-NEIGHBOURS = 5
-"""Hands in a neighbourhood, the hand itself included."""
+"""The bands tried with norms other than the RMS, which take longer."""
+NEIGHBOURHOOD = slice(0, 5)
+"""Hands in a neighbourhood, nearest first, including the hand itself."""
 
 
 class Conditions(NamedTuple):
-    """Conditions that the choice does not see."""
+    """Conditions that the choice does not use."""
 
     plan: Plan
     dots: Dots
@@ -76,7 +79,7 @@ def other_conditions(seed: int) -> Conditions:
 
 
 def measures_tried() -> tuple[Measure, ...]:
-    """Return the metrics that are tried: the studies' four, and norms of signals in bands."""
+    """Return the metrics to try: the studies' four, and norms of signals in bands."""
     bands = [None, *((low, high) for low in LOWS for high in HIGHS if high >= 2.5 * low)]
     tried = [(band, 2.0) for band in bands]
     tried += [(band, power) for band in WAVE_BANDS for power in (4.0, np.inf)]
@@ -90,18 +93,18 @@ def measures_tried() -> tuple[Measure, ...]:
 
 
 def hands_of(count: int, seed: int = 0) -> list[Hand]:
-    """Return hands by a scrambled Sobol design over `RANGES`; `count` is a power of 2."""
+    """Return the hands of a scrambled Sobol design over `RANGES`; `count` is a power of 2."""
     from scipy.stats import qmc  # slow to import
 
     if count < 2 or count & (count - 1):
-        raise AsperityError(f"hands must be a power of 2, from 2 on, got {count}")
+        raise AsperityError(f"hands must be a power of 2, at least 2, got {count}")
     low, high = np.log(list(RANGES.values())).T
     design = qmc.Sobol(len(RANGES), rng=seed).random(count)
     return [Hand(*row) for row in np.exp(low + design * (high - low)).tolist()]
 
 
-class Searched(NamedTuple):
-    """The table of a search."""
+class SearchResult(NamedTuple):
+    """Result of `search`: the table of which designs reproduce which findings."""
 
     hands: list[Hand]
     measures: tuple[Measure, ...]
@@ -109,7 +112,7 @@ class Searched(NamedTuple):
     holds: NDArray[np.bool_]
     """Shape (hands, measures, findings)."""
     failed: list[int]
-    """Hands that some condition stopped: they get nothing."""
+    """Indices of hands that could not be dragged in some condition; they get no finding."""
 
 
 def search(
@@ -119,8 +122,8 @@ def search(
     findings: Sequence[Finding] | None = None,
     plan: Plan | None = None,
     progress: Callable[[], None] | None = None,
-) -> Searched:
-    """Judge findings for every hand and metric; by default all but the measured papers."""
+) -> SearchResult:
+    """Judge findings for every hand and metric; by default all except the measured papers."""
     measures = measures or measures_tried()
     findings = tuple(findings or (f for f in JUDGED_BY_METRIC if f.id != "grit.measured"))
     tables: Tables = {}
@@ -135,7 +138,7 @@ def search(
             failed.append(i)
         if progress:
             progress()
-    return Searched(list(hands), measures, findings, holds, failed)
+    return SearchResult(list(hands), measures, findings, holds, failed)
 
 
 class HandChoice(NamedTuple):
@@ -144,13 +147,22 @@ class HandChoice(NamedTuple):
     hand: int
     measure: int
     got: int
-    """Findings that it gets, of those that were counted."""
+    """Number of counted findings that it gets."""
 
 
 def choose(
     holds: NDArray[np.bool_], weights: NDArray[np.float64], near: NDArray[np.int64]
 ) -> HandChoice:
-    """Return the choice (see the module), findings weighted; `near` as `neighbours` gives it."""
+    """Return the choice, as the module defines it.
+
+    Parameters
+    ----------
+    holds : (hands, metrics, findings) array
+    weights : (findings,) array
+        How often each finding counts.
+    near : (hands, n) array
+        As `neighbours` returns it.
+    """
     counts = holds @ weights
     measure = int(np.lexsort((counts.max(axis=0), counts.mean(axis=0)))[-1])
     own = counts[:, measure]
@@ -158,8 +170,8 @@ def choose(
     return HandChoice(hand, measure, round(float(own[hand])))
 
 
-def luckiest(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> HandChoice:
-    """Return the pair that gets most; of several, the one whose metric does best on average."""
+def most_findings(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> HandChoice:
+    """Return the pair that gets most; of equal pairs, the one with the best metric on average."""
     counts = holds @ weights
     best = np.argwhere(counts >= counts.max() - 1e-9)
     by_measure = counts.mean(axis=0)
@@ -168,28 +180,28 @@ def luckiest(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> HandChoi
 
 
 def neighbours(hands: Sequence[Hand]) -> NDArray[np.int64]:
-    """Return the hands nearest to each in the logarithms of the parameters, itself first."""
+    """Return the indices of the hands nearest to each in log parameters, itself first."""
     low, high = np.log(list(RANGES.values())).T
     place = np.log([[getattr(hand, name) for name in RANGES] for hand in hands])
     place = (place - low) / (high - low)
     away = np.linalg.norm(place[:, None] - place[None], axis=2)
-    return np.argsort(away, axis=1, kind="stable")[:, :NEIGHBOURS]
+    return np.argsort(away, axis=1, kind="stable")[:, NEIGHBOURHOOD]
 
 
 @dataclass
 class Bootstrap:
-    """What choosing again from resampled findings gives."""
+    """Choices from resampled findings, and how they score."""
 
     choices: list[tuple[int, int]]
-    """Hand and metric of each."""
+    """Hand and metric of each choice."""
     drawn: list[float]
-    """Part of the drawn findings that the choice gets."""
+    """Fraction of the drawn findings that the choice gets."""
     left_out: list[float]
-    """Part of those that were not drawn."""
+    """Fraction of the findings not drawn that the choice gets."""
     left_out_lucky: list[float] = field(default_factory=list)
-    """The same for the pair that gets most of the drawn ones."""
+    """The same for the pair that gets most of the drawn findings."""
     left_out_of: dict[str, list[float]] = field(default_factory=dict)
-    """The same for fixed designs, by name, on the same findings."""
+    """The same for fixed designs, by name."""
 
 
 def bootstrap(
@@ -202,7 +214,7 @@ def bootstrap(
 ) -> Bootstrap:
     """Resample the findings (last axis) and choose each time.
 
-    `fixed` holds rows of yes and no, one a finding, for designs that are not chosen again.
+    `fixed` holds one boolean a finding for designs that are not chosen again.
     """
     rng, n = np.random.default_rng(seed), holds.shape[-1]
     found = Bootstrap([], [], [], [], {name: [] for name in fixed or {}})
@@ -213,8 +225,8 @@ def bootstrap(
             continue
         best = choose(holds, weights, near)
         row = holds[best.hand, best.measure]
-        luck = luckiest(holds, weights)
-        found.left_out_lucky.append(float(np.mean(holds[luck.hand, luck.measure][left])))
+        most = most_findings(holds, weights)
+        found.left_out_lucky.append(float(np.mean(holds[most.hand, most.measure][left])))
         found.choices.append((best.hand, best.measure))
         found.drawn.append(float(row @ weights / n))
         found.left_out.append(float(np.mean(row[left])))

@@ -1,4 +1,9 @@
-"""Drags by condition, remembered: tables of slopes for all hands, records for one."""
+"""A laboratory: drags of one hand under the conditions of the findings, each simulated once.
+
+It differs from `otaduy_lin_2004.drags.DragSimulator`, with which it shares `drag_over`: plates have
+several paths, a probe may be a finger, slope tables are coarser and shared between hands, and drags
+are kept as the Fourier records from which a hundred metrics are computed at once.
+"""
 
 from __future__ import annotations
 
@@ -10,24 +15,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.dragged_hand.hand import Hand, drag
+from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.studies.literature.finding import Finding, Verdict
 from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.measures import STILL, DragRecord, Measure, evaluate_all, record_of
 from asperity.studies.literature.plates import Dots, Paper, Plate, Sinusoids
-from asperity.studies.otaduy_lin_2004.drags import LEAST_SLOPE
+from asperity.studies.otaduy_lin_2004.drags import drag_over
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import slope_table
 
 _TOLERANCE = 1e-4
 _MAP_TOLERANCE = 1e-2
-"""Of the largest slope: a search over hands needs no more."""
+"""Relative tolerances of slope tables, of shapes and of height maps; enough for the search."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """With what, how hard and how fast."""
+    """How a surface is touched: probe, force and speed."""
 
     probe: float | Finger
     """Diameter of the probe [m], or a finger."""
@@ -39,32 +44,32 @@ class Touch:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the conditions vary, over what, and how finely. The numbers are asperity's."""
+    """Levels of the conditions, and the range and number of spacings. The values are asperity's."""
 
     spacings: int = 20
-    """Of each curve."""
+    """Number of spacings of each curve."""
     diameters: tuple[float, ...] = (2e-3, 3e-3, 4e-3)
-    """Of probes [m]; the first is the small probe, the middle one serves the other factors."""
+    """Diameters of probes [m]; the first is the small one, the middle serves other factors."""
     forces: tuple[float, ...] = (0.29, 0.58, 0.87)
     """[N]"""
     speeds: tuple[float, ...] = (0.042, 0.083, 0.169)
     """[m/s]"""
     heights: tuple[float, ...] = (0.2e-3, 0.4e-3)
-    """Of dots, for the drop point [m]."""
+    """Heights of dots, for the drop point [m]."""
     range: tuple[float, float] = (0.5e-3, 3.5e-3)
-    """Of dots and sinusoids [m]; the range of the studies."""
+    """Spacings of dots and sinusoids [m]; the range of the studies."""
     grooves: tuple[float, float] = (0.25e-3, 6e-3)
-    """Of gratings [m]."""
+    """Widths of the grooves of gratings [m]."""
 
     def touch(self, **changed: float | Finger) -> Touch:
-        """Return the middle touch, changed."""
+        """Return the touch of middle levels, with some changed."""
         middle = Touch(
             *(values[len(values) // 2] for values in (self.diameters, self.forces, self.speeds))
         )
         return replace(middle, **changed)  # type: ignore[arg-type]
 
     def touches(self, factor: str) -> tuple[Touch, ...]:
-        """Return the touches over the levels of a factor: diameter, force or speed."""
+        """Return a touch for each level of a factor: diameter, force or speed."""
         if factor == "diameter":
             return tuple(self.touch(probe=value) for value in self.diameters)
         if factor == "force":
@@ -87,19 +92,19 @@ Tables = dict[tuple[Plate, float, float | Finger], tuple[PiecewiseCubic, ...]]
 
 @dataclass
 class Laboratory:
-    """One hand, its drags, and the tables that it shares with other hands."""
+    """One hand, its drags, and the slope tables that it shares with other hands."""
 
     hand: Hand = field(default_factory=Hand)
     plan: Plan = field(default_factory=Plan)
     data: Path | None = None
-    """Folder of measured surfaces, if there is one."""
+    """Folder of measured surfaces; None if there is none."""
     dots: Dots = field(default_factory=Dots)
-    """The plates that stand for those of the experiments; others in a held-out run."""
+    """The dots that represent those of the experiments; held-out runs use others."""
     sinusoids: Sinusoids = field(default_factory=Sinusoids)
-    """And those of the seed paper's simulations."""
+    """The sinusoids of the seed paper's simulations."""
     tables: Tables = field(default_factory=dict, repr=False)
     measures: tuple[Measure, ...] = ()
-    """Metrics that are wanted of every condition: they are then taken all at once."""
+    """Metrics needed of every condition: they are computed together."""
     _curves: dict[tuple[Plate, Touch, tuple[float, ...]], NDArray[np.float64]] = field(
         default_factory=dict, repr=False
     )
@@ -129,7 +134,7 @@ class Laboratory:
         return {measure: i for i, measure in enumerate(self.measures)}
 
     def records(self, plate: Plate, spacing: float, touch: Touch) -> tuple[DragRecord, ...]:
-        """Return the drags over a plate, one a path."""
+        """Return the drags over a plate, one for each path."""
         key = (plate, spacing, touch)
         if key not in self._records:
             tables = self._slopes(plate, spacing, touch.probe)
@@ -137,10 +142,8 @@ class Laboratory:
         return self._records[key]
 
     def _drag(self, slopes: PiecewiseCubic, touch: Touch) -> DragRecord:
-        if not np.max(np.abs(slopes.coefficients)) > LEAST_SLOPE:
-            return STILL
-        force = slopes.scaled(touch.force)
-        return record_of(drag(force, self.hand, touch.speed), self.hand)
+        motion = drag_over(slopes.scaled(touch.force), touch.force, self.hand, touch.speed)
+        return STILL if motion is None else record_of(motion, self.hand)
 
     def _slopes(
         self, plate: Plate, spacing: float, probe: float | Finger
@@ -159,7 +162,7 @@ class Laboratory:
 
 
 def judged(finding: Finding, lab: Laboratory, measure: Measure) -> Verdict:
-    """Return the verdict; a hand that cannot be dragged somewhere gives none, and the reason."""
+    """Return the verdict; if the hand cannot be dragged, a verdict without result, and why."""
     try:
         return finding.judge(lab, measure)
     except AsperityError as error:

@@ -1,157 +1,89 @@
-"""The documentation page, made from the table and the fit: nothing in it is written by hand."""
+"""The documentation page `findings.md`, rendered from the table and the fit; none of it by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from asperity.drawing.pages import render
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding
-from asperity.studies.literature.page_fit import fit_section
-from asperity.studies.literature.page_text import figure, value_text, wrapped
 from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, counts
 
-_NOTICE = "<!-- Made by `asperity findings --docs docs`: edit the code, not this page. -->"
 FIGURES = ("findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit")
+_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
 
 
 def page(
     rows: Sequence[FindingResult], columns: Sequence[Column], fit: dict[str, Any], images: str = ""
 ) -> str:
-    """Return the page as Markdown; `images` is the folder of its figures, ending in a slash."""
-    parts = [
-        _head(rows, columns),
-        figure(f"{images}findings_table.png", "Findings against metrics, yes and no"),
-        _table(rows, columns),
-        _how(),
-        "## The findings one by one\n",
-        *(_one(row, columns) for row in rows),
-        _curves(columns, images),
-        fit_section(fit, images),
-        _limits(),
-    ]
-    return "\n".join(part.rstrip() + "\n" for part in parts)
+    """Return the page as Markdown.
+
+    Parameters
+    ----------
+    rows, columns
+        As `judge_all` returns and takes them.
+    fit : dict
+        As `run_fit` returns it.
+    images : str
+        Folder of the figures, relative to the page, with a slash at its end.
+    """
+    return render(
+        "findings.md",
+        rows=rows, columns=columns, fit=fit, images=images, count=len(FINDINGS),
+        heads=[_head(column) for column in columns],
+        tallies=["{} of {}".format(*counts(rows, column.name)) for column in columns],
+        nowhere=[r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())],
+        held_out=_held_out(fit), uncertainty=_uncertainty(fit), gained=_gained(fit),
+        result=lambda row: _result(row, columns), sources=_sources,
+        names=names, measured=_measured, shares=_shares, hand_text=_hand_text,
+        marks=MARKS, units=_UNITS,
+    )  # fmt: skip
 
 
-def _head(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
-    tally = ", ".join(
-        f"{column.measure.name} {hold} of {judged}"
-        for column in columns
-        for hold, judged in [counts(rows, column.name)]
-    )
-    lost = [r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())]
-    none = "; ".join(lost) if lost else "none"
-    text = f"""
-People feel roughness through a probe in ways that have been published. This page holds
-asperity's model (the texture force of Otaduy & Lin, 2004, and the hand of their Eq. 7) against
-{len(rows)} such findings, under {len(columns)} metrics of vibration. Nobody was measured for it:
-what people do is cited, and what is simulated is asperity's.
-
-Findings that come out: {tally}.
-
-Not under any of the metrics: {none}.
-
-The last column's hand and metric were chosen by a [search](#one-metric-and-one-hand) for what
-gets most findings: **after the fact**, as was the 20-200 Hz band before it. The others were there
-before.
-"""
-    return f"{_NOTICE}\n\n# What the models predict of people\n\n{wrapped(text)}"
+def names(ids: Iterable[str]) -> str:
+    """Return ids as a list in code."""
+    return ", ".join(f"`{name}`" for name in ids)
 
 
-def _table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
-    names = [c.measure.name.replace("|", "\\|") for c in columns]
-    heads = [
-        f"chosen: {name}" if c.name == CHOSEN else name
-        for name, c in zip(names, columns, strict=True)
-    ]
-    lines = [
-        "| finding | source | known | " + " | ".join(heads) + " |",
-        "|---|---|---|" + "---|" * len(columns),
-    ]
-    for finding, verdicts in rows:
-        marks = [_mark(verdicts[c.name].holds) for c in columns]
-        source = finding.sources[0].short
-        known = finding.sureness.name.lower()
-        lines.append(
-            f"| `{finding.id}` {finding.title} | {source} | {known} | " + " | ".join(marks) + " |"
-        )
-    tally = ["**{} of {}**".format(*counts(rows, c.name)) for c in columns]
-    lines.append("| **come out** | | | " + " | ".join(tally) + " |")
-    return "\n".join(lines) + "\n"
+def value_text(value: Any) -> str:
+    """Return a measured value as text: three digits, lists in brackets."""
+    if isinstance(value, list):
+        inner = ", ".join(value_text(entry) for entry in value)
+        return f"[{inner}]" if value and not isinstance(value[0], list) else inner
+    if isinstance(value, bool):
+        return MARKS[value]
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return "none" if value is None else str(value)
 
 
-def _mark(holds: bool | None) -> str:
-    return f"**{MARKS[True]}**" if holds else MARKS[holds]
+def _head(column: Column) -> str:
+    name = column.measure.name.replace("|", "\\|")
+    return f"chosen: {name}" if column.name == CHOSEN else name
 
 
-def _how() -> str:
-    return wrapped(
-        """
-Known: *seed*, as Otaduy & Lin (2004) report it; *read*, in the abstract of the source; *recalled*,
-not checked. The bodies of the sources could not be read, so their probes, plates and speeds are
-not known either: every number of a condition and every threshold of a criterion is asperity's.
-
-Criteria were written from the sources before outcomes were looked at, except for the seed's seven,
-whose outcomes under the studies' four metrics were known from `asperity study`. No threshold was
-changed afterwards. After a first look the finger got three paths over the plate in place of one,
-which changed no outcome. Where a criterion lets through what it should not, the caveat says so,
-and it stays.
-"""
-    )
-
-
-def _one(row: FindingResult, columns: Sequence[Column]) -> str:
-    finding = row.finding
-    out = [c for c in columns if row.verdicts[c.name].holds]
-    judged = [c for c in columns if row.verdicts[c.name].holds is not None]
+def _result(row: FindingResult, columns: Sequence[Column]) -> str:
+    """Return how a finding came out."""
+    verdicts = [row.verdicts[column.name] for column in columns]
+    judged = [verdict for verdict in verdicts if verdict.holds is not None]
     if not judged:
-        result = f"Skipped. {row.verdicts[columns[0].name].note}"
-    elif finding.any_metric:
-        result = _by_hand(row, columns)
-    else:
-        names = ", ".join(c.measure.name for c in out)
-        result = f"Comes out under {len(out) or 'none'} of {len(judged)} metrics" + (
-            f": {names}." if out else "."
-        )
-    lines = [
-        f"### {finding.title}\n",
-        f"`{finding.id}`. {_sources(finding)}\n",
-        f"- **People:** {finding.people} ({_known(finding)})",
-        f"- **Simulated:** {finding.condition}.",
-        f"- **Comes out if** {finding.criterion}."
-        + ("" if finding.before else " Written with outcomes known."),
-        f"- **Result:** {result}",
-    ]
-    shown = [c for c in (columns[0], columns[-1]) if row.verdicts[c.name].measured]
-    if finding.any_metric:
-        shown = []
-    for column in shown:
-        told = _measured(row.verdicts[column.name].measured)
-        lines.append(f"- Measured, {column.measure.name}: {told}.")
-    if finding.caveat:
-        lines.append(f"- **Caveat:** {finding.caveat}")
-    return "\n".join(lines) + "\n"
-
-
-def _by_hand(row: FindingResult, columns: Sequence[Column]) -> str:
-    told = []
-    for name, column in (("default hand", columns[0]), ("chosen hand", columns[-1])):
-        verdict = row.verdicts[column.name]
-        told.append(f"{name}: {MARKS[verdict.holds]} ({_measured(verdict.measured)})")
-    return "; ".join(told) + "."
+        return f"Skipped. {verdicts[0].note}"
+    if row.finding.any_metric:
+        hands = [("default hand", verdicts[0]), ("chosen hand", verdicts[-1])]
+        parts = [f"{name}: {MARKS[v.holds]} ({_measured(v.measured)})" for name, v in hands]
+        return "; ".join(parts) + "."
+    held = [c.measure.name for c in columns if row.verdicts[c.name].holds]
+    count = f"Comes out under {len(held) or 'none'} of {len(judged)} metrics"
+    return f"{count}: {', '.join(held)}." if held else f"{count}."
 
 
 def _sources(finding: Finding) -> str:
-    told = [
+    parts = [
         f"{s.authors} ({s.year}), {s.venue}" + (f", doi:{s.doi}" if s.doi else "")
         for s in finding.sources
     ]
-    where = f" ({finding.where})" if finding.where else ""
-    return "; ".join(told) + where + "."
-
-
-def _known(finding: Finding) -> str:
-    return finding.sureness.value
+    return "; ".join(parts) + (f" ({finding.where})" if finding.where else "") + "."
 
 
 def _measured(measured: dict[str, Any]) -> str:
@@ -160,31 +92,56 @@ def _measured(measured: dict[str, Any]) -> str:
     )
 
 
-def _curves(columns: Sequence[Column], images: str) -> str:
-    chosen = columns[-1]
-    return f"""## The curves
-
-Stars are tops by a parabola through three samples; dotted lines are drop points.
-
-{figure(f"{images}findings_paper.png", "Curves of the seed paper's metric")}
-{figure(f"{images}findings_chosen.png", f"Curves of {chosen.measure.name}")}
-{figure(f"{images}findings_grains.png", "Generated grains, by size")}"""
+def _hand_text(pair: dict[str, Any]) -> str:
+    """Return the metric and the hand of a design of the fit."""
+    return (
+        f"{pair['name']} with a hand of {pair['mass']:.2g} kg, {pair['stiffness']:.3g} N/m and "
+        f"{pair['damping']:.2g} N s/m"
+    )
 
 
-def _limits() -> str:
-    text = """
-Make it again with `asperity findings --docs docs`; the fit with
-`asperity findings --fit --out DIR`, whose `fit.json` replaces
-`src/asperity/studies/literature/published_fit.json`.
-"""
-    return f"""## What this is not
+def _held_out(fit: dict[str, Any]) -> list[list[str]]:
+    """Return the rows of the table of what the choice did not see."""
+    boot, other = fit["bootstrap"], fit["held_out_conditions"]
+    rows = [
+        [f"finding `{name}`", *(MARKS[holds] for holds in row)]
+        for name, row in fit["held_out_findings"].items()
+    ]
+    if any(any(row.values()) for row in other.values()):
+        sets = fit["held_out_sets"]
+        cells = [f"{sum(row.values())} of {sets * len(row)}" for row in other.values()]
+        rows.append([f"all findings but the papers, {sets} other conditions", *cells])
+    left = [boot["left_out"], boot["left_out_lucky"], *boot["left_out_of"].values()]
+    return [*rows, ["findings that a bootstrap left out", *(f"{part:.0%}" for part in left)]]
 
-- {len(FINDINGS)} findings are few, and not independent: seven share three experiments, and several
-  read the same curves. Percentages over them are descriptive.
-- They are orders and places of peaks. No rating of a person is fitted, since none could be read.
-- The probe never leaves the surface, and the normal force is constant. With a probe that flies,
-  other things may come out.
-- The hand is a mass on a spring and a damper, dragged at constant speed. Its parameters in the
-  search are not measurements of hands.
 
-{wrapped(text)}"""
+def _gained(fit: dict[str, Any]) -> bool:
+    """Return whether the search gained anything on what it did not see."""
+    sums = {name: sum(row.values()) for name, row in fit["held_out_conditions"].items()}
+    boot = fit["bootstrap"]
+    better = boot["left_out"] > boot["left_out_of"]["band_rms"]
+    return bool(sums["chosen"] > sums["band_rms"] and better)
+
+
+def _uncertainty(fit: dict[str, Any]) -> list[list[str]]:
+    """Return the rows of the table of the choice's uncertainty."""
+    best, boot, good = fit["chosen"], fit["bootstrap"], fit["hands_as_good"]
+    low, high = best["metric"]["band"] or (None, None)
+    rows = [(f"{name} [{unit}]", best[name], boot[name]) for name, unit in _UNITS.items()]
+    rows.append(("low edge of the band [Hz]", low, boot["low_edge"]))
+    rows.append(("high edge of the band [Hz]", high, boot["high_edge"]))
+    out = []
+    for name, value, spread in rows:
+        span = good.get(name.split(" ")[0])
+        out.append([
+            name,
+            "none" if value is None else f"{value:.3g}",
+            f"{span[0]:.2g} to {span[1]:.2g}" if span else "",
+            ", ".join(f"{spread[key]:.3g}" for key in ("low", "median", "high"))
+            if spread else "none",
+        ])  # fmt: skip
+    return out
+
+
+def _shares(shares: dict[str, float]) -> str:
+    return ", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "none"

@@ -1,6 +1,6 @@
-"""What the paper claims of human perception, evaluated on the studies' data.
+"""The paper's claims about human perception, evaluated on the studies' data.
 
-Every claim is computed, for every metric; false is a legitimate answer. Sources: [OL] Otaduy &
+Every claim is evaluated for every metric; it may be false. Sources: [OL] Otaduy &
 Lin (2004), section and sentence; the human findings behind them are Lederman et al. (1999) for
 speed, Lederman et al. (2000) for diameter and force, and Klatzky & Lederman (1999) for the
 quadratic, as [OL] section 3.1 reports them.
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LARGE_SPACING = 2.5e-3
-"""Where "large spacing" is read off [m]; ours."""
+"""The spacing that counts as large [m]; asperity's."""
 LEAST_R_SQUARED = 0.9
 SAME_RATIO = 0.05
 SAME_PLACE = 0.10
 NEARLY_CONSTANT = 0.15
 BLIND = 1e-9
-"""A model whose metric changes by less than this part with the probe's diameter cannot feel it."""
+"""Least relative change of a metric with the probe's diameter of a model that depends on it."""
 POST_HOC = "This metric was chosen after the paper's had been seen to miss the effect of speed."
 
 
 class Claim(TypedDict):
-    """One claim, as it stands in `claims.json`."""
+    """One claim, as in `claims.json`."""
 
     id: str
     claim: str
@@ -89,7 +89,7 @@ def _claim(
 
 
 def _plain(value: Any) -> Any:
-    """Return `value` with NumPy numbers made plain and rounded to six digits; NaN becomes null."""
+    """Return `value` with NumPy numbers as Python numbers of six digits; NaN becomes None."""
     if isinstance(value, dict):
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
@@ -175,7 +175,7 @@ def _peak_shrinks(data: xr.Dataset, metric: str) -> Claim:
 
 
 def _rises(data: xr.Dataset, metric: str) -> bool:
-    """Return whether each level peaks beyond the one before by more than both uncertainties."""
+    """Return whether each level's peak exceeds the one before by more than both uncertainties."""
     place = data[f"{metric}_peak"].values
     doubt = data[f"{metric}_peak_uncertainty"].values
     return bool(np.all(np.diff(place) > doubt[1:] + doubt[:-1]))
@@ -217,7 +217,7 @@ def _force_place(data: xr.Dataset, metric: str) -> Claim:
     shift = float(np.ptp(place) / np.mean(place))
     return _claim(
         data, metric, "peak_stays", "The peak's place barely moves with force (under 10 %)",
-        "[OL] 3.1 and 4.2, after Lederman et al. (2000); the 10 % is ours",
+        "[OL] 3.1 and 4.2, after Lederman et al. (2000); the 10 % is asperity's",
         _peak_figures(data, metric) | {"shift": shift},
         _inside(data, metric) and shift < SAME_PLACE, _no_peak(data, metric),
     )  # fmt: skip
@@ -263,7 +263,7 @@ def _constant_small(data: xr.Dataset, metric: str) -> Claim:
         data, metric, "constant_at_small",
         f"At small spacing ({data['spacing'].values[0] * 1e3:.3g} mm) the metric is nearly "
         "constant with speed (within 15 %): the failure that the paper reports",
-        "[OL] 4.2, Effects of Exploratory Speed; the 15 % is ours",
+        "[OL] 4.2, Effects of Exploratory Speed; the 15 % is asperity's",
         {"speed": _levels(data), "value": at, "spread": spread}, spread <= NEARLY_CONSTANT,
         "Structural: above the hand's resonance u'' is -F_u / m whatever the speed.",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""One drag after another: the hand's response over spacing, probe, force and speed, remembered."""
+"""Drags of a hand over a surface, by spacing, probe, force and speed; each is simulated once."""
 
 from __future__ import annotations
 
@@ -23,15 +23,35 @@ MODELS = {
     "ho": "Ho et al. 1999",
     "siira-pai": "Siira & Pai 1996",
 }
-LEAST_SLOPE = 1e-12
-"""A texture that is nowhere steeper than this is flat: an atom's height in a hundred metres."""
+_LEAST_SLOPE = 1e-12
+"""Largest slope of a texture that counts as flat: an atom's height in a hundred metres."""
 _NOISE_SECONDS = 4.0
 _NOISE_TICK = 1e-3
 
 
+def drag_over(
+    force: PiecewiseCubic, normal_force: float, hand: Hand, speed: float
+) -> Motion | None:
+    """Return the motion of a hand dragged against a texture force; None over a flat surface.
+
+    Parameters
+    ----------
+    force : PiecewiseCubic
+        F_u over one period of the surface [N].
+    normal_force : float
+        [N]
+    hand : Hand
+    speed : float
+        [m/s]
+    """
+    if not np.max(np.abs(force.coefficients)) > _LEAST_SLOPE * normal_force:
+        return None
+    return drag(force, hand, speed)
+
+
 @dataclass(frozen=True)
 class Condition:
-    """What is dragged over what: SI units."""
+    """The condition of a drag, in SI units."""
 
     spacing: float
     diameter: float
@@ -40,8 +60,23 @@ class Condition:
 
 
 @dataclass
-class Sweep:
-    """Drags by condition. Tables of slopes and motions are kept, since the studies share them."""
+class DragSimulator:
+    """Simulates drags of one hand over one kind of surface.
+
+    Slope tables and motions are kept, because studies share them.
+
+    Parameters
+    ----------
+    surface : str
+        One of `SURFACES`, or a file of heights.
+    options : StimulusOptions
+        Shape of the surface.
+    hand : Hand
+    model : str
+        The force model, a key of `MODELS`.
+    band : (low, high)
+        Band of the metric `band_rms` [Hz].
+    """
 
     surface: str = "sinusoid"
     options: StimulusOptions = field(default_factory=StimulusOptions)
@@ -56,11 +91,11 @@ class Sweep:
 
     @cached_property
     def make_surface(self) -> Callable[[float], Surface]:
-        """The function from spacing [m] to surface."""
+        """The function that returns the surface of a spacing [m]."""
         return surface_maker(self.surface, self.options)
 
-    def held_by(self, hand: Hand, band: tuple[float, float]) -> Sweep:
-        """Return a sweep of another hand and band that shares this one's surfaces and tables."""
+    def with_hand(self, hand: Hand, band: tuple[float, float]) -> DragSimulator:
+        """Return a simulator of another hand and band with the same surfaces and slope tables."""
         if (hand, band) == (self.hand, self.band):
             return self
         other = replace(self, hand=hand, band=band, _motions={})
@@ -83,7 +118,7 @@ class Sweep:
 
     def _drag(self, condition: Condition) -> Motion:
         if self.model == "siira-pai":
-            # Neither spacing nor diameter enters the model: one motion serves them all.
+            # The model depends on neither spacing nor diameter: all share one motion.
             key = Condition(1.0, 1.0, condition.normal_force, condition.speed)
             if key in self._motions:
                 return self._motions[key]
@@ -92,17 +127,18 @@ class Sweep:
             )
             self._motions[key] = shake(noise, _NOISE_TICK, self.hand, condition.speed)
             return self._motions[key]
-        force = self._force(condition)
-        if not np.max(np.abs(force.coefficients)) > LEAST_SLOPE * condition.normal_force:
+        motion = drag_over(
+            self._force(condition), condition.normal_force, self.hand, condition.speed
+        )
+        if motion is None:
             raise SurfaceError(
                 f"surface {self.surface!r} is flat for a probe of {condition.diameter * 1e3:g} mm "
                 f"at spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
                 "give one with relief along the probe's path"
             )
-        motion = drag(force, self.hand, condition.speed)
         if not motion.largest > 0.0:
             raise AsperityError(
-                f"the hand rests in a notch all the time under {condition.normal_force:g} N at "
+                f"the hand stays in a notch under {condition.normal_force:g} N at "
                 f"spacing {condition.spacing * 1e3:.3g} mm: there is nothing to feel; "
                 "give a smaller force or a stiffer hand"
             )

@@ -19,7 +19,7 @@ _TICKS = (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 15, 20)
 
 
 def level_labels(data: xr.Dataset) -> list[str]:
-    """Return what each level of a study is called in a legend."""
+    """Return the legend entry of each level of a study."""
     values = data[data.attrs["factor"]]
     scale, unit = _SCALE[values.attrs["units"]]
     symbol = {"diameter": "D", "normal_force": "F$_n$", "speed": "v"}[data.attrs["factor"]]
@@ -124,7 +124,7 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
         for axis, model, title in zip(axes, data["model"].values, titles, strict=True):
             values = data[metric].sel(model=model).values
             for level, label in enumerate(labels):
-                # Thinner lines on top, so that curves that coincide are all seen.
+                # Thinner lines on top, so that coinciding curves all show.
                 axis.plot(
                     spacing, values[level], color=COLOURS[level], lw=4.2 - 1.5 * level,
                     label=label,
@@ -132,12 +132,12 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
             spread = np.ptp(values, axis=0) / np.mean(values, axis=0)
             feels = np.max(spread) > 1e-9
             verdict = "feels the probe" if feels else "blind to the probe"
-            told = f"spread {100 * np.max(spread):.3g} %"
+            text = f"spread {100 * np.max(spread):.3g} %"
             if feels:
-                told += f" (median {100 * np.median(spread):.3g} %)"
+                text += f" (median {100 * np.median(spread):.3g} %)"
             axis.set_title(title)
             axis.text(
-                0.04, 0.04, f"{verdict}\n{told}", transform=axis.transAxes,
+                0.04, 0.04, f"{verdict}\n{text}", transform=axis.transAxes,
                 fontsize=8, color="#333333",
             )  # fmt: skip
             _log_axes(axis)

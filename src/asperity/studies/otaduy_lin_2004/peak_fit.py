@@ -1,4 +1,4 @@
-"""Peaks of roughness over spacing: the quadratic of the literature, and the peak itself."""
+"""Peaks of roughness over spacing: the literature's quadratic fit, and refinement of the peak."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 METRIC_ERROR = 1e-4
 """Relative numerical error of the metrics that a peak's uncertainty allows for."""
 _FARTHEST = 100.0
-"""Decades from 1 mm."""
+"""Largest distance of a fitted peak from 1 mm [decades]."""
 
 
 class QuadraticFit(NamedTuple):
@@ -21,9 +21,9 @@ class QuadraticFit(NamedTuple):
     """c0, c1, c2."""
     r_squared: float
     peak_spacing: float
-    """Where the parabola peaks [m]; NaN if it opens upwards, or is none."""
+    """Spacing of the parabola's peak [m]; NaN if it has none."""
     peak_error: float
-    """Standard error of that [m], from the residuals."""
+    """Standard error of `peak_spacing` [m], from the residuals."""
 
     def __call__(self, spacing: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the fitted values at `spacing` [m]."""
@@ -48,7 +48,7 @@ def fit_quadratic(spacing: NDArray[np.float64], values: NDArray[np.float64]) -> 
     residual = y - design @ c
     total = float(np.sum((y - np.mean(y)) ** 2))
     r_squared = 1.0 - float(np.sum(residual**2)) / total if total > 0.0 else 0.0
-    # Of a straight line the peak is nowhere, whichever way rounding bends it.
+    # A straight line has no peak, whichever way rounding bends it.
     if c[2] >= 0.0 or abs(c[1]) > -2.0 * _FARTHEST * c[2]:
         return QuadraticFit(c, r_squared, float("nan"), float("nan"))
     covariance = np.linalg.inv(design.T @ design) * np.sum(residual**2) / max(x.size - 3, 1)

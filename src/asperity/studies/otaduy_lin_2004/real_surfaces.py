@@ -1,4 +1,4 @@
-"""The real surfaces of the demo, and what stands in for them where they are not at hand."""
+"""The measured surfaces of the demo, and generated substitutes where the files are missing."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from asperity.texture.patterns.random_surfaces import self_affine
 
 @dataclass(frozen=True)
 class RealSurface:
-    """A measured surface, how to read it, and the statistics of a stand-in."""
+    """A measured surface, how to read it, and the statistics of its substitute."""
 
     name: str
     title: str
     file: str
-    """Below the folder of measured data."""
+    """Path below the folder of measured data."""
     pixel_size: float
     """[m]"""
     height_range: float | None
-    """Peak to peak [m], where the file carries no vertical scale: then it is chosen."""
+    """Chosen peak-to-peak height [m] if the file has no vertical scale; otherwise None."""
     scale_note: str
     shape: tuple[int, int]
-    """Samples of the map that are used, and of the stand-in."""
+    """Samples used of the map, and of its substitute."""
     hurst: float
     rms_slope: float
     rolloff: float
@@ -32,10 +32,10 @@ class RealSurface:
     seed: int
 
     def load(self, folder: Path | None) -> tuple[HeightMap, str]:
-        """Return the surface and a sentence that says what it is.
+        """Return the surface and a sentence about its origin.
 
         Without the file, a generated self-affine surface of the same pixel size, roll-off, Hurst
-        exponent and rms slope takes its place, and the sentence says so.
+        exponent and rms slope takes its place.
         """
         path = folder / self.file if folder else None
         if path and path.is_file():
@@ -53,9 +53,9 @@ class RealSurface:
             seed=self.seed,
         )
         return HeightMap(samples, self.pixel_size, "wrap"), (
-            "Generated: the measured file is not at hand, so a self-affine surface of the same "
+            "Generated: the measured file is missing, so a self-affine surface of the same "
             f"rms slope ({self.rms_slope:g}), Hurst exponent ({self.hurst:g}) and roll-off "
-            f"({self.rolloff * 1e3:g} mm) stands in."
+            f"({self.rolloff * 1e3:g} mm) takes its place."
         )
 
 

@@ -1,4 +1,4 @@
-"""Probes of several sizes rubbed over one real surface: profile, offset, vibration, spectrum."""
+"""Drag probes of several sizes over one real surface: profile, offset, vibration, spectrum."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _RATE = 8000.0
 _SEGMENT = 0.125
 _TABLE_TOLERANCE = 3e-3
-"""Of the largest slope: well below the accuracy of any measured map."""
+"""Relative to the largest slope; well below the accuracy of any measured map."""
 _MAX_PIXELS_SHOWN = 400
 
 
@@ -35,25 +35,25 @@ def rub(
     shown: float = 4e-3,
     progress: Callable[[], None] | None = None,
 ) -> xr.Dataset:
-    """Drag probes over a height map and return what is met and felt.
+    """Drag probes over a height map; return offsets, vibrations and their spectra.
 
-    Measured surfaces do not repeat; their mirrored continuation does, after twice the length.
-    The record begins when the motion repeats with that, or when it is clear that it does not.
+    Measured surfaces do not repeat, so they are continued by reflection, with twice their length as
+    period. The record begins when the motion is periodic, or when it is clear that it is not.
 
     Parameters
     ----------
     surface : HeightMap
-        Dragged along its `line`.
+        The surface; probes are dragged along its `line`.
     title : str
-        For the figure.
+        Title of the figure.
     diameters : sequence of float
-        Of the probes [m].
+        Diameters of the probes [m].
     normal_force, speed, hand
         As in the studies: [N], [m/s].
     band : (low, high)
-        Of the band metric [Hz].
+        Band of the metric `band_rms` [Hz].
     shown : float
-        Length of path kept for the drawing of profile and offsets [m].
+        Length of path for which profile and offsets are returned [m].
     progress : callable, optional
         Called after each probe.
 

@@ -1,13 +1,13 @@
-"""The studies' drags once more, in six directions: the probe's scene and a simulated hand.
+"""The studies' drags in 6-DoF: the probe's scene, held by a simulated hand.
 
-The studies (`perception.studies`) move a hand along one line over the exact offset of a surface,
-with the normal force held constant. Here a sphere meets the sampled plate of `probe-plate` in the
-full contact engine, and a hand with six directions holds it. Two hands are of interest:
+The studies (`studies`) move a 1-D hand over the exact offset of a surface at constant normal force.
+Here a 6-DoF hand holds a sphere that touches the sampled plate of `probe-plate` in the full contact
+solver. Two hands are of interest:
 
-- *constant*: along the normal light and soft, so that it presses with the same force all the time;
-  it tilts hardly at all. This is what the studies assume, and has to agree with them.
-- *full*: the same mass, spring and damper in every direction, which regulates the force slowly and
-  yields in rotation. The normal force then rises and falls with the texture.
+- *constant*: light and soft along the normal, so that its normal force is constant, and stiff in
+  rotation. This is what the studies assume, and must agree with them.
+- *full*: the same mass, spring and damper in every direction; it regulates the force slowly and
+  yields in rotation. The normal force then varies with the texture.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from asperity.studies.otaduy_lin_2004.drags import Condition
 
 HANDS = ("constant", "full")
 TICK = 1e-4
-"""The studies' hand is moved in finer steps than any device [s]."""
+"""Time step of the hand, finer than that of any device [s]."""
 STIFFNESS = 2000.0
-"""Of the contact [N/m]; the slope at the deepest place does not depend on it."""
+"""Stiffness of the contact [N/m]; the slope at the deepest place does not depend on it."""
 _START = -0.036
-"""Where the probe sets out on the plate, of which it uses 72 mm [m]."""
+"""Start of the probe's path on the plate, of which it uses 72 mm [m]."""
 _SETTLING = 6.0
 """Time constants of the hand before the record begins."""
 
 
 class SixDofDrag(NamedTuple):
-    """What a drag in six directions gave."""
+    """Metrics of a drag in 6-DoF."""
 
     max_acceleration: float
     """Largest u'' of the hand [m/s^2]."""
@@ -48,13 +48,13 @@ class SixDofDrag(NamedTuple):
     band_rms: float
     """RMS of u'' in the band [m/s^2]."""
     normal_force: float
-    """Mean [N], and"""
+    """Mean normal force over the record [N]."""
     normal_force_deviation: float
-    """its standard deviation over the record [N]."""
+    """Standard deviation of the normal force over the record [N]."""
 
 
 def hand_settings(kind: str, condition: Condition, hand: Hand) -> HandSettings:
-    """Return one of `HANDS`, pressing as the condition says."""
+    """Return one of `HANDS` with the normal force of a condition."""
     require_choice("hand", kind, HANDS)
     if kind == "full":
         return HandSettings(hand, press_force=condition.normal_force)
@@ -86,9 +86,9 @@ def drag_in_scene(
         See the module.
     hand : Hand, optional
     amplitude : float
-        Of the sinusoid [m].
+        Amplitude of the sinusoid [m].
     band : (float, float)
-        Of the band metric [Hz].
+        Band of the metric `band_rms` [Hz].
     """
     hand = hand or Hand()
     texture = {"kind": "sinusoid", "wavelength": condition.spacing, "amplitude": amplitude}
@@ -100,13 +100,13 @@ def drag_in_scene(
         start=(_START, 0.0, float(scene.start[2])),
     )  # fmt: skip
     start = simulation.trajectory(press).poses[0]
-    way = np.zeros(7)
-    way[0] = condition.speed
+    velocity = np.zeros(7)
+    velocity[0] = condition.speed
 
     def target(seconds: float) -> NDArray[np.float64]:
-        return np.asarray(start + seconds * way)
+        return np.asarray(start + seconds * velocity)
 
-    held = SimulatedHand(
+    simulated = SimulatedHand(
         target, hand_settings(kind, condition, hand), dt=TICK, centre=simulation.tool.body.centre
     )
     settling = _SETTLING * hand.time_constant
@@ -118,10 +118,10 @@ def drag_in_scene(
     first = math.ceil(settling / TICK)
     acceleration, force = np.empty(record), np.empty(record)
     for i in range(first + record):
-        wrench = simulation.step(held.pose)
-        held.advance(wrench)
+        wrench = simulation.step(simulated.pose)
+        simulated.advance(wrench)
         if i >= first:
-            acceleration[i - first], force[i - first] = held.acceleration[0], wrench[2]
+            acceleration[i - first], force[i - first] = simulated.acceleration[0], wrench[2]
     lines = spectrum(acceleration, TICK, periodic=True)
     return SixDofDrag(
         float(acceleration.max()),

@@ -30,25 +30,25 @@ class StimulusOptions:
     """Shape of the stimuli. The seed paper prints none of these; the defaults are asperity's."""
 
     amplitude: float = 0.1e-3
-    """Of the sinusoid [m]: half of peak to peak."""
+    """Amplitude of the sinusoid [m], half of peak to peak."""
     element_height: float = 0.4e-3
-    """Of ridges and dots [m]."""
+    """Height of ridges and dots [m]."""
     element_width: float = 0.5e-3
     """Width of a ridge's top, diameter of a dot's [m]."""
     flank: float = 0.05e-3
     """Horizontal width of the sloping sides of ridges and dots [m]; of at most half a gap."""
     jitter: float = 0.5
-    """Of the dots, as a part of half the spacing."""
+    """Jitter of the dots, as a fraction of half the spacing."""
     hurst: float = 0.8
     """Hurst exponent of self-affine roughness, 0 to 1."""
     rms_slope: float = 0.3
-    """Of self-affine roughness."""
+    """RMS slope of self-affine roughness."""
     height_range: float | None = None
-    """Peak to peak of a height map that has no scale of its own [m]."""
+    """Peak to peak of a height map without a vertical scale [m]."""
     missing: str = "refuse"
     """What to do with gaps in a height map, as for `asperity.read_heights`: refuse or fill."""
     seed: int = 0
-    """Of jitter and roughness."""
+    """Seed of jitter and roughness."""
 
 
 def surface_maker(name: str, options: StimulusOptions) -> Callable[[float], Surface]:
@@ -107,7 +107,7 @@ def _self_affine(spacing: float, options: StimulusOptions) -> SampledProfile:
 
 
 def _from_file(path: str, options: StimulusOptions) -> Callable[[float], Surface]:
-    # The pixel size is set by each spacing; any value reads the heights.
+    # Each spacing sets the pixel size; any value will do for reading.
     heights = read_heights(
         path, pixel_size=1e-5, height_range=options.height_range, missing=options.missing
     )

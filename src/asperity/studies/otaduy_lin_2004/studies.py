@@ -1,13 +1,14 @@
 """The three studies of Otaduy & Lin (2004, section 4.2, colour plates 1-3), and one of models.
 
-Each varies one factor over a range of spacings and holds the others at the middle of theirs:
-the probe's diameter, the normal force, the speed. The fourth repeats the study of diameter with
+Each varies one factor over a range of spacings and holds the others at their middle level: the
+probe's diameter, the normal force, the speed. The fourth repeats the study of the diameter with
 other force models.
 """
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.geometry.offsets.sampled import HeightMap
 from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
-from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, Sweep
+from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.peak_fit import Peak, QuadraticFit, fit_quadratic, refine_peak
 from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
 
@@ -35,13 +36,13 @@ FACTORS = {
 STUDIES = (*FACTORS, "models")
 _PHASES = 2048
 
-Progress = Callable[[str], None]
-"""Called once for every drag that is done, with the study's name."""
+ReportProgress = Callable[[str], None]
+"""Called once for every drag, with the study's name."""
 
 
 @dataclass(frozen=True)
 class StudySettings:
-    """What the studies vary, and what with. The paper prints none of these; defaults are ours."""
+    """Levels and stimuli of the studies. The paper prints none of them: all are asperity's."""
 
     surface: str = "sinusoid"
     stimulus: StimulusOptions = field(default_factory=StimulusOptions)
@@ -99,20 +100,29 @@ class StudySettings:
             return len(MODELS) * len(self.diameters)
         return len(self.levels()[study])
 
-    def sweep(self, model: str = "otaduy-lin") -> Sweep:
-        """Return a new sweep with these settings."""
-        return Sweep(self.surface, self.stimulus, self.hand, model, self.band)
+    def simulator(self, model: str = "otaduy-lin") -> DragSimulator:
+        """Return a new simulator of drags with these settings."""
+        return DragSimulator(self.surface, self.stimulus, self.hand, model, self.band)
+
+    def sweep(self, model: str = "otaduy-lin") -> DragSimulator:
+        """Return a new simulator; the deprecated name of `simulator`."""
+        warnings.warn(
+            "StudySettings.sweep is deprecated: use StudySettings.simulator",
+            DeprecationWarning, stacklevel=2,
+        )  # fmt: skip
+        return self.simulator(model)
 
 
 def run_study(
     name: str,
     settings: StudySettings | None = None,
     *,
-    sweep: Sweep | None = None,
+    simulator: DragSimulator | None = None,
     peaks: bool = True,
-    progress: Progress | None = None,
+    progress: ReportProgress | None = None,
+    sweep: DragSimulator | None = None,
 ) -> xr.Dataset:
-    """Run one study and return what it measured.
+    """Run one study and return its measurements.
 
     Parameters
     ----------
@@ -120,12 +130,14 @@ def run_study(
         The factor that varies; "models" varies the diameter, for each force model.
     settings : StudySettings, optional
         Defaults as in the class.
-    sweep : Sweep, optional
-        Motions known from another study with the same settings.
+    simulator : DragSimulator, optional
+        Simulator of another study with the same settings, whose motions are reused.
     peaks : bool
-        Whether to look for each curve's peak between the spacings too.
+        Refine the peak of each curve between the spacings.
     progress : callable, optional
         Called after every drag.
+    sweep : DragSimulator, optional
+        The deprecated name of `simulator`.
 
     Returns
     -------
@@ -137,14 +149,21 @@ def run_study(
     """
     settings = settings or StudySettings()
     require_choice("study", name, STUDIES)
+    if sweep is not None:
+        warnings.warn(
+            "run_study(sweep=...) is deprecated: use simulator=...",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        simulator = sweep
     if name != "models":
-        return _run_factor(name, settings, sweep or settings.sweep(), peaks, progress, name)
+        return _run_factor(name, settings, simulator or settings.simulator(), peaks, progress, name)
     import xarray as xr  # slow to import
 
     parts = []
     for model in MODELS:
-        part_sweep = sweep if sweep and sweep.model == model else settings.sweep(model)
-        parts.append(_run_factor("diameter", settings, part_sweep, peaks, progress, name))
+        own = simulator if simulator and simulator.model == model else settings.simulator(model)
+        parts.append(_run_factor("diameter", settings, own, peaks, progress, name))
     dataset = xr.concat(parts, dim="model", join="outer").assign_coords(model=list(MODELS))
     dataset.attrs = parts[0].attrs | {"study": "models"}
     return dataset
@@ -153,10 +172,10 @@ def run_study(
 def _run_factor(
     study: str,
     settings: StudySettings,
-    sweep: Sweep,
+    simulator: DragSimulator,
     peaks: bool,
-    progress: Progress | None,
-    told: str,
+    progress: ReportProgress | None,
+    name: str,
 ) -> xr.Dataset:
     factor, label, unit = FACTORS[study]
     levels, spacing = settings.levels()[study], settings.spacing_values()
@@ -167,26 +186,27 @@ def _run_factor(
         conditions = [Condition(spacing=float(s), **(middle | {factor: level})) for s in spacing]
         motions = []
         for condition in conditions:
-            motions.append(sweep.motion(condition))
+            motions.append(simulator.motion(condition))
             if progress:
-                progress(told)
-        for name, rows in data.items():
-            rows.append([sweep.metric(name, c) for c in conditions])
+                progress(name)
+        for metric, values in data.items():
+            values.append([simulator.metric(metric, c) for c in conditions])
         status.append([int(m.status) for m in motions])
         periods.append([m.duration for m in motions])
         waves.append([_wave(m.acceleration) for m in motions])
         fixed = middle | {factor: level}
-        peak_rows.append(_peaks(sweep, fixed, spacing, {n: r[-1] for n, r in data.items()}, peaks))
+        last = {metric: values[-1] for metric, values in data.items()}
+        peak_rows.append(_peaks(simulator, fixed, spacing, last, peaks))
 
     dims = ("level", "spacing")
     both: dict[str, Any] = {}
-    for name, rows in data.items():
-        metric = METRICS[name]
-        attrs = {"units": metric.unit, "long_name": metric.label, "origin": metric.origin}
-        both[name] = (dims, np.array(rows), attrs)
+    for metric, rows in data.items():
+        about = METRICS[metric]
+        attrs = {"units": about.unit, "long_name": about.label, "origin": about.origin}
+        both[metric] = (dims, np.array(rows), attrs)
         fits = [fit_quadratic(spacing, np.array(row)) for row in rows]
-        found = [row[name] for row in peak_rows]
-        both |= _fit_variables(name, fits, found)
+        found = [row[metric] for row in peak_rows]
+        both |= _fit_variables(metric, fits, found)
     both["status"] = (
         dims, np.array(status),
         {"long_name": "0 periodic, 1 subharmonic, 2 does not repeat", "units": "1"},
@@ -207,14 +227,14 @@ def _run_factor(
 
 
 def _wave(acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the record at a fixed number of equal phases."""
+    """Return the record at a fixed number of equally spaced phases."""
     n = acceleration.size
     phase = np.arange(_PHASES) * n / _PHASES
     return np.interp(phase, np.arange(n + 1), np.append(acceleration, acceleration[0]))
 
 
 def _peaks(
-    sweep: Sweep,
+    simulator: DragSimulator,
     fixed: dict[str, float],
     spacing: NDArray[np.float64],
     rows: dict[str, list[float]],
@@ -222,13 +242,13 @@ def _peaks(
 ) -> dict[str, Peak]:
     """Return the peak of every metric at one level of the factor."""
     found = {}
-    # A trace over a height map costs a thousand times one over a shape: fewer of them.
-    is_map = isinstance(sweep.make_surface(float(spacing[0])), HeightMap)
+    # A trace over a height map takes a thousand times as long as one over a shape.
+    is_map = isinstance(simulator.make_surface(float(spacing[0])), HeightMap)
     rounds = 0 if not refine else 1 if is_map else 5
     for name, values in rows.items():
 
         def metric(place: float, name: str = name) -> float:
-            return sweep.metric(name, Condition(spacing=place, **fixed))
+            return simulator.metric(name, Condition(spacing=place, **fixed))
 
         found[name] = refine_peak(metric, spacing, np.array(values), rounds=rounds)
     return found
@@ -252,14 +272,14 @@ def _fit_variables(name: str, fits: list[QuadraticFit], found: list[Peak]) -> di
 
 
 def _attributes(study: str, factor: str, settings: StudySettings) -> dict[str, object]:
-    """Return what a reader needs to repeat the study."""
+    """Return the settings needed to repeat the study."""
     stimulus, hand = settings.stimulus, settings.hand
     held = {f"held_{key}": value for key, value in settings.middle().items() if key != factor}
     return {
         "schema": 1,
         "study": study,
         "factor": factor,
-        # A file's name may be no text at all.
+        # The name of a file need not be valid UTF-8.
         "surface": os.fsencode(settings.surface).decode("utf-8", "replace"),
         "amplitude": stimulus.amplitude,
         "element_height": stimulus.element_height,

@@ -1,4 +1,4 @@
-"""What a study leaves on disk: figures, datasets, claims."""
+"""Write studies to disk: figures, datasets, claims."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def write_studies(
     folder : Path
         An existing folder.
     kinds : sequence of str
-        Of the figures' files.
+        Formats of the figures.
     """
     for name, data in studies.items():
         write_dataset(data, folder / f"{name}.nc")

@@ -1,12 +1,13 @@
-"""The results of a study cut into blocks: each a chunk of every array, and a run of combinations.
+"""Blocks: the chunks into which the results of a study are cut, each written at once.
 
-Combinations are numbered in the order of the axes, the last one fastest. A block is cut along one
-axis, has one place of each axis before it and all of those after it: so its combinations have
-consecutive numbers, and it is one chunk of every array, which is written at once and never read.
+Combinations are numbered in C order, the last axis fastest. A block is cut along one axis; it has
+one place of each axis before that one and all places of those after it. So the numbers of its
+combinations are consecutive, and it is one chunk of every array.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -16,6 +17,7 @@ class Block(NamedTuple):
     """One chunk of every array."""
 
     slices: tuple[slice, ...]
+    """Its places on each axis."""
     first: int
     """Number of its first combination."""
     shape: tuple[int, ...]
@@ -25,9 +27,14 @@ class Block(NamedTuple):
         """How many combinations it has."""
         return math.prod(self.shape)
 
+    @property
+    def places(self) -> slice:
+        """The numbers of its combinations."""
+        return slice(self.first, self.first + self.size)
+
 
 def block_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
-    """Return the shape of blocks of at most `most` combinations, but of one at least."""
+    """Return the shape of blocks of at most `most` combinations, and at least one."""
     out, room = [1] * len(shape), max(most, 1)
     for i in reversed(range(len(shape))):
         if shape[i] > room:
@@ -40,18 +47,14 @@ def block_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
 
 def blocks(shape: tuple[int, ...], chunk: tuple[int, ...]) -> Iterator[Block]:
     """Yield the blocks of arrays of a shape, in the order of their combinations."""
-    starts = [range(0, n, c) for n, c in zip(shape, chunk, strict=True)]
-    number = 0
-    for flat in range(math.prod(len(s) for s in starts)):
-        place, rest = [0] * len(shape), flat
-        for i in reversed(range(len(shape))):
-            rest, k = divmod(rest, len(starts[i]))
-            place[i] = starts[i][k]
-        stops = [min(p + c, n) for p, c, n in zip(place, chunk, shape, strict=True)]
-        block = Block(
-            tuple(slice(p, s) for p, s in zip(place, stops, strict=True)),
-            number,
-            tuple(s - p for p, s in zip(place, stops, strict=True)),
+    first = 0
+    for starts in itertools.product(
+        *(range(0, n, size) for n, size in zip(shape, chunk, strict=True))
+    ):
+        slices = tuple(
+            slice(start, min(start + size, n))
+            for start, size, n in zip(starts, chunk, shape, strict=True)
         )
+        block = Block(slices, first, tuple(s.stop - s.start for s in slices))
         yield block
-        number += block.size
+        first += block.size

@@ -1,4 +1,4 @@
-"""Where the combinations are worked on: local processes, or a Dask cluster that runs already."""
+"""Connect to the workers of a sweep: local processes, or a running Dask cluster."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from multiprocessing import active_children
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.studies.sweeps.store import needs
+from asperity.studies.sweeps.store import require_packages
 
 _PATIENCE = 60.0
-"""How long a scheduler, and its first worker, are waited for [s]."""
+"""Longest wait for a scheduler and its first worker [s]."""
 _LEAN = {
     "distributed.worker.profile.enabled": False,
     "distributed.scheduler.active-memory-manager.start": False,
     "distributed.scheduler.work-stealing": False,
 }
-"""What local workers do without: it looks after graphs and data, of which a sweep has none."""
+"""Services switched off in local workers: they manage graphs and data, which a sweep lacks."""
 
 
 def local_workers() -> int:
@@ -31,7 +31,7 @@ def local_workers() -> int:
 
 @contextmanager
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
-    """Give a client of a Dask cluster.
+    """Give a client that is connected to a Dask cluster.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     scheduler : str, optional
         Address of a scheduler, instead of local processes.
     """
-    needs("dask", "distributed")
+    require_packages("dask", "distributed")
     import dask
     from distributed import Client, LocalCluster
 
@@ -58,9 +58,9 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             cluster = LocalCluster(
                 n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
                 dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
-                preload=["asperity.studies.sweeps.uninterrupted"],
+                preload=["asperity.studies.sweeps.ignore_interrupts"],
             )  # fmt: skip
-        except Exception as error:  # by what is short: time, memory, ports, processes
+        except Exception as error:  # lack of time, memory, ports or processes
             line = " ".join(str(error).split())[:200] or type(error).__name__
             raise AsperityError(f"local workers could not be started: {line}") from None
         try:
@@ -71,7 +71,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
                 _close(client)
         finally:
             _close(cluster)
-            # A worker that was just being started anew is forgotten by its nanny.
+            # Dask's nanny loses track of a worker that it is restarting.
             for process in set(active_children()) - before:
                 with suppress(Exception):
                     process.kill()
@@ -82,7 +82,7 @@ def _client(scheduler: str) -> Any:
 
     try:
         client = Client(scheduler, timeout=_PATIENCE / 4.0)
-    except Exception as error:  # OSError, TimeoutError, ValueError, by what is wrong
+    except Exception as error:  # OSError, TimeoutError or ValueError
         line = " ".join(str(error).split())[:200] or type(error).__name__
         raise AsperityError(f"no scheduler answers at {scheduler!r}: {line}") from None
     try:
@@ -97,15 +97,15 @@ def _client(scheduler: str) -> Any:
 
 
 def _close(thing: Any) -> None:
-    """Close a client or a cluster. Results are safe by now: one that takes its time is left."""
+    """Close a client or a cluster, without waiting long: results are written by now."""
     with suppress(Exception):
         thing.close(timeout=_PATIENCE / 4.0)
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep Dask's remarks about workers that come and go to itself."""
-    # What tornado says of connections that end is of no use to anybody; it stays silent.
+    """Silence Dask's log messages about workers that come and go."""
+    # Tornado's messages about closed connections help nobody; they stay silenced.
     logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
     loud = logging.getLogger("distributed")
     before = loud.level
@@ -119,5 +119,5 @@ def _quiet() -> Iterator[None]:
 
 
 def cores(client: Any) -> int:
-    """Return how many combinations the cluster works on at once, one at least."""
+    """Return how many combinations the cluster runs at once, at least one."""
     return max(sum(client.nthreads().values()), 1)

@@ -1,4 +1,4 @@
-"""What a combination is, as a text that hashes the same everywhere: seeds and fingerprints."""
+"""Seeds and fingerprints: hashes of content, the same on every machine; and dotted keys."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ _SEEDS = 2**31 - 1
 
 
 def digest(*parts: Any) -> str:
-    """Return 64 hex digits of numbers, texts, lists and tables; the order of keys is no content."""
+    """Return the SHA-256 of numbers, texts, lists and tables, regardless of the order of keys."""
     text = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def seed_of(*parts: Any) -> int:
-    """Return a seed, 0 to 2^31 - 2, that follows from the content of `parts` alone."""
+    """Return a seed, 0 to 2^31 - 2, that depends on the content of `parts` alone."""
     return int(digest(*parts)[:16], 16) % _SEEDS
 
 
 def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all files in a folder with their names."""
+    """Return the SHA-256 of a file, or of the names and contents of all files in a folder."""
     if not path.is_dir():
         return hashlib.sha256(path.read_bytes()).hexdigest()
     files = sorted(file for file in path.rglob("*") if file.is_file())
@@ -33,7 +33,7 @@ def file_digest(path: Path) -> str:
 def flat(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") -> dict[str, Any]:
     """Return nested tables as one with dotted keys.
 
-    A table that has one of the keys `leaf` stays as it is.
+    A table with one of the keys `leaf` is kept as a value.
     """
     out: dict[str, Any] = {}
     words = set(leaf)

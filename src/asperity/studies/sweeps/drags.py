@@ -1,4 +1,4 @@
-"""A combination of the 2-D study: one drag of the hand of Eq. 7 over one surface."""
+"""Combinations of kind "drag": each is one drag of the hand of Eq. 7 over one surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
 from asperity.scene.document import arguments, beside, require_keys
-from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, Sweep
+from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
 from asperity.studies.sweeps.content import nested, seed_of
 
@@ -32,13 +32,13 @@ _RANGES = {
     "stimulus.rms_slope": (1e-3, 10.0, ""),
     "stimulus.height_range": (1e-7, 1e-2, "m"),
 }
-"""As for the options of `asperity study`: beyond lie slips of the unit."""
+"""Valid ranges, as of the options of `asperity study`; values outside have the wrong unit."""
 _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""
 INNER = ("normal_force", "speed", "hand.", "band")
-"""What does not change the table of slopes, so that neighbours share it."""
+"""Prefixes of parameters that leave the slope table as it is, so that neighbours share it."""
 BATCH = (16, 1024)
-"""Combinations of a block, at least and at most: they take about a millisecond each."""
+"""Least and largest number of combinations in a block; each takes about a millisecond."""
 _LABELS = {
     "surface": "surface", "model": "force model", "spacing": "texture spacing",
     "diameter": "probe diameter", "normal_force": "normal force", "speed": "speed",
@@ -48,9 +48,9 @@ _LABELS = {
 
 @dataclass(frozen=True)
 class DragCombination:
-    """What is dragged over what, and how: the parameters of `kind = "drag"`, in SI units.
+    """The parameters of one drag, in SI units.
 
-    The defaults are those of `StudySettings`, at its middle levels.
+    The defaults are the middle levels of `StudySettings`.
     """
 
     surface: str = "sinusoid"
@@ -62,9 +62,9 @@ class DragCombination:
     normal_force: float = 0.58
     speed: float = 0.083
     band: tuple[float, float] = DEFAULT_BAND
-    """Of the band metric [Hz]."""
+    """Band of the metric `band_rms` [Hz]."""
     repeat: int = 0
-    """Enters the seeds and nothing else."""
+    """Changes the seeds and nothing else."""
     stimulus: StimulusOptions = field(default_factory=StimulusOptions)
     hand: Hand = field(default_factory=Hand)
 
@@ -77,7 +77,7 @@ KEYS = (
 
 
 def drag_of(values: Mapping[str, Any]) -> DragCombination:
-    """Return the drag of checked values with dotted keys."""
+    """Return the drag described by checked values with dotted keys."""
     parts = {name: value for name, value in nested(values).items() if name not in _PARTS}
     for part, makes in _PARTS.items():
         parts[part] = makes(
@@ -87,7 +87,7 @@ def drag_of(values: Mapping[str, Any]) -> DragCombination:
 
 
 def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Return values with dotted keys as `drag_of` takes them, or refuse them by their key."""
+    """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
     require_keys(values, where, KEYS)
     out: dict[str, Any] = {}
     for key, value in values.items():
@@ -120,20 +120,20 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
 
 
 def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
-    """Return the files that values, key -> values, name, with where they lie."""
+    """Return the files that parameters, key -> values, name: name -> path."""
     names = [name for name in columns.get("surface", ()) if name not in SURFACES]
     return {name: beside(folder, name) for name in names}
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a parameter, "1" for numbers without, "" for texts."""
+    """Return the unit of a parameter, "1" if it has none, "" for texts."""
     if key in _RANGES:
         return _RANGES[key][2] or "1"
     return {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}.get(key, "")
 
 
 def label_of(key: str) -> str:
-    """Return what a parameter is called on an axis."""
+    """Return the axis label of a parameter."""
     return _LABELS.get(key, key.replace("stimulus.", "").replace(".", " ").replace("_", " "))
 
 
@@ -146,24 +146,24 @@ DEFAULT_KEEP = tuple(NUMBERS)
 
 
 class Drags:
-    """Drags, one combination after the other; surfaces and tables are shared between them.
+    """Runs combinations of a study of drags; surfaces and slope tables are shared between them.
 
     Parameters
     ----------
     fixed : mapping
-        Values that stay, by dotted key, checked.
+        Fixed parameters by dotted key, checked.
     folder : Path
-        Where relative files lie.
+        Folder to which relative paths refer.
     seed : int
-        Enters every seed that follows from content.
+        Part of every seed that is derived from content.
     """
 
     def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
         self.fixed, self.folder, self.seed = dict(fixed), folder, seed
-        self._sweeps: dict[tuple[Any, ...], Sweep] = {}
+        self._simulators: dict[tuple[Any, ...], DragSimulator] = {}
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Return what is kept of one combination."""
+        """Run one combination and return its numbers `keep`."""
         values = self.fixed | dict(varied)
         drag = drag_of(values)
         options = drag.stimulus
@@ -173,30 +173,32 @@ class Drags:
         if surface not in SURFACES:
             surface = str(beside(self.folder, surface))
         key = (surface, options, drag.model)
-        if key not in self._sweeps:
-            self._sweeps[key] = Sweep(surface, options, drag.hand, drag.model, drag.band)
-        sweep = self._sweeps[key].held_by(drag.hand, drag.band)
+        if key not in self._simulators:
+            self._simulators[key] = DragSimulator(
+                surface, options, drag.hand, drag.model, drag.band
+            )
+        simulator = self._simulators[key].with_hand(drag.hand, drag.band)
         condition = Condition(drag.spacing, drag.diameter, drag.normal_force, drag.speed)
         out = []
         for name in keep:
             if name == "motion_status":
-                out.append(float(sweep.motion(condition).status))
+                out.append(float(simulator.motion(condition).status))
             else:
-                out.append(sweep.metric(name, condition))
+                out.append(simulator.metric(name, condition))
         return out
 
     def _seed(self, drag: DragCombination) -> int:
-        """Return the seed that follows from what the surface, or the noise, is.
+        """Return the seed derived from the parameters of the surface, or of the noise.
 
-        Combinations with one surface meet one and the same, whatever the hand does.
+        Combinations with equal surface parameters have the same surface, whatever the hand is.
         """
-        told = asdict(drag)
+        parameters = asdict(drag)
         if drag.model == "siira-pai":
-            return seed_of(told, self.seed)
+            return seed_of(parameters, self.seed)
         if drag.surface not in _RANDOM:
             return 0
         names = ("surface", "spacing", "stimulus", "repeat")
-        return seed_of({name: told[name] for name in names}, self.seed)
+        return seed_of({name: parameters[name] for name in names}, self.seed)
 
 
 runner = Drags

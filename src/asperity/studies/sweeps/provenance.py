@@ -1,4 +1,4 @@
-"""Where results come from: versions, revision, machine."""
+"""Provenance of results: versions, revision, machine."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from asperity import __version__
-from asperity.studies.sweeps.work import machine, program, version_of
+from asperity.studies.sweeps.batch import machine, program, version_of
 
 
 def facts() -> dict[str, Any]:
-    """Return what there is to say of a run that begins now; no names of people or machines."""
+    """Return the facts of a run that begins now, without names of people or machines."""
     return {
         "started": now(),
         "version": __version__,
@@ -31,7 +31,7 @@ def now() -> str:
 
 
 def revision() -> str | None:
-    """Return the git revision that the package is of, "-dirty" if changed; None without git."""
+    """Return the git revision of the package, "-dirty" if changed; None outside a checkout."""
     folder = Path(__file__).parents[2]
     try:
         _git(folder, "ls-files", "--error-unmatch", "__init__.py")

@@ -1,4 +1,4 @@
-"""A combination of a study of scenes: one run of a scene in simulated time."""
+"""Combinations of kind "scene": each is one run of a scene in simulated time."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.sweeps.content import digest, flat, nested, seed_of
 
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
-"""What does not change the bodies."""
+"""Prefixes of parameters that leave the bodies of the scene as they are."""
 BATCH = (1, 4)
-"""Combinations of a block, at least and at most: they take seconds each."""
+"""Least and largest number of combinations in a block; each takes seconds."""
 SEEDS = ("scene", "content")
 _OWN: dict[str, Any] = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
 _SECTIONS: dict[str, Any] = {
@@ -33,7 +33,7 @@ _SECTIONS: dict[str, Any] = {
 }  # fmt: skip
 _EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
 PROBE = "probe.diameter"
-"""Of the tip, in the built-in scenes that have one; other tools are scenes of their own."""
+"""Diameter of the tip in the built-in scenes `PROBE_PLATES`."""
 _HAND = tuple(f"hand.{f.name}" for f in fields(Hand))
 KEYS = (
     *_OWN,
@@ -45,7 +45,7 @@ KEYS = (
         for name in (*(f.name for f in fields(makes)), *_EXTRA[section])
     ),
 )
-"""Of the keys under `bodies` a scene says which are valid."""
+"""Valid keys; those under `bodies` depend on the scene."""
 _UNITS = {
     "dt": "s", "repeat": "1", "stiffness": "N/m", "bristle_stiffness": "N/m", "damping": "N s/m",
     "mass": "kg", "mass_scale": "1",
@@ -74,7 +74,7 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "status.budget_spent": ("1", "depths with their budget spent"),
     "status.overflow": ("1", "overflows"),
     "anti_alias.ticks_active": ("1", "ticks with texture averaged"),
-    "anti_alias.ticks_beyond_budget": ("1", "ticks that wanted more sub-poses"),
+    "anti_alias.ticks_beyond_budget": ("1", "ticks that needed more sub-poses"),
     "anti_alias.ticks_too_fast_and_off": ("1", "ticks with texture faster than the tick"),
     "coupling.tool_put_back": ("1", "times that the tool was put back"),
     "hand.energy_j": ("J", "energy into the hand"),
@@ -82,7 +82,7 @@ NUMBERS: dict[str, tuple[str, str]] = {
     "hand.interventions": ("1", "interventions of the passivity controller"),
     "hand.dissipated_j": ("J", "energy dissipated by the controller"),
 }
-"""What can be kept of a run: name -> (unit, label). No times: they are never twice the same."""
+"""What can be kept of a run: name -> (unit, label). No times, because they do not repeat."""
 DEFAULT_KEEP = (
     "mean_force_n", "largest_force_n", "largest_torque_n_m", "vibration_rms_n", "band_rms_n",
     "contacts.mean", "status.certified", "status.budget_spent",
@@ -90,9 +90,9 @@ DEFAULT_KEEP = (
 
 
 def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Return values with dotted keys in their types, or refuse them by their key.
+    """Return values with dotted keys in the types of their parameters; refuse invalid ones.
 
-    What a value under `bodies` may be is judged with its scene, in `check_in_scene`.
+    Values under `bodies` are checked with their scene, in `check_whole`.
     """
     plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
     require_keys(plain, where, [*KEYS, "bodies.NAME.texture.KEY"])
@@ -115,7 +115,7 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
 
 
 def _own(key: str, value: Any, where: str, folder: Path) -> Any:
-    """Return a value that no section of `scene.toml` has."""
+    """Return the checked value of a parameter that `scene.toml` does not have."""
     place, kind = f"{where}.{key}", _OWN.get(key, float)
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
@@ -136,12 +136,12 @@ def _own(key: str, value: Any, where: str, folder: Path) -> Any:
 
 
 def _scene(name: str, folder: Path) -> Scene:
-    """Return a built-in scene, or that in a folder beside the study."""
+    """Return a built-in scene, or the scene in a folder beside the study."""
     return load_scene(name if name in SCENES else _path(name, folder))
 
 
 def _scene_with(values: Mapping[str, Any], folder: Path) -> Scene:
-    """Return the scene that values name, its probe as large as they say."""
+    """Return the scene that values name, with their probe diameter."""
     scene = _scene(values["scene"], folder)
     if PROBE not in values:
         return scene
@@ -157,7 +157,7 @@ def _path(name: str, folder: Path) -> str:
 def check_whole(
     fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]], folder: Path
 ) -> None:
-    """Refuse what does not go together: bodies that a scene lacks, keys that a texture lacks."""
+    """Refuse parameters that do not fit together, such as bodies that a scene lacks."""
     if "scene" not in fixed and "scene" not in varied:
         raise AsperityError(f"fixed.scene is missing: a folder, or one of: {', '.join(SCENES)}")
     everywhere = {"seeds": "scene"} | dict(fixed)
@@ -173,10 +173,10 @@ def check_whole(
         scene = _scene(name, folder)
         if (PROBE in fixed or PROBE in varied) and name not in PROBE_PLATES:
             raise AsperityError(
-                f"{PROBE} is of the scenes {', '.join(PROBE_PLATES)}, not of {name!r}; "
-                "scenes with tools of your own are listed under vary.scene"
+                f"{PROBE} belongs to the scenes {', '.join(PROBE_PLATES)}, not to {name!r}; "
+                "list scenes with other tools under vary.scene"
             )
-        # The keys of a texture go with its kind: the values of kind and file come first.
+        # Valid keys of a texture depend on its kind: check each with the first values of others.
         firsts = {key: values[0] for key, values in varied.items()}
         _check_bodies(scene, dict(fixed), "fixed", firsts, folder)
         for key, values in varied.items():
@@ -186,24 +186,24 @@ def check_whole(
 
 
 def _check_bodies(
-    scene: Scene, fixed: dict[str, Any], told: str, varied: Mapping[str, Any], folder: Path
+    scene: Scene, fixed: dict[str, Any], where: str, varied: Mapping[str, Any], folder: Path
 ) -> None:
-    """Make the textures of one combination, as far as the study speaks of them."""
+    """Check the textures of one combination by building those that the study changes."""
     values = fixed | dict(varied)
     bodies = nested({k: v for k, v in values.items() if k.startswith("bodies.")}).get("bodies", {})
     known = scene.document.get("bodies", {})
     names = [body.name for body in scene.bodies]
-    require_keys(bodies, "fixed.bodies" if told == "fixed" else "vary.bodies", names)
+    require_keys(bodies, "fixed.bodies" if where == "fixed" else "vary.bodies", names)
     for name, body in bodies.items():
         place = f"bodies.{name}"
         require_keys(body, place, ("texture",))
         table = _texture(known.get(name, {}).get("texture", {}), body.get("texture", {}), folder)
         own = folder if "file" in body.get("texture", {}) else scene.folder
-        at(told, lambda t=table, p=place, f=own: body_texture(t, f"{p}.texture", f))  # type: ignore[misc]
+        at(where, lambda t=table, p=place, f=own: body_texture(t, f"{p}.texture", f))  # type: ignore[misc]
 
 
 def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return a texture's table with what a study says; another kind begins afresh."""
+    """Return the table of a texture changed by a study; another kind drops the old keys."""
     fresh = {"kind", "file"} & set(new)
     kept = {} if fresh and any(old.get(k) != new.get(k) for k in fresh) else dict(old)
     table = kept | dict(new)
@@ -213,9 +213,9 @@ def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> di
 
 
 def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
-    """Return the files and folders that values, key -> values, name, with where they lie.
+    """Return the files and folders that parameters, key -> values, name: name -> path.
 
-    Of a scene also those that it names itself: they may lie outside its folder.
+    Files that a scene names are included, because they may be outside its folder.
     """
     out = {}
     for name in columns.get("scene", ()):
@@ -229,28 +229,28 @@ def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Pa
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a parameter, "1" for numbers without, "" where it is not known."""
+    """Return the unit of a parameter, "1" if it has none, "" if it is not known."""
     return _UNITS.get(key.rpartition(".")[2], "")
 
 
 def label_of(key: str) -> str:
-    """Return what a parameter is called on an axis."""
+    """Return the axis label of a parameter."""
     *path, name = key.split(".")
     place = path[1] if path[:1] == ["bodies"] else " ".join(path)
     return f"{place} {name}".strip().replace("_", " ")
 
 
 class SceneRuns:
-    """Runs of scenes, one combination after the other.
+    """Runs combinations of a study of scenes, one after the other.
 
     Parameters
     ----------
     fixed : mapping
-        Values that stay, by dotted key, checked.
+        Fixed parameters by dotted key, checked.
     folder : Path
-        Where relative files lie.
+        Folder to which relative paths refer.
     seed : int
-        Enters every seed that follows from content.
+        Part of every seed that is derived from content.
     """
 
     def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
@@ -258,11 +258,11 @@ class SceneRuns:
         self._scenes: dict[str, Scene] = {}
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Return what is kept of one combination."""
+        """Run one combination and return its numbers `keep`."""
         values = {"dt": 1e-3} | self.fixed | dict(varied)
         scene = self._scene_of(values)
         run = run_scene(scene, None, dt=values["dt"], hand=_hand(values))
-        found = {"coupling.tool_put_back": 0} | flat(run.summary) | _felt(run)
+        found = {"coupling.tool_put_back": 0} | flat(run.summary) | _force_numbers(run)
         out = []
         for name in keep:
             if name not in found:
@@ -271,11 +271,11 @@ class SceneRuns:
         return out
 
     def _scene_of(self, values: Mapping[str, Any]) -> Scene:
-        """Return the scene of one combination; neighbours mostly share the one before changes."""
+        """Return the scene of a combination; equal bodies are reused from the one before."""
         changes = nested({k: v for k, v in values.items() if k not in _OWN})
-        told = {k: v for k, v in values.items() if k in ("scene", PROBE)}
-        told |= {k: v for k, v in changes.items() if k == "bodies"}
-        key = digest(told, values.get("repeat", 0), values.get("seeds"))
+        bodies = {k: v for k, v in values.items() if k in ("scene", PROBE)}
+        bodies |= {k: v for k, v in changes.items() if k == "bodies"}
+        key = digest(bodies, values.get("repeat", 0), values.get("seeds"))
         if key not in self._scenes:
             self._scenes = {key: self._with_bodies(values, changes.get("bodies", {}))}
         scene = self._scenes[key]
@@ -306,19 +306,21 @@ class SceneRuns:
         seeds: dict[str, Any] = {}
         for name, body in scene.document.get("bodies", {}).items():
             if f"bodies.{name}.texture.seed" not in values:
-                told = body.get("texture", {})
-                seeds |= with_seed({name: body}, seed_of(told, values.get("repeat", 0), self.seed))
+                texture = body.get("texture", {})
+                seeds |= with_seed(
+                    {name: body}, seed_of(texture, values.get("repeat", 0), self.seed)
+                )
         return scene.changed(bodies=seeds) if seeds else scene
 
 
 def _hand(values: Mapping[str, Any]) -> bool | Hand:
-    """Return whether a hand holds the tool, or the one of which something is told."""
-    told = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
-    return Hand(**told) if told else bool(values.get("hand", False))
+    """Return whether the default hand holds the tool, or the hand that values describe."""
+    given = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
+    return Hand(**given) if given else bool(values.get("hand", False))
 
 
-def _felt(run: Run) -> dict[str, float]:
-    """Return numbers of the contact force that the summary does not have; asperity's own."""
+def _force_numbers(run: Run) -> dict[str, float]:
+    """Return numbers of the contact force that the run's summary lacks (asperity's own)."""
     force = run.rollout.contact_wrench[:, :3]
     about = force - force.mean(axis=0)
     times = run.rollout.time

@@ -1,4 +1,4 @@
-"""How much of a result one parameter alone explains."""
+"""Sensitivity: the share of a result's variance that one parameter alone explains."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _LEAST_IN_BIN = 8
 
 
 class Groups:
-    """Results grouped by one parameter: by its values, or by equally many in order.
+    """Results grouped by one parameter: by its values, or into bins of equal size.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""STUDY.toml: what stays, what varies, which combinations, what is kept. Checked as a whole.
+"""STUDY.toml: what is fixed, what varies, in which combinations, and which numbers are kept.
+
+The whole study is checked before anything runs.
 
 schema = 1
 kind = "drag"                 # or "scene"
@@ -32,12 +34,12 @@ from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_de
 
 SCHEMA = 1
 KINDS = {"drag": "asperity.studies.sweeps.drags", "scene": "asperity.studies.sweeps.scene_runs"}
-"""What is run for each combination; the modules have the same names in them.
+"""Kind of study -> module that runs its combinations; the modules define the same names.
 
-Loaded when used: workers on drags have no need of scenes, which take as long to load.
+Each is imported when needed: importing scenes takes as long as importing all that drags need.
 """
 _BLOCKS = 20
-"""At least, of a study of many combinations: what is not written yet is lost with the program."""
+"""Least number of blocks of a large study: an interrupted sweep loses the blocks in progress."""
 _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
 
 
@@ -49,30 +51,30 @@ class Runner(Protocol):
     """Runs combinations, one after the other."""
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Return what is kept of one combination."""
+        """Run one combination and return its numbers `keep`."""
 
 
 @dataclass(frozen=True)
 class SweepStudy:
-    """A checked study.
+    """A study that has been checked.
 
     Parameters
     ----------
     title : str
     kind : {"drag", "scene"}
-        A drag of the 2-D study, or a run of a scene in simulated time.
+        A drag of the 1-D studies, or a run of a scene in simulated time.
     keep : tuple of str
         Names of the numbers that are kept.
     fixed : mapping
-        Values that stay, by dotted key.
-    design : Design
-        What varies, and all combinations.
+        Fixed parameters, by dotted key.
+    design : SweepDesign
+        Varied parameters and their combinations.
     folder : Path
-        Where relative files lie.
+        Folder to which relative paths refer.
     text : str
         The study as TOML.
     files : mapping
-        The files that it names, with a hash of what is in them.
+        The files that it names -> hash of their content.
     """
 
     title: str
@@ -91,49 +93,54 @@ class SweepStudy:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of everything that the results follow from, but for the program."""
+        """Hash of everything that determines the results, except the program."""
         axes = [[axis.name, axis.columns] for axis in self.design.axes]
         seed = self.design.seed
         return digest(self.kind, self.keep, dict(self.fixed), axes, seed, dict(self.files))
 
     @property
     def block(self) -> int:
-        """How many combinations are written together, at most."""
+        """Largest number of combinations in a block, which are written together."""
         low, high = _module(self.kind).BATCH
         if self.files:
-            low, high = 1, 16  # a height map costs a thousand times a shape
+            low, high = 1, 16  # a drag over a height map takes a thousand times as long
         return max(min(self.size // _BLOCKS, high), low)
 
     @property
     def least(self) -> int:
-        """How few combinations are worth a batch of their own."""
+        """Smallest number of combinations that is worth sending to a worker."""
         return 1 if self.files else int(_module(self.kind).BATCH[0])
 
     def unit(self, key: str) -> str:
-        """Return the unit of a parameter or of a number that is kept; "" if there is none."""
+        """Return the unit of a parameter or of a kept number; "" if it has none."""
         of = _module(self.kind)
         return str(of.NUMBERS[key][0] if key in of.NUMBERS else of.unit_of(key))
 
     def label(self, key: str) -> str:
-        """Return what a parameter, or a number that is kept, is called on an axis."""
+        """Return the axis label of a parameter or of a kept number."""
         of = _module(self.kind)
         return str(of.NUMBERS[key][1] if key in of.NUMBERS else of.label_of(key))
 
+    def attributes(self, key: str) -> dict[str, str]:
+        """Return label and unit of a parameter or of a kept number, as xarray names them."""
+        unit = self.unit(key)
+        return {"long_name": self.label(key)} | ({"units": unit} if unit else {})
+
 
 def read_study(source: str | Path | Mapping[str, Any], *, folder: Path | None = None) -> SweepStudy:
-    """Return a study, checked as a whole.
+    """Read and check a study.
 
     Parameters
     ----------
     source : path or mapping
-        STUDY.toml, or what would stand in it.
+        STUDY.toml, or its content.
     folder : Path, optional
-        Where relative files lie, for a mapping; by default the current folder.
+        Folder to which relative paths of a mapping refer; by default the current folder.
 
     Raises
     ------
     AsperityError
-        One line: the dotted key, what stands there, and what is valid.
+        One line: the dotted key, its value, and what would be valid.
     """
     if isinstance(source, Mapping):
         return _study(source, folder or Path.cwd(), "sweep", write_toml(source))
@@ -160,17 +167,19 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     of = _module(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
     fixed = of.checked(flat(document.get("fixed", {})), "fixed", folder)
-    told = flat(document.get("vary", {}), LEAF)
-    if not told:
+    varied = flat(document.get("vary", {}), LEAF)
+    if not varied:
         raise AsperityError("vary is empty: name at least one parameter with several values")
-    for key in told:
+    for key in varied:
         if key in fixed:
-            raise AsperityError(f"{key} stands under fixed and under vary; leave one out")
-    require_keys(told, "vary", [*of.KEYS, *(k for k in told if k.startswith("bodies."))])
-    variations = [_checked(read_variation(key, v, folder), of, folder) for key, v in told.items()]
+            raise AsperityError(f"{key} is under fixed and under vary; remove one of them")
+    require_keys(varied, "vary", [*of.KEYS, *(k for k in varied if k.startswith("bodies."))])
+    variations = [
+        _checked(read_variation(key, spec, folder), of, folder) for key, spec in varied.items()
+    ]
     if kind == "scene":
         of.check_whole(fixed, {v.key: v.extremes for v in variations}, folder)
-        _refuse_unfelt(keep, fixed, told)
+        _require_hand(keep, fixed, varied)
     design = read_design(document.get("design", {}), variations, of.INNER)
     named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
     files = {name: file_digest(path) for name, path in of.files_of(named, folder).items()}
@@ -187,15 +196,16 @@ def _kept(names: Any, of: ModuleType) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _refuse_unfelt(keep: Iterable[str], fixed: Mapping[str, Any], told: Mapping[str, Any]) -> None:
+def _require_hand(keep: Iterable[str], fixed: Mapping[str, Any], varied: Mapping[str, Any]) -> None:
+    """Refuse numbers of the hand in a study in which no hand holds the tool."""
     of_hand = [name for name in keep if name.startswith("hand.")]
-    parts = any(key.startswith("hand.") for key in (*told, *fixed))
-    if of_hand and "hand" not in told and not fixed.get("hand") and not parts:
+    parts = any(key.startswith("hand.") for key in (*varied, *fixed))
+    if of_hand and "hand" not in varied and not fixed.get("hand") and not parts:
         raise AsperityError(f"keep: {', '.join(of_hand)} needs fixed.hand = true")
 
 
 def _checked(variation: Variation, of: ModuleType, folder: Path) -> Variation:
-    """Return a variation with its values as the parameter has them, all of them valid."""
+    """Return a variation whose values are valid and have the parameter's type."""
     key = variation.key
     values = [of.checked({key: value}, "vary", folder)[key] for value in variation.extremes]
     if variation.values is not None:
@@ -203,11 +213,13 @@ def _checked(variation: Variation, of: ModuleType, folder: Path) -> Variation:
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values) or not all(
         map(math.isfinite, values)
     ):
-        raise AsperityError(f"vary.{key} has no range; give its values as a list")
+        raise AsperityError(
+            f"vary.{key} is not a number, so it has no range; give its values as a list"
+        )
     return variation
 
 
 def runner(kind: str, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
-    """Return what runs the combinations of a kind of study."""
+    """Return the runner of the combinations of a kind of study."""
     made: Runner = _module(kind).runner(fixed, folder, seed)
     return made

@@ -1,4 +1,4 @@
-"""Which views of a sweep are drawn: chosen by what the store holds, or by what is asked for."""
+"""Choose the figures of a sweep from the parameters it varies and the options given."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
-from asperity.studies.sweeps.work import DONE
+from asperity.studies.sweeps.batch import DONE
 
 VIEWS = ("curve", "map", "effects")
 _CURVE = 4
-"""Values that a parameter needs for an axis of a figure."""
+"""Least number of values of a parameter that is an axis of a figure."""
 _COLOURS = 6
-"""Levels that colours and markers tell apart."""
+"""Largest number of levels that colours and markers can show."""
 
 
 @dataclass(frozen=True)
 class SweepView:
-    """One figure: a metric, and what its axes are."""
+    """One figure: a metric, and the parameters on its axes."""
 
     kind: str
     metric: str
@@ -31,7 +31,7 @@ class SweepView:
 
 
 def parameters(data: xr.Dataset) -> list[str]:
-    """Return the parameters that vary: all coordinates but the numbers of samples."""
+    """Return the parameters that vary: all coordinates except the numbers of samples."""
     return [
         str(name)
         for name in data.coords
@@ -55,8 +55,8 @@ def chosen(
 ) -> list[SweepView]:
     """Return the views to draw.
 
-    By default, of each metric: the curve over the axis with most values, the spacing first; the
-    map of the two axes with most values; effects, if several parameters vary.
+    By default, for each metric: its curve over the axis with most values, preferably the spacing;
+    its map over the two axes with most values; effects, if several parameters vary.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def chosen(
         As `open_sweep` returns it.
     view : {"curve", "map", "effects"}, optional
     metrics : sequence of str
-        Default: the first that was kept, but for a status.
+        Default: the first that was kept.
     x, y, colour : str, optional
         Parameters.
     """
@@ -73,24 +73,24 @@ def chosen(
         require_choice("view", view, VIEWS)
     for metric in metrics:
         require_choice("metric", metric, data.attrs["keep"])
-    asked = {"x": x, "y": y, "colour": colour}
-    for option, name in asked.items():
+    options = {"x": x, "y": y, "colour": colour}
+    for option, name in options.items():
         if name is not None:
             require_choice(f"parameter for {option}", name, names)
     numeric = [name for name in names if is_number(data, name)]
     axes = [n for n in numeric if data[n].dims == (n,) and data.sizes[n] >= _CURVE]
     axes.sort(key=lambda n: (n != "spacing", -data.sizes[n]))
     for option in ("x", "y"):
-        name = asked[option]
+        name = options[option]
         if name is not None and name not in numeric:
             raise AsperityError(f"{option} must be a parameter with numbers, got {name!r}")
     across = x or (axes[0] if axes else None)
     up = y or next((n for n in axes if n != across), None)
-    told = colour or _colour(data, names, across)
+    colours = colour or _colour(data, names, across)
     found = []
     for metric in metrics or data.attrs["keep"][:1]:
         if view == "curve" or (view is None and across is not None):
-            found.append(SweepView("curve", metric, _given("x", across), colour=told or ""))
+            found.append(SweepView("curve", metric, _given("x", across), colour=colours or ""))
         if view == "map" or (view is None and across and up and colour is None):
             found.append(SweepView("map", metric, _given("x", across), _given("y", up)))
         if view == "effects" or (view is None and len(names) > 1 and not (x or y or colour)):
@@ -109,7 +109,7 @@ def _given(option: str, name: str | None) -> str:
 
 
 def _colour(data: xr.Dataset, names: Sequence[str], across: str | None) -> str | None:
-    """Return the axis with most levels that colours can tell apart."""
+    """Return the axis with most levels, of those that colours can show."""
     few = [
         n for n in names if n != across and data[n].dims == (n,) and 1 < data.sizes[n] <= _COLOURS
     ]
@@ -119,7 +119,7 @@ def _colour(data: xr.Dataset, names: Sequence[str], across: str | None) -> str |
 def table(
     data: xr.Dataset, metric: str
 ) -> tuple[dict[str, NDArray[np.generic]], NDArray[np.float64]]:
-    """Return each parameter's values and the metric's, a row for each combination that is done."""
+    """Return the values of parameters and metric, a row for each combination that is done."""
     whole = data[metric]
     done = (data["state"].values == DONE).ravel()
     columns = {

@@ -7,16 +7,16 @@ gain and d the depth of the point below the smooth surface,
     M = (N - grad h) / |N - grad h|
     F / k = (d - K h) N + K h M     if d >= K h,     else d M .
 
-Pressed with a normal force F_n, so that the normal part of F is F_n, d drops out, and what is
-left along u, counted as resistance, is
+If the normal component of F equals the normal force F_n, d drops out, and the component along u,
+as resistance, is
 
     F_u = min(k K h M_n, F_n) dh/du .
 
 Unlike Minsky's, the force grows with the height and the stiffness, up to the same limit.
 
-The formulas are quoted as other work gives them; they were not checked against the paper.
+The formulas are quoted from other work and were not checked against the paper.
 
-What it is not: the probe is a point. Its diameter does not enter.
+Limits: the probe is a point, so the force does not depend on its diameter.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ def texture_force(
     Parameters
     ----------
     surface : Surface
-        What the point is dragged over; its lowest point counts as height 0.
+        The surface under the point; its lowest point has height 0.
     normal_force : float
-        Force that presses the point down [N], above 0.
+        Normal force on the point [N], above 0.
     stiffness : float
-        Of the smooth surface [N/m], above 0. The default is asperity's.
+        Stiffness of the smooth surface [N/m], above 0. The default is asperity's.
     gain : float
         K, 1 for the texture at its true height.
     """

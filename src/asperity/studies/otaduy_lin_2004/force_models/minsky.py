@@ -4,10 +4,10 @@ r"""The texture force of Minsky (1995): proportional to the slope of the height 
 
 which opposes motion uphill. M. Minsky, *Computational Haptics: The Sandpaper System for
 Synthesizing Texture for a Force-Feedback Display*, PhD thesis, MIT. The gain K [N] is free in
-the original; equal to the normal force it makes the model the limit of Otaduy & Lin's for a
-probe of no size, which is the fairest comparison.
+the original; set to the normal force, it makes the model the limit of Otaduy & Lin's for a probe
+of zero size, which is the fairest comparison.
 
-What it is not: the probe is a point. Its diameter does not enter.
+Limits: the probe is a point, so the force does not depend on its diameter.
 """
 
 from __future__ import annotations

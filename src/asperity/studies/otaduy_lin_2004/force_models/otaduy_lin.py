@@ -4,13 +4,13 @@ For a probe pressed on the surface with normal force `F_n > 0`,
 
     F_u = F_n d(delta)/du ,
 
-delta being the directional penetration depth, which for a disk or sphere is the height of its
-offset surface. Positive F_u resists motion along +u: uphill costs force.
+where delta is the directional penetration depth, which for a disk or sphere is the height of its
+offset surface. Positive F_u resists motion along +u, as it does uphill.
 
 *Sign.* Taken literally, Eq. 4 has F_n = -k delta < 0, and Eq. 7 would then push the hand uphill.
-With F_n the magnitude of the normal force the texture resists climbing, as Eq. 2 says.
+With F_n the magnitude of the normal force, the texture resists climbing, as in Eq. 2.
 
-What it is not: it has no dynamics along the normal; the probe never lifts off.
+Limits: there are no dynamics along the normal; the probe never lifts off.
 """
 
 from __future__ import annotations
@@ -28,8 +28,15 @@ def slope_table(
 ) -> PiecewiseCubic:
     """Return d(delta)/du over one period of the surface for a probe of `diameter` [m].
 
-    `tolerance` is relative to the largest slope; `trace` is the surface's tracer for that probe,
-    where there is one already.
+    Parameters
+    ----------
+    surface : Surface
+    diameter : float
+        [m]
+    tolerance : float
+        Relative to the largest slope.
+    trace : Tracer, optional
+        The surface's tracer for that probe, if it exists already.
     """
     trace = trace or surface.tracer(diameter)
 
@@ -48,11 +55,11 @@ def texture_force(surface: Surface, diameter: float, normal_force: float) -> Pie
     Parameters
     ----------
     surface : Surface
-        What the probe is dragged over.
+        The surface under the probe.
     diameter : float
         Diameter of the probe [m], above 0.
     normal_force : float
-        Magnitude of the force that presses it down [N], above 0.
+        Magnitude of the normal force on the probe [N], above 0.
     """
     require_positive("normal_force", normal_force, "[N]")
     return slope_table(surface, diameter).scaled(normal_force)  # Eq. 6

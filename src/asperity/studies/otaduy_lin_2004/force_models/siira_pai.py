@@ -4,10 +4,10 @@ Haptic textures: a stochastic approach, *Proc. IEEE ICRA*, 557-562. A new force 
 tick of the servo loop from N(0, sigma^2). Here sigma is `level` times the normal force, the
 noise is low-passed to `bandwidth`, and the generator is seeded, so that a run can be repeated.
 
-The model is quoted as other work gives it; it was not checked against the paper.
+The model is quoted from other work and was not checked against the paper.
 
-What it is not: it has no geometry at all; neither the probe's diameter nor the surface's spacing
-enters, only the level of roughness that somebody chose.
+Limits: it has no geometry. The force depends on neither the probe's diameter nor the surface's
+spacing, only on the chosen level of roughness.
 """
 
 from __future__ import annotations
@@ -34,19 +34,20 @@ def texture_force(
     Parameters
     ----------
     normal_force : float
-        Force that presses the probe down [N], above 0.
+        Normal force on the probe [N], above 0.
     duration : float
         Length of the series [s].
     level : float
-        Standard deviation of the force over the normal force, above 0; ours.
+        Standard deviation of the force over the normal force, above 0; asperity's.
     rate : float
         Ticks per second.
     bandwidth : float
-        Corner of the low-pass (second-order Butterworth) [Hz], below half the rate; ours.
+        Corner of the low-pass (second-order Butterworth) [Hz], below half the rate;
+        asperity's.
     seed : int
-        Of the generator.
+        Seed of the generator.
     """
-    from scipy import signal  # slow to import, and seldom needed
+    from scipy import signal  # slow to import, and rarely needed
 
     require_positive("normal_force", normal_force, "[N]")
     require_positive("duration", duration, "[s]")

@@ -1,4 +1,4 @@
-"""What a worker does with a batch of combinations: numbers, or what went wrong."""
+"""A batch of combinations as a worker runs it: numbers, or the error of each combination."""
 
 from __future__ import annotations
 
@@ -23,12 +23,10 @@ from asperity.studies.sweeps.study import runner
 WAITING, DONE, FAILED = 0, 1, 2
 """States of a combination."""
 _PACKAGES = ("numpy", "scipy", "numba", "mujoco")
-_LONGEST = 500
-"""Characters of an error's text that are kept."""
 
 
 class Batch(NamedTuple):
-    """Combinations that are worked on together; what varies stands in columns."""
+    """Combinations that one worker runs one after the other."""
 
     kind: str
     fixed: Mapping[str, Any]
@@ -36,22 +34,22 @@ class Batch(NamedTuple):
     seed: int
     keep: tuple[str, ...]
     columns: Mapping[str, list[Any]]
-    """Key -> values, as many as there are combinations."""
+    """Varied parameters: key -> values, one for each of the n combinations."""
     program: str
-    """What `program()` returns where the sweep was started."""
+    """`program()` of the process that started the sweep."""
 
 
 class BatchOutcome(NamedTuple):
-    """What came of a batch of n combinations."""
+    """Results of a batch of n combinations."""
 
     values: NDArray[np.float64]
-    """(n, numbers that are kept); NaN where the combination failed."""
+    """Kept numbers (n, numbers); NaN where the combination failed."""
     states: NDArray[np.int8]
-    """(n,) `DONE` or `FAILED`."""
-    errors: dict[int, str]
-    """Place in the batch -> text, of those that failed."""
+    """`DONE` or `FAILED` (n,)."""
+    errors: list[str]
+    """Error of each combination (n), "" where it succeeded."""
     machine: str
-    """Processor on which it was computed."""
+    """Processor on which the batch ran."""
 
 
 class WrongProgram(AsperityError):  # noqa: N818
@@ -60,21 +58,20 @@ class WrongProgram(AsperityError):  # noqa: N818
 
 @functools.cache
 def program() -> str:
-    """Return a text that is the same where the program and what computes for it are the same."""
+    """Return the versions of asperity, with a hash of its source, of Python and of its packages."""
     folder = Path(__file__).parents[2]
     hashed = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
         hashed.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
-    parts = [f"asperity {__version__} ({hashed.hexdigest()[:12]})", f"python {_python()}"]
+    parts = [
+        f"asperity {__version__} ({hashed.hexdigest()[:12]})",
+        f"python {platform.python_version()}",
+    ]
     return ", ".join(parts + [f"{name} {version_of(name)}" for name in _PACKAGES])
 
 
-def _python() -> str:
-    return ".".join(map(str, sys.version_info[:3]))
-
-
 def version_of(package: str) -> str:
-    """Return the version of a package, or "none"."""
+    """Return the version of an installed package, or "none"."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -83,34 +80,34 @@ def version_of(package: str) -> str:
 
 @functools.cache
 def machine() -> str:
-    """Return what of this machine results may depend on: architecture and kind of processor."""
+    """Return the architecture and processor type, on which the last digits of results depend."""
     import llvmlite.binding as llvm
 
     return f"{platform.machine()} {llvm.get_host_cpu_name()} ({sys.platform})"
 
 
-def ready(batch: Batch | None) -> str:
-    """Load what a batch needs, by running it; return `program()`."""
+def warm_up(batch: Batch | None) -> str:
+    """Run a batch, if given, so that its kernels are loaded; return `program()`."""
     if batch is not None:
-        work(batch)
+        run_batch(batch)
     return program()
 
 
-def packed(batch: Batch) -> bytes:
-    """Return a batch as bytes: Dask looks at each element of tuples and lists, which takes longer.
+def pack(batch: Batch) -> bytes:
+    """Return a batch as bytes for `run_packed_batch`.
 
-    Unpacked by `work_packed`.
+    Dask inspects every element of nested tuples and lists, which takes longer than pickling them.
     """
     return pickle.dumps(batch, protocol=pickle.HIGHEST_PROTOCOL)
 
 
-def work_packed(batch: bytes) -> BatchOutcome:
-    """Run the combinations of a batch that `packed` made."""
-    return work(pickle.loads(batch))
+def run_packed_batch(batch: bytes) -> BatchOutcome:
+    """Run a batch packed by `pack`."""
+    return run_batch(pickle.loads(batch))
 
 
-def work(batch: Batch) -> BatchOutcome:
-    """Run the combinations of a batch; what one of them raises is its result."""
+def run_batch(batch: Batch) -> BatchOutcome:
+    """Run the combinations of a batch; an exception of one becomes its error text."""
     if batch.program != program():
         raise WrongProgram(
             f"a worker runs {program()}; the sweep was started by {batch.program}: "
@@ -120,7 +117,7 @@ def work(batch: Batch) -> BatchOutcome:
     runs = runner(batch.kind, batch.fixed, Path(batch.folder), batch.seed)
     values = np.full((count, len(batch.keep)), np.nan)
     states = np.full(count, DONE, np.int8)
-    errors: dict[int, str] = {}
+    errors = [""] * count
     for i in range(count):
         varied = {key: column[i] for key, column in batch.columns.items()}
         try:
@@ -130,13 +127,13 @@ def work(batch: Batch) -> BatchOutcome:
                     raise AsperityError(f"{name} came out as {number}")
             values[i] = numbers
         except Exception as error:
-            states[i], errors[i] = FAILED, told(error)
+            states[i], errors[i] = FAILED, error_line(error)
     return BatchOutcome(values, states, errors, machine())
 
 
-def told(error: BaseException) -> str:
-    """Return an error as one line."""
-    text = " ".join(str(error).split())[:_LONGEST]
+def error_line(error: BaseException, length: int = 500) -> str:
+    """Return an exception as one line; its type precedes it unless it is an `AsperityError`."""
+    text = " ".join(str(error).split())[:length]
     if isinstance(error, AsperityError) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

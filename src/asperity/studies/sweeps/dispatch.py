@@ -1,0 +1,172 @@
+"""Send batches to the workers of a Dask cluster, and yield their outcomes as they complete.
+
+A worker holds nothing that would be lost with it: Dask gives its batches to another one. A batch
+that kills its workers repeatedly is set aside and run at the end, one combination at a time; the
+combination that kills its worker is recorded as failed.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import AsperityError
+from asperity.studies.sweeps.batch import (
+    FAILED,
+    Batch,
+    BatchOutcome,
+    error_line,
+    machine,
+    pack,
+    program,
+    run_packed_batch,
+    warm_up,
+)
+from asperity.studies.sweeps.blocks import Block
+from asperity.studies.sweeps.cluster import cores
+from asperity.studies.sweeps.study import SweepStudy
+
+_QUEUED_PER_CORE = 3
+"""Batches that the scheduler holds at once, for each core."""
+_LAST_PER_CORE = 4
+"""Batches into which the remaining combinations are cut, for each core: batches shrink towards the
+end, so that no worker is idle long."""
+
+
+class Job(NamedTuple):
+    """Combinations of one block that are to be run."""
+
+    block: Block
+    places: NDArray[np.int64]
+    """Indices in the block."""
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """The numbers of the combinations in the study."""
+        return self.places + self.block.first
+
+
+def make_batch(study: SweepStudy, numbers: Sequence[int] | NDArray[np.int64]) -> Batch:
+    """Return the batch of the combinations with these numbers."""
+    return Batch(
+        study.kind, dict(study.fixed), str(study.folder), study.design.seed, study.keep,
+        study.design.columns(list(map(int, numbers))), program(),
+    )  # fmt: skip
+
+
+def check_workers(client: Any, first: Batch | None) -> None:
+    """Raise `AsperityError` if a worker lacks asperity or has another version of it.
+
+    All workers run the batch `first`, if given, so that they load its kernels at the same time.
+    """
+    try:
+        found = client.run(warm_up, first)
+    except Exception as error:
+        raise _stopped(client, error) from None
+    for address, other in found.items():
+        if other != program():
+            raise AsperityError(
+                f"the worker at {address} runs {other}; the sweep was started by {program()}: "
+                "install the same everywhere"
+            )
+
+
+def run_on_cluster(
+    client: Any, study: SweepStudy, jobs: Sequence[Job]
+) -> Iterator[tuple[Job, BatchOutcome]]:
+    """Yield jobs, or parts of them, with their outcomes, in the order in which they complete."""
+    try:
+        yield from _run(client, study, jobs)
+    except OSError as error:  # of the connection: any call may find that the scheduler is gone
+        raise _stopped(client, error) from None
+
+
+def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[Job, BatchOutcome]]:
+    from distributed import as_completed
+    from distributed.scheduler import KilledWorker
+
+    run = uuid.uuid4().hex[:12]
+    completed = as_completed(with_results=True, raise_errors=False)
+    parts = _cut(jobs, study.least, lambda: cores(client))
+    running: dict[str, Job] = {}
+    suspects: list[Job] = []
+
+    def submit(job: Job, label: str = "") -> Any:
+        key = f"asperity-sweep-{run}{label}-{job.numbers[0]}-{job.numbers.size}"
+        batch = pack(make_batch(study, job.numbers))
+        return client.submit(run_packed_batch, batch, key=key, pure=False)
+
+    def refill() -> None:
+        for job in parts:
+            future = submit(job)
+            running[future.key] = job
+            completed.add(future)
+            if len(running) >= _QUEUED_PER_CORE * cores(client):
+                return
+
+    refill()
+    for future, result in completed:
+        job = running.pop(future.key)
+        # The worker may be gone by now and the state of the future another: the result counts.
+        if isinstance(result, BatchOutcome):
+            future.release()
+            refill()
+            yield job, result
+        elif isinstance(result, tuple) and isinstance(result[1], KilledWorker):
+            suspects.append(job)
+            refill()
+        else:
+            raise _stopped(client, result[1] if isinstance(result, tuple) else result)
+    for job in suspects:
+        for place in job.places:
+            alone = Job(job.block, np.array([place]))
+            try:
+                outcome = submit(alone, "-alone").result()
+            except KilledWorker:
+                outcome = _deadly(len(study.keep))
+            except Exception as error:
+                raise _stopped(client, error) from None
+            yield alone, outcome
+
+
+def _deadly(count: int) -> BatchOutcome:
+    """Return the outcome of a combination that kills its worker; `count` numbers are kept."""
+    states = np.array([FAILED], np.int8)
+    return BatchOutcome(
+        np.full((1, count), np.nan), states, ["every worker that ran it died"], machine()
+    )
+
+
+def _cut(jobs: Sequence[Job], least: int, workers: Callable[[], int]) -> Iterator[Job]:
+    """Yield jobs, the last ones in parts of at least `least` combinations."""
+    remaining = sum(job.places.size for job in jobs)
+    for job in jobs:
+        size = max(remaining // (_LAST_PER_CORE * workers()), least, 1)
+        parts = max(round(job.places.size / size), 1)
+        for places in np.array_split(job.places, parts):
+            yield Job(job.block, places)
+        remaining -= job.places.size
+
+
+def _stopped(client: Any, error: Any) -> AsperityError:
+    """Return the message for a batch, or a call of the client, that ended without a result."""
+    if isinstance(error, AsperityError):
+        return error
+    if isinstance(error, ImportError):
+        return AsperityError(
+            f"a worker cannot load asperity ({error_line(error)}): install it there, the same "
+            "version"
+        )
+    name = type(error).__name__
+    gone = "ancel" in name or "CommClosed" in name
+    if client.status != "running" or error is None or gone:
+        return AsperityError(
+            "the scheduler went away; completed blocks are in the store, and the same command "
+            "resumes the sweep"
+        )
+    text = error_line(error) if isinstance(error, BaseException) else str(error)
+    return AsperityError(f"a worker could not run its batch: {text}")
