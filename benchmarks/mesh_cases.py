@@ -344,7 +344,7 @@ def _shift(textures, chart):
     """Return how far a chart's texture moves points sideways at most [m]."""
     if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
         return 0.0
-    return chart[SIDE] * textures.scales[int(chart[TEXTURE]), 2]
+    return chart[SIDE] * textures.maps[int(chart[TEXTURE])].max_abs_height
 
 
 @inner_kernel
@@ -499,7 +499,8 @@ class Paper:
             seen = sign * (table.axes[mine, 2] @ (n @ body[:, :3])) >= FLATTEST
             places = table.points[mine] @ body[:, :3].T @ frame[:2].T + frame[:2] @ body[:, 3]
             k = e._geometry.texture[number]
-            reach = 0.5 * window + (e._textures.scales[k, 2] if k >= 0 else 0.0) + 2.0 * STEP
+            height = e._textures.maps["max_abs_height"][k] if k >= 0 else 0.0
+            reach = 0.5 * window + height + 2.0 * STEP
             near = (places.min(axis=1) <= [cu + reach, cv + reach]).all(axis=1)
             near &= (places.max(axis=1) >= [cu - reach, cv - reach]).all(axis=1)
             facets.append(mine[seen & near])

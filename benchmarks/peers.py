@@ -98,9 +98,12 @@ def coefficient_pyramid(field: HeightField) -> tuple[NDArray[np.float64], NDArra
 
 def sharper_pyramid(textures: PackedTextures) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return what `coefficient_pyramid` does, of asperity's own bounds of the cells' heights."""
-    finer = int(math.log2(textures.table[0, 8]))  # the pyramid may begin below cells
-    first, _, width = textures.levels[finer, :3]
-    return _pyramid(textures.bounds[first : first + width * width, 0].reshape(width, width))
+    first, columns, _ = textures.windows[0]
+    width, parts = int(textures.maps["columns"][0]), int(textures.maps["parts"][0])
+    # The smallest windows are parts of cells; a wrapped map repeats the first at its end.
+    high = textures.tops[first : textures.windows["first"][1]].reshape(-1, columns)
+    high = high[: width * parts, : width * parts].reshape(width, parts, width, parts)
+    return _pyramid(high.max(axis=(1, 3)))
 
 
 def _pyramid(high: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -115,16 +118,16 @@ def _pyramid(high: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 @inner_kernel
 def _block_bound(textures, high, first, radius, centre, level, column, row):
     """Return how deep a block may be: by its highest height and the sphere over it."""
-    table, scales = textures.table, textures.scales
-    side = float(1 << level)
-    x0, y0 = (column - 0.5) / scales[0, 0] - centre[0], (row - 0.5) / scales[0, 1] - centre[1]
-    x1, y1 = x0 + side / scales[0, 0], y0 + side / scales[0, 1]
+    texture = textures.maps[0]
+    side, scale = float(1 << level), texture.cells_per_metre
+    x0, y0 = (column - 0.5) / scale[0] - centre[0], (row - 0.5) / scale[1] - centre[1]
+    x1, y1 = x0 + side / scale[0], y0 + side / scale[1]
     x, y = min(max(0.0, x0), x1), min(max(0.0, y0), y1)
     square = x * x + y * y
     if square > (_FACING * radius) ** 2:
         return -np.inf
-    c, r = (column % table[0, 4]) >> level, (row % table[0, 3]) >> level
-    width = table[0, 4] >> level
+    c, r = (column % texture.columns) >> level, (row % texture.rows) >> level
+    width = texture.columns >> level
     return high[first[level] + r * width + c] + math.sqrt(radius * radius - square) - centre[2]
 
 
@@ -137,7 +140,7 @@ def uncertified_depth(textures, high, first, radius, centre, guess, finest, stac
     `guess` (2,) is a place to climb from first, from the centre. Blocks of 2**finest cells a side
     are not divided. `stack` (100, 4) is written to. The texture has 2**k cells a side and wraps.
     """
-    scale, reach = textures.scales[0, 0], _FACING * radius
+    scale, reach = textures.maps[0].cells_per_metre[0], _FACING * radius
     cell = 1.0 / scale
     stride = 4.0 * cell * (1 << finest)
     best, best_x, best_y = _climb(textures, radius, centre, guess[0], guess[1], 0.2 * radius)

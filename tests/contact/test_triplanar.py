@@ -73,7 +73,7 @@ def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
     assert charts
     for chart in charts:
         x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
-        highest = textures.scales[int(chart[TEXTURE]), 8]
+        highest = textures.maps["highest"][int(chart[TEXTURE])]
         for _ in range(25):
             side = min(x1 - x0, y1 - y0) * 10.0 ** rng.uniform(-2.0, -0.4)
             at = rng.uniform([x0, y0], [x1, y1])
@@ -123,7 +123,7 @@ def test_second_derivatives_are_those_of_the_mix(kind, tilt):
 def _third(textures, chart, x, y, half_x, half_y):
     w1, w2 = plane_normal(chart, x, y, math.sqrt(half_x * half_x + half_y * half_y))[4:]
     slope, _, bend = slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)
-    size = textures.scales[int(chart[TEXTURE]), 2]
+    size = textures.maps[int(chart[TEXTURE])].max_abs_height
     return _third_of_texture(textures, chart, (size, slope, bend, w1, w2))
 
 

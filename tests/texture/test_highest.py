@@ -28,10 +28,10 @@ def tops_by_size(textures, rectangles, out):
 def cells_of(textures):
     """Return the highest point of every part of a cell: the first level of windows."""
     first, columns, shift = textures.windows[0]
-    parts = textures.table[0, 8]
-    rows, cells = textures.table[0, 3] * parts, textures.table[0, 4] * parts
+    parts = textures.maps["parts"][0]
+    rows, cells = textures.maps["rows"][0] * parts, textures.maps["columns"][0] * parts
     assert shift == 0
-    after = textures.windows[1, 0]
+    after = textures.windows["first"][1]
     return textures.tops[first:after].reshape(-1, columns)[:rows, :cells]
 
 
@@ -52,7 +52,7 @@ def test_the_highest_point_is_that_of_the_rectangle_and_a_quarter_more(shape, bo
     rng = np.random.default_rng(1)
     heights = rng.standard_normal(shape) * 1e-5
     textures = pack([HeightField(heights, pixel_size=PIXEL, border=border)])
-    cells, parts = cells_of(textures), textures.table[0, 8]
+    cells, parts = cells_of(textures), textures.maps["parts"][0]
     size = np.array(cells.shape[::-1])
     # Near squares, as boxes are, of all sizes, in parts of cells; on and beyond the borders.
     side = np.exp(rng.uniform(np.log(0.01), np.log(0.4 * size.min()), 800))
@@ -82,7 +82,7 @@ def test_long_rectangles_of_one_size_are_covered_wherever_they_begin(border):
     rng = np.random.default_rng(3)
     field = HeightField(rng.standard_normal((90, 70)) * 1e-5, pixel_size=PIXEL, border=border)
     textures = pack([field])
-    cells, parts = cells_of(textures), textures.table[0, 8]
+    cells, parts = cells_of(textures), textures.maps["parts"][0]
     size = np.array(cells.shape[::-1])
     wide = np.exp(rng.uniform(np.log(0.1), np.log(0.9 * size), (2000, 2)))
     low = rng.uniform(-1.5, 1.5, (2000, 2)) * size

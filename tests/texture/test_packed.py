@@ -67,7 +67,7 @@ def test_a_coarse_map_is_bounded_within_its_cells():
     heights = np.sin(2.0 * np.pi * (np.arange(64) + 0.5) / 8.0) * np.ones((64, 1)) * 1e-4
     field = HeightField(heights, PIXEL, "wrap")
     textures, some = pack([field]), rectangles(field, 1500, 0.25)
-    assert textures.table[0, 8] == 4
+    assert textures.maps["parts"][0] == 4
     bounds, found = np.empty((1500, 3)), np.empty((1500, 3))
     bounds_of(textures, some, bounds)
     largest_of(textures, some, 25, found)

@@ -56,7 +56,7 @@ def depth_tolerance(textures, geometry, a, b, wanted):
     square = 0.0
     for body in (a, b):
         if geometry.texture[body] >= 0:
-            square += textures.scales[geometry.texture[body], 5] ** 2
+            square += textures.maps[geometry.texture[body]].rms ** 2
     return max(1e-9, 1e-3 * math.sqrt(square))
 
 

@@ -1,15 +1,15 @@
-"""All textures of a scene in a few flat arrays, as compiled kernels want them.
+"""All textures of a scene in a few flat arrays for compiled kernels.
 
-A texture is asked for two things: its height with all derivatives up to the second at a place,
-and bounds over a rectangle: no point of the texture there is higher, no slope is larger in size,
-no second derivative is larger. Both cost the same whatever the resolution: bounds of slopes and
-second derivatives come from pyramids over the cells' Bezier points (in whose hull a spline lies),
-read at the level whose blocks are as large as the rectangle; highest points from windows that
-overlap (`highest`).
+Kernels evaluate a texture's height and its derivatives up to the second at a point, and bounds over
+a rectangle: no point of the texture in it is higher, no slope larger in size, no second derivative
+larger. The cost of neither depends on the resolution. Bounds of slopes and second derivatives come
+from pyramids over the Bezier points of the cells (a spline lies in their convex hull), read at the
+level whose blocks are as large as the rectangle; highest points from overlapping windows
+(`highest`).
 
-A place is counted in cells: cell `i` is the stretch between the samples `i - 1` and `i`, and
-depends on the coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat;
-a clamped one has n + 1, and goes on level beyond its borders.
+Positions are counted in cells: cell `i` lies between the samples `i - 1` and `i` and depends on the
+coefficients `i .. i + 3`. A wrapped texture of n samples has n cells that repeat; a clamped one has
+n + 1 and continues level beyond its borders.
 """
 
 from __future__ import annotations
@@ -25,13 +25,46 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import small_kernel
 from asperity.texture.height_field import HeightField
-from asperity.texture.highest import cells_between, texture_top, windows
+from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 
 _MOST_BLOCKS = 512**2
-"""Cells are not cut into more blocks than this."""
+"""Largest number of blocks into which the cells of a coarse texture are subdivided."""
 _SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
 _EDGE = 1e-6
-"""Rectangles this little larger than a block count as its size [cells]."""
+"""A rectangle larger than a block by less than this counts as its size [cells]."""
+
+TEXTURE_MAP = np.dtype([
+    ("first_coefficient", np.int64),
+    ("coefficient_rows", np.int64),
+    ("coefficient_columns", np.int64),
+    ("rows", np.int64),
+    ("columns", np.int64),
+    ("wraps", np.int64),
+    ("parts", np.int64),
+    ("first_level", np.int64),
+    ("level_count", np.int64),
+    ("first_window_level", np.int64),
+    ("cells_per_metre", np.float64, 2),
+    ("max_abs_height", np.float64),
+    ("max_slope", np.float64),
+    ("max_curvature", np.float64),
+    ("max_third_derivative", np.float64),
+    ("rms", np.float64),
+    ("lowest", np.float64),
+    ("highest", np.float64),
+])  # fmt: skip
+"""One texture of a scene.
+
+`rows` and `columns` count cells, the `coefficient_` ones spline coefficients. `wraps` is 1 or 0.
+Each side of a cell is cut into `parts` with bounds of their own. `cells_per_metre` is along u and
+v. `max_abs_height` and `max_curvature` (over all directions) bound the spline's coefficients, and
+so the surface [m, 1/m]; `max_third_derivative` likewise [1/m^2]; `max_slope` [-]. `rms` and
+`lowest` are those of the samples, `highest` bounds the surface [m].
+"""
+LEVEL = np.dtype([("first", np.int64), ("rows", np.int64), ("columns", np.int64)])
+"""One level of a pyramid: index of its first block, rows and columns of blocks."""
+BLOCK_BOUNDS = np.dtype([("slope", np.float32), ("curvature", np.float32)])
+"""Largest slope [-] and largest second derivative in any direction [1/m] of a block."""
 
 
 class PackedTextures(NamedTuple):
@@ -39,77 +72,66 @@ class PackedTextures(NamedTuple):
 
     coefficients: NDArray[np.float64]
     """Spline coefficients of all textures, each row-major."""
-    bounds: NDArray[np.float32]
-    """For every block: largest slope, largest second derivative; shape (n, 2)."""
-    levels: NDArray[np.int64]
-    """For every level of every texture: first block, rows, columns; shape (n, 3)."""
-    table: NDArray[np.int64]
-    """First coefficient, rows, columns of coefficients; rows, columns of cells; first level,
-    number of levels, whether it wraps; parts of a cell's side with bounds of their own; first
-    level of windows; shape (textures, 10)."""
-    scales: NDArray[np.float64]
-    """Cells per metre along u and v; largest size of a height, of a slope, of a second derivative;
-    rms height; lowest height; largest size of a third derivative; highest point; shape
-    (textures, 9)."""
+    bounds: NDArray[np.void]
+    """`BLOCK_BOUNDS` of every block of every level."""
+    levels: NDArray[np.void]
+    """`LEVEL` of every level of every texture's pyramid, finest first."""
+    maps: NDArray[np.void]
+    """`TEXTURE_MAP` of every texture."""
     tops: NDArray[np.float32]
-    """Highest points of windows: see `highest`."""
-    windows: NDArray[np.int64]
-    """For every level of windows of every texture: first of `tops`, columns, by which power of two
-    cells they are apart; shape (n, 3)."""
+    """Highest points of windows [m]: see `highest`."""
+    windows: NDArray[np.void]
+    """`WINDOW_LEVEL` of every size of window of every texture, smallest first."""
 
 
 def pack(fields: Sequence[HeightField]) -> PackedTextures:
     """Return the textures `fields` as flat arrays. An empty sequence gives empty arrays."""
-    levels: list[list[int]] = []
-    coefficients, bounds, table, scales = [], [], [], []
-    tops: list[NDArray[np.float32]] = []
-    windowed: list[list[int]] = []
-    first_coefficient = first_block = first_level = first_top = 0
-    for field in fields:
+    levels: list[tuple[int, int, int]] = []
+    maps = np.zeros(len(fields), TEXTURE_MAP)
+    coefficients = [np.zeros(0)]
+    bounds, tops = [np.zeros(0, BLOCK_BOUNDS)], [np.zeros(0, np.float32)]
+    window_levels = [np.zeros(0, WINDOW_LEVEL)]
+    first_coefficient = first_block = first_level = first_top = first_window_level = 0
+    for i, field in enumerate(fields):
         c = np.ascontiguousarray(field.coefficients)
         wraps = field.border == "wrap"
         rows, columns = (n - 4 if wraps else n - 3 for n in c.shape)
         parts = _parts(rows * columns)
-        # A wrapped texture's last cell is its first once more.
+        # The last cell of a wrapped texture repeats its first.
         cells = c[:-1, :-1] if wraps else c
         pyramid = _pyramid(cells, field.pixel_size, levels, first_block, parts)
-        highest, more = windows(_up(_most(cells, 0, 0, parts=parts)), wraps)
-        count = len(levels) - first_level
-        table.append([
-            first_coefficient, *c.shape, rows, columns, first_level, count, wraps, parts,
-            len(windowed),
-        ])  # fmt: skip
-        windowed += [[first_top + first, *rest] for first, *rest in more]
-        size = float(np.max(np.abs(c)))
-        top = pyramid[-1]
+        highest, sizes = windows(_rounded_up(_most(cells, 0, 0, parts=parts)), wraps)
         pu, pv = field.pixel_size
-        bend = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
-        bend += _largest(c, 1, 1) / (pu * pv)
-        third = _third(c, pu, pv)
-        scales.append([
-            1.0 / pu, 1.0 / pv, size, top[0], bend, field.rms, field.lowest, third,
-            float(highest.max()),
-        ])  # fmt: skip
-        coefficients.append(c.ravel())
-        bounds.append(pyramid)
-        tops.append(highest)
-        first_top += len(highest)
+        curvature = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
+        maps[i] = (
+            first_coefficient, *c.shape, rows, columns, wraps, parts,
+            first_level, len(levels) - first_level, first_window_level,
+            (1.0 / pu, 1.0 / pv), np.max(np.abs(c)), pyramid["slope"][-1],
+            curvature + _largest(c, 1, 1) / (pu * pv), _third(c, pu, pv),
+            field.rms, field.lowest, highest.max(),
+        )  # fmt: skip
+        sizes["first"] += first_top
+        for parts_of, part in (
+            (coefficients, c.ravel()), (bounds, pyramid), (tops, highest), (window_levels, sizes),
+        ):  # fmt: skip
+            parts_of.append(part)
         first_coefficient += c.size
         first_block += len(pyramid)
         first_level = len(levels)
+        first_top += len(highest)
+        first_window_level += len(sizes)
     return PackedTextures(
-        np.concatenate([np.zeros(0), *coefficients]),
-        np.concatenate([np.zeros((0, 2), np.float32), *bounds]),
-        np.array(levels, dtype=np.int64).reshape(-1, 3),
-        np.array(table, dtype=np.int64).reshape(-1, 10),
-        np.array(scales, dtype=np.float64).reshape(-1, 9),
-        np.concatenate([np.zeros(0, np.float32), *tops]),
-        np.array(windowed, dtype=np.int64).reshape(-1, 3),
+        np.concatenate(coefficients),
+        np.concatenate(bounds),
+        np.array(levels, dtype=LEVEL),
+        maps,
+        np.concatenate(tops),
+        np.concatenate(window_levels),
     )
 
 
 def _parts(cells: int) -> int:
-    """Return into how many parts a side of each cell is cut, for bounds: more in coarse maps."""
+    """Return the number of parts of a cell's side with bounds of their own: more in coarse maps."""
     parts = 1
     while parts < 4 and cells * (2 * parts) ** 2 <= _MOST_BLOCKS:
         parts *= 2
@@ -119,26 +141,26 @@ def _parts(cells: int) -> int:
 def _pyramid(
     c: NDArray[np.float64],
     pixel_size: tuple[float, float],
-    levels: list[list[int]],
+    levels: list[tuple[int, int, int]],
     first: int,
     parts: int,
-) -> NDArray[np.float32]:
-    """Return bounds of slope and bend of all blocks, and add each level to `levels`."""
+) -> NDArray[np.void]:
+    """Return the `BLOCK_BOUNDS` of all blocks, and append each level to `levels`."""
     pu, pv = pixel_size
     most = functools.partial(_most, c, parts=parts)
     slope = np.hypot(most(1, 0, True) / pu, most(0, 1, True) / pv)
     # Gershgorin: no eigenvalue of the Hessian exceeds the larger row sum.
-    bend = np.maximum(most(2, 0) / pu**2, most(0, 2) / pv**2)
-    bend += most(1, 1, True) / (pu * pv)
-    # Rounded up: a bound in single precision is a bound still.
-    level = np.stack([_up(slope), _up(bend)], axis=-1)
+    curvature = np.maximum(most(2, 0) / pu**2, most(0, 2) / pv**2)
+    curvature += most(1, 1, True) / (pu * pv)
+    # Rounded up to single precision, a bound remains a bound.
+    level = np.stack([_rounded_up(slope), _rounded_up(curvature)], axis=-1)
     blocks = []
     while True:
         blocks.append(level.reshape(-1, 2))
-        levels.append([first, level.shape[0], level.shape[1]])
+        levels.append((first, level.shape[0], level.shape[1]))
         first += len(blocks[-1])
         if max(level.shape[:2]) == 1:
-            return np.concatenate(blocks)
+            return np.concatenate(blocks).view(BLOCK_BOUNDS).reshape(-1)
         for axis in (0, 1):
             if level.shape[axis] > 1:
                 starts = np.arange(0, level.shape[axis], 2)
@@ -148,10 +170,11 @@ def _pyramid(
 def _most(
     c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False, parts: int = 1
 ) -> NDArray:
-    """Return for every cell the largest value (or its size) of a partial derivative, or more.
+    """Return for every cell an upper bound of a partial derivative, or of its absolute value.
 
-    Within a cell the derivative is a polynomial, and lies in the hull of its Bezier points: those
-    of the cell alone, while the spline's coefficients reach over its neighbours.
+    Within a cell the derivative is a polynomial and lies in the convex hull of its Bezier points.
+    These belong to the cell alone, so they bound more sharply than the spline's coefficients, which
+    also shape its neighbours.
     """
     spline: NDArray[np.float64] = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
     points = (
@@ -190,55 +213,62 @@ def _bezier_points(c: NDArray[np.float64], degree: int, parts: int) -> list[NDAr
 
 
 def _largest(c: NDArray[np.float64], along_u: int, along_v: int) -> float:
-    """Return the largest size of a coefficient of a partial derivative."""
+    """Return the largest absolute coefficient of a partial derivative."""
     return float(np.max(np.abs(np.diff(np.diff(c, along_u, axis=1), along_v, axis=0))))
 
 
 def _third(c: NDArray[np.float64], pu: float, pv: float) -> float:
-    """Return the largest size of a third derivative along any direction."""
+    """Return an upper bound of the absolute third derivative in any direction [1/m^2]."""
     parts = [_largest(c, 3 - k, k) / (pu ** (3 - k) * pv**k) for k in range(4)]
-    # Of unit vectors (a, b), (|a| + |b|)^3 is at most this.
+    # For a unit vector (a, b), (|a| + |b|)^3 is at most 2^1.5.
     return 2.0**1.5 * max(parts)
 
 
-def _up(values: NDArray[np.float64]) -> NDArray[np.float32]:
+def _rounded_up(values: NDArray[np.float64]) -> NDArray[np.float32]:
     rounded = values.astype(np.float32)
     return np.where(rounded < values, np.nextafter(rounded, np.float32(np.inf)), rounded)
 
 
 @small_kernel
 def _cell_at(textures, k, u, v):
-    """Return the place of a cell's first coefficient, and where (u, v) lies in the cell.
+    """Return the cell of (u, v) and the position in it.
 
-    And what slopes there count along u and v: 0 beyond a clamped border, where the surface is
-    level. The place is -1 where (u, v) is no number.
+    Returns
+    -------
+    first : int
+        Index of the cell's first coefficient; -1 where u or v is not finite, as beside a round
+        body.
+    x, y : float
+        Position in the cell, 0 to 1.
+    slope_u, slope_v : float
+        Factors of the slopes: 0 beyond a clamped border, where the surface is level, else 1.
     """
-    table, scales = textures.table, textures.scales
-    x, y = u * scales[k, 0], v * scales[k, 1]
+    texture = textures.maps[k]
+    x, y = u * texture.cells_per_metre[0], v * texture.cells_per_metre[1]
     if not (x - x == 0.0 and y - y == 0.0):
-        # Beyond a round body: no number is no index either.
         return np.int64(-1), 0.0, 0.0, 0.0, 0.0
-    along, across = 1.0, 1.0
-    columns, rows = float(table[k, 4]), float(table[k, 3])
-    if table[k, 7] == 1:
+    slope_u, slope_v = 1.0, 1.0
+    columns, rows = float(texture.columns), float(texture.rows)
+    if texture.wraps == 1:
         x, y = x + 0.5, y + 0.5
-        # Not divided: what follows would wait for that.
+        # By a multiplication, whose latency is shorter than that of a division.
         x -= columns * math.floor(x * (1.0 / columns))
         y -= rows * math.floor(y * (1.0 / rows))
     else:
         if x < 0.0 or x > columns - 1.0:
-            x, along = min(max(x, 0.0), columns - 1.0), 0.0
+            x, slope_u = min(max(x, 0.0), columns - 1.0), 0.0
         if y < 0.0 or y > rows - 1.0:
-            y, across = min(max(y, 0.0), rows - 1.0), 0.0
+            y, slope_v = min(max(y, 0.0), rows - 1.0), 0.0
         x, y = x + 0.5, y + 0.5
-    column = min(int(x), int(table[k, 4]) - 1)
-    row = min(int(y), int(table[k, 3]) - 1)
-    return table[k, 0] + row * table[k, 2] + column, x - column, y - row, along, across
+    column = min(int(x), int(texture.columns) - 1)
+    row = min(int(y), int(texture.rows) - 1)
+    first = texture.first_coefficient + row * texture.coefficient_columns + column
+    return first, x - column, y - row, slope_u, slope_v
 
 
 @small_kernel
 def _blend(t):
-    """Return the weights of four coefficients at t of [0, 1] of a cell."""
+    """Return the cubic B-spline weights of four coefficients at t, 0 to 1, in a cell."""
     r = 1.0 - t
     t2, r2 = t * t, r * r
     return (
@@ -249,7 +279,7 @@ def _blend(t):
 
 @small_kernel
 def _blend_slope(t):
-    """Return the derivatives of `_blend`."""
+    """Return the derivatives of `_blend` with respect to t."""
     r = 1.0 - t
     return -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
 
@@ -257,7 +287,7 @@ def _blend_slope(t):
 @small_kernel
 def texture_at(textures, k, u, v):
     """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
-    place, t, q, along, across = _cell_at(textures, k, u, v)
+    place, t, q, slope_u, slope_v = _cell_at(textures, k, u, v)
     if place < 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     a0, a1, a2, a3 = _blend(t)
@@ -266,7 +296,7 @@ def texture_at(textures, k, u, v):
     w, dw = _blend(q), _blend_slope(q)
     ddw = (1.0 - q, 3.0 * q - 2.0, 1.0 - 3.0 * q, q)
     h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
-    c, width = textures.coefficients, textures.table[k, 2]
+    c, width = textures.coefficients, textures.maps[k].coefficient_columns
     for i in range(4):
         k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
         value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
@@ -278,21 +308,22 @@ def texture_at(textures, k, u, v):
         h_uv += dw[i] * slope
         h_uu += w[i] * (c0 * k0 + c1 * k1 + c2 * k2 + c3 * k3)
         place += width
-    su, sv = textures.scales[k, 0] * along, textures.scales[k, 1] * across
+    scale = textures.maps[k].cells_per_metre
+    su, sv = scale[0] * slope_u, scale[1] * slope_v
     return h, h_u * su, h_v * sv, h_uu * su * su, h_uv * su * sv, h_vv * sv * sv
 
 
 @small_kernel
 def texture_slope(textures, k, u, v):
-    """Return the first three of `texture_at`: h, h_u, h_v."""
-    place, t, q, along, across = _cell_at(textures, k, u, v)
+    """Return h, h_u, h_v of texture `k` at (u, v) [m]."""
+    place, t, q, slope_u, slope_v = _cell_at(textures, k, u, v)
     if place < 0:
         return 0.0, 0.0, 0.0
     a0, a1, a2, a3 = _blend(t)
     b0, b1, b2, b3 = _blend_slope(t)
     w, dw = _blend(q), _blend_slope(q)
     h = h_u = h_v = 0.0
-    c, width = textures.coefficients, textures.table[k, 2]
+    c, width = textures.coefficients, textures.maps[k].coefficient_columns
     for i in range(4):
         k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
         value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
@@ -300,58 +331,59 @@ def texture_slope(textures, k, u, v):
         h_v += dw[i] * value
         h_u += w[i] * (b0 * k0 + b1 * k1 + b2 * k2 + b3 * k3)
         place += width
-    return h, h_u * textures.scales[k, 0] * along, h_v * textures.scales[k, 1] * across
+    scale = textures.maps[k].cells_per_metre
+    return h, h_u * scale[0] * slope_u, h_v * scale[1] * slope_v
 
 
 @small_kernel
 def slope_bounds(textures, k, u0, u1, v0, v1):
-    """Return (largest slope, largest second derivative) over a rectangle [m].
+    """Return (largest slope [-], largest second derivative [1/m]) over a rectangle [m].
 
-    The largest second derivative is 0 or more where the rectangle passes a clamped border.
+    The latter is 0 or more where the rectangle extends beyond a clamped border.
     """
-    table, scales, bounds = textures.table, textures.scales, textures.bounds
+    texture, bounds = textures.maps[k], textures.bounds
     # From here on in parts of cells.
-    parts, wraps, first = table[k, 8], table[k, 7], table[k, 5]
-    columns, rows, half = table[k, 4] * parts, table[k, 3] * parts, 0.5 * parts
-    su, sv = scales[k, 0] * parts, scales[k, 1] * parts
+    parts, wraps, first = texture.parts, texture.wraps, texture.first_level
+    columns, rows, half = texture.columns * parts, texture.rows * parts, 0.5 * parts
+    su, sv = texture.cells_per_metre[0] * parts, texture.cells_per_metre[1] * parts
     x0, x1, y0, y1 = u0 * su + half, u1 * su + half, v0 * sv + half, v1 * sv + half
-    top = table[k, 6] - 1
+    top = texture.level_count - 1
     size = x1 - x0 if x1 - x0 > y1 - y0 else y1 - y0
     level, side, enough = 0, 1.0, 0.5 * size - _EDGE
     while level < top and not side >= enough:
         level, side = level + 1, 2.0 * side
     if level == top or not (x1 - x0 < 1e9 and y1 - y0 < 1e9):
-        # All of the texture; also where a place is no number.
-        block = textures.levels[first + top, 0]
-        return float(bounds[block, 0]), max(float(bounds[block, 1]), 0.0)
+        # The whole texture; this includes NaN.
+        block = textures.levels[first + top].first
+        return float(bounds[block].slope), max(float(bounds[block].curvature), 0.0)
     outside = False
     if wraps == 0:
-        # Beyond its samples the surface is as high as at the last of them.
+        # Beyond a clamped border the surface is as high as at the border.
         last_x, last_y = columns - half, rows - half
         outside = x0 < half or y0 < half or x1 > last_x or y1 > last_y
         x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
         y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
     column, wide = cells_between(x0, x1, float(columns), wraps)
     row, tall = cells_between(y0, y1, float(rows), wraps)
-    start, width = textures.levels[first + level, 0], textures.levels[first + level, 2]
-    slope, bend = 0.0, -np.inf
+    start, width = textures.levels[first + level].first, textures.levels[first + level].columns
+    slope, curvature = 0.0, -np.inf
     while tall > 0:
         c, left = column, wide
         while left > 0:
             block = start + (row >> level) * width + (c >> level)
-            slope = max(slope, float(bounds[block, 0]))
-            bend = max(bend, float(bounds[block, 1]))
+            slope = max(slope, float(bounds[block].slope))
+            curvature = max(curvature, float(bounds[block].curvature))
             after = min(((c >> level) + 1) << level, columns)
             left -= after - c
             c = 0 if after == columns else after
         after = min(((row >> level) + 1) << level, rows)
         tall -= after - row
         row = 0 if after == rows else after
-    return slope, max(bend, 0.0) if outside else bend
+    return slope, max(curvature, 0.0) if outside else curvature
 
 
 @small_kernel
 def texture_bounds(textures, k, u0, u1, v0, v1):
     """Return (highest point, largest slope, largest second derivative) over a rectangle [m]."""
-    slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
-    return texture_top(textures, k, u0, u1, v0, v1), slope, bend
+    slope, curvature = slope_bounds(textures, k, u0, u1, v0, v1)
+    return texture_top(textures, k, u0, u1, v0, v1), slope, curvature

@@ -229,7 +229,7 @@ def _tops(
     box = np.stack([uv.min(axis=1), uv.max(axis=1)], axis=1)
     box[mapping[owner] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
     out = np.zeros(len(facets))
-    if len(textures.table):
+    if len(textures.maps):
         _highest(textures, which, box, out)
     return out
 

@@ -25,7 +25,7 @@ def _blend(geometry, textures, g, h):
     for geom in (g, h):
         texture = geometry.texture[geometry.body[geom]]
         if texture >= 0:
-            reach += textures.scales[texture, 2]
+            reach += textures.maps[texture].max_abs_height
     size = geometry.size[g]
     least = size[0]
     for i in range(1, 3):

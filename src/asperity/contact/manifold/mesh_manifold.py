@@ -167,8 +167,8 @@ def touch(
     reach = hollow = 1e-7 + table.slack[tool] + table.slack[b]
     for body in (tool, b):
         if geometry.texture[body] >= 0:
-            reach += textures.scales[geometry.texture[body], 2]
-            hollow += max(-textures.scales[geometry.texture[body], 6], 0.0)
+            reach += textures.maps[geometry.texture[body]].max_abs_height
+            hollow += max(-textures.maps[geometry.texture[body]].lowest, 0.0)
     most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
     scan = most + moved + _BESIDE
     count = near_pairs(

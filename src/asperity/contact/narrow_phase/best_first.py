@@ -69,7 +69,8 @@ def _grain(textures, chart):
         return np.inf
     k = int(chart[TEXTURE])
     # Of a sinusoid that is its length over 2 pi.
-    return math.sqrt(textures.scales[k, 2] / max(textures.scales[k, 4], 1e-300)) / chart[UV_MOST]
+    texture = textures.maps[k]
+    return math.sqrt(texture.max_abs_height / max(texture.max_curvature, 1e-300)) / chart[UV_MOST]
 
 
 @inner_kernel

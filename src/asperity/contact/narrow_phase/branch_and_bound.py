@@ -113,7 +113,7 @@ def _under_ball(textures, cx, cy, ax, ay, window, enough):
 
     Farther from the ball's lowest point even the texture's highest does not reach it.
     """
-    high = textures.scales[int(cx[TEXTURE]), 2]
+    high = textures.maps[int(cx[TEXTURE])].max_abs_height
     root = (enough - cx[O + 2] - cy[O + 2] - high) / cy[C]
     if not root > 0.0:
         return window
@@ -138,9 +138,10 @@ def _blocks(textures, cx, window, boxes_out):
         return 1
     a, b = (0, 1) if along else (1, 0)
     # Cells along x and along y: place = start + step * x.
-    step_x, step_y = cx[B1 + a] * textures.scales[k, a], cx[B2 + b] * textures.scales[k, b]
-    start_x = cx[B0 + a] * textures.scales[k, a] + 0.5
-    start_y = cx[B0 + b] * textures.scales[k, b] + 0.5
+    scale = textures.maps[k].cells_per_metre
+    step_x, step_y = cx[B1 + a] * scale[a], cx[B2 + b] * scale[b]
+    start_x = cx[B0 + a] * scale[a] + 0.5
+    start_y = cx[B0 + b] * scale[b] + 0.5
     size = max(abs(step_x) * (x1 - x0), abs(step_y) * (y1 - y0))
     block = 1.0
     while 2.0 * block < size:
@@ -246,7 +247,7 @@ def _rough(textures, cx, cy):
     rough = 0.0
     for chart in (cx, cy):
         if chart[TEXTURE] >= 0.0:
-            rough += max(min(textures.scales[int(chart[TEXTURE]), 2], chart[TOP]), 0.0)
+            rough += max(min(textures.maps[int(chart[TEXTURE])].max_abs_height, chart[TOP]), 0.0)
     return rough
 
 

@@ -175,4 +175,4 @@ def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space
     g2 = chart[QINV + 1] * t_x + chart[QINV + 3] * t_y
     for k in range(3):
         gradient_out[k] = g1 * frame[0, k] + g2 * frame[1, k]
-    return t - textures.scales[int(chart[TEXTURE]), 6]
+    return t - textures.maps[int(chart[TEXTURE])].lowest

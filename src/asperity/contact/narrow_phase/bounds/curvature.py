@@ -56,7 +56,7 @@ def shape_bend(
     if least < 0.0:
         # Seen from behind: there the texture's hollows bend outwards.
         bend = max(bend, 0.0) - least * size_bend
-    size = textures.scales[int(chart[TEXTURE]), 2]
+    size = textures.maps[int(chart[TEXTURE])].max_abs_height
     return bend + (2.0 * slope_t * w1 + size * w2) * steepness
 
 
@@ -69,7 +69,7 @@ def point_bend(textures, chart, least, slope, size_bend, w1, w2, side):
     bend = row_bend(chart, least)
     if chart[TEXTURE] >= 0.0:
         bend += size_bend * side + 2.0 * slope * w1
-        bend += textures.scales[int(chart[TEXTURE]), 2] * w2
+        bend += textures.maps[int(chart[TEXTURE])].max_abs_height * w2
     return bend
 
 
@@ -109,7 +109,7 @@ def _third_of_texture(textures, chart, sizes):
     """Return the largest third derivative of a plane chart's texture; `sizes` of `third_order`."""
     if chart[TEXTURE] < 0.0:
         return 0.0
-    third = textures.scales[int(chart[TEXTURE]), 7] * chart[UV_MOST] ** 3
+    third = textures.maps[int(chart[TEXTURE])].max_third_derivative * chart[UV_MOST] ** 3
     if chart[UNIT] == 0.0 and chart[MAPPING] == TRIPLANAR:
         # The product rule for the sum of a_i t_i; w'' has a part along w, of size w1^2.
         a, s, b, w1, w2 = sizes

@@ -174,8 +174,8 @@ def _general_bound(textures, cx, cy, box, bound, g1, g2, enough, work, at):
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
     radius = math.sqrt(half_x * half_x + half_y * half_y)
-    size_x = textures.scales[int(cx[TEXTURE]), 2] if cx[TEXTURE] >= 0.0 else 0.0
-    size_y = textures.scales[int(cy[TEXTURE]), 2] if cy[TEXTURE] >= 0.0 else 0.0
+    size_x = textures.maps[int(cx[TEXTURE])].max_abs_height if cx[TEXTURE] >= 0.0 else 0.0
+    size_y = textures.maps[int(cy[TEXTURE])].max_abs_height if cy[TEXTURE] >= 0.0 else 0.0
     # How fast the place in (u, v) moves, at most and at least, along a unit direction of X.
     drift = slope_x * side + size_x * w1
     fastest, slowest = cx[Q_MOST] + drift, max(cx[Q_LEAST] - drift, 0.0)

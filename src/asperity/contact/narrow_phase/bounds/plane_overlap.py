@@ -54,7 +54,7 @@ def _slopes_over(textures, chart, x, y, half_x, half_y, w1, w2):
 def _largest_slope(textures, chart, x, y, half_x, half_y, w1, w2):
     """Return what no slope over a box is above: of the whole texture where no table is needed."""
     if chart[MAPPING] == PLANAR:
-        return textures.scales[int(chart[TEXTURE]), 3] * chart[UV_MOST]
+        return textures.maps[int(chart[TEXTURE])].max_slope * chart[UV_MOST]
     return slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)[0]
 
 
@@ -67,8 +67,8 @@ def plane_bound(textures, cx, cy, box, bound, enough, work, at):
     radius = math.sqrt(half_x * half_x + half_y * half_y)
     rough_x, rough_y = cx[TEXTURE] >= 0.0, cy[TEXTURE] >= 0.0
     level_y = cy[LEVEL] == 1.0 or not rough_y
-    size_x = textures.scales[int(cx[TEXTURE]), 2] if rough_x else 0.0
-    size_y = textures.scales[int(cy[TEXTURE]), 2] if rough_y else 0.0
+    size_x = textures.maps[int(cx[TEXTURE])].max_abs_height if rough_x else 0.0
+    size_y = textures.maps[int(cy[TEXTURE])].max_abs_height if rough_y else 0.0
     slope_x = bend_x = size_bend = wu = wv = change = w1 = w2 = side = 0.0
     wz = 1.0
     if rough_x:

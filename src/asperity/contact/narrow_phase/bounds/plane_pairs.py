@@ -53,7 +53,7 @@ def _cap(textures, chart):
     """Return the highest point of a chart's texture all over the chart."""
     if chart[TEXTURE] < 0.0:
         return 0.0
-    return min(chart[TOP], textures.scales[int(chart[TEXTURE]), 2])
+    return min(chart[TOP], textures.maps[int(chart[TEXTURE])].max_abs_height)
 
 
 @small_kernel
@@ -159,7 +159,7 @@ def _spread(textures, chart, half_x, half_y):
 def _top_over(textures, chart, cap, spread, x, y):
     """Return the highest point of a chart's texture over a box of known size round (x, y)."""
     ru, rv, chosen = spread
-    if chosen[3] == 0:
+    if chosen.side == 0:
         return cap
     u = chart[B0] + chart[B1] * x + chart[B2] * y
     v = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
@@ -256,7 +256,7 @@ def _moved_by(textures, chart, low, high, x, y, radius):
     """
     if chart[TEXTURE] < 0.0:
         return 0.0, 0.0, 0.0
-    size = textures.scales[int(chart[TEXTURE]), 2]
+    size = textures.maps[int(chart[TEXTURE])].max_abs_height
     low, high = max(low, -size), min(high, size)
     middle, half = 0.5 * (low + high), 0.5 * max(high - low, 0.0)
     w_u, w_v, _, change, _, _ = plane_normal(chart, x, y, radius)

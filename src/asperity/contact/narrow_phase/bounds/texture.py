@@ -65,7 +65,7 @@ def sideways(textures, chart):
     """Return how far a chart's texture moves points sideways at most [m]."""
     if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
         return 0.0
-    return textures.scales[int(chart[TEXTURE]), 2] * chart[SIDE]
+    return textures.maps[int(chart[TEXTURE])].max_abs_height * chart[SIDE]
 
 
 @small_kernel
@@ -85,7 +85,7 @@ def slopes_on_plane(textures, chart, x, y, half_x, half_y):
     u0, u1, v0, v1 = on_texture(chart, x, y, half_x, half_y)
     slope, bend = slope_bounds(textures, k, u0, u1, v0, v1)
     least = chart[UV_LEAST] if bend < 0.0 else speed
-    return slope * speed, bend * least * least, textures.scales[k, 4] * speed * speed
+    return slope * speed, bend * least * least, textures.maps[k].max_curvature * speed * speed
 
 
 @small_kernel
@@ -93,11 +93,11 @@ def slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2):
     """Do `slopes_on_plane` for a triplanar map; `w1`, `w2`: sizes of w' and w''."""
     k = int(chart[TEXTURE])
     slope, bend = triplanar_slopes(textures, chart, x, y, half_x, half_y)
-    size_bend = textures.scales[k, 4]
+    size_bend = textures.maps[k].max_curvature
     if chart[UNIT] == 1.0:
         return slope, bend, size_bend
     mix_1, mix_2 = mixing(chart, x, y, half_x, half_y)
-    size = textures.scales[k, 2]
+    size = textures.maps[k].max_abs_height
     more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
     return slope + mix_1 * w1 * size, bend + more, size_bend + more
 
@@ -232,10 +232,10 @@ def texture_over(textures, chart, x0, x1, y0, y1):
         turn = chart[UV_ROOT] * r2
         slowest = max(chart[UV_LEAST] - chart[UV_ROOT] * r1, 0.0)
     bend = bend * (speed * speed if bend > 0.0 else slowest * slowest) + slope * turn
-    size_bend = textures.scales[k, 4] * speed * speed + slope * turn
+    size_bend = textures.maps[k].max_curvature * speed * speed + slope * turn
     slope *= speed
     if mapping == TRIPLANAR:
-        size = textures.scales[k, 2]
+        size = textures.maps[k].max_abs_height
         more = 2.0 * MIX_1 * w1 * slope + (MIX_2 * w1 * w1 + MIX_1 * w2) * size
         bend += more
         size_bend += more

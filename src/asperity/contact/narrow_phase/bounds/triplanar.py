@@ -110,7 +110,7 @@ def triplanar_top(textures, chart, x, y, half_x, half_y):
     u0, u1, v0, v1 = _on_map(chart, m, x, y, half_x, half_y)
     top = high = texture_top(textures, k, u0, u1, v0, v1)
     for n in range(1, 3):
-        share, other = (one if n == 1 else two), textures.scales[k, 8]
+        share, other = (one if n == 1 else two), textures.maps[k].highest
         if share >= _LITTLE:
             u0, u1, v0, v1 = _on_map(chart, (m + n) % 3, x, y, half_x, half_y)
             other = texture_top(textures, k, u0, u1, v0, v1)
@@ -131,7 +131,7 @@ def triplanar_slopes(textures, chart, x, y, half_x, half_y):
     slope, bend = slope_m, bend_m
     for n in range(1, 3):
         share = one if n == 1 else two
-        slope_i, bend_i = textures.scales[k, 3], textures.scales[k, 4]
+        slope_i, bend_i = textures.maps[k].max_slope, textures.maps[k].max_curvature
         if share >= _LITTLE:
             slope_i, bend_i = _slopes_of(textures, chart, (m + n) % 3, x, y, half_x, half_y)
         slope += share * max(slope_i - slope_m, 0.0)
