@@ -196,9 +196,8 @@ def test_no_point_of_a_node_lies_above_its_bound(smooth):
         u, v = rng.uniform(10, 30, 2)
         away = rng.uniform(-1, 1, 2) * radius
         column, row = (int(np.clip(at, 0, 40) // 2.0**level) for at in (u + away[0], v + away[1]))
-        bound = sphere_search._bound(
-            coefficients, pyramid, level, row, column, u, v, radius, -np.inf
-        )[0]
+        block, sphere = sphere_search.Block(level, row, column), sphere_search.Sphere(u, v, radius)
+        bound = sphere_search._bound(coefficients, pyramid, block, sphere, -np.inf)[0]
         x = np.minimum((column + share) * 2.0**level, 41.0)
         y = np.minimum((row + share) * 2.0**level, 41.0)
         x, y = np.meshgrid(x, y)

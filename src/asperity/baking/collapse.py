@@ -1,191 +1,140 @@
-"""Edges of a triangle mesh collapsed one after another, the cheapest first.
+"""Simplification of a triangle mesh by collapsing its edges, the cheapest first.
 
-Each vertex carries the sum of squared distances to the planes of the triangles that went into it
-(Garland & Heckbert, SIGGRAPH 97); an edge is collapsed to where that of its two ends is least. An
-edge is left as it is for the time being if its collapse would
+Each vertex carries the sum of squared distances from the planes of the triangles that it stands for
+(`quadrics`; Garland & Heckbert, SIGGRAPH 97); an edge is collapsed to the point where the sum of
+its two ends is least. The collapse of an edge is deferred if it would
 
-- change how the surface hangs together: the ends may have no neighbours in common but those of
-  the triangles at the edge (the link condition: Dey et al., Publ. Inst. Math. 66, 23 (1999)). So
-  what is closed stays closed, holes stay holes, and no edge gets a third triangle;
-- fold the surface: no triangle may turn by 78 degrees or more, nor lie so to the mean normal of
-  those round the new vertex, along which a texture will be displaced;
-- make a needle: a triangle much thinner than the thinnest before.
+- change the topology: the only common neighbours of its ends may be the corners opposite to it (the
+  link condition: Dey et al., Publ. Inst. Math. 66, 23 (1999)). So a closed mesh stays closed, holes
+  stay holes, and no edge gets a third triangle;
+- fold the surface: no triangle may turn by 78 degrees or more, nor deviate so far from the mean
+  normal around the new vertex, along which a texture will be displaced;
+- create a needle: a triangle much thinner than the thinnest one it replaces.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
+from asperity.baking.edge_heap import pop, push
+from asperity.baking.quadrics import cost_at, fill_cheapest, triangle_cross, vertex_quadrics
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _MOST = 256
-"""Triangles round an edge, at most."""
-_TOWARDS_MIDDLE = 1e-3
-"""Weight of the edge's middle, where planes leave the place open."""
-_BORDER = 10.0
-"""Weight of borders, which would shrink."""
+"""Triangles around a vertex, at most."""
+
+
+class _Corners(NamedTuple):
+    """Triangles of each vertex, as linked lists of half-edges `3 * triangle + corner`."""
+
+    head: Indices
+    """First half-edge of each vertex, -1: none, (n,)."""
+    tail: Indices
+    """Last half-edge of each vertex, (n,)."""
+    following: Indices
+    """Next half-edge in the list, -1 at its end, (3 m,)."""
+
+
+class _Surface(NamedTuple):
+    """The mesh while it is simplified."""
+
+    points: Array
+    """(n, 3)."""
+    faces: Indices
+    """(m, 3)."""
+    alive: NDArray[np.bool_]
+    """Which triangles remain, (m,)."""
+    border: NDArray[np.bool_]
+    """Which vertices are on a border, (n,)."""
+    corners: _Corners
+
+
+class _Rings(NamedTuple):
+    """Triangles around both ends of an edge."""
+
+    faces: Indices
+    """(2, _MOST)."""
+    counts: Indices
+    """(2,)."""
+
+
+class _Limits(NamedTuple):
+    """Conditions on triangles after a collapse."""
+
+    facing: float
+    """Least cosine between a triangle's normal and its former one, or the mean at its corner."""
+    quality: float
+    """Least quality: 1 for an equilateral triangle, 0 for a needle."""
 
 
 def collapsed(
     points: Array, faces: Indices, count: int, *, facing: float, quality: float
 ) -> tuple[Array, Indices]:
-    """Return the mesh with edges collapsed until `count` triangles are left, or none can be.
+    """Collapse edges until `count` triangles remain or no edge can be collapsed.
 
     Parameters
     ----------
     points : (n, 3) array
-        Of about unit size; each place once.
+        Of about unit size, no two equal.
     faces : (m, 3) array
-        Wound alike.
+        Consistently oriented.
     count : int
     facing : float
-        Least cosine between a triangle's normal and what it was, or the mean round its corner.
+        Least cosine between a triangle's normal and its former one, or the mean at its corner.
     quality : float
-        Least quality of a triangle, 1 for an equilateral one, 0 for a needle.
+        Least quality of a triangle: 1 for an equilateral one, 0 for a needle.
+
+    Returns
+    -------
+    points, faces
+        Of the simplified mesh.
     """
     points, faces = points.copy(), faces.copy()
     alive = np.ones(len(faces), dtype=np.bool_)
-    _collapse(points, faces, alive, count, facing, quality)
+    _collapse(points, faces, alive, count, _Limits(facing, quality))
     used, corners = np.unique(faces[alive], return_inverse=True)
     return points[used], corners.reshape(-1, 3).astype(np.int64)
 
 
 @kernel
-def _cross(a, b, c):
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-
-
-@kernel
-def _add_plane(q, x, y, z, d, weight):
-    """Add to a quadric the squared distance to the plane x, y, z, d, times a weight."""
-    q[0] += weight * x * x
-    q[1] += weight * x * y
-    q[2] += weight * x * z
-    q[3] += weight * y * y
-    q[4] += weight * y * z
-    q[5] += weight * z * z
-    q[6] += weight * x * d
-    q[7] += weight * y * d
-    q[8] += weight * z * d
-    q[9] += weight * d * d
-
-
-@kernel
-def _cost(q, p):
-    """Return the value of a quadric at a place."""
-    x, y, z = p[0], p[1], p[2]
-    return (
-        q[0] * x * x + 2.0 * q[1] * x * y + 2.0 * q[2] * x * z + q[3] * y * y
-        + 2.0 * q[4] * y * z + q[5] * z * z
-        + 2.0 * (q[6] * x + q[7] * y + q[8] * z) + q[9]
-    )  # fmt: skip
-
-
-@kernel
-def _place(q, a, b, a_at_border, b_at_border, out):
-    """Fill in the place where a quadric and a little of the distance from the middle are least.
-
-    An end that is at a border stays where it is if the other is not.
-    """
-    if a_at_border != b_at_border:
-        for k in range(3):
-            out[k] = a[k] if a_at_border else b[k]
-        return
-    mx, my, mz = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-    e = _TOWARDS_MIDDLE * (q[0] + q[3] + q[5]) + 1e-30
-    xx, yy, zz, xy, xz, yz = q[0] + e, q[3] + e, q[5] + e, q[1], q[2], q[4]
-    # From the middle: the right side is the slope there.
-    rx = -(q[0] * mx + xy * my + xz * mz + q[6])
-    ry = -(xy * mx + q[3] * my + yz * mz + q[7])
-    rz = -(xz * mx + yz * my + q[5] * mz + q[8])
-    cx, cy, cz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    det = xx * cx + xy * cy + xz * cz
-    dx = (cx * rx + cy * ry + cz * rz) / det
-    dy = (cy * rx + (xx * zz - xz * xz) * ry + (xy * xz - xx * yz) * rz) / det
-    dz = (cz * rx + (xy * xz - xx * yz) * ry + (xx * yy - xy * xy) * rz) / det
-    # No farther than the edge is long.
-    far = np.sqrt(dx * dx + dy * dy + dz * dz)
-    length = np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-    scale = 1.0 if far <= length else length / far
-    out[0], out[1], out[2] = mx + scale * dx, my + scale * dy, mz + scale * dz
-
-
-@kernel
-def _push(heap, keys, size, cost, u, v, stamp):
-    """Put an edge on the heap; there has to be room."""
-    i = size
-    while i > 0:
-        parent = (i - 1) // 2
-        if keys[parent] <= cost:
-            break
-        keys[i] = keys[parent]
-        heap[i] = heap[parent]
-        i = parent
-    keys[i] = cost
-    heap[i, 0], heap[i, 1], heap[i, 2] = u, v, stamp
-    return size + 1
-
-
-@kernel
-def _pop(heap, keys, size, out):
-    """Take the cheapest edge from the heap into `out`."""
-    out[0], out[1], out[2] = heap[0, 0], heap[0, 1], heap[0, 2]
-    size -= 1
-    key, u, v, stamp = keys[size], heap[size, 0], heap[size, 1], heap[size, 2]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[i] = keys[child]
-        heap[i] = heap[child]
-        i = child
-    keys[i] = key
-    heap[i, 0], heap[i, 1], heap[i, 2] = u, v, stamp
-    return size
-
-
-@kernel
-def _round(vertex, faces, alive, head, following, out):
-    """Fill in the triangles round a vertex; return how many, or -1 if there are too many."""
+def _ring(surface, vertex, out):
+    """Fill the triangles around a vertex; return their number, or -1 if there are too many."""
     n = 0
-    corner = head[vertex]
+    corner = surface.corners.head[vertex]
     while corner >= 0:
         f = corner // 3
-        if alive[f]:
+        if surface.alive[f]:
             if n == _MOST:
                 return -1
             out[n] = f
             n += 1
-        corner = following[corner]
+        corner = surface.corners.following[corner]
     return n
 
 
 @kernel
-def _may(u, v, place, points, faces, rings, counts, border, marks, mark, facing, quality):
-    """Return whether an edge may be collapsed to a place.
+def _keeps_topology(surface, edge, rings, marks, mark):
+    """Return whether the collapse of an edge satisfies the link condition.
 
-    `rings` (2, ...) are the triangles round its ends; `marks` and `mark` serve to count neighbours.
+    `marks` (n,) is working memory; values below `mark - 1` are treated as empty.
     """
+    u, v = edge
+    faces, border, counts = surface.faces, surface.border, rings.counts
     shared = 0
     for k in range(counts[0]):
-        f = rings[0, k]
+        f = rings.faces[0, k]
         for c in range(3):
             marks[faces[f, c]] = mark
             if faces[f, c] == v:
                 shared += 1
     common = 0
     for k in range(counts[1]):
-        f = rings[1, k]
+        f = rings.faces[1, k]
         for c in range(3):
             w = faces[f, c]
             if w not in (u, v) and marks[w] == mark:
@@ -195,36 +144,58 @@ def _may(u, v, place, points, faces, rings, counts, border, marks, mark, facing,
         return False
     if border[u] and border[v] and shared == 2:
         return False
-    if counts[0] + counts[1] - 2 * shared < 3 and shared == 2:
-        return False  # a tetrahedron would become two sheets
+    # Below three other triangles a tetrahedron would become two coincident sheets.
+    return not (counts[0] + counts[1] - 2 * shared < 3 and shared == 2)
 
+
+@kernel
+def _moved(surface, edge, side, f, place):
+    """Return the corners of triangle f when its end of the edge has moved to `place`.
+
+    Returns
+    -------
+    remains : bool
+        Whether it survives the collapse; it does not if it has both ends.
+    corner : int
+        The corner that moves.
+    a, b, c : (3,) arrays
+    """
+    points, end, other = surface.points, edge[side], edge[1 - side]
+    a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
+    corner = 0 if a == end else 1 if b == end else 2
+    pa = place if a == end else points[a]
+    pb = place if b == end else points[b]
+    pc = place if c == end else points[c]
+    return other not in (a, b, c), corner, pa, pb, pc
+
+
+@kernel
+def _keeps_shape(surface, edge, place, rings, limits):
+    """Return whether no triangle folds or becomes a needle when an edge collapses to `place`."""
+    points, faces = surface.points, surface.faces
     nx, ny, nz = 0.0, 0.0, 0.0
     for side in range(2):
-        for k in range(counts[side]):
-            f = rings[side, k]
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            other = v if side == 0 else u
-            if other in (a, b, c):
+        for k in range(rings.counts[side]):
+            f = rings.faces[side, k]
+            remains, corner, pa, pb, pc = _moved(surface, edge, side, f, place)
+            if not remains:
                 continue
-            end = u if side == 0 else v
-            pa = place if a == end else points[a]
-            pb = place if b == end else points[b]
-            pc = place if c == end else points[c]
-            x, y, z = _cross(pa, pb, pc)
-            ox, oy, oz = _cross(points[a], points[b], points[c])
+            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+            x, y, z = triangle_cross(pa, pb, pc)
+            ox, oy, oz = triangle_cross(points[a], points[b], points[c])
             new, old = np.sqrt(x * x + y * y + z * z), np.sqrt(ox * ox + oy * oy + oz * oz)
             if new == 0.0:
                 return False
-            if old > 0.0 and x * ox + y * oy + z * oz < facing * new * old:
+            if old > 0.0 and x * ox + y * oy + z * oz < limits.facing * new * old:
                 return False
-            if _quality(pa, pb, pc, new) < quality:
+            if _quality(pa, pb, pc, new) < limits.quality:
                 before = _quality(points[a], points[b], points[c], old)
                 if _quality(pa, pb, pc, new) < before:
                     return False
-            # The mean that carries the texture is weighted by the angles at the vertex.
-            if a == end:
+            # The mean normal, which carries the texture, is weighted by the angles at the vertex.
+            if corner == 0:
                 angle = _angle(pa, pb, pc)
-            elif b == end:
+            elif corner == 1:
                 angle = _angle(pb, pc, pa)
             else:
                 angle = _angle(pc, pa, pb)
@@ -233,19 +204,13 @@ def _may(u, v, place, points, faces, rings, counts, border, marks, mark, facing,
     if length == 0.0:
         return False
     for side in range(2):
-        for k in range(counts[side]):
-            f = rings[side, k]
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            other = v if side == 0 else u
-            if other in (a, b, c):
+        for k in range(rings.counts[side]):
+            remains, _, pa, pb, pc = _moved(surface, edge, side, rings.faces[side, k], place)
+            if not remains:
                 continue
-            end = u if side == 0 else v
-            pa = place if a == end else points[a]
-            pb = place if b == end else points[b]
-            pc = place if c == end else points[c]
-            x, y, z = _cross(pa, pb, pc)
+            x, y, z = triangle_cross(pa, pb, pc)
             new = np.sqrt(x * x + y * y + z * z)
-            if x * nx + y * ny + z * nz < facing * new * length:
+            if x * nx + y * ny + z * nz < limits.facing * new * length:
                 return False
     return True
 
@@ -253,7 +218,7 @@ def _may(u, v, place, points, faces, rings, counts, border, marks, mark, facing,
 @kernel
 def _angle(a, b, c):
     """Return the angle at the corner a of a triangle [rad]."""
-    x, y, z = _cross(a, b, c)
+    x, y, z = triangle_cross(a, b, c)
     along = 0.0
     for k in range(3):
         along += (b[k] - a[k]) * (c[k] - a[k])
@@ -270,51 +235,19 @@ def _quality(a, b, c, twice_area):
 
 
 @kernel
-def _quadrics(points, faces, border_edges):
-    """Return the quadrics (n, 10) of all vertices."""
-    out = np.zeros((len(points), 10))
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        x, y, z = _cross(points[a], points[b], points[c])
-        area = np.sqrt(x * x + y * y + z * z)
-        if area == 0.0:
-            continue
-        x, y, z = x / area, y / area, z / area
-        d = -(x * points[a, 0] + y * points[a, 1] + z * points[a, 2])
-        for v in (a, b, c):
-            _add_plane(out[v], x, y, z, d, area / 6.0)
-    for k in range(len(border_edges)):
-        # A plane through the border, upright on its triangle.
-        f, c = border_edges[k] // 3, border_edges[k] % 3
-        a, b = faces[f, c], faces[f, (c + 1) % 3]
-        x, y, z = _cross(points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]])
-        ex, ey, ez = points[b] - points[a]
-        sx, sy, sz = ey * z - ez * y, ez * x - ex * z, ex * y - ey * x
-        size = np.sqrt(sx * sx + sy * sy + sz * sz)
-        if size == 0.0:
-            continue
-        sx, sy, sz = sx / size, sy / size, sz / size
-        d = -(sx * points[a, 0] + sy * points[a, 1] + sz * points[a, 2])
-        weight = _BORDER * (ex * ex + ey * ey + ez * ez)
-        _add_plane(out[a], sx, sy, sz, d, weight)
-        _add_plane(out[b], sx, sy, sz, d, weight)
-    return out
-
-
-@kernel
-def _single_edges(faces, head, following):
-    """Return the half-edges that no other triangle meets."""
+def _border_edges(faces, corners):
+    """Return the half-edges (k,) that no other triangle shares."""
     out = np.empty(3 * len(faces), dtype=np.int64)
     n = 0
     for h in range(3 * len(faces)):
         u, v = faces[h // 3, h % 3], faces[h // 3, (h + 1) % 3]
         met = 0
-        corner = head[u]
+        corner = corners.head[u]
         while corner >= 0:
             f = corner // 3
             if v in (faces[f, 0], faces[f, 1], faces[f, 2]):
                 met += 1
-            corner = following[corner]
+            corner = corners.following[corner]
         if met == 1:
             out[n] = h
             n += 1
@@ -322,23 +255,51 @@ def _single_edges(faces, head, following):
 
 
 @kernel
-def _collapse(points, faces, alive, target, facing, quality):
-    """Collapse edges until `target` triangles are alive."""
-    n, m = len(points), len(faces)
-    head, tail = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
-    following = np.full(3 * m, -1, dtype=np.int64)
-    for h in range(3 * m):
+def _corners_of(faces, count):
+    """Return the `_Corners` of `count` vertices."""
+    head, tail = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
+    following = np.full(3 * len(faces), -1, dtype=np.int64)
+    for h in range(3 * len(faces)):
         v = faces[h // 3, h % 3]
         if head[v] < 0:
             head[v] = h
         else:
             following[tail[v]] = h
         tail[v] = h
-    single = _single_edges(faces, head, following)
+    return _Corners(head, tail, following)
+
+
+@kernel
+def _merge(surface, edge, rings):
+    """Replace the second end of an edge by its first; return how many triangles vanish."""
+    u, v = edge
+    faces, corners, vanished = surface.faces, surface.corners, 0
+    surface.border[u] = surface.border[u] or surface.border[v]
+    for k in range(rings.counts[1]):
+        f = rings.faces[1, k]
+        if u in (faces[f, 0], faces[f, 1], faces[f, 2]):
+            surface.alive[f] = False
+            vanished += 1
+        for c in range(3):
+            if faces[f, c] == v:
+                faces[f, c] = u
+    corners.following[corners.tail[u]] = corners.head[v]
+    corners.tail[u] = corners.tail[v]
+    corners.head[v] = -1
+    return vanished
+
+
+@kernel
+def _collapse(points, faces, alive, target, limits):
+    """Collapse edges until `target` triangles are alive."""
+    n, m = len(points), len(faces)
+    corners = _corners_of(faces, n)
+    single = _border_edges(faces, corners)
     border = np.zeros(n, dtype=np.bool_)
     for h in single:
         border[faces[h // 3, h % 3]] = border[faces[h // 3, (h + 1) % 3]] = True
-    quadric = _quadrics(points, faces, single)
+    surface = _Surface(points, faces, alive, border, corners)
+    quadric = vertex_quadrics(points, faces, single)
     stamp = np.zeros(n, dtype=np.int64)
     marks = np.zeros(n, dtype=np.int64)
     mark = 2
@@ -348,46 +309,35 @@ def _collapse(points, faces, alive, target, facing, quality):
         u, v = faces[h // 3, h % 3], faces[h // 3, (h + 1) % 3]
         if u < v or (border[u] and border[v]):
             both[:] = quadric[u] + quadric[v]
-            _place(both, points[u], points[v], border[u], border[v], place)
-            size = _push(heap, keys, size, _cost(both, place), u, v, 0)
-    rings, counts = np.empty((2, _MOST), dtype=np.int64), np.empty(2, dtype=np.int64)
+            fill_cheapest(both, points[u], points[v], border[u], border[v], place)
+            size = push(heap, keys, size, cost_at(both, place), u, v, 0)
+    rings = _Rings(np.empty((2, _MOST), dtype=np.int64), np.empty(2, dtype=np.int64))
     left = m
     while size > 0 and left > target:
-        size = _pop(heap, keys, size, edge)
+        size = pop(heap, keys, size, edge)
         u, v = edge[0], edge[1]
-        if head[u] < 0 or head[v] < 0 or stamp[u] + stamp[v] != edge[2]:
+        if corners.head[u] < 0 or corners.head[v] < 0 or stamp[u] + stamp[v] != edge[2]:
             continue
-        counts[0] = _round(u, faces, alive, head, following, rings[0])
-        counts[1] = _round(v, faces, alive, head, following, rings[1])
-        if counts[0] < 0 or counts[1] < 0:
+        rings.counts[0] = _ring(surface, u, rings.faces[0])
+        rings.counts[1] = _ring(surface, v, rings.faces[1])
+        if rings.counts[0] < 0 or rings.counts[1] < 0:
             continue
         both[:] = quadric[u] + quadric[v]
-        _place(both, points[u], points[v], border[u], border[v], place)
+        fill_cheapest(both, points[u], points[v], border[u], border[v], place)
         mark += 2
-        if not _may(
-            u, v, place, points, faces, rings, counts, border, marks, mark, facing, quality
-        ):
+        if not _keeps_topology(surface, (u, v), rings, marks, mark):
+            continue
+        if not _keeps_shape(surface, (u, v), place, rings, limits):
             continue
         points[u] = place
         quadric[u] = both
-        border[u] = border[u] or border[v]
-        for k in range(counts[1]):
-            f = rings[1, k]
-            if u in (faces[f, 0], faces[f, 1], faces[f, 2]):
-                alive[f] = False
-                left -= 1
-            for c in range(3):
-                if faces[f, c] == v:
-                    faces[f, c] = u
-        following[tail[u]] = head[v]
-        tail[u] = tail[v]
-        head[v] = -1
-        # Edges that were put off may do now, so all round the new vertex are looked at again.
-        count = _round(u, faces, alive, head, following, rings[0])
+        left -= _merge(surface, (u, v), rings)
+        # Edges whose collapse was deferred may be possible now: all around the vertex are queued.
+        count = _ring(surface, u, rings.faces[0])
         stamp[u] += 1_000_003
         mark += 2
         for k in range(max(count, 0)):
-            f = rings[0, k]
+            f = rings.faces[0, k]
             for c in range(3):
                 w = faces[f, c]
                 if w == u or marks[w] == mark:
@@ -397,6 +347,6 @@ def _collapse(points, faces, alive, target, facing, quality):
                     keys = np.concatenate((keys, np.empty(size)))
                     heap = np.concatenate((heap, np.empty((size, 3), dtype=np.int64)))
                 both[:] = quadric[u] + quadric[w]
-                _place(both, points[u], points[w], border[u], border[w], place)
-                size = _push(heap, keys, size, _cost(both, place), u, w, stamp[u] + stamp[w])
+                fill_cheapest(both, points[u], points[w], border[u], border[w], place)
+                size = push(heap, keys, size, cost_at(both, place), u, w, stamp[u] + stamp[w])
     return left

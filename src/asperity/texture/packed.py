@@ -111,10 +111,10 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
             field.rms, field.lowest, highest.max(),
         )  # fmt: skip
         sizes["first"] += first_top
-        for parts_of, part in (
-            (coefficients, c.ravel()), (bounds, pyramid), (tops, highest), (window_levels, sizes),
-        ):  # fmt: skip
-            parts_of.append(part)
+        coefficients.append(c.ravel())
+        bounds.append(pyramid)
+        tops.append(highest)
+        window_levels.append(sizes)
         first_coefficient += c.size
         first_block += len(pyramid)
         first_level = len(levels)

@@ -1,28 +1,60 @@
-"""Compiled parts of the picture: displacing sheets, and the nearest surface of each pixel."""
+"""Compiled parts of the renderer: displacement of sheets, rasterisation, and lighting."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
 
 
+class Buffers(NamedTuple):
+    """Pixels of a camera's image."""
+
+    depth: NDArray[np.float64]
+    """Distance of the nearest surface from the eye's plane [m], infinite without one, (rows,
+    columns)."""
+    normal: NDArray[np.float64]
+    """Its interpolated normal, not of unit length, (rows, columns, 3)."""
+    number: NDArray[np.int64]
+    """Its number, -1 without one, (rows, columns)."""
+
+
+class Projection(NamedTuple):
+    """An orthographic camera, as kernels need it."""
+
+    frame: NDArray[np.float64]
+    """Centre [m], and unit vectors to the right, up and towards the eye, in rows, (4, 3)."""
+    pixel: float
+    """Size of a pixel [m]."""
+    columns: int
+    rows: int
+
+
 @inner_kernel
-def _draw_triangle(a, b, c, na, nb, nc, slack, number, depth, normal_out, number_out):
-    """Draw a triangle into the buffers where it is nearer than what is there.
+def _draw_triangle(corners, normals, slack, number, buffers):
+    """Draw a triangle into the buffers where it is nearer than their contents.
 
     Parameters
     ----------
-    a, b, c : (float, float, float)
-        Column and row [pixels], distance from the eye [m] of its corners.
-    na, nb, nc : (3,) arrays
-        Normals at its corners.
+    corners : three (3,) arrays
+        Column and row [pixels] and distance from the eye [m] of each corner.
+    normals : three (3,) arrays
+        Normals at the corners.
     slack : float
-        How far beyond its sides it is drawn [pixels].
-    number, depth, normal_out, number_out
-        As for `draw_sheet`.
+        Distance by which it is extended beyond its sides [pixels].
+    number : int
+    buffers : Buffers
+        Changed.
     """
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = a, b, c
+    a, b, c = corners
+    ax, ay, az = a[0], a[1], a[2]
+    bx, by, bz = b[0], b[1], b[2]
+    cx, cy, cz = c[0], c[1], c[2]
+    na, nb, nc = normals
+    depth = buffers.depth
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area == 0.0 or not np.isfinite(area):
         return
@@ -42,7 +74,7 @@ def _draw_triangle(a, b, c, na, nb, nc, slack, number, depth, normal_out, number
             v = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
             if u < least_u or v < least_v or 1.0 - u - v < least_w:
                 continue
-            if slack > 0.0:  # what is seen is on the triangle, however far the pixel is off it
+            if slack > 0.0:  # a pixel beside the triangle shows its nearest point
                 u, v = max(u, 0.0), max(v, 0.0)
                 total = max(u + v, 1.0)
                 u, v = u / total, v / total
@@ -50,68 +82,64 @@ def _draw_triangle(a, b, c, na, nb, nc, slack, number, depth, normal_out, number
             far = w * az + u * bz + v * cz
             if far < depth[row, column]:
                 depth[row, column] = far
-                number_out[row, column] = number
+                buffers.number[row, column] = number
                 for k in range(3):
-                    normal_out[row, column, k] = w * na[k] + u * nb[k] + v * nc[k]
+                    buffers.normal[row, column, k] = w * na[k] + u * nb[k] + v * nc[k]
 
 
 @kernel
-def draw_sheet(x, y, z, normals, number, depth, normal_out, number_out):
-    """Draw a sheet into the buffers, where it is nearer than what is there.
+def draw_sheet(places, normals, number, buffers):
+    """Draw a grid of points into the buffers where it is nearer than their contents.
 
     Parameters
     ----------
-    x, y, z : (a, b) arrays
-        Places of the sheet's points: column and row [pixels], distance from the eye [m].
+    places : (a, b, 3) array
+        Column and row [pixels] and distance from the eye [m] of the points.
     normals : (a, b, 3) array
     number : int
-        What the sheet belongs to.
-    depth : (rows, columns) array
-        Distance of what is seen in each pixel; changed.
-    normal_out : (rows, columns, 3) array
-        Its normal; changed.
-    number_out : (rows, columns) array
-        Its number; changed.
+        Stored in the pixels that show the sheet.
+    buffers : Buffers
+        Changed.
     """
-    for i in range(x.shape[0] - 1):
-        for j in range(x.shape[1] - 1):
+    for i in range(places.shape[0] - 1):
+        for j in range(places.shape[1] - 1):
             for half in range(2):
                 # Corners (i, j), (i+1, j+1), and one of the two others.
                 ci = i + 1 if half == 0 else i
                 cj = j if half == 0 else j + 1
                 _draw_triangle(
-                    (x[i, j], y[i, j], z[i, j]),
-                    (x[i + 1, j + 1], y[i + 1, j + 1], z[i + 1, j + 1]),
-                    (x[ci, cj], y[ci, cj], z[ci, cj]),
-                    normals[i, j], normals[i + 1, j + 1], normals[ci, cj],
-                    0.0, number, depth, normal_out, number_out,
+                    (places[i, j], places[i + 1, j + 1], places[ci, cj]),
+                    (normals[i, j], normals[i + 1, j + 1], normals[ci, cj]),
+                    0.0, number, buffers,
                 )  # fmt: skip
 
 
 @kernel
-def draw_patches(x, y, z, normals, corners, slack, number, depth, normal_out, number_out):
-    """Draw patches of triangles into the buffers, where they are nearer than what is there.
+def draw_patches(places, normals, corners, slack, number, buffers):
+    """Draw patches of triangles into the buffers where they are nearer than their contents.
 
     Parameters
     ----------
-    x, y, z : (patches, points) arrays
-        Column and row [pixels], distance from the eye [m].
+    places : (patches, points, 3) array
+        Column and row [pixels] and distance from the eye [m] of the points.
     normals : (patches, points, 3) array
     corners : (triangles, 3) int array
         Points of each triangle, the same in all patches.
     slack : float
-        How far triangles are drawn beyond their sides [pixels]: where patches of unlike fineness
-        meet, one would see through the seam.
-    number, depth, normal_out, number_out
-        As for `draw_sheet`.
+        Distance by which triangles are extended beyond their sides [pixels]: it closes the seams
+        between patches of different fineness.
+    number : int
+        Stored in the pixels that show the patches.
+    buffers : Buffers
+        Changed.
     """
-    for i in range(x.shape[0]):
+    for i in range(places.shape[0]):
         for j in range(corners.shape[0]):
             a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
             _draw_triangle(
-                (x[i, a], y[i, a], z[i, a]), (x[i, b], y[i, b], z[i, b]),
-                (x[i, c], y[i, c], z[i, c]), normals[i, a], normals[i, b], normals[i, c],
-                slack, number, depth, normal_out, number_out,
+                (places[i, a], places[i, b], places[i, c]),
+                (normals[i, a], normals[i, b], normals[i, c]),
+                slack, number, buffers,
             )  # fmt: skip
 
 
@@ -169,11 +197,12 @@ def displace(base, w, height, rotation, position, points, normals):
 
 
 @kernel
-def project(points, frame, pixel, columns, rows, x, y, z):
-    """Fill `x`, `y` (a, b) with columns and rows [pixels], and `z` with distances [m].
+def project(points, camera, places_out):
+    """Fill columns and rows [pixels] and distances from the eye [m] of points (a, b, 3) [m].
 
-    `frame` (4, 3) is the camera's centre, right, up and towards.
+    `camera` is a `Projection`; `places_out` has the shape of `points`.
     """
+    frame = camera.frame
     for i in range(points.shape[0]):
         for j in range(points.shape[1]):
             a, b, c = 0.0, 0.0, 0.0
@@ -182,31 +211,28 @@ def project(points, frame, pixel, columns, rows, x, y, z):
                 a += away * frame[1, k]
                 b += away * frame[2, k]
                 c -= away * frame[3, k]
-            x[i, j] = a / pixel + 0.5 * (columns - 1)
-            y[i, j] = 0.5 * (rows - 1) - b / pixel
-            z[i, j] = c
+            places_out[i, j, 0] = a / camera.pixel + 0.5 * (camera.columns - 1)
+            places_out[i, j, 1] = 0.5 * (camera.rows - 1) - b / camera.pixel
+            places_out[i, j, 2] = c
 
 
 @kernel
-def light_pixels(
-    depth, normals, reach, pixel, frame, lamp_pixel, lamp_frame, light, open_to, image
-):
-    """Fill `image` (rows, columns, 3) with key light, light from all over, and gloss.
+def light_pixels(seen, openness, camera, lamp, reach, image_out):
+    """Fill an image (rows, columns, 3) with ambient light, directional light, and gloss.
 
     Parameters
     ----------
-    depth : (rows, columns) array
-    normals : (rows, columns, 3) array
+    seen : Buffers
+        What the camera sees.
+    openness : (rows, columns) array
+        Share of the ambient light that reaches each pixel, 0 to 1.
+    camera, lamp : Projection
+        The lamp shines from where its eye is.
     reach : (n, n) array
-        Distance of what the lamp sees; what it does not see is lit.
-    pixel, lamp_pixel : float
-    frame, lamp_frame : (4, 3) arrays
-        Centre, right, up and towards, of the eye and of the lamp.
-    light : (3,) array
-        Direction towards the light.
-    open_to : (rows, columns) array
-        How open each pixel lies.
+        Distance of the surfaces that the lamp sees [m]; surfaces farther away are in shadow.
+    image_out : (rows, columns, 3) array
     """
+    depth, normals, frame, light = seen.depth, seen.normal, camera.frame, lamp.frame[3]
     rows, columns = depth.shape
     n = reach.shape[0]
     half = light + frame[3]
@@ -215,34 +241,35 @@ def light_pixels(
         for column in range(columns):
             if depth[row, column] > 1e8:
                 continue
-            a = (column - 0.5 * (columns - 1)) * pixel
-            b = (0.5 * (rows - 1) - row) * pixel
+            a = (column - 0.5 * (columns - 1)) * camera.pixel
+            b = (0.5 * (rows - 1) - row) * camera.pixel
             s, t, far = 0.0, 0.0, 0.0
             facing, gloss, up, length = 0.0, 0.0, 0.0, 0.0
             for k in range(3):
                 place = (
                     frame[0, k] + a * frame[1, k] + b * frame[2, k]
                     - depth[row, column] * frame[3, k]
-                ) - lamp_frame[0, k]  # fmt: skip
-                s += place * lamp_frame[1, k]
-                t += place * lamp_frame[2, k]
-                far -= place * lamp_frame[3, k]
+                ) - lamp.frame[0, k]  # fmt: skip
+                s += place * lamp.frame[1, k]
+                t += place * lamp.frame[2, k]
+                far -= place * lamp.frame[3, k]
                 m = normals[row, column, k]
                 length += m * m
                 facing += m * light[k]
                 gloss += m * half[k]
                 up += m * frame[2, k]
             length = np.sqrt(max(length, 1e-30))
-            # A soft edge of the shadow: the mean over 5 x 5 places of the lamp's view.
-            s = s / lamp_pixel + 0.5 * (n - 1)
-            t = 0.5 * (n - 1) - t / lamp_pixel
+            # A soft shadow edge: the mean over 5 x 5 points of the lamp's image.
+            s = s / lamp.pixel + 0.5 * (n - 1)
+            t = 0.5 * (n - 1) - t / lamp.pixel
             lit = 0.0
             for di in range(-2, 3):
                 for dj in range(-2, 3):
                     i, j = int(t + 0.8 * di + 0.5), int(s + 0.8 * dj + 0.5)
                     inside = 0 <= i < n and 0 <= j < n
-                    if not inside or far <= reach[i, j] + 3.5 * lamp_pixel:
+                    if not inside or far <= reach[i, j] + 3.5 * lamp.pixel:
                         lit += 0.04
-            image[row, column, 0] = (0.30 + 0.22 * (0.5 + 0.5 * up / length)) * open_to[row, column]
-            image[row, column, 1] = 0.75 * max(facing / length, 0.0) * lit
-            image[row, column, 2] = 0.18 * max(gloss / length, 0.0) ** 40 * lit
+            ambient = 0.30 + 0.22 * (0.5 + 0.5 * up / length)
+            image_out[row, column, 0] = ambient * openness[row, column]
+            image_out[row, column, 1] = 0.75 * max(facing / length, 0.0) * lit
+            image_out[row, column, 2] = 0.18 * max(gloss / length, 0.0) ** 40 * lit

@@ -13,7 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.raster import draw_patches, draw_sheet, light_pixels, project
+from asperity.drawing.renderer.raster import (
+    Buffers,
+    draw_patches,
+    draw_sheet,
+    light_pixels,
+    project,
+)
 from asperity.drawing.renderer.view import Camera, Sheet
 
 Array = NDArray[np.float64]
@@ -49,27 +55,17 @@ def camera_at(
     return Camera(np.asarray(centre), right, up, towards, width, columns, rows)
 
 
-@dataclass(frozen=True, eq=False)
-class Buffers:
-    """What a camera sees in each pixel: distance (infinite: nothing), normal, number of a layer."""
-
-    depth: Array
-    normal: Array
-    number: NDArray[np.int64]
-
-
 def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
     """Return what the camera sees of numbered sheets."""
     shape = (camera.rows, camera.columns)
     out = Buffers(np.full(shape, np.inf), np.zeros((*shape, 3)), np.full(shape, -1))
     for number, sheet in sheets:
-        x, y, z = (np.empty(sheet.points.shape[:2]) for _ in range(3))
-        project(sheet.points, camera.frame, camera.pixel, camera.columns, camera.rows, x, y, z)
-        buffers = (number, out.depth, out.normal, out.number)
+        places = np.empty(sheet.points.shape)
+        project(sheet.points, camera.projection, places)
         if sheet.corners is None:
-            draw_sheet(x, y, z, sheet.normals, *buffers)
+            draw_sheet(places, sheet.normals, number, out)
         else:
-            draw_patches(x, y, z, sheet.normals, sheet.corners, _SLACK, *buffers)
+            draw_patches(places, sheet.normals, sheet.corners, _SLACK, number, out)
     return out
 
 
@@ -147,10 +143,7 @@ def shade(
     if open_to is None:
         open_to = hollows(seen, camera)
     lights = np.zeros((*seen.depth.shape, 3))
-    light_pixels(
-        seen.depth, seen.normal, lamp.reach, camera.pixel, camera.frame, lamp.camera.pixel,
-        lamp.camera.frame, lamp.camera.towards, open_to, lights,
-    )  # fmt: skip
+    light_pixels(seen, open_to, camera.projection, lamp.camera.projection, lamp.reach, lights)
     colour = np.asarray(colours)[np.maximum(seen.number, 0)]
     image = colour * (lights[..., 0] + lights[..., 1])[..., None] + lights[..., 2:]
     return np.dstack([np.clip(image, 0.0, 1.0), np.isfinite(seen.depth).astype(np.float64)])

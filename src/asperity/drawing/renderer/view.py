@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.drawing.renderer.raster import Projection
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
@@ -61,9 +62,10 @@ class Camera:
         return self.width / self.columns
 
     @property
-    def frame(self) -> Array:
-        """Centre, right, up and towards: (4, 3)."""
-        return np.array([self.centre, self.right, self.up, self.towards])
+    def projection(self) -> Projection:
+        """The camera as kernels need it."""
+        frame = np.array([self.centre, self.right, self.up, self.towards])
+        return Projection(frame, self.pixel, self.columns, self.rows)
 
     def turned(self, rotation: Array, position: Array) -> Camera:
         """Return the camera in the frame that has this pose: columns of `rotation` its axes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,14 +15,30 @@ from asperity.geometry.offsets.analytic import touch_segment
 from asperity.geometry.offsets.surface import OffsetTrace, Tracer
 
 
+class DotLattice(NamedTuple):
+    """A tile of truncated cones on a jittered square lattice; lengths in metres."""
+
+    centres: NDArray[np.float64]
+    """Axes of the dots (u, v) within the tile, less the lattice position, (rows, columns, 2)."""
+    pitch: float
+    """Of the lattice."""
+    top: float
+    """Radius of a flat top."""
+    flank: float
+    """Horizontal width of the sloping side."""
+    height: float
+
+
 @kernel
-def _touch_dots(centres, pitch, top, flank, height, reach, u, v, radius):
+def _touch_dots(lattice, u, v, radius):
     """Return (offset height, contact u, contact v) of a sphere above (u, v).
 
     A dot is a solid of revolution, so the sphere touches it in the plane through the dot's axis
-    and the sphere's centre: a disk on the dot's outline. Dots lie within `reach` of their
-    lattice place, so only the neighbouring cells of the lattice can be touched.
+    and the sphere's centre, where it is a disk on the dot's outline. The axis of a dot lies within
+    its lattice cell, so only cells within the radii of dot and sphere matter.
     """
+    centres, pitch, top, flank, height = lattice
+    reach = radius + top + flank
     rows, columns = centres.shape[0], centres.shape[1]
     best, best_u, best_v = 0.0, u, v
     row = math.floor((v - reach) / pitch)
@@ -45,23 +62,11 @@ def _touch_dots(centres, pitch, top, flank, height, reach, u, v, radius):
 
 
 @kernel
-def _trace_dots(
-    places,
-    line,
-    centres,
-    pitch,
-    top,
-    flank,
-    height,
-    reach,
-    radius,
-    heights_out,
-    slopes_out,
-    contacts_out,
-):
+def _trace_dots(lattice, places, line, radius, heights_out, slopes_out, contacts_out):
+    """Fill heights, slopes and contacts of a sphere at `places` along `v = line` [m]."""
     for i in range(places.size):
         u = places[i]
-        best, x, y = _touch_dots(centres, pitch, top, flank, height, reach, u, line, radius)
+        best, x, y = _touch_dots(lattice, u, line, radius)
         heights_out[i] = best
         slopes_out[i] = (x - u) / math.sqrt(radius**2 - (x - u) ** 2 - (y - line) ** 2)
         contacts_out[i] = x
@@ -190,18 +195,14 @@ class DotPlate:
                 f"dots with walls of height {self.height * 1e3:g} mm stop a probe of diameter "
                 f"{diameter * 1e3:g} mm: give a height below {radius * 1e3:g} mm, or a flank"
             )
-        top = 0.5 * self.diameter
-        # A dot's axis lies within its lattice cell; add what the dot and the sphere reach.
-        reach = radius + top + self.flank
-        centres = self.centres()
+        lattice = DotLattice(
+            self.centres(), self.pitch, 0.5 * self.diameter, float(self.flank), float(self.height)
+        )
 
         def trace(u: ArrayLike) -> OffsetTrace:
             places = np.atleast_1d(np.asarray(u, dtype=np.float64))
             out = [np.empty(places.size) for _ in range(3)]
-            _trace_dots(
-                places.ravel(), self._line(), centres, self.pitch, top, self.flank,
-                self.height, reach, radius, *out,
-            )  # fmt: skip
+            _trace_dots(lattice, places.ravel(), self._line(), radius, *out)
             return OffsetTrace(*(part.reshape(np.shape(u)) for part in out))
 
         return trace

@@ -68,7 +68,9 @@ class Surface(Protocol):
         """Return the function that traces a probe of `diameter` [m] over this surface."""
 
 
-def slope_of(across: NDArray[np.float64], distance_squared: NDArray[np.float64], radius: float):
+def slope_of(
+    across: NDArray[np.float64], distance_squared: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
     """Return dH/du for a contact `across` away along u, on a sphere of `radius`."""
     return across / np.sqrt(radius**2 - distance_squared)
 

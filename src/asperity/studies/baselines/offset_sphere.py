@@ -70,7 +70,7 @@ class OffsetSurface:
         self._shape = samples.shape
         self._coefficients = spline_coefficients(samples, border, self._margin) / self._pixel
         self._pyramid: Pyramid = pyramid_of(self._coefficients)
-        self._nodes, self._bounds = np.empty((512, 3), np.int64), np.empty(512)
+        self._stack = np.empty(sphere_search.STACK_SIZE, sphere_search.NODE)
         self.reset()
 
     def reset(self) -> None:
@@ -91,8 +91,8 @@ class OffsetSurface:
         u, v = u + 0.5 + self._margin, v + 0.5 + self._margin
         r = self.radius / self._pixel
         height, px, py = sphere_search.search(
-            self._coefficients, self._pyramid, u, v, r, CERTIFIED_TO / self._pixel,
-            u + self._shift[0], v + self._shift[1], self._nodes, self._bounds,
+            self._coefficients, self._pyramid, sphere_search.Sphere(u, v, r),
+            CERTIFIED_TO / self._pixel, (u + self._shift[0], v + self._shift[1]), self._stack,
         )  # fmt: skip
         self._shift[:] = px - u, py - v
         root = math.sqrt(max(r * r - float(self._shift @ self._shift), 1e-12 * r * r))
