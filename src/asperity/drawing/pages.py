@@ -2,8 +2,8 @@
 
 An HTML page extends `base.html` and fills its blocks `title` and `main`; `base.html` brings the
 style sheet, `page.css`. Values are escaped in templates whose name ends in `.html` and left as they
-are in all others. Templates may use the functions `data_uri`,
-`filled`, `inline` and `table_row` as filters.
+are in all others. The functions `data_uri`, `filled`, `inline` and `table_row` are filters of
+templates.
 """
 
 from __future__ import annotations

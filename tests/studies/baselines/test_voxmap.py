@@ -149,4 +149,4 @@ def test_a_sheet_without_inside_and_a_textured_plane_without_end_are_refused():
     with pytest.raises(AsperityError, match="encloses no voxel of 5 mm"):
         voxmap.voxmap(Body("thin", [Geom("box", (5e-3, 5e-3, 1e-4))]), 5e-3)
     plane = Body("ground", [Geom("plane", (0.0, 0.0))], sinusoid(wavelength=2e-3, amplitude=1e-4))
-    assert "textured plane without end" in str(voxmap.finite_reason(plane))
+    assert "textured unbounded plane" in str(voxmap.finite_reason(plane))

@@ -87,7 +87,7 @@ def test_measured_papers_are_skipped_with_the_reason_where_they_are_not(lab):
     papers = next(f for f in FINDINGS if f.id == "grit.measured")
     verdict = papers.judge(lab, PAPER)
     assert verdict.holds is None
-    assert "not at hand" in verdict.note
+    assert "not available" in verdict.note
 
 
 def test_measured_papers_are_judged_where_they_are(data, monkeypatch):

@@ -56,11 +56,11 @@ def test_a_rule_on_levels_can_be_met_and_missed(rule, curves, holds):
 
 
 def test_a_top_lies_between_samples():
-    top = criteria.top_of(X, hump(1.234e-3, 2.0))
+    top = criteria.maximum_of(X, hump(1.234e-3, 2.0))
     assert top.inside
     assert top.spacing == pytest.approx(1.234e-3, rel=1e-6)
     assert top.value == pytest.approx(2.0, rel=1e-6)
-    assert not criteria.top_of(X, X).inside
+    assert not criteria.maximum_of(X, X).inside
 
 
 DROPS = np.array([1.2, 1.5, 1.7, 1.6, 2.0, 2.4]) * 1e-3

@@ -37,7 +37,7 @@ def test_a_plain_wall_is_stable_up_to_colgates_bound(smooth, rate, damping):
     assert 0.98 < limit / (2.0 * damping * rate) < 1.3
 
 
-def test_an_oscillation_dies_away_below_the_limit_and_not_above(smooth):
+def test_an_oscillation_decays_below_the_limit_and_not_above(smooth):
     """The exact limit: the poles of the sampled wall lie on the unit circle."""
     pose, mass, damping, T = smooth.places()[0], QUICK.hand.mass, 1.0, 1e-3
     decay = np.exp(-damping * T / mass)
@@ -53,8 +53,8 @@ def test_an_oscillation_dies_away_below_the_limit_and_not_above(smooth):
     while high / low > 1.0001:
         middle = np.sqrt(low * high)
         low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
-    assert smooth.dies_away(pose, 0.95 * low, 1.0 / T, damping)
-    assert not smooth.dies_away(pose, 1.05 * low, 1.0 / T, damping)
+    assert smooth.decays(pose, 0.95 * low, 1.0 / T, damping)
+    assert not smooth.decays(pose, 1.05 * low, 1.0 / T, damping)
 
 
 def test_a_notch_is_far_stiffer_than_the_wall(scene):

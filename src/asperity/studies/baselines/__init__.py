@@ -1,4 +1,4 @@
-"""The methods that people compare, behind one interface, by name: `METHODS`."""
+"""Rendering methods to compare, behind one interface: `METHODS`, by name."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ METHODS: dict[str, Method] = {
         recorded_vibration.RECORDED_VIBRATION,
     )
 }
-"""In the order of tables and figures; asperity's own is the first."""
+"""Name -> method, in the order of tables and figures; asperity's own is the first."""
 
 
 def chosen(names: Iterable[str]) -> list[Method]:
-    """Return methods by name, all if there are none, each once, in the order of `METHODS`."""
+    """Return the methods with these names, all if none are given, in the order of `METHODS`."""
     wanted = {require_choice("method", name, METHODS) for name in names}
     return [method for name, method in METHODS.items() if not wanted or name in wanted]
 

@@ -1,12 +1,12 @@
-"""asperity's own model, and the point laws that stand in its engine, as methods.
+"""Asperity's own model and the point laws of its contact solver, as methods.
 
 *asperity*: Otaduy & Lin (2004), `F = k w delta m` at the deepest place of the two textured
-surfaces, by certified depths and exact gradients; see `forces.laws`.
+surfaces, by certified depths and exact gradients; see `contact.response`.
 
 *Minsky* (1995), *Ho, Basdogan & Srinivasan* (1999) and *Siira & Pai* (1996) take the texture at the
-one point where the smooth tool is deepest; their formulas stand in `forces.laws`.
+one point where the smooth tool is deepest; see `contact.response` for their formulas.
 
-All four are asked without anti-aliasing: the wrench at the pose, not a mean over the tick.
+All four run without anti-aliasing: they return the wrench at the pose, not a mean over the tick.
 """
 
 from __future__ import annotations
@@ -24,38 +24,38 @@ from asperity.studies.baselines.placement import require
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 
-class EngineRenderer:
-    """An `ContactSolver` of a scene, asked tick by tick."""
+class SolverRenderer:
+    """Renders a scene by its `ContactSolver`."""
 
     def __init__(self, scene: Scene, settings: ForceSettings, dt: float) -> None:
         announce_compiling()
-        self.engine = ContactSolver(scene.model, scene.bodies, scene.tool, settings)
+        self.solver = ContactSolver(scene.model, scene.bodies, scene.tool, settings)
         self._dt = dt
 
     def wrench(self, pose: NDArray[np.float64]) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        wrench = self.engine.wrench(pose, self._dt)
-        count = int(self.engine.contacts.count[0])
+        wrench = self.solver.wrench(pose, self._dt)
+        count = int(self.solver.contacts.count[0])
         if count == 0:
             return NOTHING
-        depth = float(self.engine.contacts.depth[:count].max())
+        depth = float(self.solver.contacts.depth[:count].max())
         return MethodWrench(wrench[:3].copy(), wrench[3:].copy(), depth, count)
 
     def reset(self) -> None:
-        """Forget all poses so far."""
-        self.engine.reset()
+        """Forget all previous poses."""
+        self.solver.reset()
 
 
 @dataclass(frozen=True)
-class EngineMethod:
-    """One of the laws of the engine.
+class SolverMethod:
+    """One of the force laws of the contact solver.
 
     Parameters
     ----------
     name, label, source, what_it_is_not : str
         See `Method`.
     law : str
-        One of `forces.settings.LAWS`.
+        One of the laws of `ForceSettings`.
     """
 
     name: str
@@ -73,15 +73,15 @@ class EngineMethod:
             return f"a law of one point on simple solids, and {meshes[0]} is a mesh"
         return None
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> EngineRenderer:
-        """Return a renderer of a scene; friction, stiffness and the law's own keys are its."""
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> SolverRenderer:
+        """Return a renderer with the scene's friction, stiffness and parameters of the law."""
         require(self.can(scene), self.label, scene)
-        # A gradient that the scene asks of its own law is not for another.
+        # The gradient setting of the scene's law does not apply to another law.
         changes = {} if scene.force.law == self.law else {"law": self.law, "gradient": None}
-        return EngineRenderer(scene, scene.changed(force=changes).force, dt)
+        return SolverRenderer(scene, scene.changed(force=changes).force, dt)
 
 
-ASPERITY = EngineMethod(
+ASPERITY = SolverMethod(
     "asperity",
     "asperity",
     "Otaduy & Lin 2004",
@@ -89,7 +89,7 @@ ASPERITY = EngineMethod(
     "central differences by the exact gradient.",
     "otaduy-lin",
 )
-MINSKY = EngineMethod(
+MINSKY = SolverMethod(
     "minsky",
     "Minsky",
     "Minsky 1995",
@@ -97,15 +97,15 @@ MINSKY = EngineMethod(
     "is its gain.",
     "minsky",
 )
-HO = EngineMethod(
+HO = SolverMethod(
     "ho",
     "Ho et al.",
     "Ho, Basdogan & Srinivasan 1999",
-    "Without their haptic interaction point's way along the surface (a god object with friction); "
+    "Without their haptic interaction point's path along the surface (a god object with friction); "
     "the formula is recalled, not read in the source.",
     "ho",
 )
-SIIRA_PAI = EngineMethod(
+SIIRA_PAI = SolverMethod(
     "siira-pai",
     "Siira & Pai",
     "Siira & Pai 1996",

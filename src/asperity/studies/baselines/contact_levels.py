@@ -1,23 +1,23 @@
-r"""Contact levels of detail: each contact at the coarsest resolution that may still be felt.
+r"""Contact levels of detail: each contact at the coarsest resolution within a tolerance.
 
 Otaduy & Lin, *Sensation preserving simplification for haptic rendering* and *CLODs: dual
 hierarchies for multiresolution collision detection* (both 2003). A mesh is simplified step by
-step, each level a filtered one; at each contact the coarsest level is taken whose surface deviation
-s, weighted by the size of what it leaves out and averaged over the contact's area D, is below a
+step, each level a filtered one. Each contact takes the coarsest level whose surface deviation s,
+weighted by the size of the removed features and averaged over the contact's area D, is below a
 tolerance:
 
     s* = s / (r^2 D) < s_0,     r = 1 / (size of the smallest feature of that level)
 
-So fine detail is dropped where the contact is wide, which for shape is what people feel, and for
-texture is what they miss (Otaduy & Lin 2004, section 2.2).
+So fine detail is dropped where the contact is wide. For shape that agrees with human perception;
+for texture it removes what people would feel (Otaduy & Lin 2004, section 2.2).
 
-The rule is quoted from memory, with medium confidence; `s_0` is ours, as is what it is applied to:
-levels here are the scene's own base bodies with height fields low-passed at wavelengths that
-double from level to level, up to none. It is the same criterion on the same quantity, since
-displacing a base by a band-limited map *is* a filtered surface with deviation `max |h - h_l|`; a
-hierarchy of simplified meshes with hulls would cost less for each contact and feel no more. D is
-the area of the tool's smooth surface that lies inside a body, counted by a coarse pointshell (see
-`voxmap`). The wrench of a contact is asperity's, on the surfaces of its level.
+The rule is quoted from memory, with medium confidence. Asperity's own are `s_0` and the levels: the
+scene's base bodies with height fields low-passed at wavelengths that double from level to level,
+down to no texture. The criterion applies to the same quantity, because a base displaced by a
+band-limited map *is* a filtered surface with deviation `max |h - h_l|`; a hierarchy of simplified
+meshes with hulls would cost less for each contact and render no more. D is the area of the tool's
+smooth surface inside a body, counted with a coarse pointshell (see `voxmap`). The wrench of a
+contact is asperity's, on the surfaces of its level.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from numpy.typing import NDArray
 from asperity.geometry.bodies import Body
 from asperity.scene.scene import Scene
 from asperity.studies.baselines import voxmap
-from asperity.studies.baselines.asperity_laws import EngineRenderer
+from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.displaced_surfaces import smooth_area
 from asperity.studies.baselines.placement import placed, require
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
 TOLERANCE = 10e-6
-"""s_0 [m]: ours."""
+"""s_0 [m], asperity's."""
 _MOST_LEVELS = 12
 
 
@@ -47,9 +47,9 @@ class Level:
     """All bodies of a scene at one resolution."""
 
     size: float
-    """Wavelength below which there is nothing [m]; 0 for the surfaces as they are."""
+    """Shortest wavelength that is kept [m]; 0 for the full surfaces."""
     deviation: float
-    """s: how far any surface is off its full detail [m]."""
+    """s: largest deviation of any surface from its full detail [m]."""
     bodies: tuple[Body, ...]
 
     def weighted(self, area: float) -> float:
@@ -68,8 +68,8 @@ def levels_of(scene: Scene) -> list[Level]:
         size = shortest * 2.0**i
         bodies = tuple(_low_passed(body, size) for body in scene.bodies)
         deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, bodies, strict=True))
-        left = max((b.texture.relief for b in bodies if b.texture is not None), default=0.0)
-        if left <= 1e-3 * relief or i == _MOST_LEVELS:
+        remaining = max((b.texture.relief for b in bodies if b.texture is not None), default=0.0)
+        if remaining <= 1e-3 * relief or i == _MOST_LEVELS:
             smooth = tuple(replace(body, texture=None) for body in scene.bodies)
             deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, smooth, strict=True))
             return [*found, Level(size, deviation, smooth)]
@@ -93,7 +93,7 @@ def _deviation(full: Body, coarse: Body) -> float:
 
 
 class LevelsRenderer:
-    """Contacts of a scene, each at its own level.
+    """Renders each contact of a scene at its own level.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ class LevelsRenderer:
         self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
         names = [body.name for body in scene.bodies]
         self._number = [names.index(there.body.name) for there in bodies.standing]
-        self._engines: dict[tuple[int, int], EngineRenderer] = {}
-        self.taken: dict[str, int] = {}
-        """The level of each body that was near at the last pose."""
+        self._renderers: dict[tuple[int, int], SolverRenderer] = {}
+        self.used_levels: dict[str, int] = {}
+        """The level used for each body at the last pose."""
 
     def reset(self) -> None:
-        """Forget all poses so far."""
-        for engine in self._engines.values():
-            engine.reset()
+        """Forget all previous poses."""
+        for renderer in self._renderers.values():
+            renderer.reset()
 
     def level(self, area: float) -> int:
         """Return the coarsest level for a contact of an area [m^2]."""
@@ -129,26 +129,26 @@ class LevelsRenderer:
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         self._probe.wrench(pose)
-        self.taken = {}
-        met = []
+        self.used_levels = {}
+        parts = []
         for number, touching in zip(self._number, self._probe.touching, strict=True):
             level = self.level(touching * self._each)
-            self.taken[self._scene.bodies[number].name] = level
+            self.used_levels[self._scene.bodies[number].name] = level
             part = self._renderer(level, number).wrench(pose)
             if part.contacts:
-                met.append(part)
-        if not met:
+                parts.append(part)
+        if not parts:
             return NOTHING
         return MethodWrench(
-            np.sum([part.force for part in met], axis=0),
-            np.sum([part.torque for part in met], axis=0),
-            max(part.depth for part in met),
-            sum(part.contacts for part in met),
+            np.sum([part.force for part in parts], axis=0),
+            np.sum([part.torque for part in parts], axis=0),
+            max(part.depth for part in parts),
+            sum(part.contacts for part in parts),
         )
 
-    def _renderer(self, level: int, number: int) -> EngineRenderer:
-        """Return the contact of the tool with one body, at one level."""
-        if (level, number) not in self._engines:
+    def _renderer(self, level: int, number: int) -> SolverRenderer:
+        """Return the renderer of the tool against one body, at one level."""
+        if (level, number) not in self._renderers:
             scene = self._scene
             two = tuple(
                 body
@@ -156,8 +156,8 @@ class LevelsRenderer:
                 if i == number or body.name == scene.tool
             )
             pair = replace(scene, bodies=two)
-            self._engines[level, number] = EngineRenderer(pair, scene.force, self._dt)
-        return self._engines[level, number]
+            self._renderers[level, number] = SolverRenderer(pair, scene.force, self._dt)
+        return self._renderers[level, number]
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class LevelsMethod:
     source: str = "Otaduy & Lin 2003"
     what_it_is_not: str = (
         "Levels of height fields on one base body, not of simplified meshes; the criterion is "
-        "recalled, and the tolerance is ours."
+        "recalled, and the tolerance is asperity's."
     )
 
     def can(self, scene: Scene) -> str | None:
@@ -191,7 +191,7 @@ class LevelsMethod:
 
 @dataclass(frozen=True)
 class SmoothMethod:
-    """The low-resolution bodies alone, without any texture: what filtering leaves in the end."""
+    """The low-resolution bodies alone, without texture: the limit of filtering."""
 
     name: str = "low-resolution"
     label: str = "low resolution alone"
@@ -202,10 +202,10 @@ class SmoothMethod:
         """Return None: it can render all scenes."""
         return None
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> EngineRenderer:
+    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> SolverRenderer:
         """Return a renderer of a scene."""
         smooth = tuple(replace(body, texture=None) for body in scene.bodies)
-        return EngineRenderer(replace(scene, bodies=smooth), scene.force, dt)
+        return SolverRenderer(replace(scene, bodies=smooth), scene.force, dt)
 
 
 CONTACT_LEVELS = LevelsMethod()

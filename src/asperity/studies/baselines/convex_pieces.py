@@ -1,20 +1,20 @@
 r"""Penetration depth between convex pieces, and clusters of contacts.
 
 Kim, Otaduy, Lin & Manocha, *Six-degree-of-freedom haptic rendering using incremental and localized
-computations* (2003). Both bodies are cut into convex pieces; every pair of pieces that overlap has
-a penetration depth d, its direction n and a place p. Contacts that are near each other are one
-cluster, whose place, direction and depth are means weighted by depth,
+computations* (2003). Both bodies are divided into convex pieces; every overlapping pair of pieces
+has a penetration depth d, a direction n and a place p. Contacts near each other form one cluster,
+whose place, direction and depth are means weighted by depth,
 
     p = sum d_i p_i / sum d_i,    n = sum d_i n_i / |sum d_i n_i|,    d = sum d_i^2 / sum d_i ,
 
     F = k d n,    T = (p - centre of mass) x F ,
 
 so that the stiffness does not grow with the number of pieces and forces do not jump when the
-deepest pair changes. The textures are not seen at all: that is what Otaduy & Lin (2004) add.
+deepest pair changes. Textures are ignored; Otaduy & Lin (2004) add them.
 
-As recalled, not read in the source. What is ours: pieces and depths are MuJoCo's (GJK and EPA, with
-its own solutions for simple solids), each query from nothing, where the authors walk on from the
-last tick (DEEP); and clusters are grown from the deepest contact outwards.
+As recalled, not read in the source. Asperity's own: pieces and depths are MuJoCo's (GJK and EPA,
+with closed forms for simple solids), each query without warm start, whereas the authors continue
+from the last tick (DEEP); and clusters are grown from the deepest contact outwards.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def clustered(
     where, along, deep = [], [], []
     while left.size:
         away = np.linalg.norm(places[left] - places[left[0]], axis=1)
-        # What pushes the other way is another contact, however near.
+        # A contact that pushes the opposite way belongs to another cluster, however near.
         members = left[(away <= size) & (normals[left] @ normals[left[0]] > 0.0)]
         left = np.setdiff1d(left, members, assume_unique=True)
         left = left[np.argsort(-depths[left], kind="stable")]
@@ -63,7 +63,7 @@ def clustered(
 
 
 class ConvexRenderer:
-    """MuJoCo's contacts between the pieces of a scene, clustered."""
+    """Renders the clustered contacts of MuJoCo between the pieces of a scene."""
 
     def __init__(self, scene: Scene, size: float) -> None:
         self._model = copy.copy(scene.model)
@@ -76,10 +76,10 @@ class ConvexRenderer:
         self._stiffness, self._size = scene.force.stiffness, size
 
     def reset(self) -> None:
-        """Forget all poses so far: nothing is remembered."""
+        """Do nothing: the wrench depends on the pose alone."""
 
     def contacts(self, pose: Array) -> tuple[Array, Array, Array]:
-        """Return place, direction (of the force on the tool) and depth of each pair's overlap."""
+        """Return place, direction (of the force on the tool) and depth of each overlapping pair."""
         model, data = self._model, self._data
         data.qpos[self._qpos : self._qpos + 7] = pose
         mujoco.mj_kinematics(model, data)
@@ -88,8 +88,8 @@ class ConvexRenderer:
         pairs, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
         for i in range(data.ncon):
             pair = int(pairs[i, 0]), int(pairs[i, 1])
-            ours = [int(model.geom_bodyid[geom]) == self._tool for geom in pair]
-            if distance[i] >= 0.0 or ours[0] == ours[1]:
+            of_tool = [int(model.geom_bodyid[geom]) == self._tool for geom in pair]
+            if distance[i] >= 0.0 or of_tool[0] == of_tool[1]:
                 continue
             if pair not in deepest or distance[i] < distance[deepest[pair]]:
                 deepest[pair] = i
@@ -120,7 +120,7 @@ class ConvexMethod:
     Parameters
     ----------
     size : float
-        Of a cluster [m], above 0.
+        Radius of a cluster [m], above 0.
     """
 
     size: float = 5e-3
@@ -128,7 +128,7 @@ class ConvexMethod:
     label: str = "convex pieces, clustered"
     source: str = "Kim, Otaduy, Lin & Manocha 2003"
     what_it_is_not: str = (
-        "Depths are MuJoCo's (GJK and EPA), from nothing at every tick, not the authors' "
+        "Depths are MuJoCo's (GJK and EPA), computed afresh every tick, not the authors' "
         "incremental ones; a piece is a geom of the scene. It never feels a texture."
     )
 

@@ -1,8 +1,8 @@
-"""Really displaced surfaces of bodies as points and triangles, at a spacing that is asked for.
+"""Displaced surfaces of bodies as points and triangles, at a given spacing.
 
-What the methods of full detail are given: every point of the smooth surface, moved along its normal
-by the texture's height. Where geoms of one body overlap or meet, what lies inside is no surface of
-it and is left out, so that a plate of sixteen boxes has the same surface as one of one.
+The methods of full detail use them: every point of the smooth surface, moved along its normal by
+the texture's height. Where geoms of one body overlap or meet, the parts inside are removed, so that
+a plate of sixteen boxes has the same surface as a plate of one.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 _FAR = 1.0
 """Half side of an unbounded plane [m]."""
 _INSIDE = 1e-9
-"""How far out of a face it is asked whether another geom covers it [m]."""
+"""Distance above a face at which it is tested whether another geom covers it [m]."""
 _BESIDE = 1e-6
-"""How far beyond a border it is asked whether another geom goes on there [m]."""
+"""Distance beyond a border at which it is tested whether another geom continues it [m]."""
 
 
 class DisplacedSurface(NamedTuple):
@@ -49,9 +49,9 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
     Parameters
     ----------
     body : Body
-        An unbounded plane is cut at a metre from its middle.
+        An unbounded plane is cut at a metre from its centre.
     spacing : float
-        Between points [m], about. Relief finer than this is averaged.
+        Approximate distance of points [m]. Finer relief is averaged.
     smooth : bool
         Leave the texture out.
     """
@@ -63,7 +63,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
         return _of_mesh(body, view)
     parts = []
     if body.texture is None:
-        # Smooth faces are otherwise drawn with a third of the points.
+        # The renderer samples smooth faces with a third of the points.
         view = view._replace(samples=3 * view.samples)
     for chart in body_charts(body, _STILL, view):
         points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
@@ -74,7 +74,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
         for other in body.geoms:
             if other is not chart.geom:
                 shown &= ~covers(other, chart.base + _INSIDE * chart.normals)
-        # The lit normals of `displace` may point either way round; the base's do not.
+        # Normals of `displace` may have either sign; those of the base point outward.
         sign = np.sign(np.sum(normals * chart.normals, axis=-1, keepdims=True))
         parts.append(_of_grid(points, normals * np.where(sign == 0.0, 1.0, sign), shown))
         if body.texture is not None:
@@ -87,9 +87,9 @@ def _skirts(
 ) -> Iterator[DisplacedSurface]:  # fmt: skip
     """Yield strips from the borders of a displaced face down to its base.
 
-    Where two faces meet at an edge, each is displaced its own way and the surface opens. Their
-    bases meet, so that these strips close it. Where a face goes on as that of another geom, or
-    comes round to itself, it is not open.
+    Where two faces meet at an edge, each is displaced along its own normal and the surface opens.
+    Their bases meet, so these strips close it. A face that another geom continues, or that is
+    periodic, is not open there.
     """
     base, w = chart.base, chart.normals
     sides = [(base[i], base[j], points[i], w[i], shown[i]) for i, j in ((0, 1), (-1, -2))]
@@ -114,7 +114,7 @@ def _skirts(
 
 
 def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> DisplacedSurface:
-    """Return a grid of points (a, b, 3) as triangles, but for those that are hidden."""
+    """Return a grid of points (a, b, 3) as triangles, without those that are hidden."""
     rows, columns = shown.shape
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
     a = (i * columns + j).ravel()
@@ -155,7 +155,7 @@ def _joined(parts: list[DisplacedSurface]) -> DisplacedSurface:
 
 
 def bounding_ball(body: Body) -> tuple[Array, float]:
-    """Return the middle and radius [m] of a ball round a smooth body, in its frame."""
+    """Return the centre and radius [m] of a ball around a smooth body, in its frame."""
     if body.mesh is not None:
         low, high = body.mesh.vertices.min(axis=0), body.mesh.vertices.max(axis=0)
     else:
@@ -166,7 +166,7 @@ def bounding_ball(body: Body) -> tuple[Array, float]:
 
 
 def _box(geom: Geom) -> tuple[Array, Array]:
-    """Return the corners of a box with axes of the body's frame round a geom."""
+    """Return the corners of the box around a geom along the axes of the body's frame."""
     size = np.asarray(geom.size)
     half = {
         "plane": np.array([size[0] or _FAR, size[1] or _FAR, 0.0]),
@@ -186,26 +186,26 @@ def area(surface: DisplacedSurface) -> float:
 
 
 def smooth_area(body: Body) -> float:
-    """Return about how large the smooth surface of a body is [m^2]."""
+    """Return the approximate area of the smooth surface of a body [m^2]."""
     _, radius = bounding_ball(body)
     return area(displaced_surface(body, radius / 50.0, smooth=True))
 
 
 def is_unbounded(body: Body) -> bool:
-    """Return whether a body is a plane without end."""
+    """Return whether a body is an unbounded plane."""
     return any(geom.kind == "plane" and 0.0 in geom.size[:2] for geom in body.geoms)
 
 
 def finite_reason(body: Body) -> str | None:
     """Return why a body has no surface of finitely many points, or None."""
     if body.texture is not None and is_unbounded(body):
-        return f"{body.name} is a textured plane without end, which has no finite surface to sample"
+        return f"{body.name} is a textured unbounded plane: it has no finite surface to sample"
     return None
 
 
 def spacing_for(body: Body, most: int) -> float:
     """Return the finest spacing [m] at which a body's surface has at most about `most` points."""
-    # Triangles of a mesh are divided one by one, each into more than it needs.
+    # Triangles of a mesh are divided one by one, each into more parts than necessary.
     return math.sqrt(smooth_area(body) * (1.0 if body.mesh is None else 3.0) / most)
 
 

@@ -1,18 +1,17 @@
 r"""Penalty contact of the displaced meshes themselves, at full detail, by python-fcl.
 
-Section 3.3 of Otaduy & Lin (2004) names full-resolution models the ideal and puts them aside as
-computationally prohibitive. Here they are: both bodies' surfaces displaced for real, as triangles,
-in the hierarchies of FCL (Pan, Chitta & Manocha 2012). What FCL says of two meshes that overlap
-is their triangles that cross, each with a depth of its own that is no deeper than the triangle; no
-directional depth comes out. So the depth is found as it is defined, as the least way along n that
-takes the tool off:
+Section 3.3 of Otaduy & Lin (2004) calls full-resolution models the ideal, but computationally
+prohibitive. Here they are: the displaced surfaces of both bodies, as triangles, in the hierarchies
+of FCL (Pan, Chitta & Manocha 2012). For overlapping meshes FCL returns the pairs of triangles that
+cross, each with a depth no larger than the triangle, but no directional depth. So the depth is
+computed from its definition, as the least translation along n that separates the tool:
 
     delta = least t >= 0 with  (tool + t n)  free of the body,    F = k delta m,    T = r x F,
 
-by bisection, from the depth of the last tick outwards. n is the mean normal of the crossing
+by bisection, starting from the depth of the last tick. n is the mean normal of the crossing
 triangles of the *smooth* meshes; m is the common normal of the triangles that touch last, scaled to
-m . n = 1, and r the arm of the place where they do, moved back by delta. That is asperity's own
-force (see `forces.laws`) by another way, one contact for each body.
+m . n = 1, and r is the lever arm of the place where they do, moved back by delta. This is
+asperity's force (see `contact.response`) computed in another way, with one contact for each body.
 """
 
 from __future__ import annotations
@@ -39,20 +38,20 @@ from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
 _PER_WAVE = 12.0
-"""Points to a texture's shortest wave that are fine enough."""
+"""Sufficient number of points per shortest wave of a texture."""
 _SMOOTH_POINTS = 4_000
 _FIRST = 2e-5
-"""How far the first look goes beyond the last tick's depth, and on from there doubling [m]."""
+"""First step of the search beyond the last tick's depth; later steps double [m]."""
 _DEEPEST = 1e-2
-"""Beyond which a tool is not followed [m]."""
+"""Largest depth that is searched [m]."""
 _LAST = 10_000
-"""Most pairs of triangles that are asked for: of some of them the mean would lie to one side."""
+"""Largest number of pairs of triangles requested; the mean over only some would be biased."""
 _FACING = 0.2
-"""Cosine to n from which a triangle that touches is no wall."""
+"""Least cosine to n of the normal of a touching triangle that is not a side wall."""
 
 
 class Meshes:
-    """A mesh of full detail and a smooth one of the same body, for FCL."""
+    """The full-detail mesh and the smooth mesh of a body, for FCL."""
 
     def __init__(self, full: DisplacedSurface, smooth: DisplacedSurface) -> None:
         self.full = full
@@ -60,7 +59,7 @@ class Meshes:
         self.object, self.smooth = _object(full), _object(smooth)
 
     def place(self, rotation: Array, position: Array) -> None:
-        """Put both there."""
+        """Set the pose of both meshes."""
         import fcl
 
         for mesh in (self.object, self.smooth):
@@ -84,7 +83,7 @@ def _face_normals(surface: DisplacedSurface) -> Array:
 
 
 class FullMeshRenderer:
-    """A tool's meshes and those of the bodies that it meets."""
+    """Renders the meshes of a tool against those of the other bodies."""
 
     def __init__(
         self, tool: Meshes, others: list[tuple[Meshes, Standing]], centre: Array,
@@ -95,11 +94,11 @@ class FullMeshRenderer:
         for meshes, there in others:
             meshes.place(there.rotation, there.position)
         self.queries = 0
-        """How often FCL was asked so far."""
+        """Number of queries to FCL."""
         self.reset()
 
     def reset(self) -> None:
-        """Forget the depths of the last tick."""
+        """Forget the depths and normals of the last tick."""
         self._last = np.zeros(len(self.others))
         self._normals: list[Array | None] = [None] * len(self.others)
 
@@ -110,7 +109,7 @@ class FullMeshRenderer:
         force, torque, deepest, count = np.zeros(3), np.zeros(3), 0.0, 0
         for i, (other, there) in enumerate(self.others):
             self.tool.place(rotation, pose[:3])
-            if not self._ask(self.tool.object, other.object, 1):
+            if not self._collide(self.tool.object, other.object, 1):
                 self._last[i], self._normals[i] = 0.0, None
                 continue
             n = self._direction(i, other)
@@ -125,7 +124,7 @@ class FullMeshRenderer:
             deepest, count = max(deepest, depth), count + 1
         return MethodWrench(force, torque, deepest, count) if count else NOTHING
 
-    def _ask(self, one: Any, other: Any, most: int) -> list[Any]:
+    def _collide(self, one: Any, other: Any, most: int) -> list[Any]:
         import fcl
 
         self.queries += 1
@@ -135,16 +134,16 @@ class FullMeshRenderer:
         return list(found.contacts) if most > 1 else [True] * bool(found.is_collision)
 
     def _direction(self, i: int, other: Meshes) -> Array | None:
-        """Return n: of the smooth meshes where they cross, else of the last tick."""
-        found = self._ask(self.tool.smooth, other.smooth, _LAST)
+        """Return n: from the smooth meshes if they cross, otherwise that of the last tick."""
+        found = self._collide(self.tool.smooth, other.smooth, _LAST)
         if found:
             mean = -np.sum([contact.normal for contact in found], axis=0)
             size = float(np.linalg.norm(mean))
             if size > 0.0:
                 self._normals[i] = mean / size
         if self._normals[i] is None:
-            # Only asperities meet: their own triangles have to do.
-            found = self._ask(self.tool.object, other.object, _LAST)
+            # Only asperities touch: use their triangles.
+            found = self._collide(self.tool.object, other.object, _LAST)
             mean = -np.sum([contact.normal for contact in found], axis=0)
             self._normals[i] = mean / max(float(np.linalg.norm(mean)), 1e-12)
         return self._normals[i]
@@ -156,13 +155,13 @@ class FullMeshRenderer:
 
         def meets(t: float, most: int = 1) -> list[Any]:
             self.tool.place(rotation, position + t * n)
-            return self._ask(self.tool.object, other.object, most)
+            return self._collide(self.tool.object, other.object, most)
 
         low, high, step = 0.0, guess + _FIRST, _FIRST
         while meets(high) and high < _DEEPEST:
             low, high, step = high, high + 2.0 * step, 2.0 * step
         if low == 0.0 and guess - _FIRST > 0.0:
-            # Free beyond the last depth: is it still there a little below?
+            # Free beyond the last depth: step back until the meshes cross.
             step = _FIRST
             low = guess - step
             while low > 0.0 and not meets(low):
@@ -171,7 +170,7 @@ class FullMeshRenderer:
         while high - low > self._tolerance:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if meets(middle) else (low, middle)
-        # A little deeper: flat faces that lie in each other meet in no place in particular.
+        # Slightly deeper: coplanar faces touch in no particular place.
         return low, meets(max(low - 0.5 * self._tolerance, 0.0), _LAST)
 
     def _touch(
@@ -181,16 +180,16 @@ class FullMeshRenderer:
         if not found:
             return n, self.tool.object.getTranslation()
         place = np.mean([contact.pos for contact in found], axis=0)
-        ours = self.tool.normals[[contact.b1 for contact in found]] @ rotation.T
-        theirs = other.normals[[contact.b2 for contact in found]] @ there.rotation.T
-        # Walls that end where the bodies touch say nothing of the way off; all may be walls.
-        across = _facing(theirs, n) + _facing(-ours, n)
+        of_tool = self.tool.normals[[contact.b1 for contact in found]] @ rotation.T
+        of_other = other.normals[[contact.b2 for contact in found]] @ there.rotation.T
+        # Side walls that end at the contact do not count; all triangles may be such walls.
+        across = _facing(of_other, n) + _facing(-of_tool, n)
         along = float(across @ n)
         return (across / along if along > 0.0 else n), place
 
 
 def _facing(normals: Array, n: Array) -> Array:
-    """Return the mean of the normals (k, 3) that face along n, zero if none does."""
+    """Return the mean of those normals (k, 3) that face along n; zero if none does."""
     those = normals[normals @ n > _FACING]
     return np.asarray(those.mean(axis=0) if len(those) else np.zeros(3))
 
@@ -202,9 +201,9 @@ class FullMeshMethod:
     Parameters
     ----------
     points : int
-        Most points of a body's mesh, about.
+        Approximate largest number of points of a body's mesh.
     tolerance : float
-        Of the depth [m].
+        Tolerance of the depth [m].
     """
 
     points: int = 150_000
@@ -239,7 +238,7 @@ class FullMeshMethod:
         if body.texture is not None:
             spacing = max(spacing, body.texture.shortest_wavelength / _PER_WAVE)
         elif body.mesh is None and not is_unbounded(body):
-            # A chord of a circle is off it by its square over 8 radii.
+            # The sagitta of a chord of a circle is its square over 8 radii.
             roundest = min(geom.smallest for geom in body.geoms)
             spacing = max(spacing, math.sqrt(8.0 * roundest * self.tolerance))
         coarse = displaced_surface(body, spacing_for(body, _SMOOTH_POINTS), smooth=True)

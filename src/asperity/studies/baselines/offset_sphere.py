@@ -1,25 +1,25 @@
-r"""A sphere on the offset surface of what it touches.
+r"""A sphere on the offset surface of the body that it touches.
 
 Okamura & Cutkosky, *Feature detection for haptic exploration with robotic fingers* (2001). The
-middle of a spherical fingertip of radius r that slides over a surface h traces its offset surface:
+centre of a spherical fingertip of radius r that slides over a surface h traces its offset surface:
 in one dimension the points
 
     ( x - r h' / s ,  h + r / s ),   s = sqrt(1 + h'^2),
 
-less the loops that this curve makes where h is more sharply curved than the sphere. What is left is
-the upper envelope `r + H(u) = max_x [h(x) + sqrt(r^2 - |x - u|^2)]` (`geometry.offset`), and it is
-found here as such, certified (`geometry.sphere_search`). The sphere is rendered as a *point*, its
-middle c, against that surface: with delta = H(u) + r - c_z the depth under it,
+without the loops of this curve where h is more sharply curved than the sphere. The rest is the
+upper envelope `r + H(u) = max_x [h(x) + sqrt(r^2 - |x - u|^2)]`, which is computed here with
+certified accuracy (`geometry.offsets.sphere_search`). The sphere is rendered as a *point*, its
+centre c, against that surface: with the depth delta = H(u) + r - c_z below it,
 
     n = (-H_u, -H_v, 1) / sqrt(1 + |grad H|^2),    d = delta n_z,    F = k d n ,
 
-d the distance to the offset surface's tangent plane. The force goes through the middle, and so
-through the place of contact. Beside asperity's own, `F = k delta (-grad H, 1)`, which is the
-gradient of an energy of the same depth, it has the same direction and is smaller by
-1 + |grad H|^2: on slopes it is no energy's gradient.
+d being the distance to the tangent plane of the offset surface. The force acts through the centre
+and so through the place of contact. It has the direction of asperity's force,
+`F = k delta (-grad H, 1)`, the gradient of an energy of the same depth, but is smaller by
+1 + |grad H|^2; on slopes it is not the gradient of an energy.
 
-As quoted from memory and by other work (the paper is about finding features, by the curvature of
-the trace against the fingertip's; rendering with it is what Otaduy & Lin name it for).
+Quoted from memory and from other work. The paper finds features by comparing the curvature of the
+trace with that of the fingertip; Otaduy & Lin name it as a rendering method.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class OffsetSurface:
     body : Body
         With a planar texture of square pixels, or none.
     radius : float
-        Of the sphere [m].
+        Radius of the sphere [m].
     """
 
     def __init__(self, body: Body, radius: float) -> None:
@@ -64,7 +64,7 @@ class OffsetSurface:
         border = "wrap" if self._field.border == "wrap" else "mirror"
         samples = np.asarray(self._field.samples)
         if border == "wrap":
-            # The search wants one period at least as wide as the sphere.
+            # The search needs a period at least as wide as the sphere.
             needed = [-(-2 * self._margin // n) for n in samples.shape]
             samples = np.tile(samples, needed)
         self._shape = samples.shape
@@ -74,7 +74,7 @@ class OffsetSurface:
         self.reset()
 
     def reset(self) -> None:
-        """Forget where the sphere touched last."""
+        """Forget where the sphere last touched."""
         self._shift = np.zeros(2)
 
     def at(self, x: float, y: float) -> tuple[float, float, float]:
@@ -87,7 +87,7 @@ class OffsetSurface:
             u, v = u % columns, v % rows
         else:
             u, v = min(max(u, 0.0), float(columns)), min(max(v, 0.0), float(rows))
-        # As `geometry.sampled` counts: samples stand in the middles of pixels.
+        # Samples are at the centres of pixels, as in `geometry.offsets.sampled`.
         u, v = u + 0.5 + self._margin, v + 0.5 + self._margin
         r = self.radius / self._pixel
         height, px, py = sphere_search.search(

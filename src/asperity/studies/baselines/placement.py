@@ -1,4 +1,4 @@
-"""The bodies of a scene and where they stand: what a method needs of it besides textures."""
+"""The bodies of a scene and their poses, as methods need them."""
 
 from __future__ import annotations
 
@@ -16,43 +16,43 @@ Array = NDArray[np.float64]
 
 
 class Standing(NamedTuple):
-    """A body of the scene that does not move."""
+    """A stationary body of the scene."""
 
     body: Body
     rotation: Array
     """From its frame to the world, (3, 3)."""
     position: Array
-    """Of its frame [m], (3,)."""
+    """Origin of its frame in the world [m], (3,)."""
 
 
 class Placed(NamedTuple):
-    """The tool, and what stands around it."""
+    """The tool and the stationary bodies."""
 
     tool: Body
     centre: Array
-    """The tool's centre of mass in its own frame [m], (3,)."""
+    """The tool's centre of mass in its frame [m], (3,)."""
     standing: tuple[Standing, ...]
 
 
 def placed(scene: Scene) -> Placed:
-    """Return the bodies of a scene and where they stand."""
+    """Return the bodies of a scene and their poses."""
     data = mujoco.MjData(scene.model)
     mujoco.mj_kinematics(scene.model, data)
-    standing, held = [], None
+    standing, tool = [], None
     for body in scene.bodies:
         if body.name == scene.tool:
-            held = body
+            tool = body
             continue
         there = data.body(body.name)
         rotation = np.array(there.xmat, dtype=np.float64).reshape(3, 3)
         standing.append(Standing(body, rotation, np.array(there.xpos, dtype=np.float64)))
-    assert held is not None
+    assert tool is not None
     centre = np.array(scene.model.body_ipos[scene.model.body(scene.tool).id], dtype=np.float64)
-    return Placed(held, centre, tuple(standing))
+    return Placed(tool, centre, tuple(standing))
 
 
 def only_one_target(scene: Scene) -> str | None:
-    """Return why a method for one target body cannot do a scene, or None."""
+    """Return why a method for one target body cannot render a scene, or None."""
     others = [body.name for body in scene.bodies if body.name != scene.tool]
     if len(others) == 1:
         return None
@@ -60,6 +60,6 @@ def only_one_target(scene: Scene) -> str | None:
 
 
 def require(reason: str | None, label: str, scene: Scene) -> None:
-    """Raise `AsperityError` with the reason why a method cannot render a scene, if there is one."""
+    """Raise `AsperityError` if there is a reason why a method cannot render a scene."""
     if reason is not None:
         raise AsperityError(f"{label} cannot render scene {scene.name!r}: {reason}")

@@ -1,9 +1,9 @@
-"""What a method of rendering is asked: can it do a scene, and which wrench has a pose.
+"""The interface of a rendering method: whether it can render a scene, and the wrench at a pose.
 
-Every approach that asperity is compared with stands behind the same two protocols, each in a file
-of its own with its formula, its source and what it is not. A *method* is constant and knows its
-name; `prepare` makes a *renderer* of one scene, which holds all state and is asked tick by tick.
-Preparing (grids, hierarchies, filters) is not part of a tick's cost.
+Every approach that asperity is compared with implements the same two protocols, each in one file
+with its formula, its source and how it differs from it. A *method* is constant; its `prepare`
+returns a *renderer* of one scene, which holds all state and returns a wrench each tick. Preparation
+(grids, hierarchies, filters) is not part of the cost of a tick.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from asperity.scene.scene import Scene
 
 
 class MethodWrench(NamedTuple):
-    """What a tool feels at a pose, by some method."""
+    """The contact wrench on a tool at a pose, computed by some method."""
 
     force: NDArray[np.float64]
-    """On the tool, world axes [N], (3,)."""
+    """Force on the tool, world axes [N], (3,)."""
     torque: NDArray[np.float64]
-    """About the tool's centre of mass, world axes [N m], (3,). Zero where a method has none."""
+    """Torque about the tool's centre of mass, world axes [N m], (3,). Zero if a method has none."""
     depth: float
     """The largest penetration depth that the method found [m]; 0 without contact."""
     contacts: int
-    """How many contacts it counts: points, pairs of triangles or patches, as the method has it."""
+    """Number of contacts: points, pairs of triangles or patches, depending on the method."""
 
 
 NOTHING = MethodWrench(np.zeros(3), np.zeros(3), 0.0, 0)
-"""Of a tool that touches nothing."""
+"""The wrench on a tool that touches nothing."""
 
 
 class Renderer(Protocol):
-    """A method made ready for one scene. The same poses after `reset` give the same wrenches."""
+    """A method prepared for one scene. Equal poses after `reset` give equal wrenches."""
 
     def wrench(self, pose: NDArray[np.float64]) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,): position [m], unit quaternion wxyz.
 
-        Poses follow each other by the tick that `prepare` was told. The arrays returned are the
-        caller's to keep.
+        Consecutive poses are one tick, the `dt` of `prepare`, apart. The caller owns the returned
+        arrays.
         """
         ...
 
     def reset(self) -> None:
-        """Forget all poses so far."""
+        """Forget all previous poses."""
         ...
 
 
@@ -54,12 +54,12 @@ class Method(Protocol):
 
     @property
     def name(self) -> str:
-        """By which it is asked for: lower case, with hyphens."""
+        """Key of the method: lower case, with hyphens."""
         ...
 
     @property
     def label(self) -> str:
-        """As figures and tables have it."""
+        """Name in figures and tables."""
         ...
 
     @property
@@ -69,11 +69,11 @@ class Method(Protocol):
 
     @property
     def what_it_is_not(self) -> str:
-        """One or two sentences: where this differs from what its authors built."""
+        """One or two sentences on how it differs from what its authors built."""
         ...
 
     def can(self, scene: Scene) -> str | None:
-        """Return why the method cannot render a scene, in a few words; None if it can."""
+        """Return in a few words why the method cannot render a scene; None if it can."""
         ...
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> Renderer:
@@ -82,6 +82,6 @@ class Method(Protocol):
         Raises
         ------
         AsperityError
-            If the method cannot render the scene: what `can` says.
+            If the method cannot render the scene, with the reason that `can` returns.
         """
         ...

@@ -1,19 +1,20 @@
-r"""A smooth surface that vibrates: recorded vibration, played back by force and speed.
+r"""Recorded vibration, played back on a smooth surface depending on force and speed.
 
 Culbertson, Lopez Delgado & Kuchenbecker, *One hundred data-driven haptic texture models and
-open-source methods for rendering on 3D objects* (2014). The surface is smooth; what a tool felt on
-the real one is a set of filters over normal force F_n and speed v (see `vibration.model`), mixed
-for the F_n and v of the moment and driven by white noise to an acceleration a. Then
+open-source methods for rendering on 3D objects* (2014). The surface is smooth. The vibration of a
+tool on the real surface is modelled by filters over normal force F_n and speed v (see
+`vibrotactile.model`), interpolated at the current F_n and v and driven by white noise to an
+acceleration a. Then
 
     F = F_smooth + m a t,   t = n x v / |n x v| ,
 
-m the effective mass of the hand and the device. Vibration acts across the motion and along the
-surface, because along the motion friction acts already.
+where m is the effective mass of hand and device. The vibration is tangential and perpendicular to
+the motion, because friction already acts along the motion.
 
-Here the model is fitted by `vibration.fit`, as `asperity fit` does, to slides of the same tool over
-a sample of the same texture at a grid of forces and speeds; or it is given. F_smooth and F_n are
-those of the scene's bodies without their textures; v is low-passed at 125 rad/s, as a port of the
-authors' code to another device has it. The direction across the motion is quoted from other work.
+The model is given, or fitted by `vibrotactile.fit`, as in `asperity fit`, to slides of the same
+tool over a sample of the same texture at a grid of forces and speeds. F_smooth and F_n are those of
+the scene's bodies without textures; v is low-passed at 125 rad/s, as in a port of the authors' code
+to another device. The direction perpendicular to the motion is quoted from other work.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from asperity.errors import require_positive
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.baselines.asperity_laws import EngineRenderer
+from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.placement import only_one_target, placed, require
 from asperity.studies.baselines.protocol import MethodWrench
 from asperity.vibrotactile.explore import explore
@@ -40,20 +41,20 @@ from asperity.vibrotactile.synthesis import Synthesiser
 
 Array = NDArray[np.float64]
 SPEEDS = (0.03, 0.08, 0.16)
-"""Of the slides that a model is fitted to [m/s]."""
+"""Speeds of the slides to which a model is fitted [m/s]."""
 FORCES = (0.3, 0.6, 1.2)
-"""And pressed with [N]."""
+"""Normal forces of these slides [N]."""
 _SECONDS = 0.8
 _LOW_PASS = 125.0
-"""Of the speed [rad/s]."""
+"""Corner frequency of the low-pass filter of the velocity [rad/s]."""
 
 
 class VibrationRenderer:
-    """The smooth contact of a scene, and a vibration on it.
+    """Renders the smooth contact of a scene with a vibration added.
 
     Parameters
     ----------
-    smooth : EngineRenderer
+    smooth : SolverRenderer
     model : TextureModel
         At the rate of the poses.
     centre : (3,) array
@@ -61,11 +62,11 @@ class VibrationRenderer:
     mass : float
         m [kg].
     dt : float
-        Between poses [s].
+        Time between poses [s].
     """
 
     def __init__(
-        self, smooth: EngineRenderer, model: TextureModel, centre: Array, *, mass: float,
+        self, smooth: SolverRenderer, model: TextureModel, centre: Array, *, mass: float,
         dt: float, seed: int,
     ) -> None:  # fmt: skip
         self.smooth, self.synthesiser = smooth, Synthesiser(model, seed=seed)
@@ -74,7 +75,7 @@ class VibrationRenderer:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all poses so far, and begin the noise again."""
+        """Forget all previous poses and restart the noise."""
         self.smooth.reset()
         self.synthesiser.reset()
         self._last: Array | None = None
@@ -82,22 +83,24 @@ class VibrationRenderer:
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        felt = self.smooth.wrench(pose)
+        wrench = self.smooth.wrench(pose)
         moved = np.zeros(3) if self._last is None else (pose[:3] - self._last) / self._dt
         self._velocity += self._share * (moved - self._velocity)
         self._last = np.array(pose[:3])
-        normal = float(np.linalg.norm(felt.force))
-        n = felt.force / normal if normal > 0.0 else np.zeros(3)
+        normal = float(np.linalg.norm(wrench.force))
+        n = wrench.force / normal if normal > 0.0 else np.zeros(3)
         along = self._velocity - (self._velocity @ n) * n
         speed = float(np.linalg.norm(along))
         a = self.synthesiser.next(speed, normal)
         if normal == 0.0 or speed == 0.0:
-            return felt
+            return wrench
         force = self._mass * a * np.cross(n, along / speed)
-        contacts = self.smooth.engine.contacts
-        deepest = int(np.argmax(contacts.depth[: felt.contacts]))
+        contacts = self.smooth.solver.contacts
+        deepest = int(np.argmax(contacts.depth[: wrench.contacts]))
         arm = contacts.point[deepest] - pose[:3] - rotation_of(pose[3:]) @ self._centre
-        return felt._replace(force=felt.force + force, torque=felt.torque + np.cross(arm, force))
+        return wrench._replace(
+            force=wrench.force + force, torque=wrench.torque + np.cross(arm, force)
+        )
 
 
 @dataclass(frozen=True)
@@ -107,11 +110,11 @@ class VibrationMethod:
     Parameters
     ----------
     model : TextureModel, optional
-        Default: fitted to the scene.
+        By default it is fitted to the scene.
     mass : float
         The effective mass [kg], above 0.
     seed : int
-        Of the noise.
+        Seed of the noise.
     """
 
     model: TextureModel | None = None
@@ -138,14 +141,14 @@ class VibrationMethod:
         if any(body.mesh is not None for body in scene.bodies):
             return "a grid of slides over meshes would take minutes; give a model"
         if not isinstance(scene.motion, ScriptedMotion):
-            return "its motion is a file of poses, so where to slide is not known; give a model"
+            return "its motion is a file of poses, so where to slide is unknown; give a model"
         return None
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VibrationRenderer:
         """Return a renderer of a scene; without a model, it is fitted first."""
         require(self.can(scene), self.label, scene)
         smooth = tuple(replace(body, texture=None) for body in scene.bodies)
-        base = EngineRenderer(replace(scene, bodies=smooth), scene.force, dt)
+        base = SolverRenderer(replace(scene, bodies=smooth), scene.force, dt)
         model = self.model
         if model is None:
             runs = explore(
@@ -161,8 +164,8 @@ class VibrationMethod:
 def sample_of(scene: Scene) -> Scene:
     """Return the scene with a sample of its texture that is large enough to slide over.
 
-    Whoever records a texture takes a piece as large as the hand's strokes. A body of level boxes
-    with a texture that repeats becomes a plane without end; any other stays what it is.
+    Recordings are made on samples as large as the strokes. A body of level boxes with a periodic
+    texture becomes an unbounded plane; any other is left as it is.
     """
     target = next(body for body in scene.bodies if body.name != scene.tool)
     level = all(

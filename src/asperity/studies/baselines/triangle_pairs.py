@@ -1,4 +1,4 @@
-"""The nearest points of two triangles, compiled."""
+"""Kernels for the nearest points of two triangles."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def _dot(a, b):
 
 
 @inner_kernel
-def _segments(p, p2, q, q2, room):
-    """Return the squared distance of two segments; the nearest points into room[0] and room[1].
+def _segments(p, p2, q, q2, out):
+    """Return the squared distance of two segments; write their nearest points to `out` (2, 3).
 
     Ericson (2005), section 5.1.9.
     """
@@ -38,17 +38,17 @@ def _segments(p, p2, q, q2, room):
             t, s = 1.0, min(max((b - c) / aa, 0.0), 1.0)
     total = 0.0
     for k in range(3):
-        room[0, k] = p[k] + s * (p2[k] - p[k])
-        room[1, k] = q[k] + t * (q2[k] - q[k])
-        total += (room[0, k] - room[1, k]) ** 2
+        out[0, k] = p[k] + s * (p2[k] - p[k])
+        out[1, k] = q[k] + t * (q2[k] - q[k])
+        total += (out[0, k] - out[1, k]) ** 2
     return total
 
 
 @inner_kernel
-def _over(p, triangle, room):
-    """Return the squared distance of a point over the inside of a triangle; the foot into room[0].
+def _to_inside(p, triangle, out):
+    """Return the squared distance of a point to a triangle's inside; write its foot to `out[0]`.
 
-    Infinite where the foot lies outside: then an edge is nearer.
+    Infinite if the foot is outside the triangle: then an edge is nearer.
     """
     a, b, c = triangle[0], triangle[1], triangle[2]
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -66,15 +66,15 @@ def _over(p, triangle, room):
     s, t = (vv * wu - uv * wv) / under, (uu * wv - uv * wu) / under
     if s < 0.0 or t < 0.0 or s + t > 1.0:
         return math.inf
-    room[0, 0], room[0, 1], room[0, 2] = (
+    out[0, 0], out[0, 1], out[0, 2] = (
         a[0] + s * ux + t * vx, a[1] + s * uy + t * vy, a[2] + s * uz + t * vz
     )  # fmt: skip
-    return (p[0] - room[0, 0]) ** 2 + (p[1] - room[0, 1]) ** 2 + (p[2] - room[0, 2]) ** 2
+    return (p[0] - out[0, 0]) ** 2 + (p[1] - out[0, 1]) ** 2 + (p[2] - out[0, 2]) ** 2
 
 
 @inner_kernel
 def _crosses(p, p2, triangle):
-    """Return whether a segment goes through a triangle (Moeller & Trumbore 1997)."""
+    """Return whether a segment crosses a triangle (Moeller & Trumbore 1997)."""
     a, b, c = triangle[0], triangle[1], triangle[2]
     dx, dy, dz = p2[0] - p[0], p2[1] - p[1], p2[2] - p[2]
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -92,30 +92,30 @@ def _crosses(p, p2, triangle):
 
 
 @inner_kernel
-def nearest_points(one, other, room, out):
-    """Return the distance of two triangles (3, 3); the nearest points into out[0] and out[1].
+def nearest_points(one, other, scratch, out):
+    """Return the distance of two triangles (3, 3); write their nearest points to `out` (2, 3).
 
-    `room` is (2, 3). Of triangles that cross it is 0, and the points say nothing.
+    `scratch` is (2, 3). For triangles that cross, the distance is 0 and the points are undefined.
     """
     best = math.inf
     for i in range(3):
         for j in range(3):
-            square = _segments(one[i], one[(i + 1) % 3], other[j], other[(j + 1) % 3], room)
+            square = _segments(one[i], one[(i + 1) % 3], other[j], other[(j + 1) % 3], scratch)
             if square < best:
                 best = square
                 for k in range(3):
-                    out[0, k], out[1, k] = room[0, k], room[1, k]
+                    out[0, k], out[1, k] = scratch[0, k], scratch[1, k]
     for i in range(3):
-        square = _over(one[i], other, room)
+        square = _to_inside(one[i], other, scratch)
         if square < best:
             best = square
             for k in range(3):
-                out[0, k], out[1, k] = one[i, k], room[0, k]
-        square = _over(other[i], one, room)
+                out[0, k], out[1, k] = one[i, k], scratch[0, k]
+        square = _to_inside(other[i], one, scratch)
         if square < best:
             best = square
             for k in range(3):
-                out[0, k], out[1, k] = room[0, k], other[i, k]
+                out[0, k], out[1, k] = scratch[0, k], other[i, k]
     if best > 0.0:
         for i in range(3):
             if _crosses(one[i], one[(i + 1) % 3], other) or _crosses(

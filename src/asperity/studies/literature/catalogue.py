@@ -173,7 +173,7 @@ _OTHERS: tuple[Finding, ...] = (
         criterion="every curve peaks inside, over 2 % above its drop point",
         judge=conditions.at_drop_points(criteria.above),
         caveat="A curve that levels has its top anywhere beyond the drop point: max u'' passes so. "
-        "The source's cones, probes and speeds are unknown to us.",
+        "The source's cones, probes and speeds are unknown.",
     ),
     Finding(
         id="static.speed",
@@ -199,7 +199,7 @@ _OTHERS: tuple[Finding, ...] = (
         condition=f"{_MIDDLE} over ridges 0.4 mm high and 0.5 mm wide, grooves of 0.25 to 6 mm",
         criterion="the curve rises by half or more, and at its end keeps four fifths of its top",
         judge=conditions.gratings,
-        caveat="The widths that the source used are unknown to us.",
+        caveat="The widths that the source used are unknown.",
     ),
     Finding(
         id="grit.generated",
@@ -212,7 +212,7 @@ _OTHERS: tuple[Finding, ...] = (
         "roll-off at the grain's size: P40, P60, P80, P120",
         criterion="each finer grit gives less, with every probe",
         judge=conditions.grains,
-        caveat="Stand-ins: the same surface at four sizes. The source had fingers.",
+        caveat="Substitutes: the same surface at four sizes. The source had fingers.",
     ),
     Finding(
         id="grit.measured",
@@ -263,7 +263,7 @@ LOW_BAND = Finding(
         [finding.judge for finding in JUDGED_BY_METRIC if not finding.id.startswith("grit")]
     ),
     caveat="A proxy: the source's ratings are not at hand, so the other findings stand for them. "
-    "Its force was along the normal, ours is along the surface. The bands are recalled.",
+    "Its force was along the normal, asperity's is along the surface. The bands are recalled.",
     any_metric=True,
 )
 

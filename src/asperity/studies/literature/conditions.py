@@ -1,4 +1,4 @@
-"""The simulated condition and the criterion of each finding: from a laboratory to a verdict."""
+"""The simulated conditions of the findings: from a laboratory and a metric to a verdict."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from asperity.geometry.offsets.surface import drop_point
 from asperity.studies.literature import criteria
-from asperity.studies.literature.criteria import top_of
+from asperity.studies.literature.criteria import maximum_of
 from asperity.studies.literature.finding import Judge, Verdict
 from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.laboratory import Laboratory, Touch
@@ -18,14 +18,14 @@ from asperity.studies.literature.measures import Measure
 from asperity.studies.literature.plates import Grains, Gratings, Paper, Plate
 
 GRAINS = (("P40", 425e-6), ("P60", 269e-6), ("P80", 201e-6), ("P120", 115e-6))
-"""Grits and their grains [m]; P40 and P120 as the data's notes give them, the others recalled."""
+"""Grits and their grain sizes [m]; P40 and P120 from the notes of the data, others recalled."""
 RELIEFS = (0.3, 1.0)
-"""Reliefs of the measured papers, peak to peak, in grains: their own was lost."""
+"""Assumed reliefs of the measured papers, peak to peak in grains; the files lack their scale."""
 _STROKE = (0.5 * np.pi * np.sin((np.arange(4) + 0.5) * np.pi / 8.0)).tolist()
-"""Speeds in a stroke to and fro over their mean, at equal parts of its time."""
+"""Speeds in a stroke over their mean, at equal intervals of time."""
 FA1 = (5.0, 50.0)
 FA2 = (50.0, 500.0)
-"""Bands of fast-adapting afferents [Hz]; recalled, and drawn differently by different authors."""
+"""Bands of fast-adapting afferents [Hz]; recalled, and authors differ on them."""
 LOW_FORCE = Measure(signal="force", band=FA1)
 RIVALS = {
     "force, FA2 band": Measure(signal="force", band=FA2),
@@ -34,7 +34,7 @@ RIVALS = {
     "velocity": Measure(signal="velocity"),
     "position": Measure(signal="position"),
 }
-"""What Unger et al. (2013) tried beside the FA1 band of the force, as near as Eq. 7 has it."""
+"""Alternatives to the FA1 band of the force in Unger et al. (2013), as far as Eq. 7 has them."""
 
 Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Verdict]
 
@@ -42,12 +42,12 @@ Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Verdict]
 def levels(
     lab: Laboratory, measure: Measure, plate: Plate, touches: Sequence[Touch]
 ) -> NDArray[np.float64]:
-    """Return one curve a touch over the plan's spacings."""
+    """Return one curve for each touch over the plan's spacings."""
     return np.array([lab.curve(measure, plate, touch, lab.plan.places) for touch in touches])
 
 
 def over(factor: str, rule: Rule, *, dots: bool = False) -> Judge:
-    """Return the judge of a rule on the curves of one of the seed's three factors."""
+    """Return the judge that applies a rule to the curves of one of the seed's three factors."""
 
     def judge(lab: Laboratory, measure: Measure) -> Verdict:
         plate = lab.dots if dots else lab.sinusoids
@@ -61,14 +61,16 @@ def at_drop_points(
     *,
     heights: bool = False,
 ) -> Judge:
-    """Return the judge of a rule on peaks and drop points, over probes and heights of dots."""
+    """Return the judge of a rule on peaks and drop points, over probes and dot heights."""
 
     def judge(lab: Laboratory, measure: Measure) -> Verdict:
         places, drops, inside = [], [], []
         for height in lab.plan.heights if heights else (lab.dots.height,):
             plate = replace(lab.dots, height=height)
             for touch in lab.plan.touches("diameter"):
-                found = top_of(lab.plan.places, lab.curve(measure, plate, touch, lab.plan.places))
+                found = maximum_of(
+                    lab.plan.places, lab.curve(measure, plate, touch, lab.plan.places)
+                )
                 assert isinstance(touch.probe, float)
                 places.append(found.spacing)
                 drops.append(drop_point(touch.probe, height=height))
@@ -102,20 +104,20 @@ def gratings(lab: Laboratory, measure: Measure) -> Verdict:
 
 
 def grains(lab: Laboratory, measure: Measure) -> Verdict:
-    """Judge generated roughness of the same slopes and four sizes of grain, with three probes."""
+    """Judge generated roughness of equal slopes and four grain sizes, with three probes."""
     sizes = [size for _, size in GRAINS]
     return criteria.ordered(levels_of(lab, measure, Grains(), sizes))
 
 
 def papers(lab: Laboratory, measure: Measure) -> Verdict:
-    """Judge the two measured sandpapers, at both ends of the reliefs that they may have had."""
+    """Judge the two measured sandpapers, at the smallest and largest plausible relief."""
     rows, same = [], []
     for touch in lab.plan.touches("diameter"):
         values = {}
         for grit, grain in (GRAINS[0], GRAINS[-1]):
             path = lab.data / f"sandpaper_{grit}_height16.png" if lab.data else None
             if path is None or not path.is_file():
-                return Verdict(None, {}, "The measured sandpapers are not at hand.")
+                return Verdict(None, {}, "The measured sandpapers are not available.")
             reliefs = [*(part * grain for part in RELIEFS), RELIEFS[0] * GRAINS[-1][1]]
             values[grit] = lab.curve(measure, Paper(path), touch, reliefs)
         coarse, fine = values.values()
@@ -146,7 +148,7 @@ def passive_and_active(lab: Laboratory, measure: Measure) -> Verdict:
 def levels_of(
     lab: Laboratory, measure: Measure, plate: Plate, spacings: Sequence[float]
 ) -> NDArray[np.float64]:
-    """Return one row a probe of the seed's diameters, over given spacings."""
+    """Return one curve for each of the seed's probe diameters, over given spacings."""
     return np.array([lab.curve(measure, plate, t, spacings) for t in lab.plan.touches("diameter")])
 
 

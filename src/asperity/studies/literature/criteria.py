@@ -1,6 +1,6 @@
-"""When a finding is said to come out: rules on curves, which know nothing of hands or plates.
+"""Criteria of findings: rules on curves of a metric over spacing.
 
-Thresholds are asperity's; those that the studies' claims use already are taken from there.
+Thresholds are asperity's; those also used by the claims of the studies are imported from there.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 Curve = NDArray[np.float64]
 
 SHIFT = 0.02
-"""A peak has moved if it moved by more than this part of its spacing."""
+"""Least relative change of spacing by which a peak has moved."""
 NEAR = 0.25
-"""A peak lies near its drop point if it is at most this part off."""
+"""Largest relative distance of a peak that is near its drop point."""
 LEVEL = 0.8
-"""A curve has levelled, not fallen, if its end is at least this part of its top."""
+"""Least ratio of a curve's end to its maximum if it has levelled rather than fallen."""
 RISE = 1.5
-"""A curve has risen if its top is at least this many times its beginning."""
+"""Least ratio of a curve's maximum to its beginning if it has risen."""
 SLOPE = (0.5, 1.5)
-"""Of log peak on log drop point, where the first follows the second."""
+"""Range of the slope of log peak over log drop point if the first follows the second."""
 FOLLOWS = 0.8
-"""Least R^2 of that."""
+"""Least R^2 of that fit."""
 STRONGER = 1.05
-"""One effect is stronger than another if it is larger by this factor."""
+"""Least ratio of two effects of which one is stronger."""
 
 
-class Top(NamedTuple):
-    """The top of a sampled curve."""
+class CurveMaximum(NamedTuple):
+    """The maximum of a sampled curve."""
 
     spacing: float
     """By the parabola in log-log through the largest sample and its neighbours [m]."""
@@ -42,22 +42,22 @@ class Top(NamedTuple):
     """Whether the largest sample has lower ones on both sides."""
 
 
-def top_of(spacing: Curve, values: Curve) -> Top:
-    """Return the top of a curve over rising spacings [m]."""
+def maximum_of(spacing: Curve, values: Curve) -> CurveMaximum:
+    """Return the maximum of a curve over rising spacings [m]."""
     best = int(np.argmax(values))
     if best in (0, values.size - 1) or not np.all(values[best - 1 : best + 2] > 0.0):
-        return Top(float(spacing[best]), float(values[best]), False)
+        return CurveMaximum(float(spacing[best]), float(values[best]), False)
     x, y = np.log(spacing[best - 1 : best + 2]), np.log(values[best - 1 : best + 2])
     c = np.polyfit(x - x[1], y - y[1], 2)
     if not c[0] < 0.0:
-        return Top(float(spacing[best]), float(values[best]), True)
+        return CurveMaximum(float(spacing[best]), float(values[best]), True)
     at = float(np.clip(-0.5 * c[1] / c[0], x[0] - x[1], x[2] - x[1]))
-    return Top(float(np.exp(x[1] + at)), float(np.exp(y[1] + np.polyval(c, at))), True)
+    return CurveMaximum(float(np.exp(x[1] + at)), float(np.exp(y[1] + np.polyval(c, at))), True)
 
 
 def peaks_fall_with(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level's peak is lower than the one before; every peak inside the range."""
-    tops = [top_of(spacing, row) for row in curves]
+    tops = [maximum_of(spacing, row) for row in curves]
     values = np.array([t.value for t in tops])
     holds = all(t.inside for t in tops) and bool(np.all(np.diff(values) < 0.0))
     return Verdict(holds, {"peak_value": plain(values), **_tops(tops)})
@@ -65,7 +65,7 @@ def peaks_fall_with(spacing: Curve, curves: Curve) -> Verdict:
 
 def peaks_move_right(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level peaks at a larger spacing than the one before; every peak inside."""
-    tops = [top_of(spacing, row) for row in curves]
+    tops = [maximum_of(spacing, row) for row in curves]
     places = np.array([t.spacing for t in tops])
     holds = all(t.inside for t in tops) and bool(np.all(places[1:] > (1.0 + SHIFT) * places[:-1]))
     return Verdict(holds, _tops(tops))
@@ -73,7 +73,7 @@ def peaks_move_right(spacing: Curve, curves: Curve) -> Verdict:
 
 def peaks_stay(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: the peaks' places differ by less than 10 % of their mean, every peak inside."""
-    tops = [top_of(spacing, row) for row in curves]
+    tops = [maximum_of(spacing, row) for row in curves]
     places = np.array([t.spacing for t in tops])
     shift = float(np.ptp(places) / np.mean(places))
     holds = all(t.inside for t in tops) and shift < SAME_PLACE
@@ -103,7 +103,7 @@ def falls_at_small(spacing: Curve, curves: Curve) -> Verdict:
 def inverted_u(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: log-log, a quadratic with its top inside the range fits each curve (R^2 of 0.9)."""
     if not np.all(curves > 0.0):
-        return Verdict(False, {}, "The metric is nought somewhere.")
+        return Verdict(False, {}, "The metric is zero somewhere.")
     fits = [fit_quadratic(spacing, row) for row in curves]
     r_squared = np.array([f.r_squared for f in fits])
     tops = np.array([f.peak_spacing for f in fits])
@@ -116,11 +116,7 @@ def inverted_u(spacing: Curve, curves: Curve) -> Verdict:
 
 def follows(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
     """Judge: log peak follows log drop point with a slope near 1; every peak inside its range."""
-    x, y = np.log(drops), np.log(places)
-    slope, offset = np.polyfit(x, y, 1)
-    total = float(np.sum((y - np.mean(y)) ** 2))
-    left = float(np.sum((y - slope * x - offset) ** 2))
-    r_squared = 1.0 - left / total if total > 0.0 else 0.0
+    r_squared, slope = _line(drops, places)
     measured = {"slope": number(slope), "r_squared": number(r_squared), **_against(places, drops)}
     holds = np.all(inside) and SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
     return Verdict(bool(holds), measured)
@@ -153,7 +149,7 @@ def rises_then_levels(spacing: Curve, values: Curve) -> Verdict:
 def linear_against_quadratic(spacing: Curve, finger: Curve, probe: Curve) -> Verdict:
     """Judge: the finger's curve is a rising line in log-log; the probe's a quadratic, no line."""
     if not (np.all(finger > 0.0) and np.all(probe > 0.0)):
-        return Verdict(False, {}, "The metric is nought somewhere.")
+        return Verdict(False, {}, "The metric is zero somewhere.")
     line_finger, slope = _line(spacing, finger)
     line_probe, _ = _line(spacing, probe)
     quadratic = fit_quadratic(spacing, probe)
@@ -201,11 +197,11 @@ def _line(spacing: Curve, values: Curve) -> tuple[float, float]:
     x, y = np.log(spacing), np.log(values)
     slope, offset = np.polyfit(x, y, 1)
     total = float(np.sum((y - np.mean(y)) ** 2))
-    left = float(np.sum((y - slope * x - offset) ** 2))
-    return (1.0 - left / total if total > 0.0 else 0.0), float(slope)
+    residual = float(np.sum((y - slope * x - offset) ** 2))
+    return (1.0 - residual / total if total > 0.0 else 0.0), float(slope)
 
 
-def _tops(tops: list[Top]) -> dict[str, Any]:
+def _tops(tops: list[CurveMaximum]) -> dict[str, Any]:
     return {
         "peak_mm": plain(np.array([t.spacing for t in tops]) * 1e3),
         "inside": [t.inside for t in tops],

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from asperity.drawing.figure_style import COLOURS, MARKERS, style
 from asperity.geometry.offsets.surface import drop_point
 from asperity.studies.literature.conditions import GRAINS, levels_of
-from asperity.studies.literature.criteria import top_of
+from asperity.studies.literature.criteria import maximum_of
 from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.laboratory import Laboratory, Touch
 from asperity.studies.literature.measures import Measure
@@ -25,7 +25,7 @@ _MARK_COLOURS = {"yes": "#0072B2", "no": "#f0d9cc", "skipped": "#e6e6e6"}
 
 
 def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Figure:
-    """Return the table at a glance: filled where a finding comes out."""
+    """Return the table as a figure, filled where a finding comes out."""
     with style():
         figure = Figure(figsize=(7.4, 0.31 * len(rows) + 1.2))
         axis = figure.subplots()
@@ -38,7 +38,7 @@ def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Fi
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         axis.set_yticks(range(len(rows)), [finding.title for finding, _ in rows])
         names = [column.measure.name.replace("acceleration", "u''") for column in columns]
-        # No name is wider than its column.
+        # Break names that are wider than their column.
         names = [name if len(name) < 11 else "\n".join(name.rsplit(" ", 2)) for name in names]
         names = [
             f"chosen:\n{name}" if column.name == "chosen" else name
@@ -61,7 +61,7 @@ def _box(column: int, row: int, colour: str) -> Any:
 
 
 def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
-    """Return the curves that most criteria are read off, for one hand and metric."""
+    """Return the curves on which most criteria are based, for one hand and metric."""
     plan = lab.plan
     with style():
         figure = Figure(figsize=(10.2, 6.2))
@@ -102,7 +102,7 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
 
 
 def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
-    """Return generated grains by size, one panel a hand and metric."""
+    """Return the curves over grain size, one panel for each hand and metric."""
     sizes = [size for _, size in GRAINS]
     with style():
         figure = Figure(figsize=(4.4 * len(labs), 3.3))
@@ -120,18 +120,18 @@ def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
 
 
 def fit_figure(fit: dict[str, Any]) -> Figure:
-    """Return profiles over the hand's parameters, and each finding's share of the designs."""
+    """Return profiles over the hand's parameters, and the share of designs for each finding."""
     units = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
     with style():
         figure = Figure(figsize=(10.2, 6.6))
         grid = figure.add_gridspec(2, 3, height_ratios=[1.0, 1.25])
-        for i, (name, told) in enumerate(fit["profile"].items()):
+        for i, (name, parts) in enumerate(fit["profile"].items()):
             axis = figure.add_subplot(grid[0, i])
-            edges = np.array(told["edges"])
+            edges = np.array(parts["edges"])
             for j, (key, label) in enumerate(
                 (("any_metric", "any metric"), ("chosen_metric", fit["chosen"]["name"]))
             ):
-                heights = [np.nan if best is None else best for best in told[key]]
+                heights = [np.nan if best is None else best for best in parts[key]]
                 axis.stairs(heights, edges, color=COLOURS[j], lw=1.8 - 0.5 * j, label=label)
             spread = fit["bootstrap"][name]
             axis.axvspan(spread["low"], spread["high"], color="#f2ead2", zorder=0)
@@ -168,11 +168,11 @@ def _family(
     axis: Axes, lab: Laboratory, measure: Measure, plate: Plate,
     touches: Sequence[Touch], labels: Sequence[str],
 ) -> None:  # fmt: skip
-    """Draw one curve a touch, with its top."""
+    """Draw one curve for each touch, with its maximum."""
     for i, (touch, label) in enumerate(zip(touches, labels, strict=True)):
         values = lab.curve(measure, plate, touch, lab.plan.places)
         _draw(axis, lab.plan.places, values, i, label)
-        top = top_of(lab.plan.places, values)
+        top = maximum_of(lab.plan.places, values)
         if top.inside:
             axis.plot(top.spacing * 1e3, top.value, "*", color=COLOURS[i], ms=11, mec="white")
 

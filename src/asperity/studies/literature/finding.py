@@ -1,4 +1,4 @@
-"""What a published finding is, as code: where it stands, how sure it is, and how it is judged."""
+"""Published findings as code: source, sureness, simulated condition and criterion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Sureness(Enum):
-    """How it is known what the source says."""
+    """How the content of the source is known."""
 
     SEED = "as Otaduy & Lin (2004) report it"
     READ = "in the source's abstract, which was read"
@@ -22,28 +22,28 @@ class Sureness(Enum):
 
 @dataclass(frozen=True)
 class Source:
-    """A publication, and what of it could be read."""
+    """A publication."""
 
     authors: str
     year: int
     venue: str
     doi: str = ""
-    """Only where it was seen on the publisher's page."""
+    """Given only if it was seen on the publisher's page."""
 
     @property
     def short(self) -> str:
-        """Authors, the first of many, and year."""
+        """Authors (the first of several) and year."""
         first, *more = self.authors.split(", ")
         return f"{first} et al. ({self.year})" if more else f"{self.authors} ({self.year})"
 
 
 class Verdict(NamedTuple):
-    """How a finding came out for one metric."""
+    """Result of a finding under one metric."""
 
     holds: bool | None
-    """None: could not be judged; `note` says why."""
+    """None if it could not be judged; `note` gives the reason."""
     measured: dict[str, Any]
-    """What the criterion was read off; plain numbers and lists."""
+    """The numbers on which the criterion is based, as plain numbers and lists."""
     note: str = ""
 
 
@@ -57,19 +57,19 @@ class Finding:
     id: str
     title: str
     people: str
-    """What people did or said: the source's, not ours."""
+    """The finding of the source."""
     sources: tuple[Source, ...]
     where: str
     """Section or figure."""
     sureness: Sureness
     condition: str
-    """What is simulated. Numbers are ours unless it says otherwise."""
+    """The simulated condition. Numbers are asperity's unless stated otherwise."""
     criterion: str
-    """When it is said to come out. Thresholds are ours."""
+    """The criterion by which it comes out. Thresholds are asperity's."""
     judge: Judge
     before: bool = True
     """Whether the criterion was written before its outcome was known."""
     caveat: str = ""
-    """Why it may mean less than it seems to."""
+    """Limits of the result."""
     any_metric: bool = False
-    """Whether the verdict is the same whatever the metric."""
+    """Whether the verdict is independent of the metric."""

@@ -1,13 +1,13 @@
-r"""A finger, as a wide and soft probe: a crude one.
+r"""A crude model of a finger, as a wide and soft probe.
 
-A bare finger codes coarse roughness mostly by the skin's deformation in space; nothing here has
-skin. What is kept is one property: a fingertip lies on many elements at once, and a force on the
-whole finger averages over them. Each bit of skin rests on the surface as a ball of diameter
-`skin`, and the texture force is that of the mean penetration depth over the contact,
+A bare finger codes coarse roughness mostly by the spatial deformation of its skin, which is not
+modelled. One property is kept: a fingertip touches many elements at once, and the force on the
+finger averages over them. Each element of skin rests on the surface as a ball of diameter `skin`,
+and the texture force is that of the mean penetration depth over the contact,
 
     delta(u) = sum_x w(x) H_skin(u + x) ,   w parabolic over a disk of diameter `contact`,
 
-after which Eqs 6 and 7 are used as for a probe. All its numbers are asperity's.
+and Eqs 6 and 7 apply as for a probe. All its numbers are asperity's.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Finger:
     contact: float = 8e-3
     """Diameter of the contact [m]."""
     skin: float = 1e-3
-    """Diameter of the balls that the skin rests on [m]."""
+    """Diameter of the balls that represent skin [m]."""
     lines: int = 7
-    """Across the contact, over which the mean is taken."""
+    """Number of lines across the contact over which the mean is taken."""
 
     def slope_table(self, plate: DotPlate) -> PiecewiseCubic:
         """Return d(delta)/du along a plate of dots, for a normal force of 1 N in Eq. 6."""

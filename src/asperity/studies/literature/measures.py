@@ -1,8 +1,7 @@
-r"""Metrics of a drag, written so that a hundred of them cost little more than one.
+r"""Metrics of a drag, computed so that a hundred of them take little longer than one.
 
 A drag is kept as its `DragRecord`: the Fourier series of the hand's lag `u - v t`, and the
-extremes of u''. Every signal of Eq. 7 follows from the lag by a factor that depends on frequency
-alone:
+extremes of u''. Every signal of Eq. 7 is the lag times a factor that depends on frequency alone:
 
     position 1,  velocity i w,  acceleration -w^2,  force  -(k + i b w - m w^2) .
 
@@ -10,8 +9,8 @@ A metric is then a band-pass (second-order Butterworth, without its phase) and a
 
     M_p = ( mean |y|^p )^(1/p) ,     p = 2 is the RMS, p = infinity the peak.
 
-Metrics with p other than 2 are asperity's. They were added because the events of a texture become
-rarer as its spacing grows: an RMS falls with their rate, a peak does not, and p lies between.
+Metrics with p other than 2 are asperity's. They were added because a texture's events become rarer
+as its spacing grows: the RMS falls with their rate, the peak does not, and other p lie between.
 """
 
 from __future__ import annotations
@@ -34,17 +33,17 @@ from asperity.runs.vibration_metrics import (
 )
 
 HIGHEST = 2000.0
-"""Of the frequencies that a record keeps [Hz]; people feel up to about 1000."""
+"""Highest frequency that a record keeps [Hz]; people feel up to about 1000 Hz."""
 _LEAST_HARMONICS = 64
 _HANN_SQUARED = 8.0 / 3.0
-"""What a Hann window takes off a power."""
+"""Factor by which a Hann window reduces power."""
 SIGNALS = ("acceleration", "force", "velocity", "position")
 KINDS = ("largest", "largest_abs", "norm", "threshold")
 _UNITS = {"acceleration": "m/s²", "force": "N", "velocity": "m/s", "position": "m"}
 
 
 class DragRecord(NamedTuple):
-    """One drag, as metrics need it."""
+    """The spectrum and extremes of one drag, from which metrics are computed."""
 
     frequencies: NDArray[np.float64]
     """[Hz], above 0, shape (m,)."""
@@ -56,11 +55,11 @@ class DragRecord(NamedTuple):
     """Smallest u'' [m/s^2]."""
     hand: Hand
     window: bool
-    """Whether the motion did not repeat, so that the lag stands under a Hann window."""
+    """Whether the motion is aperiodic and the lag has a Hann window."""
 
 
 def record_of(motion: Motion, hand: Hand) -> DragRecord:
-    """Return what metrics need of a motion."""
+    """Return the record of a motion."""
     lag = motion.lag - np.mean(motion.lag)
     window = motion.status == MotionStatus.APERIODIC
     if window:
@@ -75,7 +74,7 @@ def record_of(motion: Motion, hand: Hand) -> DragRecord:
 
 
 STILL = DragRecord(np.ones(1), np.zeros(1, dtype=np.complex128), 0.0, 0.0, Hand(), False)
-"""Of a probe that meets nothing."""
+"""The record of a probe over a flat surface."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Measure:
     signal: str = "acceleration"
     """One of `SIGNALS`, for a norm."""
     band: tuple[float, float] | None = None
-    """[Hz]; None lets everything through."""
+    """Band [Hz]; None for no filter."""
     power: float = 2.0
     """p of the norm, 2 or above; infinity is the peak."""
 
@@ -113,17 +112,17 @@ class Measure:
 
     @property
     def unit(self) -> str:
-        """Of the value."""
+        """Unit of the value."""
         if self.kind == "threshold":
             return "1"
         return _UNITS["acceleration" if self.kind != "norm" else self.signal]
 
     def __call__(self, records: Sequence[DragRecord]) -> float:
-        """Return the metric of records, which count as one stroke after the other."""
+        """Return the metric of records taken as consecutive strokes."""
         return float(evaluate_all(records, [self])[0])
 
     def together(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Return the metric of strokes of equal length that have these values each (first axis)."""
+        """Return the metric of consecutive equal strokes from their values (first axis)."""
         strokes = np.asarray(values, dtype=np.float64)
         if self.kind == "threshold":
             return np.asarray(np.mean(strokes, axis=0))
@@ -133,7 +132,7 @@ class Measure:
 
 
 def evaluate_all(records: Sequence[DragRecord], measures: Sequence[Measure]) -> NDArray[np.float64]:
-    """Return several metrics of records at once; they share transforms where they can."""
+    """Return several metrics of records at once, sharing transforms."""
     values = np.array([_of_one(record, measures) for record in records])
     return np.array([m.together(values[:, i]) for i, m in enumerate(measures)])
 

@@ -1,4 +1,4 @@
-"""What is touched: the surfaces of the findings by spacing, several paths over each."""
+"""The surfaces of the findings by spacing, with one or several paths over each."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Dots:
 
 @dataclass(frozen=True)
 class Grains:
-    """Self-affine roughness, the same at every size; the spacing is its roll-off wavelength."""
+    """Self-affine roughness of equal shape at any size; the spacing is its roll-off wavelength."""
 
     rms_slope: float = _OPTIONS.rms_slope
     hurst: float = _OPTIONS.hurst
@@ -90,13 +90,13 @@ class Grains:
 
 @dataclass(frozen=True)
 class Paper:
-    """A measured sandpaper. Its vertical scale was lost: the spacing is its relief [m]."""
+    """A measured sandpaper whose file lacks the vertical scale: the spacing is its relief [m]."""
 
     file: Path
     pixel_size: float = 9e-6
     """[m]; inferred, not measured."""
     shape: tuple[int, int] = (1000, 780)
-    """Of the piece that is used."""
+    """Samples of the part that is used."""
 
     def surfaces(self, spacing: float) -> tuple[HeightMap, ...]:
         """Return the paths over the piece with a relief, peak to peak of the file [m]."""

@@ -1,4 +1,4 @@
-"""The publications behind the findings. A DOI stands only where it was seen."""
+"""The publications of the findings. A DOI is given only if it was seen."""
 
 from __future__ import annotations
 

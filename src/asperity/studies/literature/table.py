@@ -1,4 +1,4 @@
-"""The table: every finding by the studies' four metrics, and by the chosen hand and metric."""
+"""The table: every finding under the studies' four metrics, and under the chosen design."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from asperity.studies.literature.measures import COLUMNS, Measure
 
 MARKS = {True: "yes", False: "no", None: "skipped"}
 CHOSEN = "chosen"
-"""The column of the hand and metric that the search chose."""
+"""Name of the column of the hand and metric that the search chose."""
 AFTER_THE_FACT = ("band_rms", CHOSEN)
-"""Columns whose metric was chosen with outcomes in view."""
+"""Columns whose metric was chosen when outcomes were known."""
 
 
 class Column(NamedTuple):
-    """A way to read off a number: a metric, and the hand whose motion it is taken of."""
+    """A column of the table: a metric of the motion of a hand."""
 
     name: str
     hand: Hand
@@ -31,12 +31,12 @@ class Column(NamedTuple):
 
     @property
     def after_the_fact(self) -> bool:
-        """Whether the metric was chosen with outcomes in view."""
+        """Whether the metric was chosen when outcomes were known."""
         return self.name in AFTER_THE_FACT
 
 
 class FindingResult(NamedTuple):
-    """A finding and how it came out, by column's name."""
+    """A finding and its verdicts, by the name of the column."""
 
     finding: Finding
     verdicts: dict[str, Verdict]
@@ -67,7 +67,7 @@ def judge_all(
         row, known = FindingResult(finding, {}), {}
         for column in columns:
             lab = labs[column.hand]
-            # Some verdicts are the hand's alone.
+            # Some verdicts depend on the hand alone.
             if not finding.any_metric or column.hand not in known:
                 known[column.hand] = judged(finding, lab, column.measure)
             row.verdicts[column.name] = known[column.hand]
@@ -85,16 +85,16 @@ def counts(rows: Sequence[FindingResult], column: str) -> tuple[int, int]:
 
 def as_json(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     """Return the whole table as JSON."""
-    told = {
+    document = {
         "schema": 1,
         "columns": [_column(column, rows) for column in columns],
         "findings": [_finding(row) for row in rows],
     }
-    return json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def as_csv(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
-    """Return one line a finding: source, how sure, and how it comes out in each column."""
+    """Return the table as CSV, a line for each finding."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [column.name for column in columns]

@@ -1,4 +1,4 @@
-"""What the findings leave: a printed table, files, figures, and the page of the documentation."""
+"""Print the findings; write their files, figures and the page of the documentation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STYLES = {True: "bold green", False: "red", None: "dim"}
 
 
 def print_table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> None:
-    """Print the table, and what stays out under every metric."""
+    """Print the table, with the reasons of skipped findings."""
     from rich.console import Console
     from rich.table import Table
 

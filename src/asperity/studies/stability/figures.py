@@ -12,8 +12,8 @@ from asperity.studies.stability.measure import Stability
 def stability_figure(result: Stability, title: str, stiffness: float) -> Figure:
     """Return the chart; `stiffness` [N/m] is the scene's.
 
-    Lines are Colgate's bound `2 b / T`, full marks the scene without textures, open ones the
-    textured scene: above, its median place, below, its worst.
+    Lines are Colgate's bound `2 b / T`, full marks the scene without textures, open marks the
+    textured scene: its median over the places above, its worst place below.
     """
     settings = result.settings
     dampings = np.asarray(settings.dampings)

@@ -1,16 +1,16 @@
-r"""How stiff a scene may be: the largest stable stiffness over rate and damping, and two symptoms.
+r"""Stability of a scene: its largest stable stiffness over rate and damping, and two symptoms.
 
-A wall of stiffness K, sampled every T, gives a hand energy: what is held lags half a tick behind,
-like a damper of `-K T / 2`. It is passive while
+A wall of stiffness K, sampled every T, supplies energy to a hand: the held force lags by half a
+tick, which acts like a damper of `-K T / 2`. The wall is passive while
 
     b > K T / 2 + |B|        (Colgate & Schenkel 1997)
 
-with b the device's own damping and B the commanded one (here 0). A texture raises the stiffness
-that the hand meets: the Hessian of U is `k (grad delta grad delta^T + delta Hessian(delta))`, and
-at kinks the second term has no bound. So the limit is measured, on the scene itself: a mass with
-the damping b, pushed onto it with a constant force and held sideways by a spring, is set
-oscillating by a part of its depth. Below the limit the oscillation dies away, above it it grows.
-The engine's force is in proportion to the stiffness, so that one engine serves all of them.
+with b the damping of the device and B the commanded damping (here 0). A texture raises the
+stiffness: the Hessian of U is `k (grad delta grad delta^T + delta Hessian(delta))`, and at kinks
+the second term is unbounded. So the limit is measured on the scene itself: a mass with the damping
+b, pressed onto it with a constant force and held laterally by a spring, is made to oscillate by a
+fraction of its depth. Below the limit the oscillation decays, above it it grows. The contact force
+is proportional to the stiffness, so one contact solver serves all stiffnesses.
 
 *Buzzing and aliveness* (Choi & Tan 2004), with the simulated hand pressing and its target at rest:
 the RMS of the force above 150 Hz, and of its change below 20 Hz.
@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,45 +36,46 @@ from asperity.simulation.press import pressed_pose, touching_pose
 from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
 
+ArrayOrFloat = TypeVar("ArrayOrFloat", float, NDArray[np.float64])
 BUZZING, ALIVENESS = 150.0, 20.0
-"""Above the one, below the other [Hz]."""
+"""Buzzing is measured above the first, aliveness below the second frequency [Hz]."""
 AMPLITUDE = 0.1
-"""Of the oscillation, in parts of the depth; asperity's."""
+"""Amplitude of the oscillation over the depth; asperity's."""
 ASIDE = 0.05
-"""Hands that want to be still set out so far from the places, in parts of the span: exactly in a
-notch nothing would move them; asperity's."""
+"""Offset of resting hands from the tested places, over the span: exactly in a notch no force would
+move them; asperity's."""
 DEEPEST = 1e-3
-"""A soft wall is pushed with less than the force, so that it is not pushed in deeper [m]."""
+"""Largest depth in a trial [m]; the force on a soft wall is reduced accordingly."""
 TICKS = 320
-"""Of one trial."""
+"""Ticks of one trial."""
 STIFFEST, SOFTEST = 1e6, 1.0
-"""Where limits are looked for [N/m]."""
+"""Range in which limits are searched [N/m]."""
 TOLERANCE = 0.02
-"""Of a limit, in log."""
+"""Tolerance of the logarithm of a limit."""
 _HALVINGS = 12
 _STEP = 1e-5
-"""Of the differences that give the Hessian [m]."""
+"""Step of the finite differences of the Hessian [m]."""
 
 
 @dataclass(frozen=True)
 class StabilitySettings:
-    """What is measured. Defaults are asperity's.
+    """What is measured; the defaults are asperity's.
 
     Parameters
     ----------
     rates : sequence of float
-        Ticks a second [Hz].
+        Tick rates [Hz].
     dampings : sequence of float
-        The device's own, or device's and hand's together [N s/m].
+        Damping of the device, or of device and hand together [N s/m].
     hand : Hand
-        Its mass, and the stiffness that holds it sideways.
+        Its mass, and the stiffness that holds it laterally.
     force : float
-        That pushes it onto the scene [N].
+        Force that presses it onto the scene [N].
     places : int
-        Along one `span`, where textured scenes are tried.
+        Number of places along one `span` at which textured scenes are tested.
     span : float, optional
-        Length along x that the places lie on [m]; by default the longest wave of the scene, or
-        2 mm.
+        Length along x over which the places are distributed [m]; by default the longest wave of
+        the scene, or 2 mm.
     """
 
     rates: Sequence[float] = (500.0, 1000.0, 2000.0, 4000.0)
@@ -96,35 +97,35 @@ class StabilitySettings:
 
 
 class Symptoms(NamedTuple):
-    """What a hand that wants to be still feels."""
+    """Symptoms of instability felt by a hand whose target is at rest."""
 
     buzzing: float
     """RMS of the force above 150 Hz [N]."""
     aliveness: float
     """RMS of the force's change below 20 Hz [N]."""
     force: float
-    """Mean size of the force [N]."""
+    """Mean magnitude of the force [N]."""
     motion: float
-    """How far the handle strays, largest [m]."""
+    """Largest excursion of the handle [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """What came of it: arrays (rates, dampings) of stiffnesses [N/m]."""
+    """Result of `measure_stability`: arrays (rates, dampings) of stiffnesses [N/m]."""
 
     settings: StabilitySettings
     bound: NDArray[np.float64]
-    """Colgate's, `2 b / T`."""
+    """Colgate's bound, `2 b / T`."""
     plain: NDArray[np.float64]
-    """Of the scene without its textures."""
+    """Limit of the scene without its textures."""
     textured: NDArray[np.float64]
-    """At the worst of the places."""
+    """Limit at the worst of the places."""
     median: NDArray[np.float64]
-    """At the median of the places."""
+    """Median of the limits over the places."""
     raised: NDArray[np.float64]
-    """Largest eigenvalue of the Hessian of U over translations, in parts of k; (places,)."""
+    """Largest eigenvalue of the Hessian of U over translations, divided by k; (places,)."""
     symptoms: dict[str, Symptoms]
-    """For each mode of the coupling, at the scene's stiffness and 1 kHz."""
+    """Mode of the coupling -> symptoms at the scene's stiffness and 1 kHz."""
 
 
 def measure_stability(
@@ -142,7 +143,7 @@ def measure_stability(
     )
     flat, rough = Wall(smooth, settings), Wall(quiet, settings)
     poses = rough.places()
-    beside = [pose + ASIDE * rough.span * np.eye(7)[0] for pose in poses]
+    offset_poses = [pose + ASIDE * rough.span * np.eye(7)[0] for pose in poses]
     shape = (len(settings.rates), len(settings.dampings))
     plain, textured, median = np.empty(shape), np.empty(shape), np.empty(shape)
     level = flat.places()[0]
@@ -155,14 +156,14 @@ def measure_stability(
     bound = 2.0 * np.outer(settings.rates, settings.dampings)
     raised = np.array([rough.raised(pose) for pose in poses])
     symptoms = {
-        mode: measure_symptoms(scene.changed(coupling={"mode": mode}), settings, beside)
+        mode: measure_symptoms(scene.changed(coupling={"mode": mode}), settings, offset_poses)
         for mode in modes
     }
     return Stability(settings, bound, plain, textured, median, raised, symptoms)
 
 
 class Wall:
-    """A scene that a mass is pushed against, without turning: forces for any stiffness."""
+    """A scene against which a mass is pressed without rotation: forces for any stiffness."""
 
     def __init__(self, scene: Scene, settings: StabilitySettings) -> None:
         self.settings = settings
@@ -177,10 +178,10 @@ class Wall:
             body.texture.shortest_wavelength for body in scene.bodies if body.texture is not None
         ]
         self.span = settings.span or min(max(waves, default=2e-3), 2e-2)
-        """Flat textures have no wave: any length will do."""
+        """Length along x over which places are distributed [m]."""
 
     def places(self) -> list[NDArray[np.float64]]:
-        """Return poses (7,) at which the scene is pressed with the force, at its own stiffness."""
+        """Return poses (7,) with the contact force `settings.force` at the scene's stiffness."""
         poses = []
         for k in range(self.settings.places):
             pose = self._start.copy()
@@ -190,17 +191,17 @@ class Wall:
         return poses
 
     def force(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the force (3,) at a pose over the stiffness [m]."""
+        """Return the force (3,) at a pose, divided by the stiffness [m]."""
         return np.asarray(self._engine.wrench(pose, 1e-3)[:3] / self._stiffness)
 
     def energy(self) -> float:
-        """Return U over the stiffness where `force` was last asked for [m^2]."""
+        """Return U at the last pose of `force`, divided by the stiffness [m^2]."""
         contacts = self._engine.contacts
         n = int(contacts.count[0])
         return float(0.5 * contacts.weight[:n] @ contacts.depth[:n] ** 2)
 
     def raised(self, pose: NDArray[np.float64]) -> float:
-        """Return the largest eigenvalue of the Hessian of U over translations, in parts of k."""
+        """Return the largest eigenvalue of the Hessian of U over translations, divided by k."""
         self._engine.reset()
         hessian = np.empty((3, 3))
         for axis in range(3):
@@ -213,13 +214,13 @@ class Wall:
         return float(np.linalg.eigvalsh(0.5 * (hessian + hessian.T))[-1])
 
     def limit(self, pose: NDArray[np.float64], rate: float, damping: float) -> float:
-        """Return the largest stiffness [N/m] at which an oscillation dies away, to a hundredth."""
+        """Return the largest stiffness [N/m] at which an oscillation decays, to 2 %."""
         low, high = math.log(SOFTEST), math.log(STIFFEST)
-        # Around the bound first: the answer is rarely far from it.
+        # Bracket it around Colgate's bound first: it is rarely far from it.
         near = math.log(min(max(2.0 * damping * rate, 2.0 * SOFTEST), 0.5 * STIFFEST))
         for guess in (near - 2.0, near + 0.7):
             if low < guess < high:
-                if self.dies_away(pose, math.exp(guess), rate, damping):
+                if self.decays(pose, math.exp(guess), rate, damping):
                     low = guess
                 else:
                     high = guess
@@ -228,19 +229,19 @@ class Wall:
             if high - low < TOLERANCE:
                 break
             middle = 0.5 * (low + high)
-            if self.dies_away(pose, math.exp(middle), rate, damping):
+            if self.decays(pose, math.exp(middle), rate, damping):
                 low = middle
             else:
                 high = middle
         return math.exp(0.5 * (low + high))
 
-    def dies_away(
+    def decays(
         self, pose: NDArray[np.float64], stiffness: float, rate: float, damping: float
     ) -> bool:
-        """Return whether the mass, pushed out of its balance, comes back to it."""
+        """Return whether an oscillation of the mass about its equilibrium decays."""
         hand, T = self.settings.hand, 1.0 / rate
         self._engine.reset()
-        # As deep as gives the same force at this stiffness, on a slope about so.
+        # The depth that gives about the same force at this stiffness.
         here = pose.copy()
         depth = float(self.force(here)[2])
         wanted = min(depth * self._stiffness / stiffness, DEEPEST)
@@ -253,15 +254,15 @@ class Wall:
         velocity[2] = AMPLITUDE * depth * math.sqrt(stiffness / hand.mass)
         velocity[0] = 0.5 * velocity[2]
         spring = np.array([hand.stiffness, hand.stiffness, 0.0])
-        # A held force moves the mass on its damper, sideways on the hand's spring too.
-        sideways = held_tick(hand.mass, damping, hand.stiffness, T)
-        upwards = held_tick(hand.mass, damping, 0.0, T)
+        # A held force moves the mass against its damper, laterally also against the hand's spring.
+        lateral = held_tick(hand.mass, damping, hand.stiffness, T)
+        vertical = held_tick(hand.mass, damping, 0.0, T)
         energies, most = np.empty(TICKS), 0.0
         force = balance.copy()
         for i in range(TICKS):
             push, away = force - balance, here[:3] - rest[:3]
-            away[:2], velocity[:2] = _moved_on(sideways, away[:2], velocity[:2], push[:2])
-            away[2], velocity[2] = _moved_on(upwards, away[2], velocity[2], push[2])
+            away[:2], velocity[:2] = _advance(lateral, away[:2], velocity[:2], push[:2])
+            away[2], velocity[2] = _advance(vertical, away[2], velocity[2], push[2])
             here[:3] = rest[:3] + away
             force = stiffness * self.force(here)
             stored = stiffness * self.energy() - least
@@ -276,8 +277,10 @@ class Wall:
         return bool(energies[-quarter:].mean() < energies[quarter : 2 * quarter].mean())
 
 
-def _moved_on(tick: tuple[float, ...], place, velocity, force):  # type: ignore[no-untyped-def]
-    """Return place and velocity a tick later: numbers or vectors. See `held_tick`."""
+def _advance(
+    tick: tuple[float, ...], place: ArrayOrFloat, velocity: ArrayOrFloat, force: ArrayOrFloat
+) -> tuple[ArrayOrFloat, ArrayOrFloat]:
+    """Return place and velocity a tick later, numbers or vectors; see `held_tick`."""
     a, b, c, d, e, f = tick
     return a * place + b * velocity + c * force, d * place + e * velocity + f * force
 
@@ -285,9 +288,9 @@ def _moved_on(tick: tuple[float, ...], place, velocity, force):  # type: ignore[
 def measure_symptoms(
     scene: Scene, settings: StabilitySettings, poses: Sequence[NDArray[np.float64]]
 ) -> Symptoms:
-    """Return what the simulated hand feels while it presses and wants to be still.
+    """Return the symptoms felt by a pressing simulated hand whose target is at rest.
 
-    At 1 kHz with the scene's stiffness, for 0.4 s after 0.4 s: the largest over some places.
+    At 1 kHz with the scene's stiffness, over 0.4 s after 0.4 s: the largest over the poses.
     """
     simulation = Simulation(scene)
     worst = []
@@ -302,7 +305,7 @@ def measure_symptoms(
 
 
 def symptoms_of(force: NDArray[np.float64], moved: NDArray[np.float64], dt: float) -> Symptoms:
-    """Return what a hand that wants to be still feels, from forces and its places (n, 3)."""
+    """Return the symptoms of a resting hand from forces (n, 3) [N] and its places (n, 3) [m]."""
     change = force - force.mean(axis=0)
     window = np.hanning(len(change))[:, None]
     lines = np.abs(np.fft.rfft(change * window / np.sqrt(np.mean(window**2)), axis=0))
@@ -317,7 +320,7 @@ def symptoms_of(force: NDArray[np.float64], moved: NDArray[np.float64], dt: floa
 
 
 def summary(result: Stability, scene: Scene) -> dict[str, Any]:
-    """Return the numbers for a file of JSON, in SI units."""
+    """Return the results for a file of JSON, in SI units."""
     settings = result.settings
     return {
         "schema": 1,

@@ -1,5 +1,8 @@
 """Send batches to the workers of a Dask cluster, and yield their outcomes as they complete.
 
+Dask's `as_completed` does the waiting. Batches are submitted as others complete, not all at once:
+ten million combinations would not fit into the scheduler, and the last batches are to be small.
+
 A worker holds nothing that would be lost with it: Dask gives its batches to another one. A batch
 that kills its workers repeatedly is set aside and run at the end, one combination at a time; the
 combination that kills its worker is recorded as failed.

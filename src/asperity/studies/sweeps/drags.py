@@ -119,6 +119,13 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     return out
 
 
+def check_together(
+    keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
+    folder: Path,
+) -> None:  # fmt: skip
+    """Accept all: any parameters of a drag fit together."""
+
+
 def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
     """Return the files that parameters, key -> values, name: name -> path."""
     names = [name for name in columns.get("surface", ()) if name not in SURFACES]

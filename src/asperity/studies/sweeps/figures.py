@@ -1,4 +1,4 @@
-"""The figures of a sweep, in the style of all others."""
+"""The figures of a sweep."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Values = NDArray[Any]
 
 
 def draw(data: xr.Dataset, view: SweepView) -> Figure:
-    """Return the figure of a view of what `open_sweep` returned."""
+    """Return the figure of a view of a dataset from `open_sweep`."""
     columns, results = table(data, view.metric)
     if results.size < 2:
         raise AsperityError(
-            f"the store holds {results.size} combinations that are done; run the sweep first"
+            f"the store has {results.size} completed combinations; run the sweep first"
         )
     with style():
         figure: Figure = {"curve": _curve, "map": _map, "effects": _effects}[view.kind](
@@ -50,7 +50,7 @@ def _counted(data: xr.Dataset) -> str:
 def _curve(
     data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values
 ) -> Figure:  # fmt: skip
-    """Draw the metric over one parameter; others as colour, or as median and quantiles."""
+    """Draw the metric over one parameter: another as colour, the rest as median and quantiles."""
     figure = Figure(figsize=(6.0, 4.3), layout="constrained")
     axis = figure.subplots()
     scale, _ = _scale(data, view.x)
@@ -92,7 +92,7 @@ def _draw_level(
     if max(part.size for part in groups.parts) > 1:
         axis.fill_between(centres, low, high, color=colour, alpha=0.15, lw=0)
     if log and centres.size >= 5:
-        # The fit counts in millimetres, and so do lengths here; other units pass as they are.
+        # The fit takes metres and x is in millimetres; x in another unit is scaled alike.
         fit = fit_quadratic(centres * 1e-3, middle)
         fine = np.geomspace(centres[0], centres[-1], 200)
         axis.plot(fine, fit(fine * 1e-3), color=colour, lw=1.0)
@@ -113,7 +113,7 @@ def _draw_level(
 
 
 def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values) -> Figure:
-    """Draw the metric over two parameters as a picture; medians over the others."""
+    """Draw the metric over two parameters as an image, with medians over the others."""
     figure = Figure(figsize=(6.0, 4.6), layout="constrained")
     axis = figure.subplots()
     across, up = Groups(columns[view.x], results), Groups(columns[view.y], results)
@@ -146,10 +146,10 @@ def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results:
 def _effects(
     data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values
 ) -> Figure:
-    """Draw the metric over every parameter, and how much each alone explains."""
+    """Draw the metric over every parameter, and the share of variance that each explains."""
     names = [name for name in columns if np.unique(columns[name]).size > 1]
     if not names:
-        raise AsperityError("no parameter has two values that are done; run the sweep first")
+        raise AsperityError("no parameter has two completed values; run the sweep first")
     log = _is_log(results)
     judged = np.log(results) if log else results
     shares = {name: share(columns[name], judged) for name in names}
@@ -183,7 +183,7 @@ def _effects(
 def _draw_effect(
     axis: Axes, data: xr.Dataset, name: str, values: Values, results: Values, log: bool
 ) -> None:
-    """Draw one panel: all points, and median and quartiles of groups."""
+    """Draw one panel: all points, with median and quartiles of groups."""
     groups = Groups(values, results)
     low, middle, high = groups.quantiles(0.25, 0.5, 0.75)
     numbers = is_number(data, name)
@@ -205,7 +205,7 @@ def _draw_effect(
 
 
 def _scale(data: xr.Dataset, name: str) -> tuple[float, str]:
-    """Return what a parameter is multiplied by for readers, and its unit then."""
+    """Return the factor by which a parameter is scaled for display, and its unit then."""
     unit = str(data[name].attrs.get("units", ""))
     if name in data.attrs["keep"]:
         return 1.0, unit
@@ -229,12 +229,12 @@ def _level_label(data: xr.Dataset, name: str, level: Any) -> str:
 
 
 def _is_log(values: Values) -> bool:
-    """Return whether values are positive and reach over a factor of three."""
+    """Return whether values are positive and span at least a factor of three."""
     return bool(values.size and values.min() > 0.0 and values.max() >= 3.0 * values.min())
 
 
 def _edges(centres: Values, log: bool) -> Values:
-    """Return the borders of cells round their centres."""
+    """Return the borders of cells around their centres."""
     places = np.log(centres) if log else centres
     between = 0.5 * (places[1:] + places[:-1])
     edges = np.concatenate([[2 * places[0] - between[0]], between, [2 * places[-1] - between[-1]]])
@@ -242,7 +242,7 @@ def _edges(centres: Values, log: bool) -> Values:
 
 
 def _scales(axis: Axes, log_x: bool, log_y: bool) -> None:
-    """Make axes logarithmic where that is wanted, with plain numbers at readable places."""
+    """Make the chosen axes logarithmic, with plain numbers at readable ticks."""
     for log, setter, side, limits in (
         (log_x, axis.set_xscale, axis.xaxis, axis.get_xlim),
         (log_y, axis.set_yscale, axis.yaxis, axis.get_ylim),
@@ -254,7 +254,7 @@ def _scales(axis: Axes, log_x: bool, log_y: bool) -> None:
 
 
 def _plain_ticks(side: Any, low: float, high: float) -> None:
-    """Put plain numbers at readable places of a logarithmic axis."""
+    """Label a logarithmic axis with plain numbers at readable ticks."""
     if high / low < 1e4:
         fine = (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low < 120.0 else (1, 3)
         ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]

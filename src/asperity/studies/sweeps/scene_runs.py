@@ -92,7 +92,7 @@ DEFAULT_KEEP = (
 def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
     """Return values with dotted keys in the types of their parameters; refuse invalid ones.
 
-    Values under `bodies` are checked with their scene, in `check_whole`.
+    Values under `bodies` are checked with their scene, in `check_together`.
     """
     plain = {k: v for k, v in values.items() if not k.startswith("bodies.")}
     require_keys(plain, where, [*KEYS, "bodies.NAME.texture.KEY"])
@@ -154,9 +154,10 @@ def _path(name: str, folder: Path) -> str:
     return str(path) if path.exists() else name
 
 
-def check_whole(
-    fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]], folder: Path
-) -> None:
+def check_together(
+    keep: Sequence[str], fixed: Mapping[str, Any], varied: Mapping[str, Sequence[Any]],
+    folder: Path,
+) -> None:  # fmt: skip
     """Refuse parameters that do not fit together, such as bodies that a scene lacks."""
     if "scene" not in fixed and "scene" not in varied:
         raise AsperityError(f"fixed.scene is missing: a folder, or one of: {', '.join(SCENES)}")
@@ -169,6 +170,9 @@ def check_whole(
     hands = [key for key in _HAND if key in fixed or key in varied]
     if hands and False in varied.get("hand", [fixed.get("hand", True)]):
         raise AsperityError(f"{hands[0]} needs hand = true")
+    of_hand = [name for name in keep if name.startswith("hand.")]
+    if of_hand and not hands and "hand" not in varied and not fixed.get("hand"):
+        raise AsperityError(f"keep: {', '.join(of_hand)} needs fixed.hand = true")
     for name in varied.get("scene", [fixed.get("scene")]):
         scene = _scene(name, folder)
         if (PROBE in fixed or PROBE in varied) and name not in PROBE_PLATES:

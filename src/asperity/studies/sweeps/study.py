@@ -24,8 +24,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene.document import at, read_toml, require_keys, require_table, write_toml
@@ -43,15 +42,50 @@ _BLOCKS = 20
 _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
 
 
-def _module(kind: str) -> ModuleType:
-    return import_module(KINDS[kind])
-
-
 class Runner(Protocol):
     """Runs combinations, one after the other."""
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
         """Run one combination and return its numbers `keep`."""
+
+
+class StudyKind(Protocol):
+    """A kind of study: the names that each module of `KINDS` defines."""
+
+    KEYS: tuple[str, ...]
+    """Valid parameters, as dotted keys."""
+    INNER: tuple[str, ...]
+    """Prefixes of parameters whose axes come last, because neighbours along them share work."""
+    BATCH: tuple[int, int]
+    """Least and largest number of combinations in a block."""
+    NUMBERS: dict[str, tuple[str, str]]
+    """What can be kept of a combination: name -> (unit, label)."""
+    DEFAULT_KEEP: tuple[str, ...]
+
+    def checked(self, values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
+        """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
+
+    def check_together(
+        self, keep: Sequence[str], fixed: Mapping[str, Any],
+        varied: Mapping[str, Sequence[Any]], folder: Path,
+    ) -> None:  # fmt: skip
+        """Refuse parameters, and kept numbers, that do not fit together."""
+
+    def files_of(self, columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
+        """Return the files that parameters, key -> values, name: name -> path."""
+
+    def unit_of(self, key: str) -> str:
+        """Return the unit of a parameter, "1" if it has none, "" if it is not known."""
+
+    def label_of(self, key: str) -> str:
+        """Return the axis label of a parameter."""
+
+    def runner(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
+        """Return the runner of combinations with fixed parameters; `seed` enters all seeds."""
+
+
+def _kind_of(name: str) -> StudyKind:
+    return cast(StudyKind, import_module(KINDS[name]))
 
 
 @dataclass(frozen=True)
@@ -101,7 +135,7 @@ class SweepStudy:
     @property
     def block(self) -> int:
         """Largest number of combinations in a block, which are written together."""
-        low, high = _module(self.kind).BATCH
+        low, high = _kind_of(self.kind).BATCH
         if self.files:
             low, high = 1, 16  # a drag over a height map takes a thousand times as long
         return max(min(self.size // _BLOCKS, high), low)
@@ -109,16 +143,16 @@ class SweepStudy:
     @property
     def least(self) -> int:
         """Smallest number of combinations that is worth sending to a worker."""
-        return 1 if self.files else int(_module(self.kind).BATCH[0])
+        return 1 if self.files else int(_kind_of(self.kind).BATCH[0])
 
     def unit(self, key: str) -> str:
         """Return the unit of a parameter or of a kept number; "" if it has none."""
-        of = _module(self.kind)
+        of = _kind_of(self.kind)
         return str(of.NUMBERS[key][0] if key in of.NUMBERS else of.unit_of(key))
 
     def label(self, key: str) -> str:
         """Return the axis label of a parameter or of a kept number."""
-        of = _module(self.kind)
+        of = _kind_of(self.kind)
         return str(of.NUMBERS[key][1] if key in of.NUMBERS else of.label_of(key))
 
     def attributes(self, key: str) -> dict[str, str]:
@@ -164,7 +198,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
         raise AsperityError(f"title must be a text, got {title!r}")
     for section in ("design", "fixed", "vary"):
         require_table(document.get(section, {}), section)
-    of = _module(kind)
+    of = _kind_of(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
     fixed = of.checked(flat(document.get("fixed", {})), "fixed", folder)
     varied = flat(document.get("vary", {}), LEAF)
@@ -177,16 +211,14 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     variations = [
         _checked(read_variation(key, spec, folder), of, folder) for key, spec in varied.items()
     ]
-    if kind == "scene":
-        of.check_whole(fixed, {v.key: v.extremes for v in variations}, folder)
-        _require_hand(keep, fixed, varied)
+    of.check_together(keep, fixed, {v.key: v.extremes for v in variations}, folder)
     design = read_design(document.get("design", {}), variations, of.INNER)
     named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
     files = {name: file_digest(path) for name, path in of.files_of(named, folder).items()}
     return SweepStudy(title, kind, keep, fixed, design, folder, text, files)
 
 
-def _kept(names: Any, of: ModuleType) -> tuple[str, ...]:
+def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise AsperityError(f"keep must be a list of names, got {names!r}")
     for i, name in enumerate(names):
@@ -196,15 +228,7 @@ def _kept(names: Any, of: ModuleType) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _require_hand(keep: Iterable[str], fixed: Mapping[str, Any], varied: Mapping[str, Any]) -> None:
-    """Refuse numbers of the hand in a study in which no hand holds the tool."""
-    of_hand = [name for name in keep if name.startswith("hand.")]
-    parts = any(key.startswith("hand.") for key in (*varied, *fixed))
-    if of_hand and "hand" not in varied and not fixed.get("hand") and not parts:
-        raise AsperityError(f"keep: {', '.join(of_hand)} needs fixed.hand = true")
-
-
-def _checked(variation: Variation, of: ModuleType, folder: Path) -> Variation:
+def _checked(variation: Variation, of: StudyKind, folder: Path) -> Variation:
     """Return a variation whose values are valid and have the parameter's type."""
     key = variation.key
     values = [of.checked({key: value}, "vary", folder)[key] for value in variation.extremes]
@@ -221,5 +245,4 @@ def _checked(variation: Variation, of: ModuleType, folder: Path) -> Variation:
 
 def runner(kind: str, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
     """Return the runner of the combinations of a kind of study."""
-    made: Runner = _module(kind).runner(fixed, folder, seed)
-    return made
+    return _kind_of(kind).runner(fixed, folder, seed)
