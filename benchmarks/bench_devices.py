@@ -100,8 +100,7 @@ def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     fake = HaplyFakeDevice()
     fake.open()
-    assert fake._device is not None
-    other = PolledClient(fake._device._uri)
+    other = PolledClient(fake._uri)
     reading, wrench = Reading.empty(), np.array([0.1, 0.0, 0.3, 0.0, 0.0, 0.0])
 
     def ticking(client: HaplyFakeDevice | PolledClient) -> Callable[[], bool]:

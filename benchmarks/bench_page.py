@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from asperity.scene.builtin import load_scene
+from asperity.viewer.app import live_panels
 from asperity.viewer.changes import on_coupling
 from asperity.viewer.motions import CannedMotion
-from asperity.viewer.panels.all_panels import live_panels
 from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.server.server import UPDATE_RATE, Page, serve
 from asperity.viewer.servo_client import ServoClient
@@ -34,38 +34,38 @@ BAR = 0.1
 """Percentage points."""
 
 
-def counts(link: ServoClient) -> np.ndarray:
+def counts(servo: ServoClient) -> np.ndarray:
     """Return ticks that were due, misses, fallbacks so far."""
-    moment = link.latest()
-    assert moment is not None
-    return np.array([round(moment.time * 1000.0), moment.misses, moment.fallbacks])
+    snapshot = servo.latest()
+    assert snapshot is not None
+    return np.array([round(snapshot.time * 1000.0), snapshot.misses, snapshot.fallbacks])
 
 
-def alone(link: ServoClient, seconds: float) -> np.ndarray:
+def alone(servo: ServoClient, seconds: float) -> np.ndarray:
     """Let the hand go round with nobody looking; return the counts."""
-    link.move(CannedMotion("circle", 0.03, 0.01), press=0.6)
+    servo.move(CannedMotion("circle", 0.03, 0.01), press=0.6)
     time.sleep(1.0)
-    before = counts(link)
+    before = counts(servo)
     time.sleep(seconds)
-    return counts(link) - before
+    return counts(servo) - before
 
 
-def looked_at(link: ServoClient, seconds: float) -> tuple[np.ndarray, float]:
+def looked_at(servo: ServoClient, seconds: float) -> tuple[np.ndarray, float]:
     """Let a tab drag the tool round; return the counts, and updates a second."""
-    with serve(link, lambda: live_panels(), port=0) as page, ScriptedTab(page.url) as tab:
+    with serve(servo, lambda: live_panels(), port=0) as page, ScriptedTab(page.url) as tab:
         time.sleep(2.0)
-        before, seen, begun = counts(link), len(tab.updates), time.perf_counter()
-        dragged(page, tab, link, seconds)
+        before, seen, begun = counts(servo), len(tab.updates), time.perf_counter()
+        dragged(page, tab, servo, seconds)
         lasted = time.perf_counter() - begun
-        return counts(link) - before, (len(tab.updates) - seen) / lasted
+        return counts(servo) - before, (len(tab.updates) - seen) / lasted
 
 
-def dragged(page: Page, tab: ScriptedTab, link: ServoClient, seconds: float) -> None:
+def dragged(page: Page, tab: ScriptedTab, servo: ServoClient, seconds: float) -> None:
     """Drag the gizmo round the circle that the hand goes round otherwise, pressed in."""
     gizmo = page.server.scene.get_handle_by_name("/gizmo")
     assert gizmo is not None
     middle = np.array(gizmo.position)
-    middle[2] -= 100.0 * (link.target[2] - link.choice.first_pose[2]) + 0.6
+    middle[2] -= 100.0 * (servo.target[2] - servo.config.first_pose[2]) + 0.6
     begun, due = time.perf_counter(), 0.0
     while due < seconds:
         angle = 0.03 / 0.005 * due
@@ -81,15 +81,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=4.0, help="of each block")
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
-    choice = SessionConfig(on_coupling(load_scene(given.scene)), given.scene)
+    config = SessionConfig(on_coupling(load_scene(given.scene)), given.scene)
     sums = {"alone": np.zeros(3), "looked at": np.zeros(3)}
     rates = []
-    with ServoClient(choice) as link:
+    with ServoClient(config) as servo:
         for _ in range(given.blocks):
-            link.point(choice.first_pose)
-            sums["alone"] += alone(link, given.seconds)
-            link.point(choice.first_pose)
-            more, rate = looked_at(link, given.seconds)
+            servo.point(config.first_pose)
+            sums["alone"] += alone(servo, given.seconds)
+            servo.point(config.first_pose)
+            more, rate = looked_at(servo, given.seconds)
             sums["looked at"] += more
             rates.append(rate)
     shares = {name: 100.0 * (n[1] + n[2]) / n[0] for name, n in sums.items()}
@@ -101,8 +101,8 @@ def main() -> None:
         f"(bar {BAR}: {'met' if added <= BAR else 'MISSED'})"
     )
     if given.json:
-        told: dict[str, Any] = {"updates": rates, "percent": shares, "added_points": added}
-        given.json.write_text(json.dumps(told, indent=2))
+        message: dict[str, Any] = {"updates": rates, "percent": shares, "added_points": added}
+        given.json.write_text(json.dumps(message, indent=2))
 
 
 if __name__ == "__main__":

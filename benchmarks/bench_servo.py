@@ -68,7 +68,7 @@ def empty_loop(seconds: float, report: Any) -> None:
         pace.wait()
         missed = clock.now() > pace.deadline
         stats.finished(skipped=pace.skipped, late=pace.late, missed=missed, fallback=False)
-    report.send(stats.told())
+    report.send(stats.summary())
 
 
 def beside_nothing(seconds: float) -> dict[str, Any]:

@@ -86,8 +86,8 @@ def test_whoever_stops_a_picture_of_the_page_is_told_whether_there_is_one(
     import asperity.viewer.servo_client
 
     @contextlib.contextmanager
-    def linked(choice):
-        yield SimpleNamespace(choice=choice)
+    def linked(config):
+        yield SimpleNamespace(config=config)
 
     @contextlib.contextmanager
     def shown(*_, **__):

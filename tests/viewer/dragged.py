@@ -6,7 +6,7 @@ import numpy as np
 
 from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.realtime.devices.mouse import MouseDevice
-from asperity.realtime.devices.pointer_file import Pointed
+from asperity.realtime.devices.pointer_file import PointerFile
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
 from asperity.simulation.simulation import Simulation
@@ -34,27 +34,27 @@ def dragged(
     simulation = Simulation(scene, dt=DT)
     start = scene.start.copy()
     start[2] += 1e-3
-    pointed = Pointed(folder / name, start)
+    pointer = PointerFile(folder / name, start)
     now = [0.0]
     centre = coupled_body(scene.model, scene.tool).centre
     device = MouseDevice(folder / name, dt=DT, centre=tuple(centre), clock=lambda: now[0])
     device.open()
     reading, draw = Reading.empty(), np.random.default_rng(3)
-    force, acceleration, due, told = [], [], 0.0, -1
+    force, acceleration, due, message = [], [], 0.0, -1
     for tick in range(round(seconds / DT)):
         now[0] = (tick + 1) * DT
         if now[0] >= due and not table:
-            told += 1
+            message += 1
             goal = start.copy()
             goal[2] -= deep
-            goal[0] += SPEED * told / rate
-            pointed.point(goal)
-            due = (told + 1) / rate + jitter * draw.random()
+            goal[0] += SPEED * message / rate
+            pointer.point(goal)
+            due = (message + 1) / rate + jitter * draw.random()
         if table and tick == 0:
             down = start.copy()
             down[2] -= deep
             made = motion_table(CannedMotion("slide", SPEED, 0.075), down)
-            pointed.move(made.poses, loop=made.loop, step=made.step, begun=0.0)
+            pointer.move(made.poses, loop=made.loop, step=made.step, begun=0.0)
         device.read(reading)
         wrench = simulation.step(reading.pose)
         at_handle = wrench.copy()

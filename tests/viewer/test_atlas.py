@@ -29,7 +29,7 @@ def test_each_place_has_the_colour_of_its_height(block):
     atlas = Atlas(block, faces, (0.5, 0.5, 0.5))
     image = atlas.image()
     rng = np.random.default_rng(1)
-    chosen = rng.choice(np.flatnonzero(faces), 400)
+    chosen = rng.config(np.flatnonzero(faces), 400)
     weights = rng.dirichlet((1.0, 1.0, 1.0), 400)[:, None]
     places = atlas.places(chosen, weights)[:, 0]
     assert (places > 0.0).all()
@@ -76,14 +76,14 @@ def test_the_file_holds_the_image(tmp_path):
     )
     magic, version, size, length = struct.unpack("<4sIII", data[:16])
     assert (magic, version, size) == (b"glTF", 2, len(data))
-    told = json.loads(data[20 : 20 + length])
-    primitive = told["meshes"][0]["primitives"][0]
+    message = json.loads(data[20 : 20 + length])
+    primitive = message["meshes"][0]["primitives"][0]
     assert set(primitive["attributes"]) == {"POSITION", "NORMAL", "TEXCOORD_0"}
-    view = told["bufferViews"][told["images"][0]["bufferView"]]
+    view = message["bufferViews"][message["images"][0]["bufferView"]]
     start = 20 + length + 8 + view["byteOffset"]
     shown = np.asarray(Image.open(io.BytesIO(data[start : start + view["byteLength"]])))
     assert np.abs(shown.astype(int) - image).max() < 60
-    assert view["byteOffset"] + view["byteLength"] == told["buffers"][0]["byteLength"]
+    assert view["byteOffset"] + view["byteLength"] == message["buffers"][0]["byteLength"]
 
 
 @pytest.mark.parametrize("name", PICTURED)

@@ -65,7 +65,7 @@ def on_screen(page, point):
     )
 
 
-def test_the_scene_is_drawn(page, link, tab, until):
+def test_the_scene_is_drawn(page, servo, tab, until):
     def drawn():
         seen = canvas(page, tab)
         colours = len(np.unique(seen.reshape(-1, 3) // 16, axis=0))
@@ -74,11 +74,11 @@ def test_the_scene_is_drawn(page, link, tab, until):
     until(drawn)
 
 
-def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
-    mouse = panel("Mouse")
+def test_dragging_the_gizmo_changes_the_force(page, servo, tab, until, panel):
+    mouse = panel("MousePanel")
     mouse.holder.take(None, -1e9)
     # Well into the plate: whoever draws slowly takes only a part of what the pointer does.
-    deep = link.choice.first_pose[2] - 5e-3
+    deep = servo.config.first_pose[2] - 5e-3
     for wait in (500, 2_000, 8_000):  # longer, where the processor takes its time to draw
         tip = np.add(mouse._gizmo.position, [0.0, 0.0, 1.75])  # of the arrow upwards
         x, y = on_screen(page, tip)
@@ -90,36 +90,36 @@ def test_dragging_the_gizmo_changes_the_force(page, link, tab, until, panel):
             tab.wait_for_timeout(wait / 10)
         tab.mouse.up()
         tab.wait_for_timeout(wait)
-        if link.target[2] < deep:
+        if servo.target[2] < deep:
             break
-    assert link.target[2] < deep
-    until(lambda: link.latest().device_wrench[2] > 0.1)
+    assert servo.target[2] < deep
+    until(lambda: servo.latest().device_wrench[2] > 0.1)
 
 
-def test_a_number_that_is_typed_reaches_the_loop(link, tab, until):
+def test_a_number_that_is_typed_reaches_the_loop(servo, tab, until):
     tab.get_by_role("tab", name="Contact").click()
     field = tab.locator("input[type=text][value='400']").first
     field.fill("330")
     tab.keyboard.press("Enter")  # its value has changed, and with it what finds it
-    until(lambda: link.parameters.stiffness == 330.0)
-    link.change(stiffness=400.0)
+    until(lambda: servo.parameters.stiffness == 330.0)
+    servo.change(stiffness=400.0)
 
 
-def test_a_bad_file_is_refused_in_the_page(link, tab, tmp_path):
+def test_a_bad_file_is_refused_in_the_page(servo, tab, tmp_path):
     (tmp_path / "bad.png").write_bytes(b"this is no picture")
-    generation = link.generation
+    generation = servo.generation
     tab.get_by_role("tab", name="Surfaces").click()
     with tab.expect_file_chooser() as chooser:
         tab.get_by_role("button", name="Image or array of heights").click()
     chooser.value.set_files(tmp_path / "bad.png")
     tab.get_by_text("bad.png is not a .png file, or damaged").wait_for()
-    assert (link.generation, link.is_alive) == (generation, True)
+    assert (servo.generation, servo.is_alive) == (generation, True)
 
 
-def test_the_page_outlives_its_loop_and_begins_another(link, tab, until):
-    os.kill(link._servo.process.pid, signal.SIGKILL)
+def test_the_page_outlives_its_loop_and_begins_another(servo, tab, until):
+    os.kill(servo._servo.process.pid, signal.SIGKILL)
     tab.get_by_text("The loop has ended").wait_for()
-    generation = link.generation
+    generation = servo.generation
     tab.get_by_role("button", name="Restart the loop").click()
-    until(lambda: link.generation == generation + 1, 180.0)
+    until(lambda: servo.generation == generation + 1, 180.0)
     tab.get_by_text("probe-plate · mouse").wait_for()

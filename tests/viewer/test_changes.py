@@ -50,8 +50,8 @@ def test_what_is_shown_keeps_to_its_triangles(plate, kind):
 
 
 def test_a_file_of_heights_keeps_what_it_says_unless_told(tmp_path):
-    rows = np.sin(np.arange(64) / 5.0)[:, None] * np.ones(64) * 1e-5
-    np.save(tmp_path / "h.npy", rows)
+    ticks = np.sin(np.arange(64) / 5.0)[:, None] * np.ones(64) * 1e-5
+    np.save(tmp_path / "h.npy", ticks)
     table = {"file": str(tmp_path / "h.npy"), "pixel_size": 1e-5, "border": "wrap"}
     made = field_of(scaled_texture(table, relief=5e-5, pixel_size=2e-5))
     assert made.relief == pytest.approx(5e-5)

@@ -9,13 +9,12 @@ import pytest
 from scipy.io import wavfile
 
 pytest.importorskip("viser", reason="needs viser (asperity[view])")
-from fake_link import FREQUENCY, RATE, SHAKE, FakeLink
+from fake_client import FREQUENCY, RATE, SHAKE, FakeServoClient
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.tick_row import columns
 from asperity.runs.dataset import open_recording
+from asperity.viewer.app import instrument_panels
 from asperity.viewer.browser import browser_tab
-from asperity.viewer.panels.instruments import instruments
 from asperity.viewer.server.server import Page
 
 # With the tests that have a loop: two browsers and a loop are more than two cores.
@@ -37,15 +36,15 @@ def tab():
 def live(tab, tmp_path_factory):
     """A page on a link whose rows come as time goes by, open in the tab."""
     folder = tmp_path_factory.mktemp("recordings")
-    with FakeLink() as link:
-        link.give(3.0)
-        shown, panels = instruments(link, folder)
+    with FakeServoClient() as servo:
+        servo.give(3.0)
+        shown, panels = instrument_panels(servo, folder)
         with Page(shown, panels, port=0) as page:
             # Where the processor draws, all else waits for it.
             panel(page, "PlotsPanel")._often.value = "1 a second"
             tab.goto(page.url, timeout=SLOW)
             tab.get_by_role("tab", name="Plots").wait_for(timeout=SLOW)
-            yield link, page
+            yield servo, page
 
 
 def plots(tab):
@@ -121,14 +120,14 @@ def test_the_predicted_roughness_is_that_of_the_shaking(live, tab):
 
 
 def test_held_the_page_stands_and_follows_its_slider(live, tab):
-    link, page = live
+    servo, page = live
     timeline = panel(page, "TimePanel")._timeline
     to(tab, "Plots")
     if not timeline.is_live:  # where this test failed before
         press(tab, "Back to now")
         until(lambda: timeline.is_live)
     press(tab, "Pause")
-    held, ticks = until(lambda: timeline.length), link.ticks
+    held, ticks = until(lambda: timeline.length), servo.ticks
     until(lambda: timeline.at == held)
     slider = tab.locator(".mantine-Slider-trackContainer:visible").first
     slider.wait_for(timeout=SLOW)
@@ -136,14 +135,14 @@ def test_held_the_page_stands_and_follows_its_slider(live, tab):
     tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     until(lambda: 0.2 * held < timeline.at < 0.8 * held)
     # All that the page shows is of that moment: the pose, and the end of what is plotted.
-    begun = timeline.everything()[0, 0]
-    until(lambda: abs(page.link.latest().time - begun - timeline.at) <= 2e-3)
-    moment, at = page.link.latest(), timeline.at
-    assert moment.tool_pose[0] == pytest.approx(0.08 * moment.time, abs=1e-5)
+    begun = timeline.everything()["time"][0]
+    until(lambda: abs(page.servo.latest().time - begun - timeline.at) <= 2e-3)
+    snapshot, at = page.servo.latest(), timeline.at
+    assert snapshot.tool_pose[0] == pytest.approx(0.08 * snapshot.time, abs=1e-5)
     until(lambda: tab.get_by_text(f"{at:.3f} of").count())
-    assert timeline.window(1.0)[-1, 0] == moment.time
+    assert timeline.window(1.0)["time"][-1] == snapshot.time
     until(lambda: plots(tab)[0][1][0][0] == pytest.approx(max(-5.0, -at), abs=0.02))
-    assert link.ticks > ticks  # the loop went on
+    assert servo.ticks > ticks  # the loop went on
     assert timeline.length == held
     press(tab, "Back to now")
     until(lambda: timeline.is_live)
@@ -152,7 +151,7 @@ def test_held_the_page_stands_and_follows_its_slider(live, tab):
 def test_the_sound_in_the_page_has_the_length_that_was_asked_for(live, tab):
     to(tab, "Record")
     until(lambda: live[0].ticks > 5.5 * RATE)
-    press(tab, "Make the sound of what is shown")
+    press(tab, "Make a clip of what is shown")
     tab.locator("audio").wait_for(timeout=SLOW)
     length = until(lambda: tab.evaluate("document.querySelector('audio').duration || 0"))
     _, page = live
@@ -164,13 +163,13 @@ def test_the_sound_in_the_page_has_the_length_that_was_asked_for(live, tab):
 
 
 def test_what_is_recorded_is_what_is_replayed(live, tab):
-    link, page = live
+    servo, page = live
     to(tab, "Record")
     recording = panel(page, "RecordPanel")
     came = []
     press(tab, "Record")
     until(lambda: recording._recorder is not None)
-    end = link.tap(came.append)
+    end = servo.subscribe(came.append)
     time.sleep(2.0)
     press(tab, "Stop")
     path = until(lambda: recording.path, 60.0)
@@ -179,11 +178,11 @@ def test_what_is_recorded_is_what_is_replayed(live, tab):
     assert kept.sizes["time"] > 1500
     assert kept.attrs["scene"] == "probe-plate"
     assert (path.parent / "scene" / "scene.toml").is_file()
-    rows = columns(np.concatenate(came))
+    ticks = np.concatenate(came)
     # It began a little before we did, and ended with us or before.
-    first = np.searchsorted(rows["tool_pose"][:, 0], kept.tool_position[-500, 0].item())
+    first = np.searchsorted(ticks["tool_pose"][:, 0], kept.tool_position[-500, 0].item())
     np.testing.assert_array_equal(
-        kept.contact_force[-500:-400].values, rows["contact_wrench"][first : first + 100, :3]
+        kept.contact_force[-500:-400].values, ticks["contact_wrench"][first : first + 100, :3]
     )
     press(tab, "Replay")
     timeline = panel(page, "TimePanel")._timeline
@@ -191,12 +190,12 @@ def test_what_is_recorded_is_what_is_replayed(live, tab):
     timeline.playing = False
     timeline.move_to(1.0)
     to(tab, "Plots")
-    told = until(lambda: tab.get_by_text("1.000 of").count())
-    assert told
-    moment = page.link.latest()
+    message = until(lambda: tab.get_by_text("1.000 of").count())
+    assert message
+    snapshot = page.servo.latest()
     i = int(np.searchsorted(kept.time.values, kept.time.values[0] + 1.0 + 1e-9)) - 1
-    np.testing.assert_array_equal(moment.tool_pose[:3], kept.tool_position[i].values)
-    np.testing.assert_array_equal(moment.device_wrench[:3], kept.device_force[i].values)
+    np.testing.assert_array_equal(snapshot.tool_pose[:3], kept.tool_position[i].values)
+    np.testing.assert_array_equal(snapshot.device_wrench[:3], kept.device_force[i].values)
     until(lambda: len(plots(tab)[0][1][0]) > 50)
 
     def matches():
@@ -213,7 +212,7 @@ def test_what_is_recorded_is_what_is_replayed(live, tab):
 )
 def test_what_is_shown_can_be_taken_away(live, tab, button, kind):
     to(tab, "Record")
-    folder = tab.get_by_text("Take what is shown")
+    folder = tab.get_by_text("Download what is shown")
     last = tab.get_by_role("button", name=button).last
     if not last.is_visible():
         folder.click(timeout=SLOW)

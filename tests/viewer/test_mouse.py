@@ -6,8 +6,8 @@ from dragged import SPEED, dragged, in_band, smooth_plate
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.catalogue import device
-from asperity.realtime.devices.mouse import FASTEST, LONGEST, Led, MouseDevice
-from asperity.realtime.devices.pointer_file import ROOM, Pointed
+from asperity.realtime.devices.mouse import FASTEST, LONGEST, MouseDevice, SmoothedTarget
+from asperity.realtime.devices.pointer_file import MAX_POSES, PointerFile
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
 from asperity.viewer.motions import CannedMotion, motion_table
@@ -23,14 +23,14 @@ def at(x=0.0, z=0.0, angle=0.0):
 def test_steps_of_a_dragged_pointer_are_not_felt_as_texture(tmp_path):
     textured = load_scene("probe-plate").changed(coupling={"mode": "implicit"})
     texture, _ = dragged(tmp_path, "texture", scene=textured)
-    for number, told in enumerate(({}, {"jitter": 0.01}, {"rate": 20.0})):
-        force, acceleration = dragged(tmp_path, f"smooth-{number}", scene=smooth_plate(), **told)
-        assert in_band(force) < 0.05 * in_band(texture), told
+    for number, message in enumerate(({}, {"jitter": 0.01}, {"rate": 20.0})):
+        force, acceleration = dragged(tmp_path, f"smooth-{number}", scene=smooth_plate(), **message)
+        assert in_band(force) < 0.05 * in_band(texture), message
         assert np.abs(acceleration).max() < 1.0
 
 
 def test_an_even_drag_comes_out_even():
-    led = Led(ORIGIN, 1e-3)
+    led = SmoothedTarget(ORIGIN, 1e-3)
     x = []
     for tick in range(1500):
         if tick % 16 == 0:
@@ -41,7 +41,7 @@ def test_an_even_drag_comes_out_even():
 
 
 def test_a_target_goes_straight_no_faster_than_allowed_and_arrives():
-    led = Led(ORIGIN, 1e-3)
+    led = SmoothedTarget(ORIGIN, 1e-3)
     led.lead_to(at(x=0.3, z=-0.1, angle=2.0))
     path = np.array([led.advance().copy() for _ in range(1200)])
     speed = np.linalg.norm(np.diff(path[:, :3], axis=0), axis=1) / 1e-3
@@ -54,8 +54,8 @@ def test_a_target_goes_straight_no_faster_than_allowed_and_arrives():
 def test_a_hand_presses_with_the_force_that_was_chosen_and_lets_go(tmp_path):
     """Against a stiff floor at z = 0, from 2 mm above it and from 3 mm too deep."""
     for name, z in (("above", 2e-3), ("deep", -3e-3)):
-        pointed, now, reading = Pointed(tmp_path / name, at(z=z)), [0.0], Reading.empty()
-        pointed.point(at(z=z), press=0.8)
+        pointer, now, reading = PointerFile(tmp_path / name, at(z=z)), [0.0], Reading.empty()
+        pointer.point(at(z=z), press=0.8)
         hand = MouseDevice(tmp_path / name, clock=lambda now=now: now[0])
         hand.open()
         force = 0.0
@@ -66,12 +66,12 @@ def test_a_hand_presses_with_the_force_that_was_chosen_and_lets_go(tmp_path):
             hand.write(np.array([0.0, 0.0, force, 0.0, 0.0, 0.0]))
             if tick == 2700:
                 assert force == pytest.approx(0.8, rel=0.02), name
-                pointed.point(at(z=2e-3))
+                pointer.point(at(z=2e-3))
         assert force == 0.0
 
 
 def test_a_loop_that_was_late_is_not_late_because_of_that(tmp_path):
-    Pointed(tmp_path / "p", ORIGIN)
+    PointerFile(tmp_path / "p", ORIGIN)
     now = [0.0]
     hand = MouseDevice(tmp_path / "p", clock=lambda: now[0])
     hand.open()
@@ -81,23 +81,23 @@ def test_a_loop_that_was_late_is_not_late_because_of_that(tmp_path):
 
 
 def test_the_last_word_is_taken_whole_and_once(tmp_path):
-    above = Pointed(tmp_path / "p", ORIGIN)
-    below = Pointed(tmp_path / "p")
+    above = PointerFile(tmp_path / "p", ORIGIN)
+    below = PointerFile(tmp_path / "p")
     assert below.news().table is None
     assert below.news() is None
     above.point(at(x=1.0), press=0.5)
     above.point(at(x=2.0), press=0.7)
-    told = below.news()
-    assert (told.pose[0], told.press) == (2.0, 0.7)
+    message = below.news()
+    assert (message.pose[0], message.press) == (2.0, 0.7)
     poses = np.repeat(ORIGIN[None], 5, axis=0)
     above.move(poses, loop=1, step=1e-3, begun=3.0)
-    told = below.news()
-    assert (len(told.table), told.loop, told.step, told.begun) == (5, 1, 1e-3, 3.0)
-    assert np.isnan(told.press)
-    with pytest.raises(AsperityError, match=f"valid: 1 to {ROOM}"):
-        above.move(np.zeros((ROOM + 1, 7)), loop=0, step=1e-3, begun=0.0)
-    with pytest.raises(AsperityError, match="nobody points at"):
-        Pointed(tmp_path / "none")
+    message = below.news()
+    assert (len(message.table), message.loop, message.step, message.begun) == (5, 1, 1e-3, 3.0)
+    assert np.isnan(message.press)
+    with pytest.raises(AsperityError, match=f"valid: 1 to {MAX_POSES}"):
+        above.move(np.zeros((MAX_POSES + 1, 7)), loop=0, step=1e-3, begun=0.0)
+    with pytest.raises(AsperityError, match="no pointer file at"):
+        PointerFile(tmp_path / "none")
 
 
 def test_a_mouse_without_a_page_says_what_to_do():
@@ -108,7 +108,7 @@ def test_a_mouse_without_a_page_says_what_to_do():
 @pytest.mark.parametrize("kind", ["slide", "circle"])
 def test_a_motion_goes_round_without_a_jump(kind):
     made = motion_table(CannedMotion(kind, SPEED, 0.02, 0.7), at(x=0.01, z=0.03))
-    assert len(made.poses) <= ROOM
+    assert len(made.poses) <= MAX_POSES
     np.testing.assert_allclose(made.poses[0], at(x=0.01, z=0.03), atol=1e-15)
     np.testing.assert_allclose(made.poses[-1], made.poses[made.loop], atol=1e-9)
     around = np.concatenate([made.poses[made.loop : -1], made.poses[made.loop :]])
@@ -117,7 +117,7 @@ def test_a_motion_goes_round_without_a_jump(kind):
     assert np.abs(np.diff(speed)).max() < 0.1 * SPEED
     assert np.ptp(made.poses[:, 2]) == 0.0
     slow = motion_table(CannedMotion(kind, 1e-3, 0.2), ORIGIN)  # long: in coarser steps
-    assert len(slow.poses) <= ROOM
+    assert len(slow.poses) <= MAX_POSES
 
 
 @pytest.mark.parametrize(

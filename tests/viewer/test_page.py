@@ -18,7 +18,7 @@ from asperity.viewer.changes import texture_of
 from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.timeline import Timeline
-from asperity.viewer.view_model import Frames
+from asperity.viewer.view_model import ViewModel
 from page_client import ScriptedTab
 
 
@@ -32,62 +32,62 @@ def tab(page, until):
 def test_thirty_updates_a_second_are_made_and_triangles_are_bounded(page, until, panel):
     before = page.updates
     until(lambda: page.updates > before + 10)
-    stage = panel("Stage")
+    stage = panel("SceneView")
     assert 0 < sum(len(shape.faces) for shape in stage.shapes) <= 20_000
 
 
-def test_dragging_the_gizmo_presses_the_tool(page, link, tab, until, panel):
-    mouse = panel("Mouse")
+def test_dragging_the_gizmo_presses_the_tool(page, servo, tab, until, panel):
+    mouse = panel("MousePanel")
     mouse.holder.take(None, -1e9)
-    mouse._put(link.target)  # where an earlier test left the gizmo is another place
+    mouse._put(servo.target)  # where an earlier test left the gizmo is another place
     place = np.array(mouse._gizmo.position)
-    link.change(stiffness=400.0)
+    servo.change(stiffness=400.0)
     for step in range(20):
         tab.drag("/gizmo", place - [0.0, 0.0, 0.05 * step], mouse._gizmo.wxyz)
         time.sleep(1.0 / 60.0)
-    until(lambda: link.latest().device_wrench[2] > 0.3)
-    goal = link.choice.first_pose[2] - 0.95 / UNITS
-    until(lambda: link.target[2] == pytest.approx(goal, abs=1e-6))  # the last drag may come later
+    until(lambda: servo.latest().device_wrench[2] > 0.3)
+    goal = servo.config.first_pose[2] - 0.95 / UNITS
+    until(lambda: servo.target[2] == pytest.approx(goal, abs=1e-6))  # the last drag may come later
     tab.drag("/gizmo", place, mouse._gizmo.wxyz)
-    until(lambda: link.latest().contact_count == 0)
+    until(lambda: servo.latest().contact_count == 0)
 
 
-def test_a_second_tab_may_look_but_not_move_until_it_takes_the_tool(page, link, tab, until, panel):
-    mouse = panel("Mouse")
+def test_a_second_tab_may_look_but_not_move_until_it_takes_the_tool(page, servo, tab, until, panel):
+    mouse = panel("MousePanel")
     mouse.holder.take(None, -1e9)
     place = np.array(mouse._gizmo.position)
     tab.drag("/gizmo", place)
     until(lambda: mouse.holder._client is not None)
     with ScriptedTab(page.url) as other:
         until(lambda: len(page.server.get_clients()) == 2)
-        before = link.target.copy()
+        before = servo.target.copy()
         other.drag("/gizmo", np.add(place, [1.0, 0.0, 0.0]))
         until(lambda: any("Another tab" in title for title, _ in other.notes))
-        np.testing.assert_array_equal(link.target, before)
+        np.testing.assert_array_equal(servo.target, before)
         other.press(mouse._take)
         until(lambda: mouse.holder._client == max(page.server.get_clients()))
         other.drag("/gizmo", np.add(place, [0.1, 0.0, 0.0]))
-        until(lambda: link.target[0] != before[0])
+        until(lambda: servo.target[0] != before[0])
 
 
-def test_numbers_reach_the_loop_between_ticks(link, tab, until, panel):
-    controls, generation = panel("Controls"), link.generation
+def test_numbers_reach_the_loop_between_ticks(servo, tab, until, panel):
+    controls, generation = panel("ControlsPanel"), servo.generation
     tab.set(controls._stiffness, 220.0)
     tab.set(controls._friction, 0.35)
-    until(lambda: (link.parameters.stiffness, link.parameters.friction) == (220.0, 0.35))
+    until(lambda: (servo.parameters.stiffness, servo.parameters.friction) == (220.0, 0.35))
     tab.set(controls._coupling, "static")
-    until(lambda: link.parameters.coupling.mode == "static")
+    until(lambda: servo.parameters.coupling.mode == "static")
     tab.set(controls._coupling, "implicit")
     tab.set(controls._rate, "500")
-    until(lambda: link.parameters.rate == 500.0)
+    until(lambda: servo.parameters.rate == 500.0)
     tab.set(controls._rate, "1000")
-    until(lambda: link.parameters.rate == 1000.0)
-    assert link.generation == generation
+    until(lambda: servo.parameters.rate == 1000.0)
+    assert servo.generation == generation
     assert tab.notes == []
 
 
-def test_motions_start_and_stop(link, tab, until, panel):
-    mouse = panel("Mouse")
+def test_motions_start_and_stop(servo, tab, until, panel):
+    mouse = panel("MousePanel")
     mouse.holder.take(None, -1e9)
     for control, value in (
         (mouse._kind, "circle"), (mouse._speed, 40.0), (mouse._length, 6.0), (mouse._force, 0.5),
@@ -98,28 +98,28 @@ def test_motions_start_and_stop(link, tab, until, panel):
     seen = []
 
     def round_and_pressed():
-        moment = link.latest()
-        seen.append(moment.handle_pose[:2])
-        return (np.ptp(seen, axis=0) > 3e-3).all() and moment.device_wrench[2] > 0.2
+        snapshot = servo.latest()
+        seen.append(snapshot.handle_pose[:2])
+        return (np.ptp(seen, axis=0) > 3e-3).all() and snapshot.device_wrench[2] > 0.2
 
     until(round_and_pressed)
     tab.press(mouse._stop)
     until(lambda: not mouse.is_moving)
     tab.press(mouse._home)
-    until(lambda: link.latest().contact_count == 0)
+    until(lambda: servo.latest().contact_count == 0)
 
 
-def test_a_texture_is_chosen_and_a_dropped_image_is_felt(link, tab, until, panel):
+def test_a_texture_is_chosen_and_a_dropped_image_is_felt(servo, tab, until, panel):
     surfaces = panel("Textures")
     tab.set(surfaces._body, "plate")
     tab.set(surfaces._kind, "jittered_dots")
     until(lambda: surfaces._relief.value == pytest.approx(0.4))
     tab.set(surfaces._relief, 0.25)
     until(lambda: surfaces._relief.value == 0.25)
-    generation = link.generation
+    generation = servo.generation
     tab.press(surfaces._apply)
-    until(lambda: link.generation == generation + 1, 300.0)
-    assert texture_of(link.choice.scene, "plate").relief == pytest.approx(2.5e-4)
+    until(lambda: servo.generation == generation + 1, 300.0)
+    assert texture_of(servo.config.scene, "plate").relief == pytest.approx(2.5e-4)
     until(lambda: surfaces._generation == generation + 1)
 
     file, (i, j) = io.BytesIO(), np.mgrid[:64, :64]
@@ -132,16 +132,16 @@ def test_a_texture_is_chosen_and_a_dropped_image_is_felt(link, tab, until, panel
     tab.set(surfaces._pixel, 80.0)
     until(lambda: surfaces._pixel.value == 80.0)
     tab.press(surfaces._apply)
-    until(lambda: link.generation == generation + 2, 300.0)
-    made = texture_of(link.choice.scene, "plate")
+    until(lambda: servo.generation == generation + 2, 300.0)
+    made = texture_of(servo.config.scene, "plate")
     assert made.relief == pytest.approx(1e-4, rel=0.05)
     assert made.pixel_size[0] == pytest.approx(8e-5)
 
 
 def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(
-    link, tab, until, panel, monkeypatch
+    servo, tab, until, panel, monkeypatch
 ):
-    surfaces, controls, generation = panel("Textures"), panel("Controls"), link.generation
+    surfaces, controls, generation = panel("Textures"), panel("ControlsPanel"), servo.generation
     tab.upload(surfaces._drop, "bad.png", b"this is no picture")
     until(lambda: any("bad.png is not a .png file" in text for _, text in tab.notes))
     tab.upload(surfaces._drop, "big.png", b"x", size=2**40)
@@ -152,45 +152,45 @@ def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(
     tab.set(controls._device, "touch")
     until(lambda: any("touch needs pip install" in text for _, text in tab.notes))
     until(lambda: controls._device.value == "mouse")
-    assert (link.generation, link.is_alive) == (generation, True)
+    assert (servo.generation, servo.is_alive) == (generation, True)
 
 
-def test_what_is_changed_while_it_records_stands_in_the_recording(page, link, until, tmp_path):
-    record, frames = RecordPanel(Timeline(link), tmp_path), Frames(link)
-    record.build(page.server, link)
+def test_what_is_changed_while_it_records_stands_in_the_recording(page, servo, until, tmp_path):
+    record, view_model = RecordPanel(Timeline(servo), tmp_path), ViewModel(servo)
+    record.build(page.server, servo)
     record.start()
     until(lambda: record._recorder.ticks > 100)
-    record.update(frames.take(0.0))  # nothing has changed yet
-    before = link.parameters.stiffness
-    link.change(stiffness=before - 21.0)
-    record.update(frames.take(0.1))
+    record.update(view_model.frame(0.0))  # nothing has changed yet
+    before = servo.parameters.stiffness
+    servo.change(stiffness=before - 21.0)
+    record.update(view_model.frame(0.1))
     ticks = record._recorder.ticks
     until(lambda: record._recorder.ticks > ticks + 100)
-    record.update(frames.take(0.2))
+    record.update(view_model.frame(0.2))
     record.stop()
     (change,) = json.loads(read_attributes(record.path)["parameter_changes"])
     assert change["stiffness"] == before - 21.0
-    assert change["friction"] == link.parameters.friction
+    assert change["friction"] == servo.parameters.friction
     assert 0.05 < change["after"] < read_recording(record.path).time[-1]
-    link.change(stiffness=before)
+    servo.change(stiffness=before)
 
 
-def test_a_scene_is_chosen(link, tab, until, panel):
-    controls, generation = panel("Controls"), link.generation
+def test_a_scene_is_chosen(servo, tab, until, panel):
+    controls, generation = panel("ControlsPanel"), servo.generation
     tab.set(controls._scene, "probe-plate-grating")
-    until(lambda: link.generation == generation + 1, 300.0)
-    assert link.choice.source == "probe-plate-grating"
-    stage = panel("Stage")
-    until(lambda: stage._scene is link.choice.scene)
+    until(lambda: servo.generation == generation + 1, 300.0)
+    assert servo.config.source == "probe-plate-grating"
+    stage = panel("SceneView")
+    until(lambda: stage._scene is servo.config.scene)
     until(lambda: controls._generation == generation + 1)
     assert controls._scene.value == "probe-plate-grating"
     tab.set(controls._scene, "probe-plate")
-    until(lambda: link.generation == generation + 2, 300.0)
-    assert link.choice.source == "probe-plate"
+    until(lambda: servo.generation == generation + 2, 300.0)
+    assert servo.config.source == "probe-plate"
 
 
-def test_what_is_being_made_ready_is_not_put_back(page, link, until, panel):
-    controls, felt = panel("Controls"), link.parameters.friction
+def test_what_is_being_made_ready_is_not_put_back(page, servo, until, panel):
+    controls, felt = panel("ControlsPanel"), servo.parameters.friction
     controls._under_way += 1
     controls._friction.value = felt + 0.25
     controls._generation, before = -1, page.updates
@@ -211,10 +211,10 @@ def test_a_page_of_another_origin_cannot_open_the_socket(page):
         )
 
 
-def test_a_tab_that_goes_leaves_the_loop_alone(page, link, until):
+def test_a_tab_that_goes_leaves_the_loop_alone(page, servo, until):
     tab = ScriptedTab(page.url)
     until(lambda: page.server.get_clients())
     tab._socket.socket.close()  # as a killed browser's
-    generation, ticks = link.generation, link.latest().ticks
-    until(lambda: link.latest().ticks > ticks + 20)
-    assert (link.generation, link.state) == (generation, "running")
+    generation, ticks = servo.generation, servo.latest().ticks
+    until(lambda: servo.latest().ticks > ticks + 20)
+    assert (servo.generation, servo.state) == (generation, "running")

@@ -138,9 +138,9 @@ def flooded(socket):
 
 
 def test_it_says_what_it_exposes(proxy):
-    told = proxy.told
+    message = proxy.notice
     for word in ("move the tool", "not encrypted", "token", "tunnel", proxy.url):
-        assert word in told
+        assert word in message
 
 
 def test_an_address_that_is_not_ours_is_refused_in_one_line(viser_server):

@@ -38,14 +38,16 @@ class DevicesCommand:
             self._list()
 
     def _list(self) -> None:
-        from asperity.realtime.devices.catalogue import findings, is_calibrated
+        from asperity.realtime.devices.catalogue import backend_statuses, is_calibrated
 
         print(f"{'NAME':17}{'INSTALLED':11}{'ATTACHED':20}WHAT IT IS")
-        found = findings()
+        found = backend_statuses()
         for finding in found:
             entry = finding.entry
             installed = "yes" if finding.installed else "no"
-            print(f"{entry.name:17}{installed:11}{finding.attached[:19]:20}{entry.told[:32]}")
+            print(
+                f"{entry.name:17}{installed:11}{finding.attached[:19]:20}{entry.description[:32]}"
+            )
         print()
         for finding in found:
             if finding.advice:
@@ -67,7 +69,7 @@ class DevicesCommand:
         entry = entry_of(self.name)
         if entry.steady:
             raise AsperityError(f"{entry.name} cannot be checked: it has no motors and no axes")
-        unchecked = device(self.name, calibrated=False, **entry.checked_with)
+        unchecked = device(self.name, calibrated=False, **entry.check_options)
         outcome = check_device(unchecked, home=entry.home, ask=None if self.yes else _ask)
         if entry.name == "haply-fake":
             print("the device is simulated: no calibration is saved")

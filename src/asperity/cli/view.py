@@ -72,10 +72,10 @@ class ViewCommand:
             self._take_picture(config, self.screenshot)
             return
         with (
-            ServoClient(config) as link,
-            live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
+            ServoClient(config) as servo,
+            live_page(servo, self.out, self.triangles, host=self.host, port=self.port) as page,
         ):
-            print(f"{page.url}  ({config.scene.name}, {link.device}; Ctrl-C ends it)", flush=True)
+            print(f"{page.url}  ({config.scene.name}, {servo.device}; Ctrl-C ends it)", flush=True)
             if not self.no_open:
                 import webbrowser
 
@@ -94,12 +94,12 @@ class ViewCommand:
         taken = False
         try:
             with (
-                ServoClient(config) as link,
-                live_page(link, self.out, self.triangles, host=self.host, port=self.port) as page,
+                ServoClient(config) as servo,
+                live_page(servo, self.out, self.triangles, host=self.host, port=self.port) as page,
             ):
                 take_picture(page, picture)
                 taken = True
-                print(f"{picture}: {link.choice.scene.name}")
+                print(f"{picture}: {servo.config.scene.name}")
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"{picture} is written" if taken else "") from None
 

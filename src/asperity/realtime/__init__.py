@@ -1,1 +1,1 @@
-"""Haptic devices and the servo loop that drives them."""
+"""Haptic rendering in real time: devices, and the servo loop that runs them."""

@@ -1,59 +1,105 @@
-"""A file that two processes have in memory at the same time.
+"""Memory-mapped files through which processes exchange records without locks.
 
-A memory-mapped file, and not `multiprocessing.shared_memory`: on Python 3.11 a process that merely
-looked at such a segment deletes it when it exits. It should lie in memory, not on a disk: the
-kernel stops whoever writes to a page while it is being written back.
+`multiprocessing.shared_memory` is no substitute: on Python 3.11 a process that has only attached to
+a segment deletes it when it exits. The files belong in memory, not on a disk, because the kernel
+blocks a process that writes to a page while that page is being written back.
 
-Numbers of eight bytes, aligned, are written and read whole. Order between them is that of the
-processor: x86-64 keeps stores in order, which is what was tested; on others the interpreter's work
-between two stores is what there is.
+Aligned numbers of eight bytes are written and read whole. Their order is that of the processor:
+x86-64 keeps the order of stores, and that is what has been tested. On other processors only the
+interpreter's own work between two stores keeps them in order.
 """
 
 from __future__ import annotations
 
 import mmap
 import os
+import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 PREFIX = "asperity-servo-"
-"""Of the names of shared folders."""
+"""Start of the names of shared folders."""
 _IN_MEMORY = Path("/dev/shm")
+_Copy = TypeVar("_Copy")
 
 
 def shared_folder() -> Path:
-    """Make a folder for shared files, in memory where the system has such a place."""
+    """Make a folder for shared files, in memory where the system has a place for that."""
     best = _IN_MEMORY if os.access(_IN_MEMORY, os.W_OK) else None
     return Path(tempfile.mkdtemp(prefix=PREFIX, dir=best))
 
 
+def remove_shared_folder(folder: Path) -> None:
+    """Remove a folder that `shared_folder` made in a process that has ended; no other folder."""
+    if folder.name.startswith(PREFIX):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 class SharedFile:
-    """A file in memory.
+    """A memory-mapped file.
 
     Parameters
     ----------
     path : Path
     size : int, optional
-        Make it, with so many bytes of zero. Default: open the one there is.
+        Create the file with `size` zero bytes. Default: open an existing file.
     """
 
     def __init__(self, path: Path, size: int | None = None) -> None:
         self.path = Path(path)
         with open(path, "r+b" if size is None else "x+b") as file:
             if size is not None:
-                # Written, not only declared: a page that is not there yet would cost a tick.
+                # Written, not only reserved: allocating a page on first use would cost a tick.
                 file.write(bytes(size))
                 file.flush()
             self._map = mmap.mmap(file.fileno(), 0)
 
-    def array(self, dtype: type, count: int, offset: int) -> NDArray:
-        """Return an array that lies in the file."""
-        return np.frombuffer(self._map, dtype, count, offset)
+    def array(self, dtype: DTypeLike, shape: tuple[int, ...] = (), offset: int = 0) -> NDArray[Any]:
+        """Return an array, or by default one record, that lies in the file at a byte offset."""
+        return np.ndarray(shape, dtype, self._map, offset)
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """Size of the file in bytes."""
         return len(self._map)
+
+
+class SequenceLock:
+    """A sequence lock: one writer, any number of readers, no waiting.
+
+    The number is odd while the writer is at work: `with lock: ...` encloses a write. A reader that
+    finds the same even number before and after it copied the record holds an undivided copy.
+
+    Parameters
+    ----------
+    number : int64 array of no dimension
+        Beside the record, in the same file.
+    """
+
+    def __init__(self, number: NDArray[np.int64]) -> None:
+        self._number = number
+
+    @property
+    def number(self) -> int:
+        """The sequence number: 0 before the first write; odd during one."""
+        return int(self._number)
+
+    def __enter__(self) -> None:
+        self._number[...] = self.number | 1
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:  # a record left half written stays marked
+            self._number[...] = self.number + 1
+
+    def read(self, copy: Callable[[], _Copy]) -> tuple[int, _Copy] | None:
+        """Return the sequence number and `copy()`, or None if a write fell into the copying."""
+        number = self.number
+        if number % 2:
+            return None
+        copied = copy()
+        return (number, copied) if self.number == number else None

@@ -1,1 +1,1 @@
-"""The live page: a scene that is being felt, seen in a browser. `asperity view SCENE`."""
+"""The live page: a running scene in a browser, by `asperity view SCENE`."""

@@ -1,4 +1,4 @@
-"""The live page as a whole: all panels on a link; for others than this computer with a token."""
+"""The live page: all panels on one servo client, behind a token if other computers may reach it."""
 
 from __future__ import annotations
 
@@ -7,35 +7,47 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from asperity.viewer.panels.all_panels import live_panels
-from asperity.viewer.panels.instruments import instruments
+from asperity.viewer.drawables.shapes import TRIANGLES
+from asperity.viewer.panels.controls import ControlsPanel
+from asperity.viewer.panels.mouse import MousePanel
+from asperity.viewer.panels.panel import Panel
+from asperity.viewer.panels.plots import PlotsPanel
+from asperity.viewer.panels.record import RecordPanel
+from asperity.viewer.panels.roughness import RoughnessPanel
+from asperity.viewer.panels.scene_view import SceneView
+from asperity.viewer.panels.sound import SoundPanel
+from asperity.viewer.panels.status import StatusPanel
+from asperity.viewer.panels.textures import TexturesPanel
+from asperity.viewer.panels.time import TimePanel
 from asperity.viewer.server.proxy import Proxy, is_local
 from asperity.viewer.server.server import LOCAL, Page, serve
 from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.timeline import Timeline, TimelineClient
 
 
 @contextmanager
 def live_page(
-    link: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080
+    servo: ServoClient, folder: Path, triangles: int, *, host: str = LOCAL, port: int = 8080
 ) -> Iterator[Page]:
-    """Give the page of a link that has been started, until the block ends.
+    """Serve the page of a running loop until the block ends.
 
     Parameters
     ----------
-    link : Link
+    servo : ServoClient
+        Started.
     folder : Path
         Where recordings go.
     triangles : int
-        Shown at most.
+        Largest number of triangles shown.
     host, port : str, int
-        On any address but this computer's own, a `Proxy` stands before the page; what that
-        exposes, and the address with its token, is printed.
+        At any address but the loopback, a `Proxy` stands before the page; what this exposes, and
+        the address with its token, are printed.
     """
-    shown, panels = instruments(link, folder)
+    shown, panels = instrument_panels(servo, folder)
     local = is_local(host)
-    link_: Any = shown  # has all that a link has
+    client: Any = shown  # has all attributes of a ServoClient
     with serve(
-        link_,
+        client,
         lambda: [*live_panels(triangles), *panels],
         host=host if local else LOCAL,
         port=port if local else 0,
@@ -44,5 +56,46 @@ def live_page(
             yield page
             return
         with Proxy(host, port, page.server.get_port()) as proxy:
-            print(proxy.told, flush=True)
+            print(proxy.notice, flush=True)
             yield page
+
+
+def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
+    """Return the panels that control a running loop, in the order of their tabs.
+
+    The scene comes last: showing another scene takes a while, which the controls need not wait for.
+
+    Parameters
+    ----------
+    triangles : int
+        Largest number of triangles shown.
+    """
+    return [StatusPanel(), MousePanel(), ControlsPanel(), TexturesPanel(), SceneView(triangles)]
+
+
+def instrument_panels(servo: ServoClient, folder: Path) -> tuple[TimelineClient, list[Panel]]:
+    """Return the panels that measure a running loop, and the client to show with them.
+
+    That client's latest snapshot is the timeline's, so the whole page follows the time slider.
+
+    Parameters
+    ----------
+    servo : ServoClient
+        Started.
+    folder : Path
+        Where recordings go.
+
+    Returns
+    -------
+    client : TimelineClient
+    panels : list of Panel
+        In the order of their tabs; the time panel has to be updated first.
+    """
+    timeline = Timeline(servo)
+    return TimelineClient(servo, timeline), [
+        TimePanel(timeline),
+        RoughnessPanel(timeline),
+        PlotsPanel(timeline),
+        RecordPanel(timeline, folder),
+        SoundPanel(timeline),
+    ]

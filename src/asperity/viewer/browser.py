@@ -1,4 +1,4 @@
-"""A browser without a window, for pictures of the page and for its tests."""
+"""A headless browser, for pictures of the page and for its tests."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SIZE = (1400, 800)
 _CLOSE = ".mantine-Notification-closeButton"
 _SLOW = 300.0
-"""How long a picture may take where the processor draws it [s]."""
+"""Time limit for a picture that is rendered in software [s]."""
 _STARTING, _ATTEMPTS = 60.0, 2
-"""How long Chromium may take to start [s], which takes two seconds and on a busy machine ten, and
-how often that is tried: on a virtual machine it was seen to hang now and then."""
+"""Time limit for Chromium to start [s], and number of attempts. It takes two seconds, ten on a busy
+machine, and on a virtual machine it was seen to hang now and then.
+"""
 _QUALITY = 88
-"""Of a JPEG [percent]."""
+"""Quality of a JPEG [percent]."""
 _SETTLED, _WAITED = 4.0, 5.0
-"""After which the tool has come down and slides; how long a touch is waited for then [s]."""
+"""Time for the tool to come down and slide, and time limit for contact after that [s]."""
 _DRAWN, _FOLDED = 25.0, 20.0
-"""After which all that the page holds is drawn, and what was closed is folded [s]."""
+"""Time for the page to be drawn completely, and for closed folders to fold [s]."""
 _ARGUMENTS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
     "--hide-scrollbars", "--disable-background-networking", "--disable-component-update",
@@ -37,18 +38,18 @@ _ARGUMENTS = (
 
 
 def chromium() -> str | None:
-    """Return where Chromium is, or None."""
+    """Return the path of Chromium, or None."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
 @contextmanager
 def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
-    """Give a tab of a Chromium without a window, as Playwright has it.
+    """Open a tab of a headless Chromium, as a Playwright page.
 
     Raises
     ------
     AsperityError
-        Playwright or Chromium is not here; how to get it. Or Chromium does not start.
+        Playwright or Chromium is not installed, or Chromium does not start.
     """
     try:
         from playwright.sync_api import TimeoutError as TooLate
@@ -62,7 +63,7 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
         raise AsperityError(f"a picture of the page needs a browser: one of {', '.join(NAMES)}")
     arguments = list(_ARGUMENTS)
     if hasattr(os, "geteuid") and os.geteuid() == 0:
-        arguments.append("--no-sandbox")  # root has no sandbox to be in
+        arguments.append("--no-sandbox")  # Chromium's sandbox does not work for root
     with sync_playwright() as playwright:
         for _ in range(_ATTEMPTS):
             with suppress(TooLate):
@@ -79,9 +80,9 @@ def browser_tab(size: tuple[int, int] = SIZE) -> Iterator[Any]:
 
 
 def close_notes(tab: Any) -> None:
-    """Close what is notified in a tab: that software draws.
+    """Close the notifications in a tab, which cost time where software renders.
 
-    Not by the pointer: a note that goes by itself would be waited for until the time is over.
+    Not by the pointer: Playwright would wait for a notification that disappears by itself.
     """
     tab.evaluate(f"document.querySelectorAll('{_CLOSE}').forEach((button) => button.click())")
 
@@ -89,15 +90,24 @@ def close_notes(tab: Any) -> None:
 def take_picture(
     page: Page, path: Path, *, size: tuple[int, int] = SIZE, press: float = 0.9
 ) -> None:
-    """Write a picture of the page while the tool slides, pressed with a force [N]; PNG or JPEG.
+    """Write a picture of the page while the tool slides, as PNG or JPEG.
 
-    The page holds still while a browser draws it: software drawing takes all there is of a small
-    computer. Shown are the surfaces' controls; the loop's numbers are those of whatever else the
-    computer did, and folded away.
+    The page is paused while a browser draws it, because software rendering occupies a small
+    computer completely. The picture shows the controls of the surfaces; the loop's statistics,
+    which would be those of a busy computer, are folded away.
+
+    Parameters
+    ----------
+    page : Page
+    path : Path
+    size : tuple of int
+        Of the window [px].
+    press : float
+        Normal force that the hand presses with [N].
     """
-    link = page.link
-    if link.choice.is_mouse:
-        link.move(CannedMotion("slide", 0.02, 0.02), press=press)
+    servo = page.servo
+    if servo.config.is_mouse:
+        servo.move(CannedMotion("slide", 0.02, 0.02), press=press)
     time.sleep(_SETTLED)
     _wait_for_touch(page, press)
     page.pause()
@@ -106,7 +116,7 @@ def take_picture(
         tab.wait_for_selector("canvas", timeout=1e3 * _SLOW)
         tab.wait_for_timeout(1e3 * _DRAWN)
         close_notes(tab)
-        # The legend of the heights is shown, and the loop's numbers of a moment are folded away.
+        # Show the legend of heights, and fold the loop's statistics away.
         tab.get_by_role("tab", name="Surfaces").click()
         tab.get_by_text("Loop", exact=True).click()
         tab.wait_for_timeout(1e3 * _FOLDED)
@@ -116,12 +126,12 @@ def take_picture(
 
 
 def _wait_for_touch(page: Page, press: float) -> None:
-    """Wait until the hand feels about what it presses with, for some time at most."""
+    """Wait until the hand feels about the force it presses with, at most `_WAITED`."""
     until = time.monotonic() + _WAITED
     while time.monotonic() < until:
-        moment = page.link.latest()
-        if moment is not None and moment.contact_count:
-            force = float(np.linalg.norm(moment.device_wrench[:3]))
+        snapshot = page.servo.latest()
+        if snapshot is not None and snapshot.contact_count:
+            force = float(np.linalg.norm(snapshot.device_wrench[:3]))
             if 0.5 * press < force < 1.5 * press:
                 return
         time.sleep(0.01)

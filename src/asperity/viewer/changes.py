@@ -1,6 +1,6 @@
-"""What a page may change of a scene: functions from one choice to another, without any browser.
+"""Changes that a page can make to a session: functions from one `SessionConfig` to another.
 
-All of them check what they are given, and raise `AsperityError` before anything has changed.
+All of them validate their arguments, and raise `AsperityError` before anything is changed.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ PATTERNS: dict[str, dict[str, Any]] = {
     },
     "rough": {"size": 0.0128, "pixel_size": 5e-5, "hurst": 0.8, "rms_slope": 0.2, "cutoff": 2e-4},
 }  # fmt: skip
-"""Built-in textures, with sizes to begin with; ours."""
+"""Built-in texture patterns with initial parameters; project defaults."""
 SMOOTH, AS_IT_IS = "smooth", "as it is"
 MESH_SIZES: dict[str, dict[str, Any]] = {
     "block": {"length": 0.06, "width": 0.04, "height": 0.015},
 }
-"""What a mesh that is made by a kind needs and is not told [m]; ours."""
+"""Sizes of built-in meshes that need some [m]; project defaults."""
 _HEIGHTS = ("amplitude", "height", "depth", "rms", "rms_slope", "height_range")
-"""Parameters that are in proportion to the relief."""
+"""Parameters that scale with the relief."""
 _LENGTHS = (
     "wavelength", "pitch", "width", "diameter", "second_pitch", "flank", "fillet", "size",
     "pixel_size", "length", "rolloff", "cutoff",
 )  # fmt: skip
-"""Parameters that are in proportion to the pixel size."""
+"""Parameters that scale with the pixel size."""
 RELIEF, PIXEL = (1e-7, 5e-3), (1e-7, 1e-3)
-"""Of textures that are made in a page [m]."""
+"""Valid ranges for textures made in a page [m]."""
 METHODS: dict[str, dict[str, Any]] = {
     "Otaduy & Lin 2004": {"law": "otaduy-lin", "gradient": "exact"},
     "Otaduy & Lin, central differences": {"law": "otaduy-lin", "gradient": "differences"},
@@ -57,24 +57,24 @@ METHODS: dict[str, dict[str, Any]] = {
     "Ho et al. 1999": {"law": "ho", "gradient": "exact"},
     "Siira & Pai 1996": {"law": "siira-pai", "gradient": "exact"},
 }
-"""Force laws by name, and what of the force settings they stand for."""
+"""Force laws by name, with their force settings."""
 assert {method["law"] for method in METHODS.values()} == set(LAWS)
 
 
 def bodies_of(scene: Scene) -> list[str]:
-    """Return the names of a scene's bodies, those with a texture first."""
+    """Return the names of a scene's bodies, textured ones first."""
     textured = [body.name for body in scene.bodies if body.texture is not None]
     return textured + [body.name for body in scene.bodies if body.texture is None]
 
 
 def texture_of(scene: Scene, body: str) -> HeightField | None:
-    """Return a body's texture."""
+    """Return a body's texture, or None."""
     require_choice("body", body, [b.name for b in scene.bodies])
     return next(b.texture for b in scene.bodies if b.name == body)
 
 
 def method_of(scene: Scene) -> str:
-    """Return the name in `METHODS` of what a scene's force is."""
+    """Return the name in `METHODS` of a scene's force law."""
     force = scene.force
     return next(
         name
@@ -84,40 +84,49 @@ def method_of(scene: Scene) -> str:
 
 
 def methods_for(scene: Scene) -> list[str]:
-    """Return the methods that a scene can have: where a mesh is involved, the exact one alone."""
+    """Return the force laws that a scene allows: with meshes, only the first."""
     return list(METHODS)[:1] if any(b.mesh is not None for b in scene.bodies) else list(METHODS)
 
 
-def with_scene(choice: SessionConfig, name: str) -> SessionConfig:
-    """Return a choice of another scene, on a coupling if it does not say how the tool is held."""
-    return replace(choice, scene=on_coupling(load_scene(name)), source=name)
+def with_scene(config: SessionConfig, name: str) -> SessionConfig:
+    """Return a session with another scene, on a virtual coupling unless the scene specifies one."""
+    return replace(config, scene=on_coupling(load_scene(name)), source=name)
 
 
 def on_coupling(scene: Scene, mode: str | None = None) -> Scene:
-    """Return a scene for a hand: on a coupling, unless the scene's own is not `direct`."""
+    """Return a scene for a hand: with a coupling of the given mode, or `implicit` for `direct`."""
     own = scene.document.get("coupling", {}).get("mode", "direct")
     mode = mode or ("implicit" if own == "direct" else own)
     return replace(scene.changed(coupling={"mode": mode}), notes=scene.notes)
 
 
 def with_method(
-    choice: SessionConfig, method: str, *, softness: float | None = None
+    config: SessionConfig, method: str, *, softness: float | None = None
 ) -> SessionConfig:
-    """Return a choice with another force law or gradient; `softness` [m] is of the soft maximum."""
-    require_choice("force law", method, methods_for(choice.scene))
-    told = dict(METHODS[method])
+    """Return a session with another force law.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    method : str
+        A name in `METHODS`.
+    softness : float, optional
+        Of the soft maximum [m].
+    """
+    require_choice("force law", method, methods_for(config.scene))
+    force = dict(METHODS[method])
     if softness is not None:
-        told["softness"] = softness
-    return replace(choice, scene=choice.scene.changed(force=told))
+        force["softness"] = softness
+    return replace(config, scene=config.scene.changed(force=force))
 
 
-def with_device(choice: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
-    """Return a choice with another device, and rate; what it lacks is said here."""
+def with_device(config: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
+    """Return a session with another device and rate; AsperityError if its package is missing."""
     if not name.startswith("replay:"):
         entry = entry_of(name)
         if not is_installed(entry):
             raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
-    return replace(choice, device=name, options={}, rate=choice.rate if rate is None else rate)
+    return replace(config, device=name, options={}, rate=config.rate if rate is None else rate)
 
 
 def scaled_texture(
@@ -127,18 +136,18 @@ def scaled_texture(
     pixel_size: float | None = None,
     folder: Path | None = None,
 ) -> dict[str, Any]:
-    """Return what describes a texture, made as high and as wide as wanted.
+    """Return the description of a texture, scaled to a given relief and pixel size.
 
     Parameters
     ----------
     table : mapping
         As in `[bodies.NAME.texture]`.
     relief : float, optional
-        From the lowest to the highest place [m], 1e-7 to 5e-3.
+        Height from the lowest to the highest point [m], 1e-7 to 5e-3.
     pixel_size : float, optional
-        Between samples [m], 1e-7 to 1e-3; all else that is a length along the surface goes with it.
+        Distance between samples [m], 1e-7 to 1e-3; all lengths along the surface scale with it.
     folder : Path, optional
-        Where its file lies.
+        Folder of the texture's file.
     """
     out = {key: value for key, value in table.items() if value is not None}
     if relief is not None:
@@ -157,7 +166,7 @@ def scaled_texture(
         if "file" in out and "height_range" not in out:
             out["height_range"] = field.relief
         if out.get("kind") == "rough" and pixel_size is not None:
-            # Its slopes are given: wider, it is higher already.
+            # Its slopes are given, so a wider surface is already higher.
             field, _ = body_texture(out, "texture", folder)
             assert field is not None
         _multiply(out, _HEIGHTS, relief / field.relief)
@@ -174,25 +183,25 @@ def _multiply(table: dict[str, Any], names: tuple[str, ...], factor: float) -> N
 
 
 def with_texture(
-    choice: SessionConfig,
+    config: SessionConfig,
     body: str,
     kind: str | Mapping[str, Any],
     *,
     relief: float | None = None,
     pixel_size: float | None = None,
 ) -> SessionConfig:
-    """Return a choice in which a body has another texture.
+    """Return a session in which a body has another texture.
 
     Parameters
     ----------
-    choice : Choice
+    config : SessionConfig
     body : str
     kind : str or mapping
-        A name in `PATTERNS`, "smooth", "as it is", or a table that describes it.
+        A name in `PATTERNS`, "smooth", "as it is", or a texture table.
     relief, pixel_size : float, optional
         As for `scaled_texture`.
     """
-    scene = choice.scene
+    scene = config.scene
     texture_of(scene, body)
     old = dict(scene.document.get("bodies", {}).get(body, {}).get("texture", {}))
     placing = {key: old[key] for key in PLACING if key in old}
@@ -210,15 +219,15 @@ def with_texture(
     else:
         table = {**kind, **placing}
     if table is None:
-        return replace(choice, scene=_with_table(scene, body, old, None))
+        return replace(config, scene=_with_table(scene, body, old, None))
     table = scaled_texture(table, relief=relief, pixel_size=pixel_size, folder=scene.folder)
-    return replace(choice, scene=_with_table(scene, body, old, table))
+    return replace(config, scene=_with_table(scene, body, old, table))
 
 
 def _with_table(
     scene: Scene, body: str, old: Mapping[str, Any], table: dict[str, Any] | None
 ) -> Scene:
-    """Return the scene with a body's texture table in the place of the old one."""
+    """Return the scene with a body's texture table replaced."""
     if table is None:
         return scene.changed(bodies={body: {"texture": None}})
     gone = dict.fromkeys(key for key in old if key not in table)
@@ -226,19 +235,19 @@ def _with_table(
 
 
 def with_meshes(
-    choice: SessionConfig, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
+    config: SessionConfig, tool: Mapping[str, Any], target: Mapping[str, Any], unit: str = "mm"
 ) -> SessionConfig:
-    """Return a choice of a scene of two meshes: files, or made by a kind; see `make_scene`.
+    """Return a session with a scene of two meshes, from files or built in; see `make_scene`.
 
-    A kind that needs sizes and is not told any has those of `MESH_SIZES`.
+    A built-in mesh without sizes gets those of `MESH_SIZES`.
     """
     tool, target = (
         MESH_SIZES.get(table.get("kind", ""), {}) | dict(table) for table in (tool, target)
     )
     scene = make_scene(tool=tool, target=target, unit=unit)
-    return replace(choice, scene=on_coupling(scene), source="")
+    return replace(config, scene=on_coupling(scene), source="")
 
 
 def built_in_scenes() -> list[str]:
-    """Return the names of the scenes that come with asperity."""
+    """Return the names of the built-in scenes."""
     return list(SCENES)

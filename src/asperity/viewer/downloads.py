@@ -1,4 +1,4 @@
-"""Buttons that hand a dataset to the browser as a file."""
+"""Buttons that send a dataset to the browser as a file."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LARGEST = 200e6
-"""Bytes that are sent through the page; what is larger is better copied."""
+"""Largest file that is sent through the page [bytes]."""
 
 
 class Downloads:
-    """One button each for CSV, WAV and PNG, and for the file itself.
+    """Buttons for CSV, WAV and PNG, and for the recording itself.
 
     Parameters
     ----------
     dataset : callable
-        Returns what `open_recording` gives; raises `AsperityError` where there is nothing.
+        Returns the dataset of `open_recording`; raises `AsperityError` if there is none.
     file : callable, optional
-        Returns the file itself.
+        Returns the recording's path.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ def _name(data: xr.Dataset) -> str:
 
 
 def _sending(make: Callable[[], tuple[str, bytes]]) -> Callable[[Any], None]:
-    """Return a callback that sends what is made to whoever clicked, or says why not."""
+    """Return a callback that sends a file to the browser that clicked, or shows why it cannot."""
 
     def send(event: Any) -> None:
         if event.client is None:

@@ -1,13 +1,12 @@
-"""The tool's acceleration, live, through the computer's own sound.
+"""The tool's acceleration as live sound from the computer's own sound card.
 
-    rows of the loop --> acceleration at even steps --> without slow motion --> 48 kHz --> ring
-    ring --> level --> the sound card, which asks for it in a thread of its own
+    ticks of the loop --> acceleration at even steps --> high-pass --> 48 kHz --> ring
+    ring --> level --> sound card, which requests samples from its own thread
 
-What makes the sound is called with rows by the thread that fetches them for the page, and what
-hands it on by the sound card's; they share a ring without a lock, one writing and one reading. The
-loop knows of neither. Of the three axes the sum is heard, over root three: the one way of making
-one of them that needs no look ahead, at the price that what is equal and opposite on two of them
-is not heard.
+The thread that fetches ticks for the page makes the samples, and the sound card's thread takes
+them; the two share a ring without a lock, one writing and one reading. The loop is not involved.
+The sound is the sum of the three axes divided by the root of three, the only combination of three
+axes that needs no look-ahead; accelerations that are equal and opposite on two axes cancel.
 """
 
 from __future__ import annotations
@@ -20,32 +19,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.tick_row import slices
+from asperity.realtime.servo.ipc import Ticks
 
 if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 RATE = 48_000
-"""Samples of the sound a second."""
+"""Sampling rate [Hz]."""
 LOWEST = 20.0
-"""What is slower [Hz] is the way, not the texture; and no loudspeaker's."""
+"""Corner of the high-pass [Hz]: slower motion is the stroke, not the texture, and is inaudible."""
 DELAY = 0.07
-"""So much is kept ready [s]: rows come 60 times a second, in lumps."""
+"""Samples kept in reserve [s]: ticks arrive 60 times a second, in batches."""
 MOST = 0.20
-"""What comes to lie further behind [s] is left out."""
+"""Largest delay [s]; beyond it samples are skipped."""
 _INNER = (500, 1000, 2000, 3000, 4000, 6000, 8000, 12_000, 24_000)
-"""Steps a second that 48 kHz is a whole multiple of."""
+"""Rates of the even steps [Hz], of which 48 kHz is a multiple."""
 _TAPS = 16
-"""Of the low-pass, in steps."""
-_POSITION = slice(slices()["tool_pose"].start, slices()["tool_pose"].start + 3)
+"""Length of the low-pass in steps."""
 _RESTART = 0.1
-"""A gap in time [s] after which the motion is taken to begin anew."""
+"""Gap between ticks after which the motion is treated as a new one [s]."""
 
 
 class SampleRing:
-    """Samples on their way from one thread to another, without a lock.
+    """A ring buffer of samples between two threads, without a lock.
 
-    The writer alone moves `_head`, the reader alone `_tail`; both only grow.
+    Only the writer moves `_head`, and only the reader `_tail`; both only grow.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -54,7 +52,7 @@ class SampleRing:
 
     @property
     def waiting(self) -> int:
-        """How many samples there are to be read."""
+        """Number of samples to be read."""
         return self._head - self._tail
 
     def write(self, samples: NDArray[np.floating[Any]]) -> int:
@@ -66,7 +64,7 @@ class SampleRing:
         return count
 
     def read(self, out: NDArray[np.float32]) -> int:
-        """Fill `out` as far as there are samples; return how far."""
+        """Fill `out` with as many samples as there are; return how many."""
         count = min(len(out), self.waiting)
         at = np.arange(self._tail, self._tail + count) % len(self._samples)
         out[:count] = self._samples[at]
@@ -74,17 +72,17 @@ class SampleRing:
         return count
 
     def skip(self, count: int) -> None:
-        """Leave samples out; for the reader."""
+        """Drop samples; for the reader."""
         self._tail += min(count, self.waiting)
 
 
-class Maker:
-    """Makes samples of rows, as they come.
+class AccelerationSound:
+    """Converts ticks, as they arrive, to samples of the acceleration.
 
     Parameters
     ----------
     tick_rate : float
-        Of the loop [Hz].
+        Rate of the loop [Hz].
     """
 
     def __init__(self, tick_rate: float) -> None:
@@ -100,16 +98,16 @@ class Maker:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew: what comes next has nothing to do with what was."""
+        """Forget the previous motion."""
         self._time = np.empty(0)
         self._place = np.empty((0, 3))
         self._next = math.nan
         self._state = np.zeros((self._filter.shape[0], 2))
         self._tail = np.zeros(_TAPS)
 
-    def samples(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration [m/s^2] that rows (n, 30) add, at 48 kHz."""
-        time, place = rows[:, 0], rows[:, _POSITION]
+    def samples(self, ticks: Ticks) -> NDArray[np.float64]:
+        """Return the acceleration at 48 kHz that ticks (n,) add [m/s^2]."""
+        time, place = ticks["time"], ticks["tool_pose"][:, :3]
         known = self._time[-1] if len(self._time) else None
         if known is not None and not known < time[0] < known + _RESTART:
             self.restart()
@@ -121,7 +119,7 @@ class Maker:
         count = int((self._time[-1] - self._next) / step)
         if count < 3:
             return np.empty(0)
-        # Two points of the next stretch are those of the last of this one.
+        # The next stretch repeats the last two points of this one.
         at = self._next + step * np.arange(count + 1)
         even = np.column_stack([np.interp(at, self._time, axis) for axis in self._place.T])
         wave = np.diff(even, 2, axis=0).sum(axis=1) / (math.sqrt(3.0) * step * step)
@@ -137,27 +135,26 @@ class Maker:
 
 
 class LiveSound:
-    """Live sound of a link, until it is closed.
+    """Live sound of a servo client, until it is closed.
 
     Parameters
     ----------
-    link : Link
+    servo : ServoClient
     full_scale : float
-        Acceleration that is full scale [m/s^2]. What comes near is rounded off (tanh): never is
-        anything louder.
+        Acceleration at full scale [m/s^2]. Louder samples are limited smoothly (tanh).
     open_stream : callable, optional
-        Makes the stream of the sound card: called with `samplerate`, `channels`, `dtype`,
-        `callback`; has `start`, `stop`, `close`. Default: that of `sounddevice`.
+        Opens the sound card's stream: called with `samplerate`, `channels`, `dtype` and `callback`;
+        returns an object with `start`, `stop` and `close`. Default: `sounddevice.OutputStream`.
 
     Raises
     ------
     AsperityError
-        There is no `sounddevice`, or no sound device, or it refuses.
+        `sounddevice` or a sound card is missing, or the stream cannot be opened.
     """
 
     def __init__(
         self,
-        link: ServoClient,
+        servo: ServoClient,
         *,
         full_scale: float = 50.0,
         open_stream: Callable[..., Any] | None = None,
@@ -165,45 +162,45 @@ class LiveSound:
         self.full_scale = full_scale
         self.rate = RATE
         self.limited = 0.0
-        """Which part of the last second was above half of full scale."""
+        """Share of the last second that was above half of full scale."""
         self._playing = False
         self._ring = SampleRing(RATE)
-        self._maker = Maker(link.choice.rate)
+        self._maker = AccelerationSound(servo.config.rate)
         self._stream = _stream(open_stream, self._fill)
         self._stream.start()
-        self._untap = link.tap(self._take)
+        self._unsubscribe = servo.subscribe(self._take)
 
     @staticmethod
     def missing() -> str:
-        """Return what live sound lacks on this computer, or nothing."""
+        """Return what this computer lacks for live sound, or ""."""
         try:
             import sounddevice
         except (ImportError, OSError):
             return "Live sound needs sounddevice and PortAudio: pip install 'asperity[audio]'"
         try:
             sounddevice.query_devices(kind="output")
-        except Exception as error:  # PortAudio has errors of its own
+        except Exception as error:  # PortAudio raises its own kinds
             return f"Live sound: no sound device ({' '.join(str(error).split())})"
         return ""
 
     @property
     def delay(self) -> float:
-        """How far the sound is behind the rows [s]."""
+        """Delay of the sound behind the ticks [s]."""
         return self._ring.waiting / RATE + 0.5 * _TAPS / self._maker.inner
 
     def close(self) -> None:
         """End the sound."""
-        self._untap()
+        self._unsubscribe()
         self._stream.stop()
         self._stream.close()
 
-    def _take(self, rows: NDArray[np.float64]) -> None:
-        """Make samples of new rows; called by who fetches them, so nothing may come out of it."""
-        if len(rows):
-            self._ring.write(self._maker.samples(rows))
+    def _take(self, ticks: Ticks) -> None:
+        """Add samples for new ticks; called by the thread that fetches them; must not raise."""
+        if len(ticks):
+            self._ring.write(self._maker.samples(ticks))
 
     def _fill(self, out: NDArray[np.float32], frames: int, *_: object) -> None:
-        """Fill what the sound card asks for; silence, as long as there is too little."""
+        """Fill the sound card's buffer; with silence as long as there are too few samples."""
         ring = self._ring
         if not self._playing and ring.waiting >= DELAY * RATE:
             self._playing = True
@@ -223,7 +220,7 @@ class LiveSound:
 
 
 def _stream(make: Callable[..., Any] | None, fill: Callable[..., None]) -> Any:
-    """Open a stream; what sound cards say becomes one line."""
+    """Open a stream; turn the sound card's errors into one line."""
     if make is None:
         missing = LiveSound.missing()
         if missing:

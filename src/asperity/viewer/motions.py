@@ -1,4 +1,4 @@
-"""Canned motions of the mouse's hand: tables of poses that begin where the hand shall be."""
+"""Canned motions of the mouse's hand: tables of poses that start at the hand's target."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_between, require_choice
-from asperity.realtime.devices.pointer_file import ROOM
+from asperity.realtime.devices.pointer_file import MAX_POSES
 from asperity.scene.trajectory import ScriptedMotion, scripted
 
 KINDS = ("slide", "circle", "press")
 SPEEDS, LENGTHS, FORCES = (1e-3, 0.5), (1e-3, 0.2), (0.0, 3.0)
-"""What may be chosen [m/s], [m], [N]."""
+"""Valid ranges [m/s], [m], [N]."""
 _STEP = 1e-3
 
 
 @dataclass(frozen=True)
 class CannedMotion:
-    """A motion that goes on and on.
+    """A motion that repeats without end.
 
     Parameters
     ----------
     kind : {"slide", "circle", "press"}
-        To and fro along a line; round a circle; staying in place.
+        A straight stroke to and fro; a circle; staying in place.
     speed : float
         [m/s].
     length : float
-        Of the line, or across the circle [m].
+        Of the stroke, or diameter of the circle [m].
     direction : float
-        Of the line, from x towards y [rad].
+        Of the stroke, from x towards y [rad].
     """
 
     kind: str = "slide"
@@ -48,7 +48,7 @@ class CannedMotion:
 
 
 class Table(NamedTuple):
-    """Poses (n, 7), `step` [s] apart; after the last comes the row after `loop`, which is alike."""
+    """Poses (n, 7), `step` [s] apart; the last equals row `loop`, after which it continues."""
 
     poses: NDArray[np.float64]
     loop: int
@@ -56,16 +56,17 @@ class Table(NamedTuple):
 
 
 def motion_table(motion: CannedMotion, start: NDArray[np.float64]) -> Table:
-    """Return the poses of a motion that begins at rest at a pose (7,), once round."""
+    """Return one period of a motion that starts at rest at a pose (7,)."""
     if motion.kind == "press":
         return Table(np.array(start, dtype=np.float64)[None], 0, _STEP)
     plan = ScriptedMotion(
         kind=motion.kind, speed=motion.speed, length=motion.length, radius=0.5 * motion.length,
         direction=motion.direction,
     )  # fmt: skip
-    # A circle is begun slowly, and then gone round evenly; to and fro begins anew each time.
+    # A circle starts slowly and then continues at constant speed; a stroke starts at rest each
+    # time.
     before = plan.ramp if motion.kind == "circle" else 0.0
-    count = math.ceil(plan.period / max(_STEP, (plan.period + before) / (ROOM - 2)))
+    count = math.ceil(plan.period / max(_STEP, (plan.period + before) / (MAX_POSES - 2)))
     step = plan.period / count
     loop = math.ceil(before / step)
     seconds = (loop + count) * step

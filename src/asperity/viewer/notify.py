@@ -1,4 +1,4 @@
-"""Errors and news, said in the page to the one who asked."""
+"""Notifications in the browser whose user acted: errors, and the outcome of an action."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from asperity.errors import AsperityError
 
 
 def attempt(event: Any, what: str, do: Callable[[], Any]) -> bool:
-    """Do what a control asks for; say in that browser what came of it. Return whether it went well.
+    """Carry out a user's action; show an error in its browser. Return whether it succeeded.
 
     Parameters
     ----------
     event : viser.GuiEvent
     what : str
-        What is being done, in a few words.
+        Title of the notification.
     do : callable
-        What it raises as `AsperityError` is shown; anything else is shown and logged.
+        An `AsperityError` that it raises is shown; any other exception is shown and logged.
     """
     try:
         do()
     except AsperityError as error:
-        tell(event, what, str(error), "red")
-    except Exception as error:  # a control must not leave its user without an answer
+        notify(event, what, str(error), "red")
+    except Exception as error:  # the user of a control has to see any error
         logging.getLogger(__name__).exception("in the page: %s", what)
-        tell(event, what, f"{type(error).__name__}: {' '.join(str(error).split())}", "red")
+        notify(event, what, f"{type(error).__name__}: {' '.join(str(error).split())}", "red")
     else:
         return True
     return False
 
 
-def tell(event: Any, title: str, text: str, colour: str) -> None:
+def notify(event: Any, title: str, text: str, colour: str) -> None:
     """Show a notification in the browser that an event comes from, if it is still there."""
     if event.client is not None:
         event.client.add_notification(title, text, color=colour, auto_close_seconds=12.0)
 
 
-def is_asked(event: Any) -> bool:
-    """Return whether a browser asked, and not the page itself, which sets values as well."""
+def from_browser(event: Any) -> bool:
+    """Return whether an event comes from a browser, not from the page setting a value."""
     return event.client is not None

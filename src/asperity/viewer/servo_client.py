@@ -1,14 +1,14 @@
-"""The page's link to the servo process: reads what it tells, writes what it shall do.
+"""The page's client of the servo process: reads its ticks and snapshots, sends it changes.
 
-The page never takes part in a tick. It reads the snapshot and the ring, and writes parameters and
-where the mouse's hand shall go, all of them in shared files; so it may be as slow as it likes, and
-whoever looks at it may come, go, or be killed.
+The page takes no part in a tick. It reads the snapshot and the ring, and writes parameters and the
+mouse's target, all of them in shared files. So the page may be slow, and browsers may
+come, go, or be killed.
 
-What the mailbox does not carry (another texture, law, device, scene) needs another engine. The link
-has a second servo process made ready beside the first, with its own engine compiled and tried, and
-only then lets the first one end and the second begin, where the hand is. Nothing of that making
-happens in the process that ticks, so its ticks do not wait for it. The hand feels nothing for as
-long as opening the device takes, and then what it feels comes up softly.
+A texture, force law, device or scene cannot be changed through the mailbox: it needs a new contact
+solver. The client then starts a second servo process beside the first, which compiles and warms up;
+only when that is ready does the first end and the second begin, where the hand is. The ticking
+process is not involved, so its ticks are not delayed. While the device is opened again the hand
+feels nothing; after that the force rises softly.
 """
 
 from __future__ import annotations
@@ -26,96 +26,95 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.devices.pointer_file import Pointed
+from asperity.realtime.devices.pointer_file import PointerFile
+from asperity.realtime.servo.ipc import Ticks
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.running import Servo
 from asperity.realtime.servo.snapshot import Snapshot
-from asperity.realtime.servo.tick_row import slices
 from asperity.realtime.shared_file import shared_folder
-from asperity.viewer.history import History
 from asperity.viewer.motions import CannedMotion, motion_table
 from asperity.viewer.session_config import SessionConfig
+from asperity.viewer.tick_buffer import TickBuffer
 
 READ_RATE = 60.0
-"""How often rows are fetched, a second."""
-_TIME = slices()["time"].start
+"""Rate at which ticks are fetched [Hz]."""
 _GAP = 1e-3
 _FIRST_TICK = 30.0
-"""How long the first tick of a loop that has opened its device is waited for [s]."""
+"""Time limit for the first tick of a loop that has opened its device [s]."""
 
 
 class ServoClient:
-    """A servo process that is looked at and told things, and another one when it dies.
+    """A client of a servo process, which it replaces when that is needed.
 
     Parameters
     ----------
-    choice : Choice
-        What to begin with.
+    config : SessionConfig
+        Of the first servo process.
 
     Attributes
     ----------
     state : str
-        "starting", "running", "changing" (still running, with another being made ready), "ended".
-    told : str
-        Why it ended, or what came of the last change; one line, fit to be shown.
+        "starting", "running", "changing" (running, while another process is made ready), "ended".
+    message : str
+        Why the loop ended, or why the last change failed; one line for the user.
     generation : int
-        How many servo processes have begun to tick.
+        Number of servo processes that have begun to tick.
     """
 
-    def __init__(self, choice: SessionConfig) -> None:
-        self.choice = choice
-        self.state, self.told, self.generation = "starting", "", 0
+    def __init__(self, config: SessionConfig) -> None:
+        self.config = config
+        self.state, self.message, self.generation = "starting", "", 0
         self.device = ""
-        """What the device calls itself."""
-        self.history = History()
+        """Name of the device."""
+        self.history = TickBuffer()
         self.result: dict[str, Any] = {}
-        """What the last servo process that ended had to say."""
+        """Summary of the last servo process that ended."""
         self._folder = shared_folder()
-        self.pointed = Pointed(self._folder / "pointed", choice.first_pose)
-        self.target = choice.first_pose
-        """Where the mouse's hand shall be (7,)."""
+        self.pointer = PointerFile(self._folder / "pointed", config.first_pose)
+        self.target = config.first_pose
+        """Target of the mouse's hand (7,)."""
         self._servo: Servo | None = None
         self._seen: tuple[Servo | None, Snapshot | None] = None, None
-        """The last moment that was read, and whose."""
+        """The last snapshot that was read, and the servo process it came from."""
         self._lock = threading.RLock()
-        self._taps: list[Callable[[NDArray[np.float64]], None]] = []
+        self._subscribers: list[Callable[[Ticks], None]] = []
         self._shift = 0.0
         self._kept: dict[str, Any] = {}
         self._restarting = ThreadPoolExecutor(1, "asperity-restart")
         self._closing = threading.Event()
-        self._reader = threading.Thread(target=self._read, name="asperity-rows", daemon=True)
+        self._reader = threading.Thread(target=self._read, name="asperity-ticks", daemon=True)
 
-    # -- what there is to see ------------------------------------------------------------------
+    # -- reading -------------------------------------------------------------------------------
 
     def latest(self) -> Snapshot | None:
-        """Return the latest moment, or None before the first."""
+        """Return the latest snapshot, or None before the first."""
         servo = self._servo
         if servo is None or self.generation == 0:
             return None
-        moment = None
+        snapshot = None
         with contextlib.suppress(AsperityError):
-            moment = servo.snapshot()
-        if moment is None:
-            # The loop was held up while it wrote, or has been killed there: the one before.
+            snapshot = servo.snapshot()
+        if snapshot is None:
+            # The loop was interrupted or killed during a write: return the one before.
             of, seen = self._seen
             return seen if of is servo else None
-        self._seen = servo, moment
-        return moment
+        self._seen = servo, snapshot
+        return snapshot
 
-    def rows_since(self, number: int) -> tuple[NDArray[np.float64], int]:
-        """Return the rows (n, 30) from a number on, as far as they are kept, and the next number.
+    def ticks_since(self, number: int) -> tuple[Ticks, int]:
+        """Return the kept ticks (n,) from a number on, and the number of the next tick to come.
 
-        Columns are `servo.rows.FIELDS`. Time goes on from one servo process to the next.
+        The records have dtype `ipc.TICK`. Their time continues from one servo process to the next.
         """
         return self.history.since(number)
 
-    def tap(self, take: Callable[[NDArray[np.float64]], None]) -> Callable[[], None]:
-        """Have `take` called with all new rows (n, 30), from the reader's thread; return the end.
+    def subscribe(self, take: Callable[[Ticks], None]) -> Callable[[], None]:
+        """Call `take` with all new ticks (n,) in the reader's thread; return how to unsubscribe.
 
-        It must be quick, and must not raise.
+        `take` must be quick and must not raise.
         """
-        self._taps.append(take)
-        return lambda: self._taps.remove(take)
+        self._subscribers.append(take)
+        return lambda: self._subscribers.remove(take)
 
     @property
     def is_alive(self) -> bool:
@@ -125,13 +124,13 @@ class ServoClient:
 
     @property
     def parameters(self) -> LiveParameters:
-        """What the loop was told last."""
+        """The loop's present parameters."""
         servo = self._servo
         if servo is not None:
             return servo.parameters
-        return LiveParameters.of(self.choice.scene, self.choice.rate)
+        return LiveParameters.of(self.config.scene, self.config.rate)
 
-    # -- what it shall do ----------------------------------------------------------------------
+    # -- changing ------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Start the first servo process; return when it ticks.
@@ -139,10 +138,10 @@ class ServoClient:
         Raises
         ------
         AsperityError
-            What kept it from beginning.
+            The loop could not begin.
         """
         self._reader.start()
-        self._replace(self.choice)
+        self._replace(self.config)
 
     def change(self, **changes: Any) -> None:
         """Change stiffness, friction, coupling or rate: all of them at once, between two ticks.
@@ -150,7 +149,7 @@ class ServoClient:
         Raises
         ------
         AsperityError
-            A value out of range, or no loop that could take it.
+            A value is out of range, or no loop is running.
         """
         servo = self._servo
         if servo is None or not self.is_alive:
@@ -158,31 +157,31 @@ class ServoClient:
         servo.set(**changes)
         self._kept |= changes
 
-    def restart(self, choice: SessionConfig | None = None) -> Future[None]:
-        """Have another servo process made ready, and swapped for the one there is.
+    def restart(self, config: SessionConfig | None = None) -> Future[None]:
+        """Start another servo process to replace the present one when ready. Returns at once.
 
-        Returns at once. If it cannot begin, what there is goes on, the future has the error, and
-        `told` says so.
+        If the new one cannot begin, the present one continues; the future holds the error, and
+        `message` shows it.
         """
-        return self._restarting.submit(self._replace_and_tell, choice or self.choice)
+        return self._restarting.submit(self._replace_or_report, config or self.config)
 
     def move(self, motion: CannedMotion, press: float | None = None) -> None:
-        """Have the mouse's hand go through a motion, from where it shall be now, and again."""
+        """Repeat a canned motion from the present target, pressing with a force [N] if given."""
         with self._lock:
             table = motion_table(motion, self.target)
-            self.pointed.move(
+            self.pointer.move(
                 table.poses, loop=table.loop, step=table.step, begun=time.perf_counter(),
                 press=press,
             )  # fmt: skip
 
     def point(self, pose: NDArray[np.float64], press: float | None = None) -> None:
-        """Have the mouse's hand go to a pose (7,), pressing with a force [N] or as it comes."""
+        """Move the mouse's hand to a pose (7,), pressing with a force [N] if given."""
         with self._lock:
             self.target = np.array(pose, dtype=np.float64)
-            self.pointed.point(self.target, press)
+            self.pointer.point(self.target, press)
 
     def close(self) -> None:
-        """End everything."""
+        """End all processes and threads."""
         self._closing.set()
         self._restarting.shutdown(wait=True, cancel_futures=True)
         with self._lock:
@@ -206,51 +205,52 @@ class ServoClient:
 
     # -- inside --------------------------------------------------------------------------------
 
-    def _replace_and_tell(self, choice: SessionConfig) -> None:
-        before, was_alive = self.choice, self.is_alive
+    def _replace_or_report(self, config: SessionConfig) -> None:
+        before, was_alive = self.config, self.is_alive
         try:
-            self._replace(choice)
+            self._replace(config)
         except AsperityError as error:
             if was_alive and self.state == "ended":
-                # A device can be opened only when the old loop has let go: back to that one.
+                # The device could be opened only after the old loop had released it: start that
+                # loop again.
                 with contextlib.suppress(AsperityError):
                     self._replace(before)
-            self.told = str(error)
+            self.message = str(error)
             raise
 
-    def _replace(self, choice: SessionConfig) -> None:
+    def _replace(self, config: SessionConfig) -> None:
         old = self._servo
         self.state = "changing" if old is not None and old.is_alive else "starting"
         new: Servo | None = None
         try:
-            new = Servo(choice.spec(self._folder / "pointed", self._start_of(choice)), rows=True)
+            new = Servo(config.spec(self._folder / "pointed", self._start_of(config)), rows=True)
             new.start()
-            self._swap(old, new, choice)
+            self._swap(old, new, config)
         except BaseException:
             if new is not None:
                 self._end(new)
-            # A loop that was let go has said how it ended before its process is gone.
+            # A loop that has ended reports so before its process is gone.
             servo = self._servo
             goes_on = servo is not None and servo.is_alive and not servo.wait(0.0)
             self.state = "running" if goes_on else "ended"
             raise
 
-    def _start_of(self, choice: SessionConfig) -> NDArray[np.float64] | None:
-        """Return where a hand goes on: where it is, if the scene is the same."""
-        moment = self.latest()
-        if moment is None or choice.scene.xml != self.choice.scene.xml:
+    def _start_of(self, config: SessionConfig) -> NDArray[np.float64] | None:
+        """Return the pose at which the hand continues: where it is, if the scene is the same."""
+        snapshot = self.latest()
+        if snapshot is None or config.scene.xml != self.config.scene.xml:
             return None
-        return moment.handle_pose.copy()
+        return snapshot.handle_pose.copy()
 
-    def _swap(self, old: Servo | None, new: Servo, choice: SessionConfig) -> None:
-        """Let the old loop end and the new one begin."""
+    def _swap(self, old: Servo | None, new: Servo, config: SessionConfig) -> None:
+        """End the old loop and let the new one begin."""
         with self._lock:
             if self._closing.is_set():
                 raise AsperityError("the page is being closed")
-            if choice.scene.xml != self.choice.scene.xml:
-                self.point(choice.first_pose)
+            if config.scene.xml != self.config.scene.xml:
+                self.point(config.first_pose)
                 self._kept.clear()
-            elif choice.rate != self.choice.rate:
+            elif config.rate != self.config.rate:
                 self._kept.pop("rate", None)
             if old is not None:
                 old.stop()
@@ -259,13 +259,13 @@ class ServoClient:
             ready = new.go()
             _wait_for_a_tick(new)
             self.device = str(ready["device"])
-            rows, count = self.history.since(self.history.count - 1)
-            self._shift = float(rows[-1, _TIME]) + _GAP if count else 0.0
-            self._servo, self.choice = new, choice
+            ticks, count = self.history.since(self.history.count - 1)
+            self._shift = float(ticks["time"][-1]) + _GAP if count else 0.0
+            self._servo, self.config = new, config
             self.generation += 1
-            self.state, self.told = "running", ""
+            self.state, self.message = "running", ""
             if self._kept:
-                # What was changed while it ran holds on; the first ticks are without, and soft.
+                # Changes made during the old loop persist, except in the first, soft ticks.
                 new.set(**self._kept)
         if old is not None:
             self._end(old)
@@ -290,29 +290,29 @@ class ServoClient:
     def _take(self, servo: Servo) -> None:
         if servo is not self._servo:
             return
-        rows = servo.take_rows()
-        if not len(rows):
+        ticks = servo.take_ticks()
+        if not len(ticks):
             return
-        rows[:, _TIME] += self._shift
-        self.history.add(rows)
-        for take in tuple(self._taps):
-            take(rows)
+        ticks["time"] += self._shift
+        self.history.add(ticks)
+        for take in tuple(self._subscribers):
+            take(ticks)
 
     def _ended(self, servo: Servo) -> None:
-        """Say how a loop ended that nobody asked to end."""
+        """Note how a loop ended that was not stopped by the page."""
         self.state = "ended"
         try:
             result = servo.finish()
         except AsperityError as error:
-            self.told = str(error)
+            self.message = str(error)
         else:
-            self.result, self.told = result, f"the loop ended: {result['ended']}"
+            self.result, self.message = result, f"the loop ended: {result['ended']}"
 
 
 def _wait_for_a_tick(servo: Servo) -> None:
-    """Wait until a loop that was let go has told of a tick, or has ended already.
+    """Wait until a released loop has made its first snapshot, or has ended.
 
-    Until then there is no latest moment, and what is to follow upon it would find none.
+    Until then there is no latest snapshot, which the caller of the change may need.
     """
     until = time.monotonic() + _FIRST_TICK
     while time.monotonic() < until and not servo.wait(0.0):

@@ -1,4 +1,4 @@
-"""What is felt and with what: all that a servo process is made of, as the page changes it."""
+"""The configuration of a session on the page: everything that a servo process is made from."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from asperity.realtime.servo.scheduling import RealTime
 from asperity.scene.scene import Scene
 
 CLEARANCE = 3e-3
-"""How far above its place in the scene a tool is held at first [m]."""
+"""Height of the tool above its place in the scene at the beginning [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +33,15 @@ class SessionConfig:
     ----------
     scene : Scene
     source : str
-        What `load_scene` makes the scene of, for recordings.
+        Name or folder of the scene for `load_scene`; stored with recordings.
     device : str
-        "mouse", or as in `asperity devices`.
+        "mouse", or a name from `asperity devices`.
     options : dict
-        Of the device.
+        Options of the device.
     rate : float
-        Ticks a second.
+        Ticks per second [Hz].
     seconds : float, optional
-        After which the loop ends. Default: when the page is closed.
+        Duration [s]. Default: until the page is closed.
     passivity : bool
         Whether the passivity controller may change the wrench.
     mapping : dict
@@ -68,36 +68,36 @@ class SessionConfig:
 
     @property
     def first_pose(self) -> NDArray[np.float64]:
-        """Where the mouse's hand is at first (7,): above where the scene draws the tool."""
+        """Initial pose of the mouse's hand (7,): above the tool's place in the scene."""
         pose = self.scene.start.copy()
         pose[2] += CLEARANCE
         return pose
 
-    def spec(self, pointed: Path, start: NDArray[np.float64] | None = None) -> ServoSpec:
-        """Return what a servo process needs to know, with its loop held.
+    def spec(self, pointer: Path, start: NDArray[np.float64] | None = None) -> ServoSpec:
+        """Return the specification of a servo process whose loop is held.
 
         Parameters
         ----------
-        pointed : Path
-            The file of `Pointed`.
+        pointer : Path
+            Path of the `PointerFile`.
         start : (7,) array, optional
-            Where a hand on any other device begins. Default: just above the surface.
+            Initial pose of a hand on any other device. Default: just above the surface.
         """
         make: Callable[[], Device]
         if self.is_mouse:
             body = coupled_body(self.scene.model, self.scene.tool)
             make = functools.partial(
-                MouseDevice, pointed, dt=1.0 / self.rate, centre=tuple(body.centre.tolist())
+                MouseDevice, pointer, dt=1.0 / self.rate, centre=tuple(body.centre.tolist())
             )
         else:
-            device(self.device, **self.options)  # refuses here what would be refused there
+            device(self.device, **self.options)  # raises here what would fail in the servo process
             make = functools.partial(named_device, self.device, self.options)
         return ServoSpec(
             self.scene,
             make,
             in_scene=self.is_mouse or self.device.startswith("replay"),
             start=None if start is None else tuple(start.tolist()),
-            folders=(pointed.parent,),
+            folders=(pointer.parent,),
             held=True,
             rate=self.rate,
             seconds=self.seconds,

@@ -1,4 +1,4 @@
-"""What the panels are shown: the latest moment, the rows since the last, and rates."""
+"""What the panels show: the latest snapshot, the ticks since the last update, and rates."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ if TYPE_CHECKING:
 _COUNTS = ("ticks", "misses", "fallbacks", "interventions", "clamps")
 
 
-class Frames:
-    """Frames of a link, one after the other."""
+class ViewModel:
+    """Makes the frames of a servo client, one per update of the page."""
 
-    def __init__(self, link: ServoClient) -> None:
-        self._link = link
-        self._next_row = link.history.count
+    def __init__(self, servo: ServoClient) -> None:
+        self._servo = servo
+        self._next_tick = servo.history.count
         self._number = 0
         self._generation = -1
         self._past: deque[tuple[float, tuple[int, ...]]] = deque()
 
-    def take(self, now: float) -> Frame:
+    def frame(self, now: float) -> Frame:
         """Return the next frame; `now` is the page's clock [s]."""
-        link = self._link
-        moment, generation = link.latest(), link.generation
-        rows, self._next_row = link.rows_since(self._next_row)
+        servo = self._servo
+        snapshot, generation = servo.latest(), servo.generation
+        ticks, self._next_tick = servo.ticks_since(self._next_tick)
         if generation != self._generation:
             self._past.clear()
             self._generation = generation
-        told: dict[str, int] = {}
+        per_second: dict[str, int] = {}
         rate = 0.0
-        if moment is not None:
-            counts = tuple(getattr(moment, name) for name in _COUNTS)
+        if snapshot is not None:
+            counts = tuple(getattr(snapshot, name) for name in _COUNTS)
             self._past.append((now, counts))
-            # The first that is left is a second old, or the oldest there is.
+            # Keep as the first entry one that is a second old, or the oldest there is.
             while len(self._past) > 2 and now - self._past[1][0] >= 1.0:
                 self._past.popleft()
             then, before = self._past[0]
-            # A page that was held up looks back over more than a second.
+            # After a delay of the page the first entry is older than a second.
             seconds = max(now - then, 1.0)
             grown = {n: a - b for n, a, b in zip(_COUNTS, counts, before, strict=True)}
-            told = {name: round(count / seconds) for name, count in grown.items()}
+            per_second = {name: round(count / seconds) for name, count in grown.items()}
             rate = grown["ticks"] / (now - then) if now > then else 0.0
-        told.pop("ticks", None)
+        per_second.pop("ticks", None)
         frame = Frame(
-            self._number, now, moment, rows, self._next_row, link.is_alive, generation, rate,
-            **told,
+            self._number, now, snapshot, ticks, self._next_tick, servo.is_alive, generation, rate,
+            **per_second,
         )  # fmt: skip
         self._number += 1
         return frame

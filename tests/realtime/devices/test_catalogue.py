@@ -9,10 +9,10 @@ import pytest
 from asperity.errors import AsperityError
 from asperity.realtime.devices import catalogue
 from asperity.realtime.devices.calibration import Calibrated, Calibration, save_calibration
-from asperity.realtime.devices.catalogue import ENTRIES, MODELS, device, findings
+from asperity.realtime.devices.catalogue import ENTRIES, MODELS, backend_statuses, device
 from asperity.realtime.devices.orientation import TurnRate, quaternion_of, unit_quaternion
 from asperity.realtime.devices.presets import PRESETS, limits_of
-from asperity.realtime.devices.wrench_check import taken
+from asperity.realtime.devices.wrench_check import finite_wrench
 
 
 @pytest.fixture(autouse=True)
@@ -67,8 +67,8 @@ def test_a_file_is_replayed_by_name(tmp_path):
 
 def test_what_lacks_is_said_with_how_to_get_it(monkeypatch):
     monkeypatch.setattr(catalogue, "is_installed", lambda entry: entry.package != "pyOpenHaptics")
-    monkeypatch.setattr(catalogue, "_ASKED", {"haply": lambda: "none found"})
-    found = {finding.entry.name: finding for finding in findings()}
+    monkeypatch.setattr(catalogue, "_DETECT", {"haply": lambda: "none found"})
+    found = {finding.entry.name: finding for finding in backend_statuses()}
     assert list(found) == list(ENTRIES)
     assert found["openhaptics"].advice.startswith("pip install 'asperity[openhaptics]'; and Open")
     assert found["haply"].advice == "needs Haply Hub or the Inverse service"
@@ -85,9 +85,9 @@ def test_packages_that_fail_or_chatter_do_not_spoil_the_list(monkeypatch, capfd)
         raise OSError("libdrd")
 
     monkeypatch.setattr(catalogue, "is_installed", lambda entry: True)
-    monkeypatch.setitem(catalogue._ASKED, "force-dimension", broken)
-    monkeypatch.setitem(catalogue._ASKED, "haply", lambda: "Inverse3 049D")
-    found = {finding.entry.name: finding for finding in findings()}
+    monkeypatch.setitem(catalogue._DETECT, "force-dimension", broken)
+    monkeypatch.setitem(catalogue._DETECT, "haply", lambda: "Inverse3 049D")
+    found = {finding.entry.name: finding for finding in backend_statuses()}
     assert found["haply-serial"].attached == "Inverse3 on /dev/ttyACM0"
     assert found["haply"].advice == ""
     assert found["force-dimension"].attached == "unknown (OSError)"
@@ -134,5 +134,5 @@ def test_orientations_and_their_rate():
 
 @pytest.mark.parametrize("wrench", [None, "six", [1, 2], [[1.0]] * 6, [1, 2, 3, 4, 5, "x"], {}, 6])
 def test_what_is_no_wrench_is_none(wrench):
-    assert taken(wrench) is None
-    assert taken(np.arange(6.0)) == (0, 1, 2, 3, 4, 5)
+    assert finite_wrench(wrench) is None
+    assert finite_wrench(np.arange(6.0)) == (0, 1, 2, 3, 4, 5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from clocks import Clock, until
 
-from asperity.realtime.devices.polling_thread import HOLD, Answer, Exchange, UnusableError
+from asperity.realtime.devices.polling_thread import HOLD, Measurement, PollingThread, UnusableError
 from asperity.realtime.devices.protocol import Reading
 from asperity.realtime.devices.wrench_check import ZERO
 
@@ -29,7 +29,7 @@ class Asked:
             self.unusable -= 1
             raise UnusableError("nonsense")
         n = float(len(self.wrenches))
-        return Answer((n, 0.0, 0.0), (0.0, n, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, n), 5)
+        return Measurement((n, 0.0, 0.0), (0.0, n, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, n), 5)
 
     def reopen(self):
         self.reopened += 1
@@ -37,38 +37,38 @@ class Asked:
 
 def test_an_answer_fills_the_reading_once_as_new():
     clock, asked, reading = Clock(), Asked(), Reading.empty()
-    exchange = Exchange(asked, clock=clock)
-    assert not exchange.take(reading)
+    poller = PollingThread(asked, clock=clock)
+    assert not poller.take(reading)
     assert reading.age == float("inf")
-    exchange.hand_over(PUSH)
-    exchange.step()
+    poller.hand_over(PUSH)
+    poller.step()
     clock.now += 0.004
-    assert exchange.take(reading)
+    assert poller.take(reading)
     np.testing.assert_array_equal(reading.pose, [1, 0, 0, 0, 1, 0, 0])
     np.testing.assert_array_equal(reading.twist, [0, 1, 0, 0, 0, 1])
     assert (reading.buttons, reading.error) == (5, "")
     assert reading.age == pytest.approx(0.004)
-    assert not exchange.take(reading)  # the same answer is no news
+    assert not poller.take(reading)  # the same answer is no news
 
 
 def test_zero_is_sent_when_writes_stop():
     clock, asked = Clock(), Asked()
-    exchange = Exchange(asked, clock=clock)
-    exchange.step()
-    exchange.hand_over(PUSH)
+    poller = PollingThread(asked, clock=clock)
+    poller.step()
+    poller.hand_over(PUSH)
     clock.now += 0.9 * HOLD
-    exchange.step()
+    poller.step()
     clock.now += 0.2 * HOLD
-    exchange.step()
+    poller.step()
     assert asked.wrenches == [ZERO, PUSH, ZERO]
 
 
 def test_a_stale_reading_keeps_the_place_and_forgets_the_speed():
     clock, asked, reading = Clock(), Asked(), Reading.empty()
-    exchange = Exchange(asked, clock=clock)
-    exchange.step()
+    poller = PollingThread(asked, clock=clock)
+    poller.step()
     clock.now += 0.3
-    exchange.take(reading)
+    poller.take(reading)
     assert reading.age == pytest.approx(0.3)
     assert reading.pose[0] == 1.0
     assert not reading.twist.any()
@@ -77,18 +77,18 @@ def test_a_stale_reading_keeps_the_place_and_forgets_the_speed():
 def test_failures_are_told_on_one_line_and_the_device_reopened():
     asked, reading = Asked(), Reading.empty()
     asked.fails = 2
-    exchange = Exchange(asked, reopen=asked.reopen)
-    exchange.start()
+    poller = PollingThread(asked, reopen=asked.reopen)
+    poller.start()
     told = []
 
     def recovered():
-        new = exchange.take(reading)
+        new = poller.take(reading)
         if reading.error:
             told.append(reading.error)
         return new
 
     assert until(recovered)
-    exchange.stop()
+    poller.stop()
     assert told
     assert set(told) == {"the cable is out"}
     assert asked.reopened == 2
@@ -97,21 +97,21 @@ def test_failures_are_told_on_one_line_and_the_device_reopened():
 def test_an_unusable_answer_costs_neither_pause_nor_reopening():
     asked, reading = Asked(), Reading.empty()
     asked.unusable = 50  # with a pause after each this would take 100 s
-    exchange = Exchange(asked, reopen=asked.reopen)
-    exchange.start()
-    assert until(lambda: exchange.take(reading))
-    exchange.stop()
+    poller = PollingThread(asked, reopen=asked.reopen)
+    poller.start()
+    assert until(lambda: poller.take(reading))
+    poller.stop()
     assert asked.reopened == 0
 
 
 def test_stopping_sends_zero_last_and_ends_the_thread():
     asked = Asked()
-    exchange = Exchange(asked)
-    exchange.start()
-    exchange.hand_over(PUSH)
+    poller = PollingThread(asked)
+    poller.start()
+    poller.hand_over(PUSH)
     assert until(lambda: PUSH in asked.wrenches)
-    exchange.stop()
+    poller.stop()
     assert asked.wrenches[-1] == ZERO
     count = len(asked.wrenches)
-    exchange.hand_over(PUSH)
+    poller.hand_over(PUSH)
     assert not until(lambda: len(asked.wrenches) > count, 0.05)

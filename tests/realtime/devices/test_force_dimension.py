@@ -26,7 +26,11 @@ class Stub(types.SimpleNamespace):
         self.sent, self.fails, self.closed, self.stopped, self.opened = [], False, 0, 0, 0
         self.wrist, self.active = wrist, active
         # Towards the user, to the right, up.
-        self.place, self.velocity, self.turning = [-0.03, 0.02, 0.01], [1.0, 2.0, 3.0], [4, 5, 6]
+        self.place, self.velocity, self.angular_velocity = (
+            [-0.03, 0.02, 0.01],
+            [1.0, 2.0, 3.0],
+            [4, 5, 6],
+        )
         self.frame = np.eye(3).tolist()
         self.expert = types.SimpleNamespace(setWatchdog=self._watchdog)
         self.watchdog = None
@@ -81,7 +85,7 @@ class Stub(types.SimpleNamespace):
         return 0
 
     def getAngularVelocityRad(self, out):
-        out[:] = self.turning
+        out[:] = self.angular_velocity
         return 0
 
     def getButtonMask(self):
@@ -141,7 +145,7 @@ def test_power_is_the_same_in_both_frames(stub, device):
     reading = Reading.empty()
     assert until(lambda: device.read(reading))
     assert until(lambda: device.write(PUSH) or any(stub.sent[-1]))
-    theirs = np.dot(stub.sent[-1], [*stub.velocity, *stub.turning])
+    theirs = np.dot(stub.sent[-1], [*stub.velocity, *stub.angular_velocity])
     assert np.dot(PUSH, reading.twist) == pytest.approx(theirs)
 
 

@@ -6,8 +6,7 @@ import pytest
 from clocks import Clock
 from websockets.sync.client import connect
 
-from asperity.realtime.devices.haply.cursor import HOME, Cursor, still_hand
-from asperity.realtime.devices.haply.fake_service import FakeService
+from asperity.realtime.devices.haply.fake_service import HOME, Cursor, FakeService, still_hand
 from asperity.realtime.devices.haply.messages import force_message
 
 
@@ -26,18 +25,18 @@ def plain(service):
     return connect(service.uri, compression=None, open_timeout=10)
 
 
-def said(client):
+def reply(client):
     return json.loads(client.recv(timeout=10))
 
 
 def push(service, client, force, spelling="vector"):
     client.send(force_message(service.device_id, force, spelling).decode())
-    return said(client)
+    return reply(client)
 
 
 def test_the_inventory_comes_unasked_with_configuration(service):
     with plain(service) as client:
-        inventory = said(client)
+        inventory = reply(client)
     (entry,) = inventory["inverse3"]
     assert inventory["session_id"] == 1
     assert entry["config"]["basis"] == {"permutation": "XYZ"}
@@ -47,13 +46,13 @@ def test_the_inventory_comes_unasked_with_configuration(service):
 
 def test_exactly_one_frame_for_each_message(service):
     with plain(service) as client:
-        said(client)
+        reply(client)
         with pytest.raises(TimeoutError):
             client.recv(timeout=0.05)  # nothing unasked
         for _ in range(5):
             client.send(force_message(service.device_id, (0, 0, 0)).decode())
         client.send("no JSON at all")  # also a message
-        frames = [said(client) for _ in range(6)]
+        frames = [reply(client) for _ in range(6)]
         with pytest.raises(TimeoutError):
             client.recv(timeout=0.05)
     assert all("config" not in frame["inverse3"][0] for frame in frames)
@@ -62,15 +61,15 @@ def test_exactly_one_frame_for_each_message(service):
 
 def test_the_whole_inventory_can_be_asked_for(service):
     with plain(service) as client:
-        said(client)
+        reply(client)
         client.send('{"session": {"force_render_full_state": {}}}')
-        assert "config" in said(client)["inverse3"][0]
+        assert "config" in reply(client)["inverse3"][0]
 
 
 @pytest.mark.parametrize("spelling", ["vector", "values"])
 def test_both_spellings_of_a_force(service, spelling):
     with plain(service) as client:
-        said(client)
+        reply(client)
         state = push(service, client, (0.0, 0.5, 1.0), spelling)["inverse3"][0]["state"]
     assert state["current_cursor_force"] == {"x": 0.0, "y": 0.5, "z": 1.0}
     assert state["control_mode"] == "force"
@@ -78,20 +77,20 @@ def test_both_spellings_of_a_force(service, spelling):
 
 def test_a_command_does_not_last(service, clock):
     with plain(service) as client:
-        said(client)
+        reply(client)
         push(service, client, (0.0, 0.0, 1.0))
         assert service.force() == (0.0, 0.0, 1.0)
         clock.now += 0.03
         assert service.force() == (0.0, 0.0, 0.0)
         client.send("{}")
-        state = said(client)["inverse3"][0]["state"]
+        state = reply(client)["inverse3"][0]["state"]
     assert state["control_mode"] == "idle"
     assert state["current_cursor_force"] == {"x": 0.0, "y": 0.0, "z": 0.0}
 
 
 def test_forces_of_several_clients_add(service):
     with plain(service) as one, plain(service) as two:
-        said(one), said(two)
+        reply(one), reply(two)
         push(service, one, (0.5, 0.0, 0.0))
         state = push(service, two, (0.25, 1.0, 0.0))["inverse3"][0]["state"]
     assert state["current_cursor_force"] == {"x": 0.75, "y": 1.0, "z": 0.0}

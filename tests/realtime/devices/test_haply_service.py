@@ -11,11 +11,11 @@ import pytest
 from clocks import until
 
 from asperity.errors import AsperityError
-from asperity.realtime.devices.haply.cursor import HOME, still_hand
 from asperity.realtime.devices.haply.fake_device import HaplyFakeDevice
-from asperity.realtime.devices.haply.fake_service import FakeService
+from asperity.realtime.devices.haply.fake_service import FakeService, still_hand
+from asperity.realtime.devices.haply.messages import HOME
 from asperity.realtime.devices.haply.service import HaplyServiceDevice, attached
-from asperity.realtime.devices.polling_thread import Exchange
+from asperity.realtime.devices.polling_thread import PollingThread
 from asperity.realtime.devices.protocol import Reading
 
 PUSH = np.array([0.3, 0.0, 0.6, 0.0, 0.0, 0.0])
@@ -219,12 +219,13 @@ def test_a_frozen_frame_is_no_news():
 @pytest.mark.parametrize(
     ("reply", "told"),
     [
-        ("{", "no JSON"), ("", "no JSON"), ("[1, 2]", "without a list"), (b"\xff\xfe", "no JSON"),
+        ("{", "invalid JSON"), ("", "invalid JSON"), ("[1, 2]", "without a list"),
+        (b"\xff\xfe", "invalid JSON"),
         ('{"inverse3": [{"device_id": "FA4E", "state": {}}]}', "cursor_position"),
         ('{"inverse3": [{"device_id": "FA4E", "state": {"cursor_position": {"x": NaN, "y": 0, '
-         '"z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}]}', "cannot be"),
+         '"z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}]}', "out of range"),
         ('{"inverse3": [{"device_id": "FA4E", "state": {"cursor_position": {"x": 1e9, "y": 0, '
-         '"z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}]}', "cannot be"),
+         '"z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}]}', "out of range"),
     ],
 )  # fmt: skip
 def test_a_malformed_frame_is_told_and_survived(service, device, reply, told):
@@ -307,10 +308,10 @@ def test_many_ticks_leave_no_memory_behind(service, device):
 def test_opening_says_what_to_do():
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         port = nobody.getsockname()[1]
-    with pytest.raises(AsperityError, match="nobody listens there; start Haply Hub"):
+    with pytest.raises(AsperityError, match="the connection was refused; start Haply Hub"):
         HaplyServiceDevice(uri=f"ws://127.0.0.1:{port}").open()
     for uri in ("http://localhost", "ws://", "nonsense", "wss://localhost"):
-        with pytest.raises(AsperityError, match=r"is no address|not wss"):
+        with pytest.raises(AsperityError, match=r"is not an address|not wss"):
             HaplyServiceDevice(uri=uri).open()
     with pytest.raises(AsperityError, match="did you mean 'vector'"):
         HaplyServiceDevice(spelling="vectors")
@@ -333,13 +334,13 @@ def test_neither_reading_nor_writing_waits_for_the_service(service, device, monk
     import threading
 
     servo = threading.get_ident()
-    step = Exchange.step
+    step = PollingThread.step
 
     def elsewhere(self):
         assert threading.get_ident() != servo
         return step(self)
 
-    monkeypatch.setattr(Exchange, "step", elsewhere)
+    monkeypatch.setattr(PollingThread, "step", elsewhere)
     service.silent = True
     reading, slow = Reading.empty(), 0
     for _ in range(300):

@@ -146,13 +146,13 @@ def test_whatever_happens_the_scheduler_goes_on(stub, device):
     stub.code = 0x0200  # warm motors
     assert device._callback(None) == 1
     assert device.read(reading)
-    assert reading.error == "OpenHaptics tells of error 0x0200"
+    assert reading.error == "OpenHaptics reports error 0x0200"
     stub.code = 0
     for place in ([np.nan, 0, 0], [1e9, 0, 0]):
         stub.matrix = column_by_column(np.eye(3), place)
         assert device._callback(None) == 1
         assert not device.read(reading)
-        assert "cannot be" in reading.error
+        assert "out of reach" in reading.error
     device.write(np.full(6, np.inf))
     device._callback(None)
     assert np.isfinite(stub.forces).all()

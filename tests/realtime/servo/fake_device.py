@@ -44,8 +44,8 @@ class FakeDevice:
 
     def open(self) -> None:
         file = SharedFile(self._log, 8 * (2 + 7 * ROOM))
-        self._count = file.array(np.int64, 2, 0)
-        self._rows = file.array(np.float64, 7 * ROOM, 16).reshape(ROOM, 7)
+        self._count = file.array(np.int64, (2,))
+        self._rows = file.array(np.float64, (ROOM, 7), 16)
 
     def read(self, out: Reading) -> bool:
         if self._begin == 0.0:
@@ -105,8 +105,8 @@ class Written:
     @staticmethod
     def read(log: Path) -> Written:
         file = SharedFile(log)
-        count = file.array(np.int64, 2, 0)
-        rows = file.array(np.float64, 7 * ROOM, 16).reshape(ROOM, 7)[: int(count[0])]
+        count = file.array(np.int64, (2,))
+        rows = file.array(np.float64, (ROOM, 7), 16)[: int(count[0])]
         return Written(rows[:, 0].copy(), rows[:, 1:].copy(), bool(count[1]))
 
     @property

@@ -13,9 +13,9 @@ from asperity.dynamics.virtual_coupling.settings import CouplingSettings
 from asperity.geometry.rigid_body import RigidBody
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.devices.protocol import Limits, Reading
-from asperity.realtime.servo.contact_worker import Contact
+from asperity.realtime.servo.contact_worker import ContactResult
+from asperity.realtime.servo.ipc import Publisher
 from asperity.realtime.servo.loop import ServoLoop
-from asperity.realtime.servo.publish import Publisher
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 
 DT = 1e-3
@@ -100,17 +100,17 @@ class WallContacts:
 
     def __init__(self, clock: HandClock, takes=lambda n: 1e-4) -> None:
         self.clock, self.takes = clock, takes
-        self.latest, self._next = Contact(), Contact()
+        self.latest, self._next = ContactResult(), ContactResult()
         self.busy = False
-        self.asked: list[tuple[float, bool]] = []
+        self.submitted: list[tuple[float, bool]] = []
         self.rests = 0
 
     def submit(self, pose: np.ndarray, now: float, *, jumped: bool = False) -> None:
         assert not self.busy
         self.busy = True
-        self._ready = self.clock.time + self.takes(len(self.asked))
-        self.asked.append((now, jumped))
-        self._next.asked = now
+        self._ready = self.clock.time + self.takes(len(self.submitted))
+        self.submitted.append((now, jumped))
+        self._next.submitted = now
         self._next.seconds = self._ready - now
         wrench, stiffness = np.zeros(6), np.zeros((6, 6))
         if pose[2] < 0.0:

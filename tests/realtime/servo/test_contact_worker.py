@@ -20,10 +20,10 @@ class Told:
     contacts = SimpleNamespace(depth=np.zeros(0))
 
     def __init__(self):
-        self.asked = []
+        self.submitted = []
 
     def evaluate(self, pose, *, jumped, seconds, search_seconds):
-        self.asked.append((jumped, seconds, search_seconds))
+        self.submitted.append((jumped, seconds, search_seconds))
         return LinearContact(pose, np.zeros(6), np.zeros((6, 6)), 0, 0)
 
     def count_statuses(self, statuses):
@@ -34,12 +34,12 @@ class Told:
 def test_a_contact_has_what_is_left_of_the_tick_in_which_it_was_asked_for(begun):
     clock, stage = HandClock(), Told()
     worker = ContactWorker(stage, clock)
-    asked = clock.now()
+    submitted = clock.now()
     clock.work(begun * DT)
-    worker.submit(AT, asked, jumped=begun > 1.0)
+    worker.submit(AT, submitted, jumped=begun > 1.0)
     assert worker.wait(20.0)
     worker.stop()
-    jumped, seconds, search_seconds = stage.asked[0]
+    jumped, seconds, search_seconds = stage.submitted[0]
     assert jumped == (begun > 1.0)
     assert seconds == pytest.approx(max(WITHIN - begun, 0.0) * DT, abs=1e-6)
     assert search_seconds == pytest.approx(max(SEARCHED - begun, 0.0) * DT, abs=1e-6)
@@ -51,12 +51,12 @@ def test_ticks_whose_search_was_cut_short_are_counted():
 
     def hasty(pose, now, *, jumped=False):
         submit(pose, now, jumped=jumped)
-        linear, third = bench.contacts._next.linear, len(bench.contacts.asked) % 3 == 0
+        linear, third = bench.contacts._next.linear, len(bench.contacts.submitted) % 3 == 0
         bench.contacts._next.linear = linear._replace(flags=CUT_SHORT if third else 0)
 
     bench.contacts.submit = hasty
     bench.run(90)
-    told = bench.stats.told()
+    told = bench.stats.summary()
     assert told["cut_short"] == pytest.approx(30, abs=1)
     assert told["cut_short_percent"] == pytest.approx(100.0 / 3.0, abs=1.2)
     assert told["fallbacks"] == 0

@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("websockets")
 
 from asperity.errors import AsperityError
-from asperity.realtime.devices.haply.cursor import HOME
 from asperity.realtime.devices.haply.fake_service import FakeService
+from asperity.realtime.devices.haply.messages import HOME
 from asperity.realtime.servo.device_makers import named_device
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
+from asperity.realtime.servo.ipc import TICK
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
 from asperity.realtime.servo.replay import scene_of_recording
-from asperity.realtime.servo.tick_row import WIDTH
 from asperity.runs.recording import read_recording
 from asperity.scene.builtin import load_scene
 
@@ -19,20 +19,20 @@ def test_all_rows_that_are_handed_on_are_in_the_file_from_time_zero(tmp_path):
     parameters = LiveParameters(1000.0, 321.0, 0.25, scene.coupling)
     attributes = attributes_of(scene, parameters, source="probe-plate", device="a hand")
     recorder = RecorderOnRequest(tmp_path / "recording.h5", attributes, 1000.0)
-    rows = np.random.default_rng(1).random((3000, WIDTH))
-    rows[:, 0] = 77.0 + np.arange(3000) * 1e-3
-    for part in np.array_split(rows, 170):
+    ticks = np.random.default_rng(1).random((3000, 30)).view(TICK)[:, 0]
+    ticks["time"] = 77.0 + np.arange(3000) * 1e-3
+    for part in np.array_split(ticks, 170):
         recorder.add(part)
-    told = recorder.finish()
-    assert told == {"ticks": 3000, "error": "", "ticks_lost": 0}
+    result = recorder.finish()
+    assert result == {"ticks": 3000, "error": "", "ticks_lost": 0}
     assert recorder.seconds == pytest.approx(2.999)
     assert not recorder.is_alive
     found = read_recording(tmp_path / "recording.h5")
     np.testing.assert_allclose(found.time, np.arange(3000) * 1e-3, atol=1e-9)
-    np.testing.assert_array_equal(found.contact_wrench, rows[:, 15:21])
-    np.testing.assert_array_equal(found.penetration_depth, rows[:, -1])
+    np.testing.assert_array_equal(found.contact_wrench, ticks["contact_wrench"])
+    np.testing.assert_array_equal(found.penetration_depth, ticks["penetration_depth"])
     assert found.attributes["device"] == "a hand"
-    assert rows[0, 0] == 77.0  # what was handed on is not changed
+    assert ticks["time"][0] == 77.0  # what was handed on is not changed
 
     # The scene is found as it was, with what had been changed while it ran.
     again = scene_of_recording(found.attributes)

@@ -100,7 +100,7 @@ def test_faults_of_the_device_and_a_viewer_that_is_killed(tmp_path):
     assert np.count_nonzero(recording.flags & SILENT) > 100
     assert np.diff(recording.time).max() > 0.2
     assert recording.time[-1] == pytest.approx((result["timing"]["ticks_due"] - 1) * 1e-3)
-    assert result["ended"] == "told to stop"
+    assert result["ended"] == "stopped"
 
 
 def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):

@@ -9,13 +9,12 @@ import time
 import numpy as np
 import pytest
 
+from asperity.realtime.servo.ipc import TICK, TickRing
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import TickRing
-from asperity.realtime.servo.tick_row import WIDTH
 from asperity.runs.recording import read_recording
 
 
-class Told:
+class Report:
     """The end of a pipe."""
 
     def send(self, what):
@@ -24,24 +23,30 @@ class Told:
 
 def filled(path, ticks, capacity=20_000):
     ring = TickRing(path, capacity)
-    rows = np.zeros(WIDTH)
     for n in range(ticks):
-        rows[:] = n
-        ring.push(rows)
+        ring.push(tick(n))
     return ring
+
+
+def tick(n):
+    """Return a tick all of whose numbers are `n`."""
+    out = np.zeros((), TICK)
+    for name in TICK.names:
+        out[name] = n
+    return out
 
 
 def test_it_writes_what_is_in_the_ring_and_ends(tmp_path):
     ring = filled(tmp_path / "ring", 3000)
     ring.close()
-    told = Told()
-    record(tmp_path / "ring", tmp_path / "r.h5", {"scene": "a"}, told)
+    report = Report()
+    record(tmp_path / "ring", tmp_path / "r.h5", {"scene": "a"}, report)
     recording = read_recording(tmp_path / "r.h5")
     np.testing.assert_array_equal(recording.time, np.arange(3000))
     np.testing.assert_array_equal(recording.handle_pose[:, 6], np.arange(3000))
     np.testing.assert_array_equal(recording.flags, np.arange(3000))
     assert recording.attributes["scene"] == "a"
-    assert told.what == {"ticks": 3000, "error": ""}
+    assert report.what == {"ticks": 3000, "error": ""}
 
 
 RECORDER = textwrap.dedent("""
@@ -70,11 +75,10 @@ def started(ring, path, *, file_size=0):
 def test_killed_amid_writing_it_leaves_a_file_up_to_the_last_second(tmp_path):
     ring = TickRing(tmp_path / "ring", 20_000)
     process = started(tmp_path / "ring", tmp_path / "r.h5")
-    row, begun, n = np.zeros(WIDTH), time.monotonic(), 0
+    begun, n = time.monotonic(), 0
     pushed = []
     while time.monotonic() - begun < 2.0:
-        row[:] = n
-        ring.push(row)
+        ring.push(tick(n))
         pushed.append(time.monotonic())
         n += 1
         time.sleep(1e-3)
@@ -93,21 +97,21 @@ def test_a_full_disk_is_told_and_the_file_opens(tmp_path, limit, waiting):
     """As a limit to the size of files, which the system refuses in the same places."""
     ring = filled(tmp_path / "ring", waiting)
     process = started(tmp_path / "ring", tmp_path / "r.h5", file_size=limit)
-    pushed, until = ring.written, time.monotonic() + 20.0
+    pushed, until = waiting, time.monotonic() + 20.0
     while time.monotonic() < until and process.poll() is None:
         for _ in range(50):
-            pushed += ring.push(np.full(WIDTH, float(pushed)))
+            pushed += ring.push(tick(pushed))
         time.sleep(5e-3)
-    said, complained = process.communicate(timeout=10)
+    printed, complained = process.communicate(timeout=10)
     assert process.returncode == 0
-    assert "no room for" in said
+    assert "no room for" in printed
     assert "File too large; recording stopped" in complained
     # Nobody takes rows any more: the ring fills and loses, and the loop is none the wiser.
     for _ in range(25_000):
-        ring.push(np.zeros(WIDTH))
+        ring.push(tick(0))
     assert ring.lost > 0
     recording = read_recording(tmp_path / "r.h5")
-    assert len(recording.time) == int(said.split("'ticks': ")[1].split(",")[0])
+    assert len(recording.time) == int(printed.split("'ticks': ")[1].split(",")[0])
     assert len(recording.time) == 0 if waiting > 5000 else len(recording.time) >= 5000
     np.testing.assert_array_equal(recording.time, np.arange(len(recording.time)))
 

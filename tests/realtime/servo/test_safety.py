@@ -188,7 +188,7 @@ def test_a_device_that_raises_on_writing_and_closing_does_no_harm():
     safe.close()
     safe.close()
     assert safe.counts.errors == 7
-    assert safe.told()["last_error"] == "OSError: gone"
+    assert safe.summary()["last_error"] == "OSError: gone"
 
 
 def test_the_whole_loop_is_held_to_the_limits():
@@ -213,7 +213,7 @@ def test_the_whole_loop_is_held_to_the_limits():
 def test_nothing_else_writes_to_a_device_or_opens_one():
     """Besides what passes on what it is told there are those who hold a `SafeDevice`."""
     source = Path(asperity.__file__).parent / "realtime"
-    passing_on = {"devices/calibration.py", "devices/haply/fake_device.py", "servo/safety.py"}
+    passing_on = {"devices/calibration.py", "servo/safety.py"}
     found = {
         file.relative_to(source).as_posix()
         for file in source.rglob("*.py")
@@ -235,3 +235,11 @@ def test_nothing_else_writes_to_a_device_or_opens_one():
 def test_wrong_settings_are_refused(options, told):
     with pytest.raises(AsperityError, match=told):
         SafetySettings(**options)
+
+
+def test_the_old_names_still_work_and_name_the_new_ones():
+    safe = SafeDevice(Bench().device, dt=DT)
+    with pytest.warns(DeprecationWarning, match="said is deprecated: use raw_reading"):
+        assert safe.said is safe.raw_reading
+    with pytest.warns(DeprecationWarning, match="told is deprecated: use summary"):
+        assert safe.told() == safe.summary()

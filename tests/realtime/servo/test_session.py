@@ -126,13 +126,13 @@ def test_ctrl_c_ends_a_session_well(tmp_path):
             sizes |= {file.stat().st_size} if file.exists() else set()
             time.sleep(0.05)
         session.send_signal(signal.SIGINT)
-        said, complained = session.communicate(timeout=60.0)
+        printed, complained = session.communicate(timeout=60.0)
     finally:
         session.kill()
     assert session.returncode == 0, complained
-    assert "ended: told to stop" in said
+    assert "ended: stopped" in printed
     summary, recording = summary_in(out), read_recording(out / "recording.h5")
-    assert summary["ended"] == "told to stop"
+    assert summary["ended"] == "stopped"
     assert len(recording.time) == summary["timing"]["ticks"] > 100
 
 
@@ -218,7 +218,7 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
 def test_bad_input_is_told_in_one_line(arguments, told, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
-    said = capsys.readouterr().err
-    assert told in said
-    assert said.count("\n") == 1
+    printed = capsys.readouterr().err
+    assert told in printed
+    assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

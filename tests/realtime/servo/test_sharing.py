@@ -12,16 +12,23 @@ import numpy as np
 import pytest
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.contact_worker import SHOWN, Shown
-from asperity.realtime.servo.mailbox import ROOM, Mailbox
-from asperity.realtime.servo.ring import TickRing
+from asperity.realtime.servo.contact_worker import MAX_SHOWN, ShownContacts
+from asperity.realtime.servo.ipc import MAX_TEXT, TICK, Mailbox, TickRecord, TickRing
 from asperity.realtime.servo.snapshot import SnapshotReader, SnapshotWriter
-from asperity.realtime.servo.tick_row import WIDTH, TickRow, columns
 from asperity.realtime.shared_file import shared_folder
 
 
-def row(n):
-    return np.full(WIDTH, float(n))
+def tick(n):
+    """Return a tick all of whose numbers are `n`."""
+    out = np.zeros((), TICK)
+    for name in TICK.names:
+        out[name] = n
+    return out
+
+
+def numbers(ticks):
+    """Return the numbers of ticks, one row each."""
+    return ticks.view(np.float64).reshape(len(ticks), -1)
 
 
 def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
@@ -32,22 +39,23 @@ def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
     draw = np.random.default_rng(1)
     while n < 5000:
         for _ in range(draw.integers(0, 100)):
-            assert ring.push(row(n))
+            assert ring.push(tick(n))
             n += 1
         taken.append(other.take())
-    rows = np.concatenate(taken)
-    np.testing.assert_array_equal(rows, np.arange(n)[:, None] * np.ones(WIDTH))
+    rows = numbers(np.concatenate(taken))
+    np.testing.assert_array_equal(rows, np.arange(n)[:, None] * np.ones(rows.shape[1]))
+    assert rows.shape[1] == 30
     assert ring.lost == other.lost == 0
 
 
 def test_a_full_ring_loses_the_new_rows_counts_them_and_goes_on(tmp_path):
     ring = TickRing(tmp_path / "ring", 10)
-    kept = [n for n in range(25) if ring.push(row(n))]
+    kept = [n for n in range(25) if ring.push(tick(n))]
     assert kept == list(range(10))
     assert ring.lost == 15
-    assert ring.take()[:, 0].tolist() == kept
-    assert ring.push(row(99))
-    assert ring.take()[:, 0].tolist() == [99]
+    assert ring.take()["time"].tolist() == kept
+    assert ring.push(tick(99))
+    assert ring.take()["time"].tolist() == [99]
 
 
 def test_a_writer_and_a_reader_at_the_same_time(tmp_path):
@@ -56,7 +64,7 @@ def test_a_writer_and_a_reader_at_the_same_time(tmp_path):
 
     def write():
         for n in range(20_000):
-            if ring.push(row(n)):
+            if ring.push(tick(n)):
                 pushed.append(n)
         ring.close()
 
@@ -67,16 +75,16 @@ def test_a_writer_and_a_reader_at_the_same_time(tmp_path):
         taken.append(other.take())
     taken.append(other.take())
     thread.join()
-    rows = np.concatenate(taken)
+    rows = numbers(np.concatenate(taken))
     assert (rows == rows[:, :1]).all()
     assert rows[:, 0].astype(int).tolist() == pushed
     assert len(pushed) + ring.lost == 20_000
 
 
-def test_a_row_has_the_fields_of_a_recording():
-    one = TickRow()
-    one.time[0], one.flags[0], one.tool_pose[:] = 1.5, 96, np.arange(7)
-    fields = columns(np.stack([one.values, one.values]))
+def test_a_tick_has_the_fields_of_a_recording():
+    one = TickRecord()
+    one.time[...], one.flags[...], one.tool_pose[:] = 1.5, 96, np.arange(7)
+    fields = np.stack([one.record, one.record])
     assert fields["time"].tolist() == [1.5, 1.5]
     assert fields["flags"].tolist() == [96, 96]
     np.testing.assert_array_equal(fields["tool_pose"][1], np.arange(7))
@@ -84,35 +92,35 @@ def test_a_row_has_the_fields_of_a_recording():
 
 
 def shown(count, value):
-    out = Shown()
+    out = ShownContacts()
     out.count = count
     for part in (out.point, out.normal, out.force, out.depth):
         part[:count] = value
     return out
 
 
-def test_a_snapshot_tells_the_latest_moment(tmp_path):
+def test_a_snapshot_is_the_latest_moment(tmp_path):
     writer = SnapshotWriter(tmp_path / "snapshot")
     reader = SnapshotReader(tmp_path / "snapshot")
     assert reader.read() is None
-    one = TickRow()
-    one.time[0], one.contact_count[0], one.handle_pose[:] = 2.0, 3, np.arange(7)
+    one = TickRecord()
+    one.time[...], one.contact_count[...], one.handle_pose[:] = 2.0, 3, np.arange(7)
     for value in (1.0, 2.0):
-        one.flags[0] = value
+        one.flags[...] = value
         writer.write(
-            one.values,
+            one.record,
             np.full(6, 7.0),
             np.full(6, 8.0),
             (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5),
             shown(3, value),
         )
-    moment = reader.read()
-    assert (moment.time, moment.flags, moment.contact_count) == (2.0, 2, 3)
-    assert moment[9:18] == (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5)
-    np.testing.assert_array_equal(moment.handle_pose, np.arange(7))
-    np.testing.assert_array_equal(moment.point, np.full((3, 3), 2.0))
-    np.testing.assert_array_equal(moment.depth, np.full(3, 2.0))
-    assert moment.handle_twist[0], moment.tool_twist[0] == (7.0, 8.0)
+    snapshot = reader.read()
+    assert (snapshot.time, snapshot.flags, snapshot.contact_count) == (2.0, 2, 3)
+    assert snapshot[9:18] == (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5)
+    np.testing.assert_array_equal(snapshot.handle_pose, np.arange(7))
+    np.testing.assert_array_equal(snapshot.point, np.full((3, 3), 2.0))
+    np.testing.assert_array_equal(snapshot.depth, np.full(3, 2.0))
+    assert snapshot.handle_twist[0], snapshot.tool_twist[0] == (7.0, 8.0)
 
 
 def test_no_reader_ever_sees_two_halves(tmp_path):
@@ -120,19 +128,20 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
     code = textwrap.dedent("""
         import sys, numpy as np
         from pathlib import Path
-        from asperity.realtime.servo.contact_worker import Shown
-        from asperity.realtime.servo.tick_row import Row
+        from asperity.realtime.servo.contact_worker import ShownContacts
+        from asperity.realtime.servo.ipc import TICK
         from asperity.realtime.servo.snapshot import SnapshotWriter
-        writer, row, shown = SnapshotWriter(Path(sys.argv[1])), Row(), Shown()
+        writer, tick = SnapshotWriter(Path(sys.argv[1])), np.zeros(1, TICK)
+        numbers, shown = tick.view(float), ShownContacts()
         shown.count = 16
         print("begun", flush=True)
         n = 0
         while True:
             n += 1
-            row.values[:] = n
+            numbers[:] = n
             for part in (shown.point, shown.normal, shown.force, shown.depth):
                 part[:] = n
-            writer.write(row.values, row.values[:6], row.values[:6], (n,) * 9, shown)
+            writer.write(tick[0], numbers[:6], numbers[:6], (n,) * 9, shown)
     """)
     path = tmp_path / "snapshot"
     process = subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE)
@@ -140,7 +149,7 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
         process.stdout.readline()
         reader = SnapshotReader(path)
         seen, until = [], time.monotonic() + 20.0
-        while len({moment.time for moment in seen if moment}) < 100:
+        while len({snapshot.time for snapshot in seen if snapshot}) < 100:
             seen += [reader.read() for _ in range(20)]
             time.sleep(2e-4)  # on one core, the writer's turn
             assert time.monotonic() < until
@@ -148,10 +157,10 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
         process.send_signal(signal.SIGKILL)
         process.wait()
         process.stdout.close()
-    seen = [moment for moment in seen if moment is not None]
-    for moment in seen:
-        parts = [np.ravel(part) for part in moment]
-        assert len(moment.depth) == SHOWN
+    seen = [snapshot for snapshot in seen if snapshot is not None]
+    for snapshot in seen:
+        parts = [np.ravel(part) for part in snapshot]
+        assert len(snapshot.depth) == MAX_SHOWN
         assert len(np.unique(np.concatenate(parts))) == 1
     # The writer was killed: perhaps amid writing. Nobody hangs.
     reader.read()
@@ -172,8 +181,8 @@ def test_parameters_arrive_whole_once_and_the_last_ones(tmp_path):
     above.send({"stiffness": 2.0, "text": "µ" * 100})
     assert below.news() == {"stiffness": 2.0, "text": "µ" * 100}
     assert below.news() is None
-    with pytest.raises(AsperityError, match=f"there is room for {ROOM}"):
-        above.send({"text": "x" * ROOM})
+    with pytest.raises(AsperityError, match=f"there is room for {MAX_TEXT}"):
+        above.send({"text": "x" * MAX_TEXT})
     assert not below.must_stop
     above.stop()
     assert below.must_stop

@@ -14,10 +14,9 @@ from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 from asperity.errors import AsperityError
 from asperity.realtime.servo import scheduling as realtime
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Pace
+from asperity.realtime.servo.ipc import Publisher
 from asperity.realtime.servo.loop import GUARD, STALE
-from asperity.realtime.servo.publish import Publisher
-from asperity.realtime.servo.scheduling import any_core, keep_off, share_core
-from asperity.realtime.servo.tick_row import slices
+from asperity.realtime.servo.scheduling import keep_off_core, pick_core, share_core
 from asperity.simulation.tool_contact import FALLBACK, LATE
 
 
@@ -26,19 +25,18 @@ class Kept(Publisher):
 
     def __init__(self):
         super().__init__()
-        self.rows = []
+        self.ticks = []
 
-    def push(self, row):
-        self.rows.append(row.values.copy())
+    def push(self, tick):
+        self.ticks.append(tick.record.copy())
 
     @property
     def flags(self):
-        place = slices()["flags"].start
-        return np.array([int(row[place]) for row in self.rows])
+        return np.array([int(tick["flags"]) for tick in self.ticks])
 
     @property
     def time(self):
-        return np.array([row[0] for row in self.rows])
+        return np.array([float(tick["time"]) for tick in self.ticks])
 
 
 def test_ticks_begin_at_absolute_times_and_lateness_does_not_add_up():
@@ -105,7 +103,7 @@ def test_a_contact_is_asked_for_when_all_else_is_done(shares):
     bench = Bench(mode="implicit", publisher=Told(), shares=shares, takes=lambda n: 0.4 * DT)
     bench.run(20)
     assert not any(told)
-    assert len(bench.contacts.asked) == 21
+    assert len(bench.contacts.submitted) == 21
     assert bench.stats.fallbacks == 0
     assert bench.contacts.rests == (20 if shares else 0) + 1
 
@@ -115,12 +113,14 @@ def test_after_a_late_contact_the_next_is_asked_for_at_once(shares):
     """On a core of one's own the tick that found none ends with the next one asked for."""
     bench = Bench(mode="implicit", shares=shares, takes=lambda n: 1.3 * DT if n == 5 else 0.1 * DT)
     bench.run(20)
-    asked = [round((now - bench.device.begin) / DT, 3) for now, _ in bench.contacts.asked[1:]]
-    late = [t for t in asked if t % 1.0 > 0.05]
+    submitted = [
+        round((now - bench.device.begin) / DT, 3) for now, _ in bench.contacts.submitted[1:]
+    ]
+    late = [t for t in submitted if t % 1.0 > 0.05]
     # Without sharing nobody looks between two ticks.
     assert bench.stats.fallbacks == (1 if shares else 2)
     assert len(late) == (1 if shares else 0)
-    assert any(jumped for _, jumped in bench.contacts.asked[1:]) != shares
+    assert any(jumped for _, jumped in bench.contacts.submitted[1:]) != shares
 
 
 def test_a_loop_that_was_held_up_leaves_ticks_out_and_falls_into_step_again():
@@ -146,7 +146,7 @@ def test_misses_are_late_ticks_and_ticks_left_out():
     assert stats.skipped == 2
     assert stats.misses == 3
     assert stats.ticks + stats.skipped == 100
-    told = stats.told()
+    told = stats.summary()
     assert told["misses_percent"] == pytest.approx(3.0)
     assert sum(told["start_late_histogram_us"].values()) == stats.ticks
     assert told["start_late_us"]["max"] == pytest.approx(400.0, abs=110.0)
@@ -175,7 +175,7 @@ def test_a_slow_contact_costs_the_tick_its_guard_and_no_more():
     flagged = np.flatnonzero(kept.flags & FALLBACK)
     assert flagged.tolist() == [50, 51, 52, 53]
     # The next contact knows that ticks were left out, and those after it that none were.
-    jumps = [jumped for _, jumped in bench.contacts.asked]
+    jumps = [jumped for _, jumped in bench.contacts.submitted]
     assert [n for n, jumped in enumerate(jumps) if jumped] == [52]
 
 
@@ -302,7 +302,7 @@ def test_the_tick_can_be_changed_on_the_way():
 def memory_of_ticks(mode):
     """Return ticks, and bytes: kept after every thousand ticks, and the most there were."""
     bench = Bench(mode=mode)
-    bench.contacts.asked = type(
+    bench.contacts.submitted = type(
         "Nothing", (), {"append": lambda *_: None, "__len__": lambda _: 0}
     )()
     bench.device.write = lambda wrench: None
@@ -343,7 +343,7 @@ def test_threads_come_to_share_a_core_that_they_may_use():
     thread = threading.Thread(target=held.wait)
     thread.start()
     try:
-        core = any_core()
+        core = pick_core()
         assert core in allowed
         told = share_core(core, [thread.native_id])
         assert os.sched_getaffinity(thread.native_id) == {core}
@@ -377,13 +377,13 @@ def test_a_process_can_be_kept_off_a_core():
     process = get_context("spawn").Process(target=time.sleep, args=(60.0,))
     process.start()
     try:
-        core = any_core()
-        told = keep_off(core, process.pid)
+        core = pick_core()
+        told = keep_off_core(core, process.pid)
         if len(allowed) > 1:
             assert told == f"not on core {core}"
             assert os.sched_getaffinity(process.pid) == allowed - {core}
         for other in sorted(os.sched_getaffinity(process.pid)):
-            told = keep_off(other, process.pid)
+            told = keep_off_core(other, process.pid)
         # One has to be left.
         assert told == "refused: there is no other core"
         assert os.sched_getaffinity(process.pid)

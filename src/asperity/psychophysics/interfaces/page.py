@@ -21,9 +21,9 @@ from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
 from asperity.scene.scene import Scene
-from asperity.viewer.panels.mouse import Mouse
+from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Frame, Panel
-from asperity.viewer.panels.scene_view import UNITS, Stage
+from asperity.viewer.panels.scene_view import UNITS, SceneView
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
 
@@ -70,7 +70,7 @@ class TrialLink(ServoClient):
 
     def spec(self, scene: Scene, seconds: float) -> ServoSpec:
         """Return what the servo process of an interval needs to know."""
-        choice = replace(self.choice, scene=scene, seconds=seconds)
+        choice = replace(self.config, scene=scene, seconds=seconds)
         return choice.spec(self._folder / "pointed")
 
     def feel(self, servo: Servo | None) -> None:
@@ -81,24 +81,24 @@ class TrialLink(ServoClient):
             if servo is not None:
                 self.generation += 1
                 if self._show:
-                    self.choice = replace(self.choice, scene=servo.spec.scene)
+                    self.config = replace(self.config, scene=servo.spec.scene)
 
     def change(self, **changes: Any) -> None:
         """Refuse: what is felt is the experiment's."""
         raise AsperityError("an experiment is going on; nothing can be changed")
 
-    def restart(self, choice: SessionConfig | None = None) -> Any:
+    def restart(self, config: SessionConfig | None = None) -> Any:
         """Refuse, as `change`."""
         self.change()
 
 
-class BlindStage(Stage):
+class BlindStage(SceneView):
     """The smooth scene, with the tool where the hand has it: nothing tells of the texture."""
 
     def update(self, frame: Frame) -> None:
         """Move the tool to the hand."""
-        moment = frame.moment
-        pose = self._link.target if moment is None else moment.handle_pose
+        snapshot = frame.snapshot
+        pose = self._servo.target if snapshot is None else snapshot.handle_pose
         self._tool.position = tuple((UNITS * pose[:3]).tolist())
         self._tool.wxyz = tuple(pose[3:].tolist())
         self._ghost.visible = False
@@ -120,7 +120,7 @@ class Desk:
         self.stage = ""
         """"welcome", "ready", "feel", "ask", "over"."""
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
         """Make all controls; which of them are there depends on the moment."""
         gui: Any = server.gui
         self._title = gui.add_markdown(f"## {self.design.name}")
@@ -319,5 +319,5 @@ class PageFront:
 
 def panels(desk: Desk, choice: SessionConfig, *, show: bool) -> list[Panel]:
     """Return what the participant has: the scene, the desk, and for a mouse its hand."""
-    stage = Stage() if show else BlindStage()
-    return [stage, desk, *([Mouse()] if choice.is_mouse else [])]
+    stage = SceneView() if show else BlindStage()
+    return [stage, desk, *([MousePanel()] if choice.is_mouse else [])]

@@ -1,1 +1,1 @@
-"""Haptic devices, one a file, behind one small protocol."""
+"""Haptic devices behind one small protocol, one backend per file."""

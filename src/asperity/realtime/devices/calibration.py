@@ -1,14 +1,14 @@
-"""What `asperity devices check` found out about one device, kept in the user's configuration.
+"""Calibrations of devices: found by `asperity devices check`, kept in the user's settings.
 
 A vendor's documentation may be wrong about axes, a device may be mounted sideways, and its origin
-may lie in its base. A calibration says which of the device's axes lead to the right, away from the
-user and up, and where its home is; `Calibrated` gives readings about home and in asperity's axes:
+may lie in its base. A calibration states which of the device's axes point to the right, away from
+the user and up, and where its home is. `Calibrated` converts readings to these axes about home:
 
     schema = 1
     device = "haply"
     axes = ["+x", "+y", "+z"]        # right, away, up
     home = [0.0, -0.12, 0.15]        # m, in the device's axes
-    checked_force = 0.5              # N; 0: the motors were not tried
+    checked_force = 0.5              # N; 0: the motors were not checked
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_finite, require_not_negative
 from asperity.realtime.devices.protocol import Device, Reading
-from asperity.realtime.devices.wrench_check import taken
+from asperity.realtime.devices.wrench_check import finite_wrench
 from asperity.scene.document import require_keys, write_toml
 
 SCHEMA = 1
@@ -35,16 +35,16 @@ _KEYS = ("schema", "device", "axes", "home", "checked_force")
 
 @dataclass(frozen=True)
 class Calibration:
-    """Axes, home, and whether the motors were tried.
+    """Axes and home of a device, and whether its motors were checked.
 
     Parameters
     ----------
     axes : tuple of str
-        The device's axis that leads to the right, away from the user, up: `+x`, `-x`, `+y`, ...
+        The device's axes that point to the right, away from the user, and up: `+x`, `-x`, `+y`, ...
     home : tuple of float
-        Where the middle of the workspace is, in the device's axes [m].
+        Middle of the workspace, in the device's axes [m].
     checked_force : float
-        Largest force at which the motors were found to push the right way [N].
+        Largest force at which the motors were found to push in the right direction [N].
     """
 
     axes: tuple[str, str, str] = ("+x", "+y", "+z")
@@ -65,7 +65,7 @@ class Calibration:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """Return the rotation (3, 3) from the device's axes to asperity's."""
+        """Rotation matrix (3, 3) from the device's axes to those of `protocol`."""
         out = np.zeros((3, 3))
         for row, axis in enumerate(self.axes):
             out[row, "xyz".index(axis[1])] = -1.0 if axis[0] == "-" else 1.0
@@ -73,10 +73,7 @@ class Calibration:
 
 
 class Calibrated:
-    """A device whose readings are about home and in asperity's axes.
-
-    The rest is the device's own.
-    """
+    """A device whose readings and wrenches are converted by a calibration."""
 
     def __init__(self, device: Device, calibration: Calibration) -> None:
         self.device = device
@@ -94,7 +91,7 @@ class Calibrated:
         self.device.open()
 
     def read(self, out: Reading) -> bool:
-        """Fill the newest reading, about home."""
+        """Fill the newest reading, about home and in the axes of `protocol`."""
         raw = self._raw
         new = self.device.read(raw)
         out.pose[:], out.twist[:] = raw.pose, raw.twist
@@ -104,19 +101,19 @@ class Calibrated:
             rows = self._rows
             out.pose[:3] = rows @ out.pose[:3]
             out.twist[:3], out.twist[3:] = rows @ out.twist[:3], rows @ out.twist[3:]
-            # R q R^-1 turns the axis of the rotation and leaves its angle.
+            # R q R^-1 rotates the axis of the rotation and keeps its angle.
             out.pose[4:] = rows @ out.pose[4:]
         return new
 
     def write(self, wrench: NDArray[np.float64]) -> None:
-        """Send a wrench, in asperity's axes."""
+        """Send a wrench, given in the axes of `protocol`."""
         if self._same_axes:
             self.device.write(wrench)
             return
-        values = taken(wrench)
+        values = finite_wrench(wrench)
         out = self._wrench
         if values is None:
-            out[:] = math.nan  # the device says so, and sends zero
+            out[:] = math.nan  # the device reports it and sends zero
         else:
             out[:] = values
             out[:3], out[3:] = out[:3] @ self._rows, out[3:] @ self._rows
@@ -128,9 +125,9 @@ class Calibrated:
 
 
 def calibration_file(name: str) -> Path:
-    """Return where the calibration of a device lies.
+    """Return the path of a device's calibration.
 
-    In `XDG_CONFIG_HOME` or `~/.config`; on Windows in `APPDATA`, on macOS in
+    It lies in `XDG_CONFIG_HOME` or `~/.config`; on Windows in `APPDATA`, on macOS in
     `~/Library/Application Support` (both untested).
     """
     home = Path.home()
@@ -146,7 +143,7 @@ def calibration_file(name: str) -> Path:
 
 
 def save_calibration(name: str, calibration: Calibration) -> Path:
-    """Write the calibration of a device; return where."""
+    """Write the calibration of a device; return its path."""
     path = calibration_file(name)
     document = {"schema": SCHEMA, "device": name, **asdict(calibration)}
     try:

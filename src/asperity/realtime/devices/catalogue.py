@@ -1,4 +1,4 @@
-"""The devices there are: their names, what each needs, what is here, and making one by name."""
+"""The catalogue of devices: their names, what each needs, and making one by name."""
 
 from __future__ import annotations
 
@@ -18,55 +18,59 @@ from asperity.realtime.devices.calibration import (
     calibration_file,
     load_calibration,
 )
-from asperity.realtime.devices.haply.cursor import HOME
+from asperity.realtime.devices.haply.messages import HOME
 from asperity.realtime.devices.protocol import Device
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One backend."""
+class DeviceEntry:
+    """A backend of the catalogue."""
 
     name: str
-    told: str
-    """What it is, in a few words."""
+    description: str
+    """Description in a few words."""
     module: str
     kind: str
-    """Class in `asperity.realtime.devices.MODULE`."""
+    """Name of the class in `asperity.realtime.devices.MODULE`."""
     package: str = ""
-    """The import that has to succeed; empty: none beyond asperity's own."""
+    """Package that it imports; empty: none beyond asperity's dependencies."""
     extra: str = ""
     by_hand: str = ""
-    """What no package installer brings."""
+    """What has to be installed by hand."""
     home: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Middle of the workspace in the vendor's origin, where no calibration says [m]."""
+    """Middle of the workspace in the vendor's axes, if there is no calibration [m]."""
     steady: bool = False
-    """It has no axes and home to be found out."""
-    checked_with: Mapping[str, Any] = field(default_factory=dict)
-    """Options under which it can be checked."""
+    """Whether it has no axes and home to calibrate."""
+    check_options: Mapping[str, Any] = field(default_factory=dict)
+    """Options for `asperity devices check`."""
 
 
 _ENTRIES = (
-    Entry("simulated", "a simulated hand", "simulated", "SimulatedDevice", steady=True),
-    Entry("mouse", "a page's pointer, in a simulated hand", "mouse", "MouseDevice", steady=True),
-    Entry("replay", "a recording or a file of poses", "replayed", "ReplayedDevice", steady=True),
-    Entry(
+    DeviceEntry("simulated", "a simulated hand", "simulated", "SimulatedDevice", steady=True),
+    DeviceEntry(
+        "mouse", "a page's pointer, in a simulated hand", "mouse", "MouseDevice", steady=True
+    ),
+    DeviceEntry(
+        "replay", "a recording or a file of poses", "replayed", "ReplayedDevice", steady=True
+    ),
+    DeviceEntry(
         "haply", "Haply Inverse3, by its service", "haply.service", "HaplyServiceDevice",
         "websockets", "haply", "Haply Hub or the Inverse service", HOME,
     ),
-    Entry(
+    DeviceEntry(
         "haply-fake", "the same, simulated", "haply.fake_device",
-        "HaplyFakeDevice", "websockets", "haply", "", HOME, checked_with={"motion": "still"},
+        "HaplyFakeDevice", "websockets", "haply", "", HOME, check_options={"motion": "still"},
     ),
-    Entry(
+    DeviceEntry(
         "haply-serial", "Haply Inverse3, by serial port", "haply.serial_port",
         "HaplyHardwareDevice", "HaplyHardwareAPI", "haply",
         "an Inverse3 on USB (Linux: group dialout)", HOME,
     ),
-    Entry(
+    DeviceEntry(
         "force-dimension", "omega, sigma, lambda", "force_dimension", "ForceDimensionDevice",
         "forcedimension_core", "forcedimension", "Force Dimension SDK 3.16 or later",
     ),
-    Entry(
+    DeviceEntry(
         "openhaptics", "3D Systems Touch, Premium", "openhaptics", "OpenHapticsDevice",
         "pyOpenHaptics", "openhaptics", "OpenHaptics and the device's driver",
     ),
@@ -82,23 +86,23 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "premium-1.5-6dof": ("openhaptics", {"model": "premium-1.5-6dof"}),
     "premium-3.0-6dof": ("openhaptics", {"model": "premium-3.0-6dof"}),
 }
-"""What people call them, too: the backend and its options."""
+"""Names of models: the backend and its options."""
 
 
 @dataclass(frozen=True)
 class BackendStatus:
-    """What is here of one backend."""
+    """The status of a backend on this computer."""
 
-    entry: Entry
+    entry: DeviceEntry
     installed: bool
     attached: str
-    """What is plugged in, in a few words."""
+    """What is connected, in a few words."""
     advice: str
-    """How to get what lacks; empty if nothing does."""
+    """How to get what is missing; empty if nothing is."""
 
 
 def device(name: str, *, calibrated: bool = True, **options: Any) -> Device:
-    """Return a device by name, not yet opened.
+    """Return a device by name, not opened.
 
     Parameters
     ----------
@@ -106,15 +110,15 @@ def device(name: str, *, calibrated: bool = True, **options: Any) -> Device:
         A backend (`haply`, `force-dimension`, ...), a model (`touch`, `sigma.7`, ...), or
         `replay:FILE`.
     calibrated : bool
-        Take axes and home from the calibration that `asperity devices check` saved, or the
-        backend's usual home where there is none.
+        Apply the calibration that `asperity devices check` saved, or the backend's usual home if
+        there is none.
     **options
-        Of the backend's class.
+        Options of the backend's class.
 
     Raises
     ------
     AsperityError
-        Unknown name or option, a value out of range, or a calibration that cannot be read.
+        Unknown name or option, a value out of range, or an unreadable calibration.
     """
     if name.startswith("replay:"):
         name, options = "replay", {"source": name.partition(":")[2], **options}
@@ -130,28 +134,28 @@ def device(name: str, *, calibrated: bool = True, **options: Any) -> Device:
     return Calibrated(made, load_calibration(name) or Calibration(home=entry.home))
 
 
-def entry_of(name: str) -> Entry:
+def entry_of(name: str) -> DeviceEntry:
     """Return the backend that a name stands for."""
     require_choice("device", name, [*ENTRIES, *MODELS])
     return ENTRIES[MODELS[name][0] if name in MODELS else name]
 
 
-def findings() -> list[BackendStatus]:
-    """Return what is installed and attached, of every backend. Opens no device."""
-    return [_finding(entry) for entry in _ENTRIES]
+def backend_statuses() -> list[BackendStatus]:
+    """Return the status of every backend. Opens no device."""
+    return [_status_of(entry) for entry in _ENTRIES]
 
 
-def is_installed(entry: Entry) -> bool:
-    """Return whether the package of a backend is there (it may still lack what is by hand)."""
+def is_installed(entry: DeviceEntry) -> bool:
+    """Return whether a backend's package is installed; parts installed by hand may be missing."""
     return not entry.package or find_spec(entry.package) is not None
 
 
 def is_calibrated(name: str) -> bool:
-    """Return whether a calibration is kept for a device."""
+    """Return whether a calibration of a device has been saved."""
     return calibration_file(name).is_file()
 
 
-def _make(entry: Entry, options: Mapping[str, Any]) -> Device:
+def _make(entry: DeviceEntry, options: Mapping[str, Any]) -> Device:
     try:
         kind = getattr(
             importlib.import_module(f"asperity.realtime.devices.{entry.module}"), entry.kind
@@ -171,57 +175,57 @@ def _make(entry: Entry, options: Mapping[str, Any]) -> Device:
     return made
 
 
-def _finding(entry: Entry) -> BackendStatus:
+def _status_of(entry: DeviceEntry) -> BackendStatus:
     if not entry.package:
         return BackendStatus(entry, True, "-", "")
     if not is_installed(entry):
         also = f"; and {entry.by_hand}" if entry.by_hand else ""
         return BackendStatus(entry, False, "-", f"pip install 'asperity[{entry.extra}]'{also}")
-    ask = _ASKED.get(entry.name)
-    if ask is None:
-        attached, complete = ("-", True) if not entry.by_hand else ("cannot be asked", True)
+    detect = _DETECT.get(entry.name)
+    if detect is None:
+        attached, complete = ("-", True) if not entry.by_hand else ("cannot be detected", True)
     else:
-        attached, complete = _asked(ask)
+        attached, complete = _detected(detect)
     none = attached.startswith("none")
     advice = "" if complete and not none else entry.by_hand
     return BackendStatus(entry, True, attached, f"needs {advice}" if advice else "")
 
 
-def _asked(ask: Callable[[], str]) -> tuple[str, bool]:
-    """Return what a vendor's package says is attached, and whether it could say."""
+def _detected(detect: Callable[[], str]) -> tuple[str, bool]:
+    """Return what a vendor's package reports as connected, and whether it could report."""
     try:
-        # The packages talk on these; the table is no place for it.
+        # The packages print to these streams.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return ask(), True
+            return detect(), True
     except ImportError:
         return "no vendor library", False
-    except Exception as error:  # whatever a vendor's package does, the rest of the list stands
+    except Exception as error:  # an error of one vendor's package must not end the list
         return f"unknown ({type(error).__name__})", False
 
 
-def _ask_service() -> str:
+def _detect_service() -> str:
     from asperity.realtime.devices.haply.service import attached
 
     ids = attached()
     return f"Inverse3 {', '.join(ids)}" if ids else "none found"
 
 
-def _ask_serial() -> str:
+def _detect_serial() -> str:
     import HaplyHardwareAPI as api  # noqa: N813
 
     ports = api.detect_inverse3s()
     return f"Inverse3 on {', '.join(ports)}" if ports else "none found"
 
 
-def _ask_force_dimension() -> str:
+def _detect_force_dimension() -> str:
     from asperity.realtime.devices.force_dimension import attached
 
     count = attached()
     return f"{count} found" if count > 0 else "none found"
 
 
-_ASKED: dict[str, Callable[[], str]] = {
-    "haply": _ask_service,
-    "haply-serial": _ask_serial,
-    "force-dimension": _ask_force_dimension,
+_DETECT: dict[str, Callable[[], str]] = {
+    "haply": _detect_service,
+    "haply-serial": _detect_serial,
+    "force-dimension": _detect_force_dimension,
 }

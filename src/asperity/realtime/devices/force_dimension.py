@@ -1,15 +1,15 @@
-"""Force Dimension omega, delta, sigma and lambda through the package forcedimension-core.
+"""Force Dimension omega, delta, sigma and lambda, through the package forcedimension-core.
 
-The package binds Force Dimension's own library, libdrd, which comes with their SDK (3.16 or later)
-and has to be installed by hand. Its calls go over USB and are made from a thread (`exchange`).
+The package binds Force Dimension's library libdrd, which comes with their SDK (3.16 or later) and
+has to be installed by hand. Its calls go over USB and are made from a `PollingThread`.
 
-Axes there: x towards the user, y to the right, z up. So ours are (y, -x, z). An omega.6 tells its
-orientation in a frame of its own, turned by 45 degrees about y (SDK documentation); that is not
-corrected: check it with `asperity devices check`.
+The vendor's axes are x towards the user, y to the right, z up, so a vector (x, y, z) becomes
+(y, -x, z). An omega.6 reports its orientation in a frame rotated by 45 degrees about y (SDK
+documentation); this is not corrected: use `asperity devices check`.
 
-*When writes stop*, the thread sends zero after 20 ms, and the controller's own watchdog, where it
-has one, is set to 25 ms: it disables forces if the process is gone. Never tried on hardware; tested
-against the mock that the package carries.
+*When writes stop*, the thread sends zero after 20 ms, and the controller's own watchdog, where
+there is one, is set to 25 ms: it disables forces if the process is gone. Never tried on hardware;
+tested against the mock that the package contains.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 from asperity.errors import AsperityError, require_choice
 from asperity.realtime.devices.orientation import quaternion_of
-from asperity.realtime.devices.polling_thread import Answer, Exchange, Exchanging
+from asperity.realtime.devices.polling_thread import Measurement, PolledDevice, PollingThread
 from asperity.realtime.devices.presets import PRESETS
 from asperity.realtime.devices.protocol import Limits
 from asperity.realtime.devices.wrench_check import ZERO
@@ -31,13 +31,13 @@ _WATCHDOG = 200  # of 125 us
 _FARTHEST = 2.0
 
 
-class ForceDimensionDevice(Exchanging):
+class ForceDimensionDevice(PolledDevice):
     """The first free Force Dimension device.
 
     Parameters
     ----------
     model : str
-        Whose limits hold: `omega.6`, `sigma.7` or `lambda.7`.
+        Model whose limits apply: `omega.6`, `sigma.7` or `lambda.7`.
     limits : Limits, optional
         Instead of the model's.
     clock : callable
@@ -57,13 +57,13 @@ class ForceDimensionDevice(Exchanging):
         self._clock = clock
         self._dhd: Any = None
         self._position, self._velocity = [0.0] * 3, [0.0] * 3
-        self._turning = [0.0] * 3
+        self._angular_velocity = [0.0] * 3
         self._frame = [[0.0] * 3 for _ in range(3)]
         self._wrist = self._torques = False
 
     def open(self) -> None:
-        """Open the device, enable its forces, and begin to exchange."""
-        if self._exchange is not None:
+        """Open the device, enable its forces, and start the polling thread."""
+        if self._poller is not None:
             return
         dhd = _import()
         if dhd.open() == -1:
@@ -79,21 +79,21 @@ class ForceDimensionDevice(Exchanging):
                 dhd.expert.setWatchdog(_WATCHDOG)
             if dhd.enableForce(True) == -1:
                 raise OSError(dhd.errorGetLastStr())
-            self._ask(ZERO)
+            self._transact(ZERO)
         except (OSError, ValueError) as error:
             self._shut()
             raise AsperityError(f"the Force Dimension device does not answer: {error}") from None
-        self._exchange = Exchange(self._ask, reopen=self._reopen, clock=self._clock)
-        self._exchange.start()
+        self._poller = PollingThread(self._transact, reopen=self._reopen, clock=self._clock)
+        self._poller.start()
 
     def close(self) -> None:
-        """Send zero, brake, and let go of the device."""
-        exchange, self._exchange = self._exchange, None
-        if exchange is not None:
-            exchange.stop()
+        """Send zero, brake, and release the device."""
+        poller, self._poller = self._poller, None
+        if poller is not None:
+            poller.stop()
         self._shut()
 
-    def _ask(self, wrench: tuple[float, ...]) -> Answer:
+    def _transact(self, wrench: tuple[float, ...]) -> Measurement:
         dhd = self._dhd
         fx, fy, fz, tx, ty, tz = wrench
         if self._torques:
@@ -108,21 +108,28 @@ class ForceDimensionDevice(Exchanging):
             state = dhd.getPosition(self._position)
         if state == -1:
             raise OSError(f"Force Dimension: {dhd.errorGetLastStr()}")
-        # The estimators fail until they have seen two positions: then the velocity is none.
+        # The velocity estimators fail until they have two positions.
         if dhd.getLinearVelocity(self._velocity) == -1:
             self._velocity[:] = (0.0, 0.0, 0.0)
         x, y, z = self._position
         if not x * x + y * y + z * z <= _FARTHEST**2:
-            raise OSError(f"Force Dimension tells of {x:.3g}, {y:.3g}, {z:.3g} m, which cannot be")
+            raise OSError(f"Force Dimension reports {x:.3g}, {y:.3g}, {z:.3g} m, out of reach")
         vx, vy, vz = self._velocity
-        orientation, turning = None, (0.0, 0.0, 0.0)
+        orientation, angular_velocity = None, (0.0, 0.0, 0.0)
         if self._wrist:
-            if dhd.getAngularVelocityRad(self._turning) == -1:
-                self._turning[:] = (0.0, 0.0, 0.0)
-            wx, wy, wz = self._turning
-            orientation, turning = quaternion_of(_in_our_axes(self._frame)), (wy, -wx, wz)
-        return Answer(
-            (y, -x, z), (vy, -vx, vz), orientation, turning, int(dhd.getButtonMask()) & 0xFFFFFFFF
+            if dhd.getAngularVelocityRad(self._angular_velocity) == -1:
+                self._angular_velocity[:] = (0.0, 0.0, 0.0)
+            wx, wy, wz = self._angular_velocity
+            orientation, angular_velocity = (
+                quaternion_of(_to_workspace_axes(self._frame)),
+                (wy, -wx, wz),
+            )
+        return Measurement(
+            (y, -x, z),
+            (vy, -vx, vz),
+            orientation,
+            angular_velocity,
+            int(dhd.getButtonMask()) & 0xFFFFFFFF,
         )
 
     def _reopen(self) -> None:
@@ -144,7 +151,7 @@ class ForceDimensionDevice(Exchanging):
 
 
 def attached() -> int:
-    """Return how many devices are plugged in, without opening one. ImportError: no SDK."""
+    """Return the number of connected devices without opening one; ImportError without the SDK."""
     import forcedimension_core.dhd as dhd
 
     return int(dhd.getDeviceCount())
@@ -163,8 +170,8 @@ def _import() -> Any:
     return dhd
 
 
-def _in_our_axes(m: list[list[float]]) -> tuple[tuple[float, float, float], ...]:
-    """Return C m C^T with C = (y, -x, z)."""
+def _to_workspace_axes(m: list[list[float]]) -> tuple[tuple[float, float, float], ...]:
+    """Return C m C^T, where C maps (x, y, z) to (y, -x, z)."""
     return (
         (m[1][1], -m[1][0], m[1][2]),
         (-m[0][1], m[0][0], -m[0][2]),

@@ -1,8 +1,8 @@
-"""Orientations as devices tell them: a matrix to a quaternion, and a rate of turning from two.
+"""Orientations of devices: quaternions from matrices, angular velocities from differences.
 
-Devices that sense orientation without its rate (the VerseGrip, a stylus with encoders) leave the
+Devices that measure orientation but not its rate (the VerseGrip, a stylus with encoders) leave the
 angular velocity to be estimated. A plain difference over one tick multiplies the sensor's noise by
-1000 1/s, so it goes through a first-order low-pass; its lag is the price.
+1000 1/s, so it is passed through a first-order low-pass, at the price of its lag.
 """
 
 from __future__ import annotations
@@ -11,30 +11,30 @@ import math
 from collections.abc import Sequence
 
 RATE_TIME_CONSTANT = 0.01
-"""Of the low-pass on the estimated angular velocity [s]; asperity's choice."""
+"""Time constant of the low-pass on the angular velocity [s]; project default."""
 
 
 def unit_quaternion(w: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
-    """Return the quaternion divided by its norm; raise ValueError if that is far from 1."""
+    """Return the normalised quaternion; raise ValueError if its norm is not within 0.9 to 1.1."""
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0.9 < norm < 1.1:  # also refuses nan
-        raise ValueError(f"an orientation of norm {norm:.3g}; a unit quaternion has 1")
+        raise ValueError(f"an orientation has norm {norm:.3g}; a unit quaternion has 1")
     return w / norm, x / norm, y / norm, z / norm
 
 
 def quaternion_of(rows: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
-    """Return the unit quaternion wxyz of a rotation matrix, by its largest component.
+    """Return the unit quaternion wxyz of a rotation matrix, starting from its largest component.
 
     Raises
     ------
     ValueError
-        The matrix is no rotation, to 0.1 in the norm of the quaternion.
+        The matrix is not a rotation, to 0.1 in the norm of the quaternion.
     """
     (a, b, c), (d, e, f), (g, h, i) = rows
     squares = (1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i)
     largest = max(range(4), key=squares.__getitem__)
     if not squares[largest] > 0.0:
-        raise ValueError("an orientation that is no rotation")
+        raise ValueError("the orientation is not a rotation")
     s = 2.0 * math.sqrt(squares[largest])
     quaternion = (
         (s / 4.0, (h - f) / s, (c - g) / s, (d - b) / s),
@@ -46,7 +46,7 @@ def quaternion_of(rows: Sequence[Sequence[float]]) -> tuple[float, float, float,
 
 
 class TurnRate:
-    """Angular velocity, world axes, from orientations as they come.
+    """Angular velocity in world axes, estimated from successive orientations.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ class TurnRate:
         """Angular velocity [rad/s]."""
 
     def add(self, time: float, quaternion: tuple[float, float, float, float]) -> None:
-        """Take in the orientation measured at `time` [s]."""
+        """Add the orientation measured at `time` [s]."""
         then, last = self._then, self._last
         self._then, self._last = time, quaternion
         if then is None or time <= then:
             return
         seconds = time - then
-        if seconds > 0.1:  # a gap: what was before says nothing of now
+        if seconds > 0.1:  # after a gap the difference means nothing
             self.rate = (0.0, 0.0, 0.0)
             return
         share = seconds / (seconds + self._time_constant)
@@ -81,14 +81,14 @@ class TurnRate:
         )
 
     def forget(self) -> None:
-        """Begin anew, as after a connection that was lost."""
+        """Restart, as after a lost connection."""
         self._then, self.rate = None, (0.0, 0.0, 0.0)
 
 
 def _turn(
     first: tuple[float, float, float, float], last: tuple[float, float, float, float]
 ) -> tuple[float, float, float]:
-    """Return the rotation vector [rad] from one orientation to the next, the short way."""
+    """Return the rotation vector from one orientation to the next, the shorter way [rad]."""
     aw, ax, ay, az = first
     bw, bx, by, bz = last
     # last * conjugate(first)

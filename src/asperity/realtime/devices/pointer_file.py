@@ -1,8 +1,8 @@
-"""Where a page wants the hand: a small shared file between whoever points and the mouse device.
+"""Where a page's pointer wants the hand: a small shared file, read by the mouse device.
 
-The one who points writes a target pose whenever it has moved, or a table of poses to be gone
-through again and again, and how hard the hand shall press. The device looks at a number in each
-tick and takes what is new. The one who points may end at any time: the last word stays.
+The page writes a target pose whenever the pointer has moved, or a table of poses to play in a loop,
+and the normal force to press with. The device looks for news in each tick. If the page ends, the
+last target stays.
 """
 
 from __future__ import annotations
@@ -14,63 +14,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.shared_file import SharedFile
+from asperity.realtime.shared_file import SequenceLock, SharedFile
 
-ROOM = 20_000
-"""Poses of a table, at most."""
-_HEADER = 16
-"""Numbers of 8 bytes before the tables."""
-_NUMBER = 0
-_POSE = slice(1, 8)
-_PRESS, _ROWS, _LOOP, _STEP, _BEGUN, _SIDE = 8, 9, 10, 11, 12, 13
+MAX_POSES = 20_000
+"""Largest number of poses in a table."""
+_POINTER = np.dtype(
+    [
+        ("sequence", "i8"), ("pose", "f8", 7), ("press", "f8"), ("count", "i8"), ("loop", "i8"),
+        ("step", "f8"), ("begun", "f8"), ("side", "i8"), ("unused", "f8", 2),
+        ("tables", "f8", (2, MAX_POSES, 7)),
+    ]
+)  # fmt: skip
+"""The file. Of the two tables, the writer fills the one that is not in use."""
+_TARGET = ["pose", "press", "count", "loop", "step", "begun", "side"]
 
 
-class Wanted(NamedTuple):
-    """What the hand shall do."""
+class PointerTarget(NamedTuple):
+    """What the hand is to do."""
 
     number: int
-    """Of this word; even, and growing."""
+    """Sequence number of this target; even, and increasing."""
     pose: NDArray[np.float64]
     """Target (7,)."""
     press: float
-    """Normal force to press with [N]; NaN: none is regulated."""
+    """Normal force to press with [N]; NaN: not regulated."""
     table: NDArray[np.float64] | None
-    """Poses (n, 7) to go through, in the place of `pose`."""
+    """Poses (n, 7) to play, instead of going to `pose`."""
     loop: int
-    """The row after the last is this one."""
+    """Row of the table that follows after the last."""
     step: float
-    """From row to row [s]."""
+    """Time from one row to the next [s]."""
     begun: float
     """When the first row was due, on the monotonic clock [s]."""
 
 
-class Pointed:
-    """Both ends: `point` and `move` above, `news` below.
+class PointerFile:
+    """Both ends of the file: the page calls `point` and `move`, the device `news`.
 
     Parameters
     ----------
     path : Path
     pose : (7,) array, optional
-        Make the file, with this target. Default: open the one there is.
+        Create the file with this target. Default: open an existing file.
+
+    Raises
+    ------
+    AsperityError
+        There is no such file.
     """
 
     def __init__(self, path: Path, pose: NDArray[np.float64] | None = None) -> None:
-        size = None if pose is None else 8 * (_HEADER + 2 * 7 * ROOM)
         try:
-            self._file = SharedFile(path, size)
+            self._file = SharedFile(path, None if pose is None else _POINTER.itemsize)
         except OSError as error:
-            raise AsperityError(f"nobody points at {path}: {error}") from None
-        self._number = self._file.array(np.int64, 1, 0)
-        self._values = self._file.array(np.float64, _HEADER, 0)
-        tables = self._file.array(np.float64, 2 * 7 * ROOM, 8 * _HEADER)
-        self._tables = tables.reshape(2, ROOM, 7)
+            raise AsperityError(f"no pointer file at {path}: {error}") from None
+        self._record = self._file.array(_POINTER)
+        self._lock = SequenceLock(self._record["sequence"])
         self._seen = -1
         if pose is not None:
             self.point(pose)
 
     def point(self, pose: NDArray[np.float64], press: float | None = None) -> None:
-        """Want the hand at a pose (7,), pressing with a normal force [N] or as it comes."""
-        self._write(pose, press, rows=0)
+        """Send the hand to a pose (7,), pressing with a normal force [N] or without regulation."""
+        self._write(pose, press, count=0)
 
     def move(
         self,
@@ -81,43 +87,46 @@ class Pointed:
         begun: float,
         press: float | None = None,
     ) -> None:
-        """Want the hand to go through poses (n, 7), `step` [s] apart, and again from row `loop`."""
-        if not 1 <= len(poses) <= ROOM:
-            raise AsperityError(f"a motion of {len(poses)} poses; valid: 1 to {ROOM}")
-        # The side that is not being read.
-        side = 1 - int(self._values[_SIDE])
-        self._tables[side, : len(poses)] = poses
-        self._write(poses[0], press, rows=len(poses), told=(loop, step, begun, side))
+        """Play poses (n, 7), `step` [s] apart, and then again from row `loop`.
 
-    def news(self) -> Wanted | None:
-        """Return what is wanted if that is new, or None. Never waits."""
-        number = int(self._number[0])
-        if number == self._seen or number % 2:
+        Parameters
+        ----------
+        poses : (n, 7) array
+            1 to `MAX_POSES` of them.
+        loop : int
+        step : float
+        begun : float
+            When the first pose is due, on the monotonic clock [s].
+        press : float, optional
+            Normal force to press with [N]. Default: not regulated.
+        """
+        if not 1 <= len(poses) <= MAX_POSES:
+            raise AsperityError(f"a motion of {len(poses)} poses; valid: 1 to {MAX_POSES}")
+        side = 1 - int(self._record["side"])
+        self._record["tables"][side, : len(poses)] = poses
+        self._write(poses[0], press, count=len(poses), loop=loop, step=step, begun=begun, side=side)
+
+    def news(self) -> PointerTarget | None:
+        """Return the target if it is new since the last call, or None. Never waits."""
+        if self._lock.number == self._seen:
             return None
-        values = self._values.copy()
-        if int(self._number[0]) != number:
+        found = self._lock.read(self._record[_TARGET].copy)
+        if found is None:
             return None
-        self._seen = number
-        rows = int(values[_ROWS])
-        table = self._tables[int(values[_SIDE]), :rows] if rows else None
-        return Wanted(
-            number, values[_POSE], float(values[_PRESS]), table, int(values[_LOOP]),
-            float(values[_STEP]), float(values[_BEGUN]),
+        self._seen, target = found
+        count = int(target["count"])
+        table = self._record["tables"][int(target["side"]), :count] if count else None
+        return PointerTarget(
+            self._seen, target["pose"], float(target["press"]), table, int(target["loop"]),
+            float(target["step"]), float(target["begun"]),
         )  # fmt: skip
 
     def _write(
-        self,
-        pose: NDArray[np.float64],
-        press: float | None,
-        *,
-        rows: int,
-        told: tuple[float, float, float, float] | None = None,
+        self, pose: NDArray[np.float64], press: float | None, count: int, **table: float
     ) -> None:
-        values = self._values
-        self._number[0] += 1
-        values[_POSE] = pose
-        values[_PRESS] = np.nan if press is None else press
-        values[_ROWS] = rows
-        if told is not None:
-            values[_LOOP], values[_STEP], values[_BEGUN], values[_SIDE] = told
-        self._number[0] += 1
+        with self._lock:
+            self._record["pose"] = pose
+            self._record["press"] = np.nan if press is None else press
+            self._record["count"] = count
+            for name, value in table.items():
+                self._record[name] = value

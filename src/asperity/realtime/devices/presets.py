@@ -1,14 +1,14 @@
-"""What each known device can do, by name.
+"""Limits of known devices by name.
 
-The rows of 3D Systems and Force Dimension are limits that public device code (CHAI3D 3.3) sets in
-software; they are no datasheets. Force limits there lie below what some makers name for a peak
-(sigma.7: 20 N and 0.4 N m), which is as it should be for a force that is held.
+The rows of 3D Systems and Force Dimension are the limits that public device code (CHAI3D 3.3) sets
+in software, not datasheet values. They lie below some makers' peak forces (sigma.7: 20 N and
+0.4 N m), as they should for a force that is held.
 
-For the Haply Inverse3 no public figure was found for force or stiffness. Its row is asperity's:
-2 N is what Isaac Lab's driver allows by default, 300 N/m and 2 N s/m are CHAI3D's for Haply's
+For the Haply Inverse3 no public figures for force or stiffness were found. Its row is a project
+default: 2 N is what Isaac Lab's driver allows, 300 N/m and 2 N s/m are CHAI3D's for Haply's
 pantograph, and 0.1 m lies well within its reach. Raise them with `limits=` once you know better.
 
-The physical damping of all of them, 0.1 N s/m, is asperity's as well.
+The physical damping of all of them, 0.1 N s/m, is a project default as well.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _ROWS = {
     "inverse3":         (2.0, 0.0, 300.0, 2.0, 0.0, 0.1),
 }  # fmt: skip
 PRESETS = {name: Limits(*row, torque_dof=3 if row[1] else 0) for name, row in _ROWS.items()}
-"""Limits by name."""
+"""Limits by device name."""
 
 
 def limits_of(name: str) -> Limits:
-    """Return the limits of a device by name; an unknown name is refused with the nearest one."""
+    """Return a device's limits; an unknown name raises AsperityError with the nearest one."""
     return PRESETS[require_choice("device preset", name, PRESETS)]

@@ -1,12 +1,12 @@
-"""What the servo loop asks of a haptic device, and what a device declares of itself.
+"""The protocol between the servo loop and a haptic device.
 
-A device is read and written once a tick by one process, the one that opened it. Reading never
-waits: it hands over the newest pose there is, and says whether it is new. Writing never raises: a
-wrench that could not be delivered is reported by the next reading.
+A device is read and written once per tick by one process, the one that opened it. Reading never
+waits: it returns the newest pose and whether it is new. Writing never raises: a wrench that could
+not be delivered is reported by the next reading.
 
-Poses, twists and wrenches are those of the device's own end effector in its own workspace, axes
-right-handed with x to the right, y away from the user and z up; `mapping.Mapping` turns them
-into those of the scene. A backend turns its vendor's axes into these.
+Poses, twists and wrenches are those of the device's end effector in its own workspace, in
+right-handed axes with x to the right, y away from the user and z up. A backend converts from its
+vendor's axes to these; `mapping.Mapping` maps them to the scene.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from asperity.errors import require_between, require_not_negative, require_posit
 
 @dataclass(frozen=True)
 class Limits:
-    """What a device can do; what it is told stays within this.
+    """What a device can render; everything that is sent stays within this.
 
     Parameters
     ----------
     max_force, max_torque : float
-        Largest that may be commanded [N], [N m]. A torque of 0: it has none.
+        Largest force [N] and torque [N m]. A torque of 0: the device renders none.
     max_stiffness, max_damping : float
-        Largest stiffness [N/m] and damping [N s/m] that may be rendered.
+        Largest stiffness [N/m] and damping [N s/m] that can be rendered stably.
     max_rotational_stiffness : float
-        Largest rotational stiffness [N m/rad]; 0 where it has no torque.
+        Largest rotational stiffness [N m/rad]; 0 without torque.
     radius : float
-        Of its workspace, a ball round the device's origin [m].
+        Radius of the workspace, a ball about the device's origin [m].
     damping : float
-        The device's own, physical damping, for bounds of stability [N s/m]. 0.1 is asperity's.
+        The device's physical damping, for stability bounds [N s/m]. 0.1 is a project default.
     force_dof, torque_dof : int
-        Directions that it can push in, 0 to 3, and turn about, 0 to 3.
+        Number of axes along which it renders forces, and about which torques, 0 to 3.
     senses_rotation : bool
         Whether it measures the orientation of the end effector.
     """
@@ -64,18 +64,18 @@ class Limits:
 
 @dataclass
 class Reading:
-    """What a device last told of itself; the arrays are filled in place."""
+    """What a device measured last; the arrays are filled in place."""
 
     pose: NDArray[np.float64]
-    """Of the end effector: position [m], unit quaternion wxyz; (7,)."""
+    """Pose of the end effector (7,): position [m] and unit quaternion wxyz."""
     twist: NDArray[np.float64]
-    """Linear [m/s] and angular [rad/s] velocity; (6,)."""
+    """Linear [m/s] and angular [rad/s] velocity (6,)."""
     buttons: int = 0
     """Pressed buttons, one bit each, the lowest first."""
     age: float = 0.0
-    """How long ago the device measured this [s], as far as is known; infinite: never."""
+    """Time since the measurement [s], as far as known; infinite: there was none."""
     error: str = ""
-    """What went wrong since the last reading: empty if nothing did."""
+    """What went wrong since the last reading; empty if nothing did."""
 
     @staticmethod
     def empty() -> Reading:
@@ -86,18 +86,24 @@ class Reading:
 class Device(Protocol):
     """A haptic device. `limits` and `name` are known before it is opened.
 
-    One with an attribute `in_loop` that is true has no thread, process or service working for it:
-    where there are two cores, the loop may keep one of them busy.
+    A device may have an attribute `in_loop`; if true, no thread, process or service works for it,
+    and the loop may keep one of two cores busy.
     """
 
     name: str
     limits: Limits
 
     def open(self) -> None:
-        """Connect; raise `AsperityError`, one line with what to do, if that fails."""
+        """Connect.
+
+        Raises
+        ------
+        AsperityError
+            It failed; the message explains what to do.
+        """
 
     def read(self, out: Reading) -> bool:
-        """Fill the newest reading; return whether there was a new one. Never waits or raises."""
+        """Fill the newest reading; return whether it is new. Never waits or raises."""
 
     def write(self, wrench: NDArray[np.float64]) -> None:
         """Send force [N] and torque about the end effector [N m] (6,). Never waits or raises."""

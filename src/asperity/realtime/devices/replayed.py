@@ -1,7 +1,7 @@
-"""A recorded motion of a hand as a device: a session's `recording.h5`, or a file of poses.
+"""A recorded hand motion as a device: a session's `recording.h5`, or a file of poses.
 
-It moves by the clock, not by the number of readings, as a hand would, and feels nothing. The poses
-are those of the scene, so it wants no mapping.
+The motion follows the clock, not the number of readings, and ignores forces. The poses are those
+of the scene, so no mapping is needed.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from numpy.typing import NDArray
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.poses import interpolate_pose, mean_twist
 from asperity.realtime.devices.protocol import Limits, Reading
-from asperity.realtime.devices.wrench_check import REFUSED, taken
+from asperity.realtime.devices.wrench_check import REFUSED, finite_wrench
 
 End = Literal["hold", "loop"]
 _ENDS = ("hold", "loop")
 
 
 class ReplayedDevice:
-    """Plays a motion back.
+    """A device that replays a motion.
 
     Parameters
     ----------
     source : str or Path
         A `recording.h5` (its handle is replayed), or poses as `.csv`, `.npy` or `.npz`.
     end : str
-        `hold`: stay at the last pose. `loop`: begin again, with a jump if it does not close.
+        `hold`: stay at the last pose. `loop`: start again, with a jump unless the motion is closed.
     limits : Limits, optional
-        What the forces are limited to that nobody feels. Default: 10 N, 1 N m, and a workspace
-        that holds the whole motion.
+        Limits of the forces, which act on nobody. Default: 10 N, 1 N m, and a workspace that
+        contains the whole motion.
     clock : callable
         Monotonic time [s].
 
     Attributes
     ----------
     wrench : tuple
-        What was last written.
+        The wrench written last.
     finished : bool
-        The end was reached; never with `loop`.
+        Whether the end was reached; never with `loop`.
     """
 
     name = "replay"
@@ -76,22 +76,22 @@ class ReplayedDevice:
 
     @property
     def seconds(self) -> float:
-        """Return how long the motion lasts [s]."""
+        """Duration of the motion [s]."""
         return self._times[-1]
 
     @property
     def first_pose(self) -> NDArray[np.float64]:
-        """Return where it begins (7,)."""
+        """First pose (7,)."""
         return self._poses[0].copy()
 
     def open(self) -> None:
-        """Begin."""
+        """Start the motion."""
         if self._start is None:
             self._start = self._clock()
             self.finished = False
 
     def read(self, out: Reading) -> bool:
-        """Fill the pose of this moment; always a new one while it is open."""
+        """Fill the present pose; while the device is open it is always new."""
         if self._start is None:
             out.age, out.error = float("inf"), "the device is not open"
             return False
@@ -113,14 +113,14 @@ class ReplayedDevice:
         return True
 
     def write(self, wrench: NDArray[np.float64]) -> None:
-        """Keep the wrench in `wrench`; nobody feels it."""
-        values = taken(wrench)
+        """Store the wrench in `wrench`."""
+        values = finite_wrench(wrench)
         if values is None:
             self._error = REFUSED
         self.wrench = values or (0.0,) * 6
 
     def close(self) -> None:
-        """End; opening it again begins anew."""
+        """End the motion; opening the device again restarts it."""
         self._start = None
         self.wrench = (0.0,) * 6
 
@@ -139,7 +139,7 @@ def _motion(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if not (np.isfinite(times).all() and np.isfinite(poses).all()):
             raise AsperityError(f"{path} has poses that are not finite")
         if len(times) > 1 and not (np.diff(times) > 0.0).all():
-            raise AsperityError(f"{path}: its times do not grow")
+            raise AsperityError(f"{path}: its times do not increase")
         return times, poses
     from asperity.scene.trajectory_file import read_poses
 

@@ -1,8 +1,8 @@
-"""A device that is not there, in a hand that is not there either: sessions without anybody.
+"""A simulated device in a simulated hand, for sessions without hardware or a person.
 
-The hand is `dynamics.simulated_hand`. Time is what the clock says: at each reading the hand is
-moved on to now, in steps of its own, under the wrench last written. With a clock that is turned by
-the caller a session runs as fast as it can, and twice the same.
+The hand is `dynamics.simulated_hand`. At each reading it is advanced to the clock's time in steps
+of fixed length, under the wrench last written. With a clock that the caller advances, a session
+runs as fast as possible and is reproducible.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ LIMITS = Limits(
     max_force=3.3, max_torque=0.2, max_stiffness=4000.0, max_damping=30.0,
     max_rotational_stiffness=4.0, torque_dof=3,
 )  # fmt: skip
-"""Of a device that nobody sells: a Touch's force, and torques; asperity's."""
+"""Limits of no real device: a Touch's force, and torques as well; project default."""
 LONGEST = 1.0
-"""Time that is made up for after a pause, at most [s]; the rest is left out."""
+"""Longest pause of the loop that the hand makes up for [s]; the rest is skipped."""
 
 
 class SimulatedDevice:
@@ -34,11 +34,11 @@ class SimulatedDevice:
     hand : SimulatedHand
         In the device's axes.
     limits : Limits
-        Larger wrenches are cut to them, as a real device would.
+        Larger wrenches are reduced to these, as by a real device.
     clock : callable
-        Time now [s].
+        Present time [s].
     longest : float
-        Time that is made up for after a pause, at most [s]; the rest is left out.
+        Longest pause of the loop that the hand makes up for [s]; the rest is skipped.
     """
 
     name = "simulated"
@@ -60,18 +60,18 @@ class SimulatedDevice:
         self._now: float | None = None
 
     def open(self) -> None:
-        """Begin: the hand is at its target at rest."""
+        """Place the hand at its target, at rest."""
         self.hand.reset()
         self._wrench[:] = 0.0
         self._now = self._clock()
 
     def read(self, out: Reading) -> bool:
-        """Fill where the hand is now; return whether it has moved on since the last reading."""
+        """Fill the hand's present pose; return whether it has moved on since the last reading."""
         if self._now is None:
             out.error = "not open"
             return False
         late = self._clock() - self._now
-        # A part of a step waits for the next reading; rounding does not make a step wait.
+        # A fraction of a step is left to the next reading; the tolerance absorbs rounding.
         steps = math.floor(late / self.hand.dt + 1e-6) if math.isfinite(late) else 0
         self._now += max(steps, 0) * self.hand.dt
         for _ in range(min(steps, math.ceil(self._longest / self.hand.dt))):
@@ -98,11 +98,11 @@ class SimulatedDevice:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Let go."""
+        """Remove the wrench."""
         self._wrench[:] = 0.0
         self._now = None
 
 
 def _share(size: float, most: float) -> float:
-    """Return how much of a vector is let through."""
+    """Return the factor by which a vector of norm `size` is reduced to at most `most`."""
     return min(1.0, most / size) if size > 0.0 else 1.0

@@ -1,1 +1,1 @@
-"""The loop that runs while somebody feels: at a steady rate, recorded, and safe to touch."""
+"""The servo loop: a process that renders forces at a fixed rate."""

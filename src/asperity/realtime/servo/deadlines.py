@@ -1,27 +1,28 @@
-"""Absolute deadlines: when a tick begins, and what becomes of those that were missed.
+"""Absolute deadlines: when ticks begin, and what happens to those that were missed.
 
 Tick n begins at `begin + n dt` and has to be finished before tick n + 1 begins. Deadlines are
-counted from the beginning, not from the last tick, so that lateness does not add up. A loop that
-was held up does not run after the ticks that it missed, which would be a burst of them: it goes on
-with the tick that the present moment belongs to, and the ones between count as missed.
+counted from the beginning, not from the last tick, so lateness does not accumulate. A loop that was
+held up does not catch up with a burst of ticks: it continues with the tick that is due now, and the
+skipped ones count as misses.
 
-An operating system wakes a sleeper late, so the loop sleeps until `SPIN` before the tick and then
-watches the clock. Measured on two cores at 2.5 GHz, Linux 6.18, others at work beside it, how late
-ticks of an empty loop begin, in microseconds:
+An operating system wakes a sleeping process late, so the loop sleeps until `SPIN` before the tick
+and then polls the clock. Measured on two cores at 2.5 GHz, Linux 6.18, with other processes
+running: delay of the ticks of an empty loop, in microseconds.
 
-| slack of timers | slept until | median | p90 | p99 |
+| timer slack | slept until | median | p90 | p99 |
 |---|---|---|---|---|
-| 50 us, as Linux has it | the tick | 72 | 86 | 4049 |
+| 50 us, the default of Linux | the tick | 72 | 86 | 4049 |
 | | 100 us before | 0 | 31 | 4228 |
-| 1 ns (`realtime.sharpen_timers`) | the tick | 36 | 52 | 5930 |
+| 1 ns (`scheduling.sharpen_timers`) | the tick | 36 | 52 | 5930 |
 | | 50 us before | 0 | 10 | 133 |
 | | 100 us before | 0 | 0 | 38 |
 
-The tails are those of other processes, which hold a core for up to 4 ms; no spinning helps there.
+The tails are due to other processes, which hold a core for up to 4 ms; spinning does not help
+against that.
 
-A loop that sleeps gives more away than the time: its core halts, others come into its caches, and
-what follows takes two to three times as long. A loop with a core of its own may therefore watch
-the clock all the time (`BUSY`); see `realtime.RealTime`.
+Sleeping costs more than the time: the core halts, other processes fill its caches, and what follows
+takes two to three times as long. A loop that has a core to itself may therefore poll the clock all
+the time (`BUSY`); see `scheduling.RealTime`.
 """
 
 from __future__ import annotations
@@ -35,49 +36,49 @@ from asperity._core.kernels import kernel
 from asperity.errors import require_between
 
 SPIN = 100e-6
-"""How long before a tick sleeping ends and spinning begins [s]."""
-_LAST = 5e-5
-"""A busy loop leaves the interpreter to others until then [s]."""
-_BURNT, _TRIED = 1e-5, 10_000
-"""For how long at a time [s]; loops of which it is told how many that are."""
+"""Time before a tick at which sleeping ends and polling begins [s]."""
+_RELEASE_UNTIL = 5e-5
+"""Time before a tick until which a busy loop releases the interpreter's lock [s]."""
+_BURN_SECONDS, _BURN_TRIAL = 1e-5, 10_000
+"""Duration of one release [s]; iterations of the trial that calibrates it."""
 BUSY = math.inf
-"""Never sleep."""
+"""Value of `spin` for a loop that never sleeps."""
 
 
 class Clock(Protocol):
-    """Where the loop takes its time from."""
+    """The loop's source of time."""
 
     def now(self) -> float:
-        """Return the time [s], from any beginning; it never goes back."""
+        """Return the time from an arbitrary origin [s]; monotonic."""
 
     def sleep(self, seconds: float) -> None:
-        """Let others have the processor for so long."""
+        """Give the processor to others for a time [s]."""
 
     def give_way(self) -> None:
-        """Keep the processor for a moment, and leave the interpreter to other threads."""
+        """Keep the processor busy for a moment without holding the interpreter's lock."""
 
 
 class SystemClock:
-    """The machine's own."""
+    """The operating system's performance counter."""
 
     now = staticmethod(time.perf_counter)
     sleep = staticmethod(time.sleep)
 
     def __init__(self) -> None:
         begun = self.now()
-        burn(_TRIED)
-        begun = self.now()  # the first time it may have been compiled
-        burn(_TRIED)
-        self._loops = max(int(_TRIED * _BURNT / max(self.now() - begun, 1e-9)), 1)
+        burn(_BURN_TRIAL)
+        begun = self.now()  # again: the first call may have compiled
+        burn(_BURN_TRIAL)
+        self._loops = max(int(_BURN_TRIAL * _BURN_SECONDS / max(self.now() - begun, 1e-9)), 1)
 
     def give_way(self) -> None:
-        """Keep the processor for a moment, and leave the interpreter to other threads."""
+        """Keep the processor busy for a moment without holding the interpreter's lock."""
         burn(self._loops)
 
 
 @kernel
 def burn(loops):  # type: ignore[no-untyped-def]
-    """Compute, without the interpreter's lock; return what nobody needs."""
+    """Iterate without the interpreter's lock; the result is meaningless."""
     value = 1.0
     for _ in range(loops):
         value = 1.0 / (1.0 + value)
@@ -85,7 +86,7 @@ def burn(loops):  # type: ignore[no-untyped-def]
 
 
 class Pace:
-    """When ticks begin.
+    """The schedule of the ticks.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ class Pace:
         Tick [s], 1e-5 to 0.1.
     clock : Clock
     spin : float
-        How long before a tick to stop sleeping [s]; `BUSY`: never to sleep.
+        Time before a tick at which to stop sleeping [s]; `BUSY`: never sleep.
     """
 
     def __init__(self, dt: float, clock: Clock, *, spin: float = SPIN) -> None:
@@ -103,29 +104,29 @@ class Pace:
         self.restart()
 
     def restart(self, dt: float | None = None) -> None:
-        """Let the present moment be the beginning of tick 0; with ticks of `dt` [s], if given."""
+        """Begin tick 0 now; with ticks of `dt` [s] from now on, if given."""
         if dt is not None:
             self._dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self._begin = self._clock.now()
         self._tick = 0
         self.skipped = 0
-        """How many ticks the last waiting left out."""
+        """Ticks that were skipped before the present one."""
         self.late = 0.0
-        """How long after its beginning the present tick was begun [s]."""
+        """Delay of the present tick's beginning [s]."""
 
     @property
     def deadline(self) -> float:
-        """When the present tick has to be finished [s], on the clock."""
+        """When the present tick has to be finished, on the clock [s]."""
         return self._begin + (self._tick + 1) * self._dt
 
     def wait(self, work: Callable[[float], object] | None = None) -> None:
-        """Sleep and spin until the next tick begins; see `skipped` and `late` for how it went.
+        """Wait until the next tick begins; `skipped` and `late` then describe it.
 
         Parameters
         ----------
         work : callable, optional
-            What others have to do on this core first: returns when it is done, or after the
-            seconds that it is given.
+            Other work for this core in the meantime: returns when done, or after the seconds that
+            it is given.
         """
         clock, dt = self._clock, self._dt
         now = clock.now()
@@ -138,8 +139,8 @@ class Pace:
             work(start - now)
             now = clock.now()
         if self._spin == BUSY:
-            # A device's thread wants the interpreter, and would have to have it taken from us.
-            while start - now > _LAST:
+            # A device's thread may need the interpreter, which polling would hold.
+            while start - now > _RELEASE_UNTIL:
                 clock.give_way()
                 now = clock.now()
         elif start - now > self._spin:

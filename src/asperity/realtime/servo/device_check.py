@@ -1,17 +1,17 @@
-"""Finding out whether a device does what its backend believes: `asperity devices check NAME`.
+"""The check of a device behind `asperity devices check NAME`.
 
-    listen      does it send poses, how often, how quietly
-    axes        the user pushes right, away, up; the axis that moves is the one; right-handed?
-    home        where the user wants the middle of the workspace
-    force       along each axis a force grows to 0.5 N and back; the end effector has to give way
-                in its direction and must not run away
+    listen      how many poses it sends, and how noisy they are
+    axes        the user pushes right, away, up: finds the axes and whether they are right-handed
+    home        the user chooses the middle of the workspace
+    force       along each axis a force rises to 0.5 N and falls again; the end effector has to
+                give way in its direction and must not run away
 
 The force is cut at once, and the check fails, if the end effector leaves 30 mm or moves faster than
-0.3 m/s, if the device tells of an error, or if anything at all is raised; zero is sent before
-anything else is done. Everything that is sent goes through a `SafeDevice`, as in a session; it
-holds the force to 0.5 N, whatever is asked for here. If readings only go stale the force is cut as
-well, and begins anew once they come again, as often as `_MOST_STALLS`: a busy computer does that.
-Time, sleep and the user are injected.
+0.3 m/s, if the device reports an error, or if anything raises; zero is sent before anything else.
+Everything goes through a `SafeDevice` as in a session, which limits the force to 0.5 N whatever is
+requested here. If readings only become stale, which happens on a busy computer, the force is cut
+and the test of that axis begins again when they return, at most `_MOST_STALLS` times. Time, waiting
+and the user are injected.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 TOP_FORCE = 0.5
 """Largest force of the check [N]."""
 RUN_AWAY_DISTANCE, RUN_AWAY_SPEED = 0.03, 0.3
-"""From where the force began [m]; [m/s]."""
+"""Largest distance from where the force began [m], and largest speed [m/s]."""
 _LISTEN = 1.0
 _RISE, _STAY, _FALL = 1.0, 0.3, 0.3
 _TICK = 1e-3
@@ -42,7 +42,7 @@ _RECOVERY = 1.0
 _SAFETY = SafetySettings(
     max_force=TOP_FORCE, max_torque=0.0, soft_start=0.0, silent_after=_LONGEST_AGE
 )
-"""The ramp is soft by itself, and a busy computer is no reason to fail a device."""
+"""No soft start, as the force rises slowly anyway; more patience, as the computer may be busy."""
 _LEAST_PUSH = 0.015
 _SEEN = 2e-4
 _DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
@@ -50,10 +50,7 @@ _DIRECTIONS = ("to the RIGHT", "AWAY from you", "UP")
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """What a check found.
-
-    `notes` are lines to show; `calibration` is fit to be saved.
-    """
+    """Result of a check: `calibration`, ready to be saved, and `notes`, lines to show."""
 
     calibration: Calibration
     notes: tuple[str, ...]
@@ -68,17 +65,17 @@ def check_device(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> CheckOutcome:
-    """Check a device that is not yet opened, in the vendor's axes; leave it closed.
+    """Check a device in its vendor's axes; it must not be open, and is left closed.
 
     Parameters
     ----------
     device : Device
-        As `catalogue.device(name, calibrated=False)` makes it.
+        From `catalogue.device(name, calibrated=False)`.
     home : tuple of float
-        Where home is if nobody is asked [m].
+        Home to assume if there is no user [m].
     ask : callable, optional
-        Shows a request and returns when the user has done it. None: nobody is there; then axes
-        and home are taken as the backend has them, and only listening and forces are checked.
+        Shows a request and returns when the user has fulfilled it. None: no user is present; axes
+        and home are then assumed, and only readings and forces are checked.
     tell : callable
         Shows a line.
     clock, sleep : callable
@@ -87,7 +84,7 @@ def check_device(
     Raises
     ------
     AsperityError
-        The device failed the check: one line that says at what.
+        The device failed the check; the message names the step.
     """
     safe = SafeDevice(device, dt=_TICK, settings=_SAFETY)
     check = _Check(safe, ask, tell, clock, sleep)
@@ -113,17 +110,17 @@ class _Check:
     ) -> None:
         self._device, self._ask, self._tell = device, ask, tell
         self._clock, self._sleep = clock, sleep
-        self._reading = device.said
+        self._reading = device.raw_reading
         self._zero = np.zeros(6)
         self._stalls = 0
         self.notes: list[str] = []
 
     def listen(self) -> None:
-        """Read for a second: frames, noise, errors."""
+        """Read for a second: count the poses, measure their noise, stop on errors."""
         places, new, errors = self._readings(_LISTEN)
         if new < 10:
             raise AsperityError(
-                f"{self._device.name} told {new} new poses in {_LISTEN:g} s"
+                f"{self._device.name} sent {new} new poses in {_LISTEN:g} s"
                 + (f": {errors[-1]}" if errors else "; is it switched on?")
             )
         if errors:
@@ -134,7 +131,7 @@ class _Check:
         )
 
     def axes(self) -> tuple[str, str, str]:
-        """Let the user push in three directions; return which axis each is."""
+        """Let the user push in three directions; return the device's axis for each."""
         found: list[str] = []
         moves: list[NDArray[np.float64]] = []
         for direction in _DIRECTIONS:
@@ -157,31 +154,31 @@ class _Check:
         if handedness < 0.0 and len({axis[1] for axis in found}) == 3:
             raise AsperityError(
                 f"right, away, up are {right}, {away}, {up}: left-handed. Either a push went "
-                "the other way, or the device tells mirrored poses, which no turn can undo"
+                "the other way, or the device's poses are mirrored, which no rotation can undo"
             )
-        calibration = Calibration((right, away, up))  # refuses one axis twice
-        told = "as the backend says" if found == ["+x", "+y", "+z"] else "unlike the backend says"
-        self._note(f"right, away, up are {right}, {away}, {up}: right-handed, {told}")
+        calibration = Calibration((right, away, up))  # raises if one axis appears twice
+        verdict = "as expected" if found == ["+x", "+y", "+z"] else "unlike the backend's axes"
+        self._note(f"right, away, up are {right}, {away}, {up}: right-handed, {verdict}")
         return calibration.axes
 
     def home(self) -> tuple[float, float, float]:
         """Let the user choose the middle of the workspace."""
-        self._please("Hold it where the middle of your workspace shall be")
+        self._please("Hold it at the middle of your workspace")
         x, y, z = self._place().tolist()
         self._note(f"home is {x * 1e3:.0f}, {y * 1e3:.0f}, {z * 1e3:.0f} mm in the device's axes")
         return x, y, z
 
     def forces(self, axes: tuple[str, str, str]) -> float:
-        """Push along each axis; return the largest force that was held [N]."""
+        """Push along each axis; return the largest force that was verified [N]."""
         top = min(TOP_FORCE, self._device.limits.max_force)
         if self._device.limits.force_dof == 0:
             self._note("it has no motors to check")
             return 0.0
         self._please(f"Hold it loosely: it will push up to {top:g} N along each axis in turn")
         rows = Calibration(axes).rows
-        felt = [self._ramp(rows[i], _DIRECTIONS[i], top) for i in range(3)]
-        shown = ", ".join(f"{x * 1e3:.1f}" for x in felt)
-        if min(felt) < _SEEN:
+        given = [self._ramp(rows[i], _DIRECTIONS[i], top) for i in range(3)]
+        shown = ", ".join(f"{x * 1e3:.1f}" for x in given)
+        if min(given) < _SEEN:
             self._note(
                 f"pushed with {top:g} N it gave way by {shown} mm: too little along an axis to "
                 "know that the motors push at all (held fast, or they are off)"
@@ -195,9 +192,9 @@ class _Check:
             )
         return top
 
-    def _ramp(self, direction: NDArray[np.float64], told: str, top: float) -> float:
-        """Push along a unit vector; return how far it gave way along it [m]."""
-        while (given := self._push(direction, told, top)) is None:
+    def _ramp(self, direction: NDArray[np.float64], towards: str, top: float) -> float:
+        """Push along a unit vector; return how far the end effector gave way along it [m]."""
+        while (given := self._push(direction, towards, top)) is None:
             self._stalls += 1
             began = self._clock()
             while not (self._device.read(self._clock()) and self._reading.age < _LONGEST_AGE):
@@ -209,13 +206,13 @@ class _Check:
                     raise AsperityError(f"{self._device.name} fell silent under force: {why}")
         if given < -_SEEN:
             raise AsperityError(
-                f"pushed {told} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: its "
-                "forces have the wrong sign. Do not use it"
+                f"pushed {towards} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: "
+                "its forces have the wrong sign. Do not use it"
             )
         return given
 
-    def _push(self, direction: NDArray[np.float64], told: str, top: float) -> float | None:
-        """Let a force grow and go; return how far it gave way [m], or None if it had to be cut."""
+    def _push(self, direction: NDArray[np.float64], towards: str, top: float) -> float | None:
+        """Raise and lower a force; return how far it gave way [m], None if readings stalled."""
         wrench = np.zeros(6)
         start = self._place()
         given = 0.0
@@ -226,7 +223,7 @@ class _Check:
                 if self._reading.age > _LONGEST_AGE and not self._reading.error:
                     return None
                 force = float(np.linalg.norm(wrench[:3]))
-                self._stop_runaway(self._reading.pose[:3] - start, force, told)
+                self._stop_runaway(self._reading.pose[:3] - start, force, towards)
                 if _RISE < since < _RISE + _STAY:
                     given = float((self._reading.pose[:3] - start) @ direction)
                 part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
@@ -237,8 +234,8 @@ class _Check:
             self._cut()
         return given
 
-    def _stop_runaway(self, move: NDArray[np.float64], force: float, told: str) -> None:
-        """Raise if the end effector runs away or tells of an error; the caller sends zero."""
+    def _stop_runaway(self, move: NDArray[np.float64], force: float, towards: str) -> None:
+        """Raise if the end effector runs away or the device reports an error."""
         if self._reading.error:
             raise AsperityError(
                 f"{self._device.name} fell silent under force: {self._reading.error}"
@@ -247,12 +244,12 @@ class _Check:
         speed = float(np.linalg.norm(self._reading.twist[:3]))
         if not (distance <= RUN_AWAY_DISTANCE and speed <= RUN_AWAY_SPEED):  # also for nan
             raise AsperityError(
-                f"pushed {told} with {force:.2f} N it ran away ({distance * 1e3:.0f} mm, "
+                f"pushed {towards} with {force:.2f} N it ran away ({distance * 1e3:.0f} mm, "
                 f"{speed * 1e3:.0f} mm/s); the force was cut. Hold it, and begin again"
             )
 
     def _readings(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
-        """Read for some time without force; return places (n, 3), how many were new, and errors."""
+        """Read without force; return positions (n, 3), the number of new ones, and errors."""
         places, errors, new = [], [], 0
         began = self._clock()
         while self._clock() - began < seconds:
@@ -267,11 +264,11 @@ class _Check:
         return (np.array(places) if places else np.zeros((1, 3))), new, errors
 
     def _cut(self) -> None:
-        """Send zero, at once."""
+        """Send zero at once."""
         self._device.write(self._zero, self._clock(), known=False)
 
     def _place(self) -> NDArray[np.float64]:
-        """Return where the end effector is, over a tenth of a second [m]."""
+        """Return the median position over a tenth of a second [m]."""
         places, new, errors = self._readings(0.1)
         if new == 0:
             why = errors[-1] if errors else "no new poses"

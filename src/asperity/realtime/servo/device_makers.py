@@ -1,4 +1,4 @@
-"""Devices as sessions make them: by functions that can be named to another process."""
+"""Functions that make the devices of sessions; being importable, they can be sent to a process."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def named_device(name: str, options: dict[str, Any]) -> Device:
 
 
 def simulated_device(scene: Scene, motion: ScriptedMotion | Trajectory, dt: float) -> Device:
-    """Return a device in a simulated hand that aims along a motion in a scene.
+    """Return a device in a simulated hand that follows a motion through a scene.
 
-    It comes to press while the device's force comes up: a hand that leans on what does not push
-    back yet falls through it.
+    The hand lowers its press force in step with the device's soft start: a hand that leans on a
+    surface which does not push back yet would fall through it.
     """
     hand = Simulation(scene, dt=dt).hand(motion, press_in=SafetySettings().soft_start)
     return SimulatedDevice(hand)

@@ -1,18 +1,18 @@
 """The servo loop, whose `tick` reads as what happens between two deadlines.
 
     device --> mapping --> handle's pose and velocity
-           --> tool on its coupling, pushed by the last contact --> wrench that the hand feels
+           --> tool on its virtual coupling, pushed by the last contact --> wrench on the hand
            --> passivity --> mapping --> safety --> device      --> snapshot, recorder
-           --> contact asked for where the tool is now
+           --> contact requested at the tool's new pose
 
-The contact is computed beside the loop (`contact_worker`). In the modes of the coupling in which
-the tool has a motion of its own, a tick takes the contact of the last one: there is a whole tick
-to compute it in, and nothing waits. In the `direct` mode the hand feels the contact at the pose
-just read, so the loop waits for it until `guard` of the tick is left.
+The contact is computed beside the loop (`contact_worker`). In the coupling modes in which the tool
+moves independently of the hand, a tick uses the contact that the previous tick requested: there is
+a whole tick to compute it in, and nothing waits. In the `direct` mode the hand feels the contact at
+the pose just read, so the loop waits for it until `guard` of the tick remains.
 
-If the contact is not there in time, the tick takes the last one there was, carried on to the
-present pose by its stiffness, and counts as a fallback. A contact older than `STALE` is carried no
-further: the hand feels nothing until a new one is there, which then comes up softly.
+If a contact misses its deadline, the previous one is extrapolated to the present pose using its
+stiffness, and the tick counts as a fallback. A contact older than `STALE` is not extrapolated: zero
+is sent until a new one is there, whose wrench then rises softly.
 """
 
 from __future__ import annotations
@@ -31,24 +31,23 @@ from asperity.geometry.rigid_body import centre_of_mass, shift_wrench
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.servo.contact_worker import ContactSource
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Clock, Pace
-from asperity.realtime.servo.publish import Publisher
+from asperity.realtime.servo.ipc import Publisher, TickRecord
 from asperity.realtime.servo.safety import SafeDevice
 from asperity.realtime.servo.stats import Stats
-from asperity.realtime.servo.tick_row import TickRow
 from asperity.simulation.tool_contact import CUT_SHORT, FALLBACK, LATE, PASSIVITY
 
 GUARD = 0.25
-"""Part of the tick that is kept for what comes after the contact, in the direct mode; ours."""
+"""Share of a tick kept free after the contact in the direct mode; project default."""
 STALE = 0.25
-"""A contact that was asked for so long ago [s] is not carried on any further; ours."""
+"""Age beyond which a contact is no longer extrapolated [s]; project default."""
 STALLED = 0.05
-"""After a pause of the whole loop longer than this [s] the wrench comes up softly; ours."""
+"""Pause of the whole loop after which the wrench rises softly [s]; project default."""
 FIRST_READING = 3.0
-"""How long a device may take to its first reading [s]; ours."""
+"""Time limit for a device's first reading and for the first contact [s]; project default."""
 
 
 class ServoLoop:
-    """One loop: a device, a tool, and what computes its contacts.
+    """One loop: a device, a tool, and a source of contacts.
 
     Parameters
     ----------
@@ -56,19 +55,20 @@ class ServoLoop:
         Open.
     mapping : Mapping
     tool : CoupledTool
-    contacts : Contacts
+    contacts : ContactSource
     passivity : PassivityController
-        Told not to be `active`, it only keeps the account.
+        If it is not `active`, it only keeps the energy account.
     dt : float
         Tick [s].
     clock : Clock
     guard : float
-        Part of the tick that is kept for what comes after the contact, 0.05 to 0.9.
+        Share of a tick kept free after the contact in the direct mode, 0.05 to 0.9.
     publisher : Publisher
     shares : bool
-        Loop and contacts are on one core: between ticks it is the contact's first.
+        Whether loop and contacts share a core, which between ticks then belongs to the contact
+        first.
     busy : bool
-        Watch the clock until the next tick, and do not sleep.
+        Whether to poll the clock until the next tick instead of sleeping.
     """
 
     def __init__(
@@ -91,30 +91,36 @@ class ServoLoop:
         self.dt = dt
         self.stats = Stats()
         self.pace = Pace(dt, clock, spin=BUSY if busy else SPIN)
-        self._work = self._rest if shares else None
+        self._between_work = self._yield_core if shares else None
         self._clock = clock
         self._guard = require_between("guard", guard, 0.05, 0.9)
         self._publisher = publisher or Publisher()
-        self._row = TickRow()
+        self._tick_record = TickRecord()
         self._felt, self._sent, self._handle = np.zeros(6), np.zeros(6), np.zeros(7)
         self._corrected = False
-        self._to_scene = _back(mapping)
-        self._shift = Repeated(shift_wrench)
-        self._shift(self._felt, np.zeros(3), self._felt)  # machine code is made before any hurry
+        self._to_scene = _device_to_scene(mapping)
+        self._shift_wrench = Repeated(shift_wrench)
+        self._shift_wrench(self._felt, np.zeros(3), self._felt)  # compiles, before the first tick
         self._time = -dt
         self._tick = 0
-        self._asked = self._have = -1
-        """The ticks in which a contact was asked for last, and the one that we have."""
+        self._submitted_tick = self._contact_tick = -1
+        """The tick that requested a contact last, and the tick whose contact is the latest."""
 
     def begin(self, start: NDArray[np.float64] | None) -> None:
-        """Wait for the first reading, put the tool there, and look at the contact.
+        """Wait for the first reading, put the tool there, and compute the first contact.
 
         Parameters
         ----------
         start : (7,) array, optional
-            Where the hand's present pose is to be in the scene. Default: as the device says.
+            Pose in the scene to which the hand's present pose is mapped. Default: as `mapping` has
+            it.
+
+        Raises
+        ------
+        AsperityError
+            There was no reading or no contact within `FIRST_READING`.
         """
-        # What there is now stays; the loop itself makes no cycles to be collected.
+        # The garbage collector would pause the loop; ticks leave no cycles behind.
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -122,9 +128,9 @@ class ServoLoop:
         until = clock.now() + FIRST_READING
         while not device.read(clock.now()):
             if clock.now() > until:
-                told = f": {device.counts.last_error}" if device.counts.last_error else ""
+                reason = f": {device.counts.last_error}" if device.counts.last_error else ""
                 raise AsperityError(
-                    f"the device {device.name} gave no reading within {FIRST_READING:g} s{told}"
+                    f"the device {device.name} gave no reading within {FIRST_READING:g} s{reason}"
                 )
             clock.sleep(1e-3)
         if start is not None:
@@ -135,19 +141,19 @@ class ServoLoop:
         self.contacts.submit(self.tool.pose, clock.now())
         if not self.contacts.wait(FIRST_READING):
             raise AsperityError(f"no contact was computed within {FIRST_READING:g} s")
-        # The first contact may have taken long: what happened meanwhile is no tick's work.
+        # The first contact may have taken long; what the device did meanwhile is discarded.
         device.read(clock.now())
         device.begin(clock.now())
         self.pace.restart()
 
     def run(self, *, ticks: int | None = None, between: Callable[[], bool] = lambda: False) -> None:
-        """Tick until `between`, asked after each, says to stop, or so many ticks were due.
+        """Tick until `ticks` were due, or `between`, called after each tick, returns true.
 
-        However it ends, the device is sent zero and is closed.
+        However the loop ends, zero is sent and the device is closed.
         """
         try:
             while ticks is None or self.stats.ticks + self.stats.skipped < ticks:
-                self.pace.wait(self._work)
+                self.pace.wait(self._between_work)
                 self.tick()
                 if between():
                     break
@@ -157,13 +163,13 @@ class ServoLoop:
             gc.unfreeze()
 
     def set_tick(self, dt: float) -> None:
-        """Go on with ticks of `dt` [s]."""
+        """Continue with ticks of `dt` [s]."""
         self.dt = dt
         self.device.set_tick(dt)
         self.pace.restart(dt)
 
     def tick(self) -> None:
-        """Do what a tick has to do."""
+        """Read the device, move the tool, send its wrench, publish, request the next contact."""
         now, stages, device, tool = self._clock.now, self.stats.stages, self.device, self.tool
         begun = now()
         if self.pace.skipped * self.dt > STALLED:
@@ -173,23 +179,23 @@ class ServoLoop:
         read = now()
         fallback = not self._contact_for(pose, read)
         contact = self.contacts.latest
-        known = read - contact.asked < STALE
+        known = read - contact.submitted < STALE
         waited = now()
         wrench = tool.advance(pose, twist, contact.linear)
         reach = centre_of_mass(tool.pose, tool.body.centre) - pose[:3]
         moved = now()
-        felt = self._made_passive(wrench, pose)
-        self._shift(felt, reach, felt)
+        felt = self._passive_wrench(wrench, pose)
+        self._shift_wrench(felt, reach, felt)
         passive = now()
         device.write(self.mapping.to_device(felt), begun, known=known)
-        self._account(reach)
+        self._account_sent(reach)
         written = now()
         flags = contact.linear.flags | device.flags | (FALLBACK if fallback else 0)
         self._publish(pose, twist, flags | (PASSIVITY if self._corrected else 0))
         missed = now() > self.pace.deadline
         if missed:
-            self._row.flags[0] = int(self._row.flags[0]) | LATE
-        self._publisher.push(self._row)
+            self._tick_record.flags[...] = int(self._tick_record.flags) | LATE
+        self._publisher.push(self._tick_record)
         ended = now()
         for name, seconds in (
             ("read", read - begun), ("contact_wait", waited - read), ("tool", moved - waited),
@@ -204,56 +210,56 @@ class ServoLoop:
         )  # fmt: skip
         if not tool.is_direct:
             if self.contacts.take():  # late by less than this tick
-                self._taken()
+                self._count_contact()
             if not self.contacts.busy:
-                # Last of all: who computes it wants the interpreter's lock, and may want the core.
-                self._ask(tool.pose, begun)
+                # Last of all, because the worker takes the interpreter's lock and perhaps the core.
+                self._submit(tool.pose, begun)
         self._tick += 1
 
-    def _rest(self, seconds: float) -> None:
-        """Leave the core to the contact for at most so long [s].
+    def _yield_core(self, seconds: float) -> None:
+        """Leave the core to the contact for at most `seconds` [s].
 
-        After one that was late the next is asked for as soon as it is done: else this tick would
-        end without, and the one after it would be a fallback too.
+        If the contact was late, request the next one as soon as it is done; otherwise this tick
+        would request none, and the following one would be a fallback too.
         """
         clock, contacts = self._clock, self.contacts
         until = clock.now() + seconds
         contacts.rest(seconds)
-        if self._asked < self._tick - 1 and not self.tool.is_direct and contacts.take():
-            self._taken()
+        if self._submitted_tick < self._tick - 1 and not self.tool.is_direct and contacts.take():
+            self._count_contact()
             now = clock.now()
-            self._ask(self.tool.pose, now, self._tick - 1)
+            self._submit(self.tool.pose, now, self._tick - 1)
             contacts.rest(until - now)
 
     def _contact_for(self, pose: NDArray[np.float64], now: float) -> bool:
-        """Have the newest contact be `contacts.latest`; return whether it is this tick's."""
+        """Take the newest contact into `contacts.latest`; return whether it is this tick's."""
         contacts = self.contacts
         if contacts.take():
-            self._taken()
+            self._count_contact()
         if not self.tool.is_direct:
-            return self._have >= self._tick - 1
+            return self._contact_tick >= self._tick - 1
         if not contacts.busy:
-            self._ask(pose, now)
+            self._submit(pose, now)
             if contacts.wait(self.pace.deadline - self._guard * self.dt - now):
-                self._taken()
-        return self._have == self._tick
+                self._count_contact()
+        return self._contact_tick == self._tick
 
-    def _ask(self, pose: NDArray[np.float64], now: float, tick: int | None = None) -> None:
-        """Ask for the contact at a pose of this tick, or of the one given."""
+    def _submit(self, pose: NDArray[np.float64], now: float, tick: int | None = None) -> None:
+        """Request the contact at the pose of this tick, or of the given one."""
         tick = self._tick if tick is None else tick
-        jumped = tick > self._asked + 1
-        self._asked = tick
+        jumped = tick > self._submitted_tick + 1
+        self._submitted_tick = tick
         self.contacts.submit(pose, now, jumped=jumped)
 
-    def _taken(self) -> None:
-        self._have = self._asked
+    def _count_contact(self) -> None:
+        self._contact_tick = self._submitted_tick
         self.stats.contact.add(self.contacts.latest.seconds)
         self.stats.recent_contact.add(self.contacts.latest.seconds, self._clock.now())
 
-    def _made_passive(
+    def _passive_wrench(
         self, wrench: NDArray[np.float64], pose: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return what the passivity controller makes of a wrench about the centre of mass."""
+        """Return the wrench about the centre of mass as the passivity controller corrects it."""
         passed = 1 + self.pace.skipped
         port = self.tool.port_twist(self._handle, pose)
         if passed > 1:
@@ -265,11 +271,11 @@ class ServoLoop:
         self.stats.passivity += self._corrected
         return self._felt
 
-    def _account(self, reach: NDArray[np.float64]) -> None:
-        """Work out what was sent, as the scene sees it, about the centre of mass."""
+    def _account_sent(self, reach: NDArray[np.float64]) -> None:
+        """Enter the wrench that was sent, about the centre of mass, into the energy account."""
         sent = self._sent
         np.matmul(self._to_scene, self.device.sent, out=sent)
-        self._shift(sent, -reach, sent)
+        self._shift_wrench(sent, -reach, sent)
         self.passivity.sent(sent)
 
     def _publish(
@@ -278,16 +284,16 @@ class ServoLoop:
         twist: NDArray[np.float64],
         flags: int,
     ) -> None:
-        row, stats, contact = self._row, self.stats, self.contacts.latest
+        record, stats, contact = self._tick_record, self.stats, self.contacts.latest
         self._time += (1 + self.pace.skipped) * self.dt
-        row.time[0] = self._time
-        row.handle_pose[:] = pose
-        row.tool_pose[:] = self.tool.pose
-        row.contact_wrench[:] = contact.linear.wrench
-        row.device_wrench[:] = self._sent
-        row.contact_count[0] = contact.linear.count
-        row.flags[0] = flags
-        row.penetration_depth[0] = contact.depth
+        record.time[...] = self._time
+        record.handle_pose[:] = pose
+        record.tool_pose[:] = self.tool.pose
+        record.contact_wrench[:] = contact.linear.wrench
+        record.device_wrench[:] = self._sent
+        record.contact_count[...] = contact.linear.count
+        record.flags[...] = flags
+        record.penetration_depth[...] = contact.depth
         if self._publisher.snapshot is not None and self._tick % self._publisher.every == 0:
             counts = (
                 self.device.reading.buttons, stats.ticks, stats.misses, stats.fallbacks,
@@ -296,14 +302,14 @@ class ServoLoop:
                 stats.recent_tick.p99, stats.recent_contact.p99,
             )  # fmt: skip
             self._publisher.snapshot.write(
-                row.values, twist, self.tool.twist, counts, contact.shown
+                record.record, twist, self.tool.twist, counts, contact.shown
             )
 
 
-def _back(mapping: Mapping) -> NDArray[np.float64]:
-    """Return the matrix (6, 6) from wrenches of the device to those of the scene.
+def _device_to_scene(mapping: Mapping) -> NDArray[np.float64]:
+    """Return the matrix (6, 6) from wrenches of the device to wrenches of the scene.
 
-    What the device cannot push has no way back: zero.
+    Components that the device cannot render map to zero.
     """
     there = np.column_stack([mapping.to_device(unit).copy() for unit in np.eye(6)])
     return np.asarray(np.linalg.pinv(there), dtype=np.float64)

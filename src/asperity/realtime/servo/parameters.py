@@ -1,4 +1,4 @@
-"""What may be changed while somebody feels: stiffness, friction, coupling, rate; as a whole."""
+"""Parameters of a running loop: stiffness, friction, coupling and rate, replaced as a whole."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from asperity.errors import require_between
 from asperity.scene.scene import Scene
 
 RATES = (100.0, 20e3)
-"""Ticks a second."""
+"""Valid tick rates [Hz]."""
 
 
 @dataclass(frozen=True)
 class LiveParameters:
-    """What a running loop may be given.
+    """The parameters of a running loop.
 
     Parameters
     ----------
     rate : float
-        Ticks a second, 100 to 20000.
+        Ticks per second, 100 to 20000 [Hz].
     stiffness : float
-        Of the contact [N/m].
+        Contact stiffness [N/m].
     friction : float
-        Coefficient of the material.
+        Coefficient of friction of the material.
     coupling : CouplingSettings
     """
 
@@ -41,28 +41,28 @@ class LiveParameters:
 
     @staticmethod
     def of(scene: Scene, rate: float) -> LiveParameters:
-        """Return those of a scene."""
+        """Return a scene's parameters."""
         return LiveParameters(rate, scene.force.stiffness, scene.force.friction, scene.coupling)
 
     @staticmethod
     def from_plain(plain: Mapping[str, Any]) -> LiveParameters:
-        """Return what `plain` made plain."""
+        """Return parameters from the mapping that `plain` made."""
         return LiveParameters(**{**plain, "coupling": CouplingSettings(**plain["coupling"])})
 
     def plain(self) -> dict[str, Any]:
-        """Return them as texts and numbers."""
+        """Return the parameters as a mapping of strings and numbers."""
         return asdict(self)
 
     @property
     def dt(self) -> float:
-        """The tick [s]."""
+        """Tick [s]."""
         return 1.0 / self.rate
 
     def force(self, settings: ForceSettings) -> ForceSettings:
-        """Return a scene's settings with these in them; refuses values out of range."""
+        """Return force settings with these parameters; AsperityError if out of range."""
         return replace(settings, stiffness=self.stiffness, friction=self.friction)
 
     def tool(self, scene: Scene, limits: DeviceLimits | None) -> CoupledTool:
-        """Return a tool on this coupling."""
+        """Return a tool with this coupling, within a device's limits."""
         body = coupled_body(scene.model, scene.tool, mass_scale=self.coupling.mass_scale)
         return CoupledTool(body, self.coupling, dt=self.dt, limits=limits)

@@ -1,11 +1,10 @@
 """The servo process: it alone opens the device, and it sends zero before it ends.
 
-Whoever starts it, the parent, watches it; it watches its parent in turn. It ends, having sent zero
-and closed the device, when it is told to (`Mailbox.stop`), when its time is over, when its parent
-is gone, on SIGINT, SIGTERM or SIGHUP, and after any exception. All of these are looked for after
-each tick, so that zero is on its way within two ticks. After SIGKILL, or when the machine stops,
-nobody is left to send anything: what a device does when it is written to no more, its documentation
-says.
+The parent starts the process and watches it; the process watches its parent in turn. It sends zero,
+closes the device and ends on `Mailbox.stop`, when its time is over, when the parent is gone, on
+SIGINT, SIGTERM or SIGHUP, and after any exception. It checks for all of these after each tick, so
+zero is sent within two ticks. After SIGKILL or a power failure nothing is sent; what a device does
+when writes stop is in its maker's documentation.
 """
 
 from __future__ import annotations
@@ -30,55 +29,54 @@ from asperity.realtime.devices.protocol import Device
 from asperity.realtime.servo import scheduling
 from asperity.realtime.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHARED, ContactWorker
 from asperity.realtime.servo.deadlines import SystemClock
+from asperity.realtime.servo.ipc import Mailbox, ParentProcess, Publisher, TickRing
 from asperity.realtime.servo.loop import GUARD, ServoLoop
-from asperity.realtime.servo.mailbox import Mailbox
 from asperity.realtime.servo.parameters import LiveParameters
-from asperity.realtime.servo.parent_watch import Parent, clear_up
-from asperity.realtime.servo.publish import SHOWN_RATE, Publisher
-from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
-from asperity.realtime.servo.snapshot import SnapshotWriter
+from asperity.realtime.servo.snapshot import SHOWN_RATE, SnapshotWriter
+from asperity.realtime.shared_file import remove_shared_folder
 from asperity.scene.scene import Scene
 from asperity.simulation.press import touching_pose
 from asperity.simulation.tool_contact import ToolContact
 
 RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
 """Names of the files in the shared folder."""
-_LOOKED = 1e-3
-"""How often a loop that is held looks whether it may go [s]."""
+_GO_POLLING = 1e-3
+"""Time between two looks of a held loop for its release [s]."""
 _CLEARANCE = 2e-3
-"""How far above the surface the tool is when a session begins [m]."""
+"""Height of the tool above the surface when a session begins [m]."""
 _QUICK = 0.5
-"""Part of a tick that a contact may take to share the loop's core; ours."""
+"""Largest share of a tick for a contact to run on the loop's core; project default."""
 
 
 @dataclass(frozen=True)
 class ServoSpec:
-    """Everything a servo process needs to know; it is pickled to get there.
+    """Everything that a servo process needs; pickled to be sent there.
 
     Parameters
     ----------
     scene : Scene
     make_device : callable
-        Returns the device, not opened. Has to be importable: a function of a module, or a
+        Returns the device, not opened. It has to be importable: a module-level function, or a
         `functools.partial` of one.
     in_scene : bool
-        The device's poses are those of the scene already, as a replay's are. Otherwise the hand's
-        first pose becomes the tool's, just above the surface.
+        Whether the device's poses are already those of the scene, as a replay's are. Otherwise the
+        hand's first pose is mapped to the tool's, just above the surface.
     start : tuple of 7 floats, optional
-        Where the hand's first pose is to be, unless `in_scene`. Default: just above the surface.
+        Where the hand's first pose is mapped to, unless `in_scene`. Default: just above the
+        surface.
     held : bool
-        Wait for `Servo.go`, with everything ready, before the device is opened.
+        Wait for `Servo.go`, with everything ready, before opening the device.
     folders : tuple of Path
-        Other shared folders of the parent's, to be removed when it is gone.
+        Other shared folders of the parent, to be removed if it is gone.
     rate : float
-        Ticks a second.
+        Ticks per second [Hz].
     seconds : float, optional
-        How long. Default: until it is stopped.
+        Duration [s]. Default: until stopped.
     guard : float
-        See `loop.GUARD`.
+        Share of a tick kept free after the contact in the direct mode; see `loop.GUARD`.
     passivity : bool
-        Whether the passivity controller may change the wrench; it keeps its account anyway.
+        Whether the passivity controller may change the wrench; it keeps its energy account anyway.
     mapping : dict
         Options of `Mapping`.
     safety : SafetySettings
@@ -101,62 +99,67 @@ class ServoSpec:
 
 
 def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> None:
-    """Run the loop; this is what the process does.
+    """Run the loop: the main function of the process.
 
-    Tells `report` ("ready", {...}) when ticking begins, then ("done", summary) or ("failed", text);
-    before all that ("held", {}), if it is. If it is `recorded`, the recorder clears up.
+    Sends ("held", {}) to `report` when a held loop is ready, ("ready", {...}) when ticking begins,
+    and finally ("done", summary) or ("failed", text). If the session is `recorded`, the recorder
+    removes the shared folder of a parent that is gone.
     """
-    stopped: list[str] = []
+    signals: list[str] = []
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
-            signal.signal(getattr(signal, name), lambda *_, name=name: stopped.append(name))
-    parent = Parent()
+            signal.signal(getattr(signal, name), lambda *_, name=name: signals.append(name))
+    parent = ParentProcess()
     ring = TickRing(folder / RING) if (folder / RING).exists() else None
+
+    def stop_reason() -> str:
+        if signals:
+            return signals[0]
+        return "the parent process is gone" if parent.is_gone() else ""
+
     try:
-        summary = _served(spec, folder, ring, report, lambda: _why(stopped, parent))
+        summary = _run(spec, folder, ring, report, stop_reason)
     except AsperityError as error:
-        _tell(report, ("failed", str(error)))
+        _send(report, ("failed", str(error)))
     except BaseException as error:
-        told = " ".join(traceback.format_exception_only(error)).strip()
+        text = " ".join(traceback.format_exception_only(error)).strip()
         logging.getLogger(__name__).debug("in the servo process", exc_info=True)
-        _tell(report, ("failed", f"the servo loop failed: {told}"))
+        _send(report, ("failed", f"the servo loop failed: {text}"))
     else:
-        _tell(report, ("done", summary))
+        _send(report, ("done", summary))
     finally:
         if ring is not None:
             ring.close()
         if parent.is_gone():
-            for gone in (*([] if recorded else [folder]), *spec.folders):
-                clear_up(gone)
+            for orphan in (*([] if recorded else [folder]), *spec.folders):
+                remove_shared_folder(orphan)
 
 
-def _served(
-    spec: ServoSpec, folder: Path, ring: TickRing | None, report: Connection, why: Callable[[], str]
+def _run(
+    spec: ServoSpec,
+    folder: Path,
+    ring: TickRing | None,
+    report: Connection,
+    stop_reason: Callable[[], str],
 ) -> dict[str, Any]:
-    """Make the loop, run it, and return what there is to say of it."""
+    """Build the loop, run it, and return its summary."""
     clock = SystemClock()
     parameters = LiveParameters.of(spec.scene, spec.rate)
-    told = scheduling.ask(replace(spec.real_time, core=None))
+    granted = scheduling.request(replace(spec.real_time, core=None))
     stage = ToolContact(spec.scene, dt=parameters.dt)
-    start, took = _warmed_up(stage, spec.scene.start)
+    start, contact_seconds = _warm_up(stage, spec.scene.start)
     if spec.start is not None:
         start = np.array(spec.start, dtype=np.float64)
-    made = spec.make_device()
-    device = SafeDevice(made, dt=parameters.dt, settings=spec.safety)
-    # In the direct mode the loop waits for the contact, but for `guard`; a tenth hands it over.
-    left = 0.9 - spec.guard if spec.scene.coupling.mode == "direct" else 1.0
-    worker = ContactWorker(stage, clock, min(WITHIN, left), min(SEARCHED, left - 0.1))
-    # The core is the loop's alone: the worker, begun before, may be on any other.
-    told |= scheduling.ask(replace(scheduling.RealTime(), core=spec.real_time.core))
-    asked = spec.real_time
-    alone = asked.priority or asked.core is not None
-    core = None
-    if asked.share_core and not alone and took < _QUICK * parameters.dt:
-        core = scheduling.any_core()
-    # The recorder needs a core, and so does who else works for the device.
-    needed = 2 if getattr(made, "in_loop", False) else 3
-    busy = core is not None and asked.busy_wait and scheduling.usable_cores() >= needed
-    told["between_ticks"] = "its core is kept busy" if busy else "asleep"
+    device = SafeDevice(spec.make_device(), dt=parameters.dt, settings=spec.safety)
+    # In the direct mode the contact has to be done when `guard` of the tick is left; a tenth of
+    # the tick is kept for handing it over.
+    share = 0.9 - spec.guard if spec.scene.coupling.mode == "direct" else 1.0
+    worker = ContactWorker(stage, clock, min(WITHIN, share), min(SEARCHED, share - 0.1))
+    # Only now, as threads inherit the affinity: the worker may run on any other core.
+    granted |= scheduling.request(replace(scheduling.RealTime(), core=spec.real_time.core))
+    quick = contact_seconds < _QUICK * parameters.dt
+    core, busy = _shared_core(spec.real_time, quick, in_loop=device.in_loop)
+    granted["between_ticks"] = "its core is kept busy" if busy else "asleep"
     loop = ServoLoop(
         device,
         Mapping(device.limits, **spec.mapping),
@@ -179,67 +182,82 @@ def _served(
         busy=busy,
     )
     mailbox = Mailbox(folder / MAILBOX)
-    between = _Between(spec, loop, mailbox, why)
+    between = _BetweenTicks(spec, loop, mailbox, stop_reason)
     ticks = None if spec.seconds is None else round(spec.seconds * spec.rate)
     try:
         if spec.held:
-            _tell(report, ("held", {}))
+            _send(report, ("held", {}))
             while not mailbox.may_go:
-                if why() or mailbox.must_stop:
-                    raise AsperityError("the loop was told to stop before it began")
-                clock.sleep(_LOOKED)
+                if stop_reason() or mailbox.must_stop:
+                    raise AsperityError("the loop was stopped before it began")
+                clock.sleep(_GO_POLLING)
         if busy:
-            device.open()  # any threads of its stay off the core that the loop keeps busy
+            device.open()  # before the loop is bound to the core, which its threads would inherit
         if core is not None:
-            told["contacts"] = scheduling.share_core(core, [0, worker.thread])
+            granted["contacts"] = scheduling.share_core(core, [0, worker.thread])
             worker.within = min(worker.within, WITHIN_SHARED)
         if not busy:
-            device.open()  # they are on the loop's core too: handing over wakes no other
+            device.open()  # its threads share the loop's core: no other has to be woken
         loop.begin(None if spec.in_scene else start)
-        ready = {"limits": device.limits, "device": device.name, "core": core}
-        _tell(report, ("ready", ready))
+        _send(report, ("ready", {"limits": device.limits, "device": device.name, "core": core}))
         loop.run(ticks=ticks, between=between)
     finally:
         device.close()
         worker.stop()
     return {
-        "timing": loop.stats.told(),
-        "safety": device.told(),
+        "timing": loop.stats.summary(),
+        "safety": device.summary(),
         "passivity": loop.passivity.told(),
         "device": device.name,
         "tool_resets": loop.tool.resets,
         "status": worker.statuses.tolist(),
-        "real_time": told,
-        "ended": between.why or "its time was over",
+        "real_time": granted,
+        "ended": between.reason or "its time was over",
         "lost_by_recorder": ring.lost if ring is not None else 0,
     }
 
 
-def _why(stopped: list[str], parent: Parent) -> str:
-    """Return what ends the loop from outside, or nothing."""
-    if stopped:
-        return stopped[0]
-    return "the parent process is gone" if parent.is_gone() else ""
+def _shared_core(
+    wanted: scheduling.RealTime, quick: bool, *, in_loop: bool
+) -> tuple[int | None, bool]:
+    """Return the core that loop and contacts share, if any, and whether to keep it busy.
+
+    Parameters
+    ----------
+    wanted : RealTime
+    quick : bool
+        Whether a contact takes little of a tick.
+    in_loop : bool
+        Whether no thread, process or service works for the device.
+    """
+    if not (wanted.share_core and quick) or wanted.priority or wanted.core is not None:
+        return None, False
+    core = scheduling.pick_core()
+    # The recorder needs a core besides the loop's, and so does a device's thread or service.
+    needed = 2 if in_loop else 3
+    busy = core is not None and wanted.busy_wait and scheduling.usable_cores() >= needed
+    return core, busy
 
 
-class _Between:
-    """What the loop looks at after each tick; returns whether to stop."""
+class _BetweenTicks:
+    """Checked by the loop after each tick: takes new parameters, and returns whether to stop."""
 
     def __init__(
-        self, spec: ServoSpec, loop: ServoLoop, mailbox: Mailbox, ask: Callable[[], str]
+        self, spec: ServoSpec, loop: ServoLoop, mailbox: Mailbox, stop_reason: Callable[[], str]
     ) -> None:
-        self._spec, self._loop, self._mailbox, self._ask = spec, loop, mailbox, ask
-        self.why = ""
+        self._spec, self._loop, self._mailbox = spec, loop, mailbox
+        self._stop_reason = stop_reason
+        self.reason = ""
 
     def __call__(self) -> bool:
-        self.why = self._ask() or ("told to stop" if self._mailbox.must_stop else "")
+        self.reason = self._stop_reason() or ("stopped" if self._mailbox.must_stop else "")
         news = self._mailbox.news()
-        if news is not None and not self.why:
+        if news is not None and not self.reason:
             self._change(LiveParameters.from_plain(news))
-        return bool(self.why)
+        return bool(self.reason)
 
     def _change(self, parameters: LiveParameters) -> None:
-        """Swap all parameters, between two ticks."""
+        """Replace all parameters between two ticks."""
         loop, scene = self._loop, self._spec.scene
         tool = parameters.tool(scene, loop.device.limits)
         tool.reset(loop.tool.pose)
@@ -251,10 +269,15 @@ class _Between:
             loop.set_tick(parameters.dt)
 
 
-def _warmed_up(stage: ToolContact, drawn: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Compile and load all that a contact needs.
+def _warm_up(stage: ToolContact, drawn: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Compile and load everything that a contact needs.
 
-    Return where the tool begins, in free air, and how long a contact takes [s].
+    Returns
+    -------
+    start : (7,) array
+        Pose in free air just above the surface, for the tool to begin at.
+    seconds : float
+        Median duration of a contact [s].
     """
     start = touching_pose(stage.engine, drawn)
     stage.reset()
@@ -263,18 +286,19 @@ def _warmed_up(stage: ToolContact, drawn: NDArray[np.float64]) -> tuple[NDArray[
         pose[2] = start[2] - 1e-5 * step
         pose[0] = start[0] + 1e-4 * step
         stage.evaluate(pose)
-    took = []
+    seconds = []
     for _ in range(9):
         begun = time.perf_counter()
         stage.evaluate(pose, jumped=True)
-        took.append(time.perf_counter() - begun)
+        seconds.append(time.perf_counter() - begun)
     stage.reset()
     start[2] += _CLEARANCE
-    return start, float(np.median(took))
+    return start, float(np.median(seconds))
 
 
-def _tell(report: Connection, what: tuple[str, Any]) -> None:
+def _send(report: Connection, message: tuple[str, Any]) -> None:
+    """Send a message to the parent, if it is still there."""
     try:
-        report.send(what)
-    except OSError:  # the parent is gone
-        logging.getLogger(__name__).debug("nobody to report to")
+        report.send(message)
+    except OSError:
+        logging.getLogger(__name__).debug("the parent is gone; nobody receives reports")

@@ -1,12 +1,12 @@
 """The recorder: a process that writes every tick to `recording.h5`.
 
-It takes what is in the ring ten times a second, so that the loop never waits for a disk. It ends
-when the ring is empty and closed, or when its parent is gone. Killed at any moment it leaves a file
-that opens, up to what was flushed last, at most about a second before.
+It empties the ring ten times a second, so the loop never waits for a disk. It ends when the ring is
+empty and closed, or when its parent is gone. Killed at any moment, it leaves a file that opens and
+holds everything up to the last flush, at most about a second before.
 
-A disk that runs full amid a flush would leave a file that does not open: HDF5 cannot take back half
-of one. So room for the next rows and for closing is asked of the system first. If there is none,
-the file is closed in order and the recorder says so and ends; the loop goes on.
+A disk that fills up during a flush would leave a file that does not open, because HDF5 cannot undo
+half a flush. So the recorder first reserves room on the disk for the next ticks and for closing. If
+there is none, it closes the file properly, reports that and ends; the loop goes on.
 """
 
 from __future__ import annotations
@@ -21,23 +21,22 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from asperity.realtime.servo.parent_watch import Parent, clear_up
-from asperity.realtime.servo.ring import TickRing
-from asperity.realtime.servo.tick_row import WIDTH, columns
+from asperity.realtime.servo.ipc import TICK, ParentProcess, TickRing
+from asperity.realtime.shared_file import remove_shared_folder
 from asperity.runs.recording import RecordingWriter
 
 PERIOD = 0.1
-"""How often it looks into the ring [s]."""
-ROOM = 4 * 2**20
-"""Bytes beyond the rows that have to be there: for HDF5's own tables, and for closing."""
-_ROW_BYTES = 1.25 * 8 * WIDTH
-"""Of the file, for each tick; less in truth."""
+"""Time between two looks into the ring [s]."""
+RESERVE = 4 * 2**20
+"""Bytes reserved beyond the ticks: for HDF5's own tables and for closing the file."""
+_TICK_BYTES = 1.25 * TICK.itemsize
+"""Upper bound of the file's bytes per tick."""
 
 
 def record(
     ring_path: Path, path: Path, attributes: Mapping[str, Any], report: Connection | None = None
 ) -> None:
-    """Write the rows of a ring to a new file until it is closed.
+    """Write the ticks of a ring to a new file until the ring is closed.
 
     Parameters
     ----------
@@ -45,29 +44,29 @@ def record(
     path : Path
         The recording.
     attributes : mapping
-        Texts and numbers to keep with it.
+        Strings and numbers to store with it.
     report : Connection, optional
-        Told, at the end, how many ticks were written, and what went wrong: a dict.
+        Receives a dict at the end: `ticks` written, and `error`, empty if there was none.
     """
-    # Ctrl-C goes to every process of the terminal; this one ends when the ring is closed.
+    # Ctrl-C reaches every process of the terminal; the recorder ends when the ring is closed.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    parent = Parent()
+    parent = ParentProcess()
     ring = TickRing(ring_path)
     written, error, broken = 0, "", False
     try:
         writer = RecordingWriter(path, attributes)
         while True:
-            # Asked before the rows are taken: none can come in between.
+            # Checked before taking the ticks, so that none can arrive in between.
             last = ring.is_closed or parent.is_gone()
-            rows = ring.take()
-            error = _no_room(path, ROOM + int(_ROW_BYTES * (written + len(rows))))
+            ticks = ring.take()
+            error = _reserve(path, RESERVE + int(_TICK_BYTES * (written + len(ticks))))
             if error:
                 break
-            if len(rows):
-                writer.add_rows(columns(rows))
-                written += len(rows)
+            if len(ticks):
+                writer.add_rows({name: ticks[name] for name in TICK.names or ()})
+                written += len(ticks)
             if last:
                 break
             time.sleep(PERIOD)
@@ -76,22 +75,22 @@ def record(
         error, broken = f"cannot write to {path}: {_reason(failure)}", True
     if error:
         logging.getLogger(__name__).error("%s; recording stopped after %d ticks", error, written)
-    _tell(report, {"ticks": written, "error": error})
+    _send(report, {"ticks": written, "error": error})
     if parent.is_gone():
-        clear_up(ring_path.parent)
+        remove_shared_folder(ring_path.parent)
     if broken:
-        # HDF5 would try to write on the way out, and hang or abort.
+        # HDF5 would try to write at exit, and hang or abort.
         os._exit(1)
 
 
-def _no_room(path: Path, size: int) -> str:
-    """Have the system keep room for a file of `size` bytes; return why it does not, or nothing.
+def _reserve(path: Path, size: int) -> str:
+    """Reserve room for a file of `size` bytes; return the reason if there is none, else "".
 
-    When it flushes, HDF5 gives back what it does not use; so this is asked before every writing.
+    HDF5 gives back what it does not use when it flushes, so this is repeated before every write.
     """
     if not hasattr(os, "posix_fallocate"):
         free = shutil.disk_usage(path.parent).free
-        return "" if free > ROOM else f"no room for {path}: the disk is full"
+        return "" if free > RESERVE else f"no room for {path}: the disk is full"
     try:
         descriptor = os.open(path, os.O_RDWR)
         try:
@@ -104,15 +103,15 @@ def _no_room(path: Path, size: int) -> str:
 
 
 def _reason(failure: Exception) -> str:
-    """Return what the system says; HDF5 wraps that in pages of its own."""
+    """Return the system's message for an error, which HDF5 wraps in a long text."""
     number = getattr(failure, "errno", None)
     return os.strerror(number) if number else " ".join(str(failure).split("(")[0].split())
 
 
-def _tell(report: Connection | None, what: dict[str, Any]) -> None:
+def _send(report: Connection | None, what: dict[str, Any]) -> None:
     if report is None:
         return
     try:
         report.send(what)
-    except OSError:  # nobody is left to be told
+    except OSError:  # the parent is gone
         logging.getLogger(__name__).debug("nobody to report to")

@@ -1,8 +1,8 @@
-"""Recording for a while, begun and ended while the loop runs.
+"""Recordings that begin and end while a loop runs.
 
-Whoever has the rows of the loop, as a page does, hands them on to a recorder process of its own by
-a ring of its own. The loop knows nothing of it. If the one who hands on is killed, the recorder
-writes what it has and closes the file, as it does for a session.
+Whoever takes the loop's ticks, such as a page, passes them to a recorder process through a second
+ring; the loop is not involved. If the page's process is killed, the recorder writes what it has and
+closes the file, as it does for a session.
 """
 
 from __future__ import annotations
@@ -17,35 +17,32 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from asperity import __version__
 from asperity.errors import AsperityError
+from asperity.realtime.servo.ipc import TickRing, Ticks
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.process import RING
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import TickRing
 from asperity.realtime.shared_file import shared_folder
 from asperity.scene.scene import Scene
 
-ROOM = 30.0
-"""Of rows in the ring [s]: a new process takes seconds to begin, on a busy machine more."""
+RING_SECONDS = 30.0
+"""Capacity of the ring [s]: a new process takes seconds to start, more on a busy machine."""
 ENDING = 30.0
-"""How long the recorder may take to finish [s]."""
+"""Time limit for the recorder to finish [s]."""
 
 
 class RecorderOnRequest:
-    """A recording that goes on from now until `finish`.
+    """A recording that runs from its creation until `finish`.
 
     Parameters
     ----------
     path : Path
-        The recording; must not exist, but its folder must.
+        The recording. It must not exist; its folder must.
     attributes : mapping
-        Texts and numbers to keep with it; see `attributes_of`.
+        Strings and numbers to store with it; see `attributes_of`.
     rate : float
-        Ticks a second.
+        Ticks per second [Hz].
     """
 
     def __init__(self, path: Path, attributes: Mapping[str, Any], rate: float) -> None:
@@ -53,67 +50,70 @@ class RecorderOnRequest:
             raise AsperityError(f"{path} exists; give another name")
         self.path = path
         self.ticks = 0
-        """So many were handed on."""
+        """Ticks passed to the recorder."""
         self.seconds = 0.0
-        """From the first of them to the last [s]."""
+        """Time from the first to the last of them [s]."""
         self._first: float | None = None
         self._folder = shared_folder()
-        self._ring = TickRing(self._folder / RING, int(ROOM * rate))
+        self._ring = TickRing(self._folder / RING, int(RING_SECONDS * rate))
         spawn = multiprocessing.get_context("spawn")
-        self._report, told = spawn.Pipe(duplex=False)
+        self._report, theirs = spawn.Pipe(duplex=False)
         self.process = spawn.Process(
             target=record, name="asperity-recorder",
-            args=(self._folder / RING, path, dict(attributes), told),
+            args=(self._folder / RING, path, dict(attributes), theirs),
         )  # fmt: skip
         self.process.start()
-        told.close()
+        theirs.close()
 
-    def add(self, rows: NDArray[np.float64]) -> None:
-        """Hand on rows (n, 30); their times become those since the first. Never waits."""
-        if not len(rows):
+    def add(self, ticks: Ticks) -> None:
+        """Pass on ticks (n,); their times start at 0. Never waits."""
+        if not len(ticks):
             return
         if self._first is None:
-            self._first = float(rows[0, 0])
-        for row in rows:
-            mine = row.copy()
-            mine[0] -= self._first
-            self._ring.push(mine)
-        self.ticks += len(rows)
-        self.seconds = float(rows[-1, 0]) - self._first
+            self._first = float(ticks["time"][0])
+        shifted = ticks.copy()
+        shifted["time"] -= self._first
+        for tick in shifted:
+            self._ring.push(tick)
+        self.ticks += len(ticks)
+        self.seconds = float(ticks["time"][-1]) - self._first
 
     @property
     def is_alive(self) -> bool:
-        """Whether the recorder still takes rows."""
+        """Whether the recorder still takes ticks."""
         return self.process.is_alive()
 
     def finish(self) -> dict[str, Any]:
-        """Let the recorder write what there is and close the file; return what it has to say.
+        """Let the recorder write what it has and close the file; return its result.
 
-        `ticks` that were written, `ticks_lost` for want of room, and `error`, empty if all went
-        well.
+        Returns
+        -------
+        dict
+            `ticks` written, `ticks_lost` because the ring was full, and `error`, empty if there was
+            none.
         """
         self._ring.close()
-        told: dict[str, Any] = {"ticks": 0, "error": ""}
+        result: dict[str, Any] = {"ticks": 0, "error": ""}
         try:
             if self._report.poll(ENDING):
-                told = self._report.recv()
+                result = self._report.recv()
             else:
-                told["error"] = f"the recorder did not finish within {ENDING:g} s"
+                result["error"] = f"the recorder did not finish within {ENDING:g} s"
         except EOFError:
-            told["error"] = "the recorder was killed"
+            result["error"] = "the recorder was killed"
         self.process.join(2.0)
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
-        told["ticks_lost"] = self._ring.lost
+        result["ticks_lost"] = self._ring.lost
         shutil.rmtree(self._folder, ignore_errors=True)
-        return told
+        return result
 
 
 def attributes_of(
     scene: Scene, parameters: LiveParameters, *, source: str, device: str = ""
 ) -> dict[str, Any]:
-    """Return what is kept with a recording of a running loop, as its parameters are now."""
+    """Return the attributes of a recording of a running loop with its present parameters."""
     document = deepcopy(dict(scene.document))
     force = {"stiffness": parameters.stiffness, "friction": parameters.friction}
     document["force"] = {**document.get("force", {}), **force}

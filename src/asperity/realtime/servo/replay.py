@@ -1,7 +1,8 @@
-"""A recorded session once more: its handle, through its scene, in simulated time.
+"""Replay of a recorded session: its handle moves through its scene again, in simulated time.
 
-Nothing is late there, no safety steps in and every contact is computed, so what differs from the
-recording is what these did. A recording of `asperity run` without a device comes out as it was.
+In a replay nothing is late, no safety limit acts and every contact is computed, so the differences
+from the recording are the effects of these. A recording of `asperity run` without a device is
+reproduced exactly.
 """
 
 from __future__ import annotations
@@ -23,27 +24,32 @@ from asperity.simulation.simulation import Rollout
 from asperity.simulation.tool_contact import CUT_SHORT, FALLBACK, LATE, LIMITED, PASSIVITY, SILENT
 
 TOUCHED = FALLBACK | LATE | LIMITED | PASSIVITY | SILENT | CUT_SHORT
-"""Flags of ticks in which something was done to the wrench."""
+"""Flags of ticks whose wrench was altered."""
 SCENE_BESIDE = "scene"
-"""The folder beside a recording that holds its scene, where it was changed by hand."""
+"""Name of the folder beside a recording that holds its scene."""
 _SECTIONS = ("bodies", "force", "coupling")
-"""Of a scene's document, as they were when it was recorded."""
+"""Sections of a scene's document that are restored from the recording."""
 
 
 def scene_of_recording(
     attributes: Mapping[str, Any], scene: str | None = None, *, beside: Path | None = None
 ) -> Scene:
-    """Return the scene that a recording was made in.
+    """Return the scene in which a recording was made.
 
     Parameters
     ----------
     attributes : mapping
-        Of the recording.
+        Attributes of the recording.
     scene : str, optional
-        A scene's name or folder. Default: the folder `scene` beside the recording, if there is
-        one, else what the recording says.
+        Name or folder of a scene. Default: the folder `scene` beside the recording, if there is
+        one, else the scene that the recording names.
     beside : Path, optional
-        The recording's folder.
+        Folder of the recording.
+
+    Raises
+    ------
+    AsperityError
+        The recording names no scene, or that scene is not found.
     """
     import json
 
@@ -62,11 +68,11 @@ def scene_of_recording(
         return found
     if scene is not None:
         return found
-    # Whole sections: another kind of texture has other keys.
+    # Whole sections, because the keys depend on the kind of texture.
     sections = {key: document[key] for key in _SECTIONS if key in document}
-    told = {**found.document, **sections}
+    restored = {**found.document, **sections}
     return replace(
-        scene_of(found.xml, told, name=found.name, folder=found.folder), notes=found.notes
+        scene_of(found.xml, restored, name=found.name, folder=found.folder), notes=found.notes
     )
 
 
@@ -77,10 +83,10 @@ def replay(
     *,
     on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
 ) -> Run:
-    """Play the handle of a recording through a scene; write a new recording to `path`.
+    """Move the recorded handle through a scene; write a new recording to `path`.
 
-    The run's summary has `replay`: the largest and the mean difference of the wrenches, over all
-    ticks and over those that nothing was done to.
+    The run's summary gets `replay`: the largest and the RMS difference between the wrenches, over
+    all ticks and over the unaltered ones.
     """
     if len(recording.time) < 2:
         raise AsperityError(f"the recording has {len(recording.time)} ticks; 2 are needed")
@@ -95,13 +101,13 @@ def replay(
 
 
 def differences(recording: Recording, rollout: Rollout, dt: float) -> dict[str, Any]:
-    """Return how far a replay's wrenches are from the recorded ones."""
+    """Return how far a replay's wrenches are from the recorded ones, for the summary."""
     row = np.rint((recording.time - recording.time[0]) / dt).astype(np.int64)
-    # A tick of the servo loop records the contact that it used: but for the direct mode, the last.
+    # The servo loop records the contact that a tick used: except in the direct mode, the last one.
     lag = int(recording.attributes.get("contact_lag", 0))
     there = (row < len(rollout.time)) & (row >= lag)
     untouched = there & (recording.flags & TOUCHED == 0)
-    told: dict[str, Any] = {
+    out: dict[str, Any] = {
         "ticks": int(there.sum()),
         "ticks_untouched": int(untouched.sum()),
     }
@@ -111,7 +117,7 @@ def differences(recording: Recording, rollout: Rollout, dt: float) -> dict[str, 
         force = np.linalg.norm(apart[:, :3], axis=1)
         torque = np.linalg.norm(apart[:, 3:], axis=1)
         at = int(np.argmax(np.where(there, force, -1.0)))
-        told[what] = {
+        out[what] = {
             "largest_force_n": float(force[there].max(initial=0.0)),
             "at_s": float(recording.time[at]),
             "rms_force_n": _rms(force[there]),
@@ -119,7 +125,7 @@ def differences(recording: Recording, rollout: Rollout, dt: float) -> dict[str, 
             "largest_force_untouched_n": float(force[untouched].max(initial=0.0)),
             "rms_force_untouched_n": _rms(force[untouched]),
         }
-    return told
+    return out
 
 
 def _rms(values: Any) -> float:

@@ -1,4 +1,4 @@
-"""A servo process and its recorder, as their parent sees them."""
+"""A running servo loop and its recorder, from the parent's side."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import multiprocessing
 import shutil
 import signal
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -17,34 +18,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.mailbox import Mailbox
+from asperity.realtime.servo.ipc import RING_SECONDS, TICK, Mailbox, TickRing, Ticks
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.process import MAILBOX, RING, SNAPSHOT, ServoSpec, serve
 from asperity.realtime.servo.recorder import record
-from asperity.realtime.servo.ring import SECONDS, TickRing
-from asperity.realtime.servo.scheduling import keep_off
+from asperity.realtime.servo.scheduling import keep_off_core
 from asperity.realtime.servo.snapshot import Snapshot, SnapshotReader
-from asperity.realtime.servo.tick_row import WIDTH
 from asperity.realtime.shared_file import shared_folder
 
 STARTING = 180.0
-"""How long a servo process may take to begin [s]: it may have to compile."""
+"""Time limit for a servo process to start [s]: it may have to compile."""
 ENDING = 5.0
-"""How long it may take to end [s]."""
+"""Time limit for it to end [s]."""
 
 
 class Servo:
-    """A loop in a process of its own. A context manager: leaving it ends everything.
+    """A servo loop in a separate process. A context manager: leaving the block ends everything.
 
     Parameters
     ----------
     spec : ServoSpec
     recording : Path, optional
-        Where to record every tick; must not exist. Default: nothing is recorded.
+        File to record every tick to; it must not exist. Default: no recording.
     attributes : mapping
-        Texts and numbers to keep with the recording.
+        Strings and numbers to store with the recording.
     rows : bool
-        Where nothing is recorded: have every tick's row for `take_rows`.
+        Without a recording: make every tick available to `take_ticks`.
 
     Examples
     --------
@@ -52,7 +51,7 @@ class Servo:
     >>> with Servo(spec, Path("recording.h5")) as servo:
     ...     servo.start()
     ...     while servo.is_alive:
-    ...         moment = servo.snapshot()  # as often as you like
+    ...         snapshot = servo.snapshot()  # as often as you like
     """
 
     def __init__(
@@ -72,14 +71,14 @@ class Servo:
         self._ring = self._recorder = None
         self._recorded: dict[str, Any] = {"ticks": 0, "error": ""}
         if recording is not None or rows:
-            self._ring = TickRing(self._folder / RING, int(SECONDS * spec.rate))
+            self._ring = TickRing(self._folder / RING, int(RING_SECONDS * spec.rate))
         if recording is not None:
-            self._recorder_report, told = spawn.Pipe(duplex=False)
+            self._recorder_report, recorder_end = spawn.Pipe(duplex=False)
             self._recorder = spawn.Process(
                 target=record, name="asperity-recorder",
-                args=(self._folder / RING, recording, dict(attributes or {}), told),
+                args=(self._folder / RING, recording, dict(attributes or {}), recorder_end),
             )  # fmt: skip
-            self._recorder_end = told
+            self._recorder_end = recorder_end
         self.process = spawn.Process(
             target=serve,
             name="asperity-servo",
@@ -88,8 +87,8 @@ class Servo:
         self._servo_end = theirs
         self._reader: SnapshotReader | None = None
         self._result: tuple[str, Any] | None = None
-        self._asked: dict[str, str] = {}
-        """What came of what was asked for the recorder; the rest the servo process tells."""
+        self._recorder_core: dict[str, str] = {}
+        """Outcome of keeping the recorder off the loop's core, for the summary."""
         self._finished = False
 
     @property
@@ -99,23 +98,26 @@ class Servo:
 
     @property
     def snapshot_path(self) -> Path:
-        """The file that viewers look into."""
+        """The snapshot file, for a `SnapshotReader`."""
         return self._folder / SNAPSHOT
 
     def start(self) -> dict[str, Any]:
-        """Start both processes; return when the loop ticks, with what the device says of itself.
+        """Start the processes; return when the loop ticks or, if `held`, is ready for `go`.
 
-        If the spec says that it is `held`: when all is ready for `go`.
+        Returns
+        -------
+        dict
+            `limits`, `device` (its name) and `core` (the loop's, or None); empty if held.
 
         Raises
         ------
         AsperityError
-            What kept the loop from beginning.
+            The loop could not begin; the message explains why.
         """
         return self._or_finished(self._start)
 
     def go(self) -> dict[str, Any]:
-        """Let a loop that is held open its device and tick; return as `start` does."""
+        """Let a held loop open its device and tick; return as `start` does."""
         return self._or_finished(self._go)
 
     def _or_finished(self, begin: Callable[[], dict[str, Any]]) -> dict[str, Any]:
@@ -132,14 +134,14 @@ class Servo:
             self._recorder_end.close()
         self.process.start()
         self._servo_end.close()
-        return self._told("held" if self.spec.held else "ready")
+        return self._wait_until("held" if self.spec.held else "ready")
 
     def _go(self) -> dict[str, Any]:
         self._mailbox.go()
-        return self._told("ready")
+        return self._wait_until("ready")
 
-    def _told(self, wanted: str) -> dict[str, Any]:
-        """Wait for word of the servo process that it is so far."""
+    def _wait_until(self, wanted: str) -> dict[str, Any]:
+        """Wait for the servo process to report "held" or "ready"; return what it sent."""
         until = time.monotonic() + STARTING
         while not self._report.poll(0.05):
             if not self.process.is_alive() and not self._report.poll(0.0):
@@ -150,56 +152,68 @@ class Servo:
         if kind != wanted:
             self._result = (kind, what)
             raise AsperityError(str(what))
-        told: dict[str, Any] = what
-        core = told.get("core")
+        ready: dict[str, Any] = what
+        core = ready.get("core")
         if core is not None and self._recorder is not None and self._recorder.pid is not None:
-            self._asked["recorder"] = keep_off(core, self._recorder.pid)
-        return told
+            self._recorder_core["recorder"] = keep_off_core(core, self._recorder.pid)
+        return ready
 
     @property
     def is_alive(self) -> bool:
-        """Whether the loop goes on."""
+        """Whether the servo process runs."""
         return self.process.is_alive()
 
     def snapshot(self) -> Snapshot | None:
-        """Return the latest moment, or None before the first."""
+        """Return the latest snapshot, or None before the first."""
         if self._reader is None:
             self._reader = SnapshotReader(self.snapshot_path)
         return self._reader.read()
 
-    def take_rows(self) -> NDArray[np.float64]:
-        """Return the rows (n, 30) of all ticks since the last call; see `rows.FIELDS`."""
+    def take_ticks(self) -> Ticks:
+        """Return all ticks since the last call: records (n,) of dtype `ipc.TICK`."""
         if self._ring is None or self.process.pid is None:
-            return np.empty((0, WIDTH))
+            return np.empty(0, TICK)
         return self._ring.take()
 
-    def set(self, **changes: Any) -> None:
-        """Change `LiveParameters`: all of them are swapped at once, between two ticks.
+    def take_rows(self) -> NDArray[np.float64]:
+        """Return the ticks since the last call as rows (n, 30); use `take_ticks`."""
+        warnings.warn("take_rows is deprecated: use take_ticks", DeprecationWarning, stacklevel=2)
+        return self.take_ticks().view(np.float64).reshape(-1, TICK.itemsize // 8)
 
+    def set(self, **changes: Any) -> None:
+        """Change `LiveParameters`: all of them are replaced at once, between two ticks.
+
+        Raises
+        ------
+        AsperityError
+            A value is out of range.
+
+        Examples
+        --------
         >>> servo.set(stiffness=300.0, friction=0.2)
         """
         parameters = replace(self.parameters, **changes)
-        parameters.force(self.spec.scene.force)  # refuses here what would be refused there
+        parameters.force(self.spec.scene.force)  # raises here what would fail in the servo process
         self._mailbox.send(parameters.plain())
         self.parameters = parameters
 
     def stop(self) -> None:
-        """Let the loop stop, with zero at the device."""
+        """Stop the loop, which sends zero to the device."""
         self._mailbox.stop()
 
     def wait(self, seconds: float) -> bool:
-        """Wait for the loop to end, at most so long [s]; return whether it has."""
+        """Wait at most `seconds` for the loop to end; return whether it has."""
         if self._result is None and self._report.poll(seconds):
             self._result = self._receive()
         return self._result is not None
 
     def finish(self) -> dict[str, Any]:
-        """Stop the loop, let the recorder finish, and return what both have to say.
+        """Stop the loop, let the recorder finish, and return the summary of both.
 
         Raises
         ------
         AsperityError
-            The loop failed, or was killed.
+            The loop failed, or its process was killed.
         """
         self._finished = True
         self.stop()
@@ -215,7 +229,7 @@ class Servo:
         kind, what = self._result or ("failed", f"the servo process ended ({self._exit()})")
         if kind == "failed":
             raise AsperityError(str(what))
-        real_time = {**what["real_time"], **self._asked}
+        real_time = {**what["real_time"], **self._recorder_core}
         return {**what, "recorder": recorded, "real_time": real_time}
 
     def __enter__(self) -> Servo:
@@ -245,7 +259,7 @@ class Servo:
     def _finish_recorder(self) -> dict[str, Any]:
         if self._recorder is None or self._ring is None or self._recorder.pid is None:
             return self._recorded
-        # The servo does so itself, unless it was killed.
+        # The servo process closes the ring itself, unless it was killed.
         self._ring.close()
         if self._recorder_report.poll(4 * ENDING):
             try:

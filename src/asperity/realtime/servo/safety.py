@@ -1,26 +1,27 @@
-"""Everything that goes to a device goes through here, and there is no way round.
+"""The safety layer: every wrench reaches the device through a `SafeDevice`, and in no other way.
 
-The loop never holds the device itself, only a `SafeDevice`. Whatever wrench it is given, what the
-device is sent is finite, no stronger than the device's limits (or than the user's, if lower) and
-no faster to rise than the slew limit; and it is zero, at once, when
+Whatever wrench the loop hands over, the one that is sent is finite, within the limits of the device
+and of the user, and rises no faster than the slew limit. Zero is sent at once when
 
 - the wrench is not finite, or
-- the device has been silent for `silent_after`, told of nothing but nonsense, or told of old
+- the device has been silent for `silent_after`: it gave no reading, only invalid ones, or only old
   measurements (`Reading.age`), or
-- the caller says that it does not know the contact any more.
+- the caller reports that the contact is not known.
 
-After silence, and at the beginning, the wrench comes up softly: by a factor that grows from 0 to 1
-in `soft_start`, or, after a short silence, in ten times what that lasted. Nothing here raises: what
-goes wrong is counted, and told in the summary.
+At the beginning and after silence, the wrench rises softly: a gain grows from 0 to 1 in
+`soft_start`, or, after a short silence, in ten times its duration. Nothing here raises; faults are
+counted and reported in the summary.
 
-The order is: finite, softly, within the limits, slewed. Both the last and the next wrench are
-within the limits, the slewed one lies between them, and so it is within them too.
+The order is: finiteness, soft start, limits, slew. The last wrench and the next one are within the
+limits and the slewed one lies between them, so it is within the limits too.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,31 +31,32 @@ from asperity.realtime.devices.protocol import Device, Reading
 from asperity.simulation.tool_contact import LIMITED, SILENT
 
 _ABSURD = 2.0
-"""Farther out than so many radii of the workspace no end effector can be."""
+"""Largest plausible distance of an end effector, in radii of the workspace."""
 _FASTEST, _FASTEST_TURN = 10.0, 100.0
-"""No hand moves faster [m/s], [rad/s]."""
+"""Largest plausible velocities of a hand [m/s], [rad/s]."""
 _NORM_TOLERANCE = 1e-2
-"""How far a device's quaternion may be off norm 1 before the reading is nonsense."""
+"""Largest deviation of a quaternion's norm from 1 in a valid reading."""
 _SOFTER = 10.0
-"""So many times as long as a silence lasts what comes after it; ours."""
+"""Duration of the soft start after a short silence, over that of the silence; project default."""
 _ROUNDING = 1.0 - 1e-12
+_RENAMED = {"said": "raw_reading", "told": "summary"}
 
 
 @dataclass(frozen=True)
 class SafetySettings:
-    """What is let through. All defaults are asperity's.
+    """Limits of what is sent. All defaults are the project's.
 
     Parameters
     ----------
     max_force, max_torque : float, optional
-        Lower limits than the device's own [N], [N m].
+        Limits below the device's own [N], [N m].
     slew : float
-        How long a wrench takes at least from zero to its limit [s]; 0: no limit.
+        Shortest time for a wrench to rise from zero to its limit [s], 0 to 1; 0: no limit.
     soft_start : float
-        How long it takes to come up at the beginning and after silence [s].
+        Duration of the rise at the beginning and after silence [s], 0 to 10.
     silent_after : float
-        A device that has told nothing new for longer than this is silent [s]. At 1 kHz zero is sent
-        a tick later at most: within 5 ms of the last reading.
+        Time without a new reading after which a device is silent [s], 1e-4 to 1. At 1 kHz, zero is
+        sent at most one tick later: by default within 5 ms of the last reading.
     """
 
     max_force: float | None = None
@@ -74,34 +76,34 @@ class SafetySettings:
 
 @dataclass
 class SafetyCounts:
-    """How often what was needed."""
+    """How often each protection acted."""
 
     clamped_force: int = 0
     clamped_torque: int = 0
     slewed: int = 0
     not_finite: int = 0
-    """Wrenches with NaN or infinity in them: sent as zero."""
+    """Wrenches with NaN or infinity: zero was sent."""
     bad_readings: int = 0
-    """Poses with NaN or infinity in them, or whose quaternion is none: not taken."""
+    """Readings with NaN, infinity or an invalid quaternion: ignored."""
     workspace_clamps: int = 0
-    """Poses absurdly far out, velocities absurdly high: drawn in."""
+    """Readings with implausible positions or velocities: clamped."""
     silences: int = 0
-    """Times that the device fell silent."""
+    """Number of times the device fell silent."""
     silent_ticks: int = 0
     contact_lost_ticks: int = 0
-    """Ticks in which the contact was too old to be carried on."""
+    """Ticks in which the contact was too old to be extrapolated."""
     errors: int = 0
-    """Exceptions and errors of the device."""
+    """Exceptions raised and errors reported by the device."""
     last_error: str = ""
 
 
 class SafeDevice:
-    """A device that can be told anything.
+    """A device to which any wrench may be written.
 
     Parameters
     ----------
     device : Device
-        Opened by `open`; nobody else may hold it.
+        Opened by `open`; nothing else may hold it.
     dt : float
         Tick [s].
     settings : SafetySettings
@@ -114,14 +116,15 @@ class SafeDevice:
         self.settings = settings or SafetySettings()
         self.limits = device.limits
         self.name = device.name
+        self.in_loop = bool(getattr(device, "in_loop", False))
         self.max_force = _lower(device.limits.max_force, self.settings.max_force)
         self.max_torque = _lower(device.limits.max_torque, self.settings.max_torque)
         self.reading = Reading.empty()
-        """The last that made sense."""
+        """The last valid reading."""
         self.sent = np.zeros(6)
-        """What the device was sent last, its axes (6,) [N, N m]."""
+        """The wrench sent last, in the device's axes (6,) [N], [N m]."""
         self.flags = 0
-        """What there is to say of the last tick: bits of `FLAGS`."""
+        """Flags of the last tick: `LIMITED`, `SILENT`."""
         self.counts = SafetyCounts()
         self._raw = Reading.empty()
         self._gain = 0.0
@@ -129,13 +132,21 @@ class SafeDevice:
         self._was_silent = False
         self.set_tick(dt)
 
+    def __getattr__(self, name: str) -> Any:
+        """Return what the attribute `name` of the last version is now called, with a warning."""
+        if name not in _RENAMED:
+            raise AttributeError(f"SafeDevice has no attribute {name!r}")
+        new = _RENAMED[name]
+        warnings.warn(f"{name} is deprecated: use {new}", DeprecationWarning, stacklevel=2)
+        return getattr(self, new)
+
     @property
-    def said(self) -> Reading:
-        """What the device said last, whether it made sense or not."""
+    def raw_reading(self) -> Reading:
+        """The last reading, valid or not."""
         return self._raw
 
     def set_tick(self, dt: float) -> None:
-        """Take ticks of `dt` [s] from now on."""
+        """Continue with ticks of `dt` [s]."""
         slew, soft = self.settings.slew, self.settings.soft_start
         self._force_step = self.max_force * dt / slew if slew > 0.0 else math.inf
         self._torque_step = self.max_torque * dt / slew if slew > 0.0 else math.inf
@@ -147,13 +158,13 @@ class SafeDevice:
         self._device.open()
 
     def begin(self, now: float) -> None:
-        """Start: the wrench comes up softly, and silence is counted from `now` [s]."""
+        """Begin with a soft start, counting silence from `now` [s]."""
         self.soften()
         self._measured = now
         self.sent[:] = 0.0
 
     def read(self, now: float) -> bool:
-        """Take the newest reading, if it makes sense; return whether there was one.
+        """Take the newest reading if it is valid; return whether there was one.
 
         Parameters
         ----------
@@ -165,7 +176,7 @@ class SafeDevice:
         raw.error = ""
         try:
             fresh = bool(self._device.read(raw))
-        except Exception as error:  # it must not, but then it must not matter
+        except Exception as error:  # a device must not raise, but if it does, the loop goes on
             fresh, raw.error = False, f"{type(error).__name__}: {error}"
         if raw.error:
             counts.errors += 1
@@ -176,20 +187,20 @@ class SafeDevice:
             counts.bad_readings += 1
             return False
         age = float(raw.age)
-        if age == age:  # an age that is not a number says nothing
+        if age == age:  # not NaN
             self._measured = max(self._measured, now - max(age, 0.0))
         return True
 
     def is_silent(self, now: float) -> bool:
-        """Return whether the device has told nothing new for too long."""
+        """Return whether the device has given nothing new for longer than `silent_after`."""
         return now - self._measured > self.settings.silent_after
 
     def soften(self) -> None:
-        """Let the next wrenches come up from zero: much may have happened meanwhile."""
+        """Let the wrench rise from zero again, over `soft_start`."""
         self._gain, self._gain_step = 0.0, _step(self._dt, self._soft)
 
     def write(self, wrench: NDArray[np.float64], now: float, *, known: bool = True) -> None:
-        """Send what may be sent of a wrench (6,), device axes.
+        """Send a wrench (6,) in the device's axes, as far as the limits allow.
 
         Parameters
         ----------
@@ -256,7 +267,7 @@ class SafeDevice:
         except Exception as error:
             self._failed(error)
 
-    def told(self) -> dict[str, object]:
+    def summary(self) -> dict[str, object]:
         """Return the limits and counts for `summary.json`."""
         limits = {"max_force_n": self.max_force, "max_torque_n_m": self.max_torque}
         return {**limits, **asdict(self.counts)}
@@ -273,7 +284,7 @@ class SafeDevice:
         self.counts.last_error = f"{type(error).__name__}: {error}"
 
     def _take(self, raw: Reading) -> bool:
-        """Fill `reading` from what the device said; return whether it makes sense."""
+        """Fill `reading` from a raw reading; return whether that is valid."""
         x, y, z, qw, qx, qy, qz = raw.pose.tolist()
         vx, vy, vz, wx, wy, wz = raw.twist.tolist()
         norm = math.hypot(qw, qx, qy, qz)
@@ -295,7 +306,7 @@ class SafeDevice:
 
 
 def _step(dt: float, seconds: float) -> float:
-    """Return how much of 1 a tick is, if all of it takes so long."""
+    """Return by how much a gain grows in a tick if it rises from 0 to 1 in `seconds`."""
     return min(dt / seconds, 1.0) if seconds > 0.0 else 1.0
 
 

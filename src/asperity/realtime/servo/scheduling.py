@@ -1,9 +1,8 @@
-"""What a process can ask of the operating system to be on time; each answer is reported.
+"""What the operating system can do for a punctual loop; the outcome of each request is reported.
 
-Only sharper timers, and that loop and quick contacts have one core and keep it busy, are asked for
-without being told to: they need no rights. Priority, a core of one's own and locked
-memory are asked for on request. Linux is what is tested; what is done on Windows and macOS is
-written from their documentation, and untested.
+Sharper timers are requested always, and one busy core for the loop and quick contacts unless it is
+declined: they need no rights. Priority, a fixed core and locked memory are requested on demand.
+Linux is tested; the paths for Windows and macOS follow their documentation and are untested.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PRIORITY = 40
-"""Of SCHED_FIFO, 1 to 99: above ordinary work, below what the kernel itself needs."""
+"""SCHED_FIFO priority, 1 to 99: above ordinary processes, below the kernel's own threads."""
 _GROUPS = Path("/sys/fs/cgroup")
 _QUOTAS: tuple[tuple[Path, Path | None], ...] = (
     (_GROUPS / "cpu.max", None),
     (_GROUPS / "cpu" / "cpu.cfs_quota_us", _GROUPS / "cpu" / "cpu.cfs_period_us"),
 )
-"""Where Linux tells how much of a period a container may compute, of version 2 and of 1 [us]."""
+"""Files with a container's CPU quota and period [us], for cgroups version 2 and 1."""
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _WINDOWS_HIGH_PRIORITY = 0x80
@@ -30,7 +29,7 @@ _WINDOWS_HIGH_PRIORITY = 0x80
 
 @dataclass(frozen=True)
 class RealTime:
-    """What to ask for.
+    """What to request of the operating system.
 
     Parameters
     ----------
@@ -39,13 +38,13 @@ class RealTime:
     core : int, optional
         Run on this core only.
     lock_memory : bool
-        Never let memory be swapped out.
+        Prevent memory from being swapped out.
     share_core : bool
-        Have the loop and its contacts on one core where contacts are quick, unless priority or a
-        core is asked for; and the recorder on another one.
+        Run the loop and its contacts on one core, and the recorder on another, where contacts are
+        quick; not together with `priority` or `core`.
     busy_wait : bool
-        Keep such a core busy: the loop watches the clock between ticks and does not sleep. Only
-        where there is another core, and one more for devices that others work for.
+        Keep that core busy: poll the clock between ticks instead of sleeping. Takes effect only if
+        there is a second core, and a third for devices with a thread or service.
     """
 
     priority: bool = False
@@ -55,31 +54,31 @@ class RealTime:
     busy_wait: bool = True
 
 
-def ask(wanted: RealTime) -> dict[str, str]:
-    """Ask for sharper timers and what is wanted; return what came of each, in words."""
-    told = {"timers": _tried(sharpen_timers)}
+def request(wanted: RealTime) -> dict[str, str]:
+    """Request sharper timers and what is wanted; return the outcome of each in words."""
+    outcomes = {"timers": _attempt(sharpen_timers)}
     if wanted.priority:
-        told["priority"] = _tried(_raise_priority)
+        outcomes["priority"] = _attempt(_raise_priority)
     if wanted.core is not None:
         core = wanted.core
-        told["core"] = _tried(lambda: _stay_on(core))
+        outcomes["core"] = _attempt(lambda: _stay_on(core))
     if wanted.lock_memory:
-        told["memory"] = _tried(_lock_memory)
-    return told
+        outcomes["memory"] = _attempt(_lock_memory)
+    return outcomes
 
 
-def any_core() -> int | None:
-    """Return the number of a core that this process may use; None where the system has no word."""
+def pick_core() -> int | None:
+    """Return the number of a core that this process may use; None where unsupported."""
     if not hasattr(os, "sched_getaffinity"):
         return None
     cores = sorted(os.sched_getaffinity(0))
-    return cores[os.getpid() % len(cores)]  # two loops on one machine are not to meet always
+    return cores[os.getpid() % len(cores)]  # so that two loops rarely choose the same core
 
 
 def usable_cores() -> int:
-    """Return how many cores this process may use, all of their time; 1 if the system has no word.
+    """Return how many cores' full time this process may use; 1 if the system does not say.
 
-    A container may have many cores and the time of one: who is busy then stops all others.
+    A container may see many cores and have the time of one: a busy process then stops all others.
     """
     if not hasattr(os, "sched_getaffinity"):
         return 1
@@ -90,12 +89,12 @@ def usable_cores() -> int:
             if float(given[0]) > 0.0:
                 cores = min(cores, float(given[0]) / float(given[1]))
         except (OSError, ValueError, IndexError, ZeroDivisionError):
-            continue  # not there, or "max": no limit
+            continue  # no such file, or "max": no limit
     return max(int(cores), 1)
 
 
-def keep_off(core: int, process: int) -> str:
-    """Have a process leave a core to the loop, if it has others; return what came of it."""
+def keep_off_core(core: int, process: int) -> str:
+    """Keep a process off the loop's core, if there is another; return the outcome."""
 
     def leave() -> str:
         rest = os.sched_getaffinity(process) - {core}
@@ -104,22 +103,22 @@ def keep_off(core: int, process: int) -> str:
         os.sched_setaffinity(process, rest)
         return f"not on core {core}"
 
-    return _tried(leave)
+    return _attempt(leave)
 
 
 def share_core(core: int, threads: Sequence[int]) -> str:
-    """Have threads of this process run on one core; return what came of it.
+    """Run threads of this process on one core; return the outcome.
 
-    Handing over to a thread on another core wakes that core first, and finds its caches cold. On a
-    virtual machine of two cores, the same contact took 0.3 ms beside the loop and 0.1 ms alone; of
-    the probe's contacts in the hand 2 to 3 % came too late on two cores, 0.3 to 0.8 % on one, and
-    0 to 0.02 % on one that never sleeps and that the recorder keeps off.
+    Handing over to a thread on another core first wakes that core, whose caches are cold. On a
+    virtual machine with two cores, the same contact took 0.3 ms on another core and 0.1 ms alone;
+    of the probe's contacts in the hand 2 to 3 % were late on two cores, 0.3 to 0.8 % on one, and 0
+    to 0.02 % on one that never sleeps and that the recorder is kept off.
     """
-    return _tried(lambda: f"on {_stay_on(core, threads)}, with the loop")
+    return _attempt(lambda: f"on {_stay_on(core, threads)}, with the loop")
 
 
 def sharpen_timers() -> str:
-    """Have sleeping end when it was to end, not up to 50 us (Linux) or 15 ms (Windows) later."""
+    """Make sleeps end on time, not up to 50 us (Linux) or 15 ms (Windows) late."""
     if sys.platform == "linux":
         if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) != 0:
             raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
@@ -127,7 +126,7 @@ def sharpen_timers() -> str:
     if sys.platform == "win32":
         ctypes.windll.winmm.timeBeginPeriod(1)
         return "period of 1 ms"
-    return "as they are"
+    return "unchanged"
 
 
 def _raise_priority() -> str:
@@ -143,7 +142,7 @@ def _raise_priority() -> str:
 
 
 def _stay_on(core: int, threads: Sequence[int] = (0,)) -> str:
-    """Keep threads, 0 being this one, on a core."""
+    """Bind threads to a core; 0 is the calling thread."""
     if not hasattr(os, "sched_setaffinity"):
         raise OSError(0, "this system has no way to ask")
     for thread in threads:
@@ -153,14 +152,14 @@ def _stay_on(core: int, threads: Sequence[int] = (0,)) -> str:
 
 def _lock_memory() -> str:
     if sys.platform == "win32":
-        raise OSError(0, "not asked for on Windows")
+        raise OSError(0, "not supported on Windows")
     if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
     return "locked"
 
 
-def _tried(what: Callable[[], str]) -> str:
-    """Return what an attempt says, or why it was refused."""
+def _attempt(what: Callable[[], str]) -> str:
+    """Return the outcome of a request, or why it was refused."""
     try:
         return what()
     except (OSError, AttributeError, ValueError) as error:

@@ -1,7 +1,7 @@
-"""A session: somebody feels a scene through a device, and this is what it leaves on disk.
+"""A session: a scene felt through a device, and what it leaves on disk.
 
-`recording.h5` grows in its place while the session goes on, so that nothing that was felt is lost
-however it ends. `summary.json` and figures come after the end.
+`recording.h5` grows in its final place during the session, so nothing is lost however the session
+ends. `summary.json` and the figures are written afterwards.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from asperity.scene.scene import Scene
 from asperity.simulation.simulation import Rollout
 from asperity.simulation.tool_contact import ToolContact
 
-LOOKED_AT = 0.1
-"""How often the parent looks at the loop [s]."""
+POLLING = 0.1
+"""Time between two looks of the parent at the loop [s]."""
 
 
 def run_session(
@@ -40,7 +40,7 @@ def run_session(
     on_moment: Callable[[Snapshot], None] = lambda _: None,
     on_start: Callable[[dict[str, Any]], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Let a scene be felt until its time is over or Ctrl-C; return the summary that was written.
+    """Run a scene on a device until its time is over or Ctrl-C; return the summary.
 
     Parameters
     ----------
@@ -48,13 +48,18 @@ def run_session(
     out : Path
         Folder for the results.
     source : str
-        What `load_scene` makes the scene of, for `replay`.
+        Name or folder of the scene for `load_scene`; stored for `replay`.
     figures : bool
         Draw the figures of a run afterwards.
     overwrite : bool
         Replace what is in the folder.
     on_moment, on_start : callable
-        Called a few times a second with the latest moment; and once, when ticking begins.
+        Called a few times a second with the latest snapshot; and once, when ticking begins.
+
+    Raises
+    ------
+    AsperityError
+        The loop failed, or ended before its first tick.
     """
     folder = growing_folder(out, overwrite=overwrite)
     recording = folder / "recording.h5"
@@ -62,12 +67,12 @@ def run_session(
     with Servo(spec, recording, recording_attributes(spec, source)) as servo:
         try:
             on_start(servo.start())
-            while not servo.wait(LOOKED_AT):
-                moment = servo.snapshot()
-                if moment is not None:
-                    on_moment(moment)
+            while not servo.wait(POLLING):
+                snapshot = servo.snapshot()
+                if snapshot is not None:
+                    on_moment(snapshot)
         except KeyboardInterrupt:
-            # Ctrl-C ends a session well, if it has begun.
+            # Ctrl-C is the normal end of a session that has begun.
             if servo.snapshot_path.exists():
                 servo.stop()
             else:
@@ -77,21 +82,21 @@ def run_session(
 
 
 def recording_attributes(spec: ServoSpec, source: str) -> dict[str, Any]:
-    """Return what is kept with the recording of a session in a scene that `source` names."""
+    """Return the attributes of a session's recording; `source` names the scene for `load_scene`."""
     return attributes_of(spec.scene, LiveParameters.of(spec.scene, spec.rate), source=source)
 
 
 def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool) -> dict[str, Any]:
-    """Write what there is to say of a session that is over."""
+    """Write the summary and figures of a session that has ended."""
     recording = read_recording(folder / "recording.h5")
     if len(recording.time) == 0:
         raise AsperityError("the session ended before its first tick was recorded")
     rollout = _rollout(recording, np.array(result["status"]))
-    told = {
+    motion = {
         "kind": "device", "device": result["device"], "rate_hz": spec.rate,
         "seconds": float(recording.time[-1]),
     }  # fmt: skip
-    summary = summary_of(spec.scene, told, rollout)
+    summary = summary_of(spec.scene, motion, rollout)
     timing = result["timing"]
     tick = timing["stages_us"]["tick"]
     summary["tick_seconds"] = 1.0 / spec.rate
@@ -118,7 +123,7 @@ def _rollout(recording: Recording, statuses: Any) -> Rollout:
 
 
 def _moment(scene: Scene, rollout: Rollout) -> ContactMoment:
-    """Return the contact where it pushed hardest, looked at once more."""
+    """Return the contact at the instant of the largest force, recomputed."""
     hardest = int(np.argmax(np.linalg.norm(rollout.contact_wrench[:, :3], axis=1)))
     stage = ToolContact(scene)
     pose = rollout.tool_pose[hardest]

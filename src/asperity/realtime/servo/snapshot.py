@@ -1,12 +1,9 @@
-"""The present moment for whoever wants to look: viewers, progress lines, other programs.
+"""The latest tick for anyone who looks: viewers, progress lines, other programs.
 
-A shared file of one record. The loop overwrites it 250 times a second and waits for nobody; a
-reader gets the latest, however often it looks, and can be killed at any time. Whether it has read
-one moment and not two halves, it sees from a number that the writer makes odd before and even after
-(a sequence lock): equal and even before and after reading is whole.
-
-The record is an array of doubles after the number; `FIELDS` says what they are, so that other
-languages can read it too.
+A shared file of one record, which the loop overwrites 250 times a second without waiting for
+anybody. A reader gets the latest snapshot however often it looks, and may be killed at any time. A
+sequence lock, the number in front of the record, shows whether a copy is undivided; the record
+itself (`SNAPSHOT`) is an array of doubles, which programs in other languages can read too.
 """
 
 from __future__ import annotations
@@ -14,124 +11,161 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.contact_worker import SHOWN, Shown
-from asperity.realtime.shared_file import SharedFile
+from asperity.realtime.servo.contact_worker import MAX_SHOWN, ShownContacts
+from asperity.realtime.servo.ipc import TICK, Ticks
+from asperity.realtime.shared_file import SequenceLock, SharedFile
 
-FIELDS = {
-    "time": (1,), "handle_pose": (7,), "tool_pose": (7,), "contact_wrench": (6,),
-    "device_wrench": (6,), "contact_count": (1,), "flags": (1,),
-    "handle_twist": (6,), "tool_twist": (6,), "buttons": (1,),
-    "ticks": (1,), "misses": (1,), "fallbacks": (1,), "interventions": (1,), "silences": (1,),
-    "clamps": (1,), "tick_p99": (1,), "contact_p99": (1,),
-    "shown": (1,), "point": (SHOWN, 3), "normal": (SHOWN, 3), "force": (SHOWN, 3),
-    "depth": (SHOWN,),
-}  # fmt: skip
-"""Names and shapes, in order. SI units, world axes; the first seven are those of a recording."""
-_COUNT = sum(int(np.prod(shape)) for shape in FIELDS.values())
+SHOWN_RATE = 250.0
+"""Snapshots per second that are plenty for a viewer [Hz]."""
+_COUNTS = [
+    "buttons", "ticks", "misses", "fallbacks", "interventions", "silences", "clamps", "tick_p99",
+    "contact_p99",
+]  # fmt: skip
+_LIKE_TICK = [name for name in TICK.names or () if name != "penetration_depth"]
+SNAPSHOT = np.dtype(
+    [
+        *[(name, TICK[name]) for name in _LIKE_TICK],
+        ("handle_twist", "f8", 6), ("tool_twist", "f8", 6),
+        *[(name, "f8") for name in _COUNTS],
+        ("shown", "f8"), ("point", "f8", (MAX_SHOWN, 3)), ("normal", "f8", (MAX_SHOWN, 3)),
+        ("force", "f8", (MAX_SHOWN, 3)), ("depth", "f8", MAX_SHOWN),
+    ]
+)  # fmt: skip
+"""The snapshot file after its sequence number (int64): doubles in this order, for any language.
+
+`shown` is the number of contacts; the other fields are described in `Snapshot`.
+"""
+FIELDS = {name: SNAPSHOT[name].shape or (1,) for name in SNAPSHOT.names or ()}
+"""Names and shapes of the fields in order."""
+_SNAPSHOT_FILE = np.dtype([("sequence", "i8"), ("snapshot", SNAPSHOT)])
 _SECONDS = ("time", "tick_p99", "contact_p99")
-_TRIES = 1000
+_CONTACT_FIELDS = ("point", "normal", "force", "depth")
+_ATTEMPTS = 1000
 
 
 class Snapshot(NamedTuple):
-    """One tick: what `FIELDS` says; contacts only as many as there are."""
+    """The latest tick, with the contacts behind it and counts since the loop began."""
 
     time: float
+    """Since the loop began [s]."""
     handle_pose: NDArray[np.float64]
+    """Position [m] and unit quaternion wxyz (7,); so is `tool_pose`."""
     tool_pose: NDArray[np.float64]
     contact_wrench: NDArray[np.float64]
+    """Of the contact on the tool about its centre of mass (6,) [N], [N m]."""
     device_wrench: NDArray[np.float64]
+    """As sent to the device, as a wrench of the scene about the tool's centre of mass (6,)."""
     contact_count: int
     flags: int
     handle_twist: NDArray[np.float64]
+    """Linear [m/s] and angular [rad/s] velocity (6,); so is `tool_twist`."""
     tool_twist: NDArray[np.float64]
     buttons: int
+    """Pressed buttons of the device, one bit each."""
     ticks: int
     misses: int
     fallbacks: int
     interventions: int
+    """Ticks in which the passivity controller changed the wrench."""
     silences: int
+    """Number of times the device fell silent."""
     clamps: int
     """Ticks in which force or torque met a limit."""
     tick_p99: float
-    """Of how long a tick's work took in the last second [s]; 0 before there was one."""
+    """99th percentile of a tick's work over the last second [s]; 0 in the first."""
     contact_p99: float
-    """The same of a contact."""
+    """The same for the time that a contact took."""
     point: NDArray[np.float64]
-    """On the tool's surface (n, 3) [m]; so are `normal` and `force` [N]."""
+    """Contact points on the tool's surface (n, 3) [m]; n is at most `MAX_SHOWN`."""
     normal: NDArray[np.float64]
+    """(n, 3)"""
     force: NDArray[np.float64]
+    """(n, 3) [N]"""
     depth: NDArray[np.float64]
     """(n,) [m]"""
 
-
-def _views(values: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    out, at = {}, 0
-    for name, shape in FIELDS.items():
-        size = int(np.prod(shape))
-        out[name] = values[at : at + size].reshape(shape)
-        at += size
-    return out
+    @staticmethod
+    def of(record: NDArray[np.void]) -> Snapshot:
+        """Return what a record of dtype `SNAPSHOT` holds."""
+        n = int(record["shown"])
+        values: dict[str, Any] = {}
+        for name in Snapshot._fields:
+            value = record[name]
+            if name in _CONTACT_FIELDS:
+                values[name] = value[:n]
+            elif value.ndim:
+                values[name] = value
+            else:
+                values[name] = float(value) if name in _SECONDS else int(value)
+        return Snapshot(**values)
 
 
 class SnapshotWriter:
-    """The loop's end: makes the file."""
+    """The loop's end of a snapshot file, which it creates."""
 
     def __init__(self, path: Path) -> None:
-        self._file = SharedFile(path, 8 * (1 + _COUNT))
-        self._sequence = self._file.array(np.int64, 1, 0)
-        self._number = 0
-        values = self._file.array(np.float64, _COUNT, 8)
-        views = _views(values)
-        self._row = values[: _offset("handle_twist")]
-        self._handle_twist, self._tool_twist = views["handle_twist"], views["tool_twist"]
-        self._counts = values[_offset("buttons") : _offset("point")]
-        self._point, self._normal = views["point"], views["normal"]
-        self._force, self._depth = views["force"], views["depth"]
-        self._last_shown: Shown | None = None
+        self._file = SharedFile(path, _SNAPSHOT_FILE.itemsize)
+        record = self._file.array(_SNAPSHOT_FILE)
+        self._lock = SequenceLock(record["sequence"])
+        snapshot = record["snapshot"]
+        self._like_tick = [(snapshot[name], name) for name in _LIKE_TICK]
+        self._handle_twist, self._tool_twist = snapshot["handle_twist"], snapshot["tool_twist"]
+        self._counts = [snapshot[name] for name in _COUNTS]
+        self._shown = snapshot["shown"]
+        self._contacts = [(snapshot[name], name) for name in _CONTACT_FIELDS]
 
     def write(
         self,
-        row: NDArray[np.float64],
+        tick: Ticks,
         handle_twist: NDArray[np.float64],
         tool_twist: NDArray[np.float64],
         counts: tuple[float, ...],
-        shown: Shown,
+        contacts: ShownContacts,
     ) -> None:
-        """Overwrite the moment: the row of a recording, twists, numbers from `buttons` on.
+        """Overwrite the snapshot. Never waits.
 
-        Of the row, what `FIELDS` has of it; the depths are told contact by contact.
+        Parameters
+        ----------
+        tick : TICK record
+        handle_twist, tool_twist : (6,) array
+            [m/s], [rad/s].
+        counts : tuple
+            The fields of `Snapshot` from `buttons` to `contact_p99`.
+        contacts : ShownContacts
         """
-        self._number += 1
-        self._sequence[0] = self._number
-        self._row[:] = row[: len(self._row)]
-        self._handle_twist[:] = handle_twist
-        self._tool_twist[:] = tool_twist
-        n = shown.count
-        self._counts[:] = (*counts, n)
-        if n:
-            self._point[:n] = shown.point[:n]
-            self._normal[:n] = shown.normal[:n]
-            self._force[:n] = shown.force[:n]
-            self._depth[:n] = shown.depth[:n]
-        self._number += 1
-        self._sequence[0] = self._number
+        with self._lock:
+            for place, name in self._like_tick:
+                place[...] = tick[name]
+            self._handle_twist[:] = handle_twist
+            self._tool_twist[:] = tool_twist
+            for place, count in zip(self._counts, counts, strict=True):
+                place[...] = count
+            n = contacts.count
+            self._shown[...] = n
+            for place, name in self._contacts:
+                place[:n] = getattr(contacts, name)[:n]
 
 
 class SnapshotReader:
-    """A looker-on's end.
+    """A viewer's end of a snapshot file.
 
     Parameters
     ----------
     path : Path
-        The file, which has to be there.
+        `Servo.snapshot_path` of a loop that has begun.
     sleep : callable
-        What to do between two attempts.
+        Waits between two attempts.
+
+    Raises
+    ------
+    AsperityError
+        There is no such file, or it is not a snapshot of this version.
     """
 
     def __init__(self, path: Path, *, sleep: Callable[[float], None] = time.sleep) -> None:
@@ -139,50 +173,22 @@ class SnapshotReader:
             self._file = SharedFile(path)
         except (OSError, ValueError) as error:
             raise AsperityError(f"no snapshot of a servo loop at {path}: {error}") from None
-        if self._file.size != 8 * (1 + _COUNT):
+        if self._file.size != _SNAPSHOT_FILE.itemsize:
             raise AsperityError(
-                f"{path} has {self._file.size} bytes, a snapshot has {8 * (1 + _COUNT)}: "
+                f"{path} has {self._file.size} bytes, a snapshot has {_SNAPSHOT_FILE.itemsize}: "
                 "it is of another version"
             )
-        self._sequence = self._file.array(np.int64, 1, 0)
-        self._values = self._file.array(np.float64, _COUNT, 8)
+        record = self._file.array(_SNAPSHOT_FILE)
+        self._lock, self._snapshot = SequenceLock(record["sequence"]), record["snapshot"]
         self._sleep = sleep
 
     def read(self) -> Snapshot | None:
-        """Return the latest moment; None before the first, or if the writer died amid writing."""
-        for _ in range(_TRIES):
-            before = int(self._sequence[0])
-            if before == 0:
+        """Return the latest snapshot; None before the first, or if the writer died in a write."""
+        for _ in range(_ATTEMPTS):
+            if self._lock.number == 0:
                 return None
-            if before % 2 == 0:
-                values = self._values.copy()
-                if int(self._sequence[0]) == before:
-                    return _moment(_views(values))
+            found = self._lock.read(self._snapshot.copy)
+            if found is not None:
+                return Snapshot.of(found[1])
             self._sleep(2e-5)
         return None
-
-
-def _offset(name: str) -> int:
-    at = 0
-    for other, shape in FIELDS.items():
-        if other == name:
-            break
-        at += int(np.prod(shape))
-    return at
-
-
-def _moment(views: dict[str, NDArray[np.float64]]) -> Snapshot:
-    n = int(views["shown"][0])
-    return Snapshot(
-        **{  # type: ignore[arg-type]
-            name: view[:n]
-            if name in ("point", "normal", "force", "depth")
-            else float(view[0])
-            if name in _SECONDS
-            else int(view[0])
-            if view.shape == (1,)
-            else view
-            for name, view in views.items()
-            if name != "shown"
-        }
-    )

@@ -1,7 +1,7 @@
-"""What the loop took: counts and histograms, all allocated before it begins.
+"""Statistics of a loop: counts and histograms, all allocated before it begins.
 
-A histogram has bins of equal width in the logarithm of time, `PER_OCTAVE` to the doubling, so a
-percentile read from it is right to 2.2 % (half a bin); the largest value is kept as it is.
+A histogram has bins of equal width in the logarithm of time, `PER_OCTAVE` per doubling, so that a
+quantile is accurate to 2.2 % (half a bin); the largest value is kept exactly.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from typing import Any
 
 PER_OCTAVE = 16
 LOWEST = 1e-7
-"""Upper end of the first bin [s]."""
+"""Upper edge of the first bin [s]."""
 _BINS = 27 * PER_OCTAVE
-"""Up to 13 s."""
+"""Number of bins, up to 13 s."""
 QUANTILES = {"p50": 0.5, "p95": 0.95, "p99": 0.99, "p999": 0.999}
 LATENESS = tuple(2.0**k * 1e-6 for k in range(17))
-"""Upper ends of the bins in which lateness is told [s]: 1 us to 66 ms, and beyond."""
+"""Upper edges of the reported bins of lateness [s]: 1 us to 66 ms."""
 STAGES = ("read", "contact_wait", "tool", "passivity", "write", "publish", "tick")
-"""What a tick consists of, and the whole of it."""
+"""Stages of a tick, and `tick`, the whole."""
 
 
 class Histogram:
-    """Durations in logarithmic bins."""
+    """A histogram of durations with logarithmic bins."""
 
     def __init__(self) -> None:
         self._counts = [0] * (_BINS + 1)
@@ -41,12 +41,12 @@ class Histogram:
         self.count += 1
 
     def clear(self) -> None:
-        """Begin anew, in the same memory."""
+        """Reset to empty, in the same memory."""
         self._counts[:] = self._none
         self.count, self.largest = 0, 0.0
 
     def quantile(self, share: float) -> float:
-        """Return what `share` of the durations do not exceed [s], to half a bin; 0 of none."""
+        """Return the quantile of the durations at `share` [s], to half a bin; 0 if empty."""
         if self.count == 0:
             return 0.0
         wanted, total, at = share * self.count, self._counts[0], 0
@@ -57,24 +57,24 @@ class Histogram:
         return min(middle, self.largest)
 
     def below(self, seconds: float) -> int:
-        """Return how many are at most so long [s], to a bin."""
+        """Return how many durations are at most `seconds` [s], to a bin."""
         if seconds >= self.largest:
             return self.count
         last = max(int(PER_OCTAVE * math.log2(seconds / LOWEST)), 0)
         return sum(self._counts[: last + 1])
 
-    def told_us(self) -> dict[str, float]:
-        """Return quantiles and the largest, in microseconds."""
-        told = {name: round(self.quantile(share) * 1e6, 2) for name, share in QUANTILES.items()}
-        return {**told, "max": round(self.largest * 1e6, 2)}
+    def quantiles_us(self) -> dict[str, float]:
+        """Return quantiles and the largest duration in microseconds."""
+        summary = {name: round(self.quantile(share) * 1e6, 2) for name, share in QUANTILES.items()}
+        return {**summary, "max": round(self.largest * 1e6, 2)}
 
 
 class Recent:
-    """The 99th percentile of durations of the last second that is over, and of each before."""
+    """The 99th percentile of the durations of each full second."""
 
     def __init__(self) -> None:
         self.p99 = 0.0
-        """[s]; 0 before there was such a second."""
+        """Of the last full second [s]; 0 before the first."""
         self._now = Histogram()
         self._until = math.inf
 
@@ -90,12 +90,12 @@ class Recent:
 
 
 class Stats:
-    """Counts of a loop.
+    """Counts and durations of a loop.
 
-    `ticks` done; `misses`: ticks that were finished after their deadline, and those that were
-    never begun because an earlier one took so long (`skipped`); `fallbacks`: ticks whose contact
-    was an older one, taken on to the present pose; `cut_short`: ticks of which a search was ended
-    by its time, so that its depth is not certified.
+    `ticks` counts those done; `misses` those finished after their deadline or never begun because
+    an earlier one took too long (`skipped`); `fallbacks` those whose contact was an older one,
+    extrapolated; `cut_short` those in which a search ran out of time, so that its depth is not
+    certified.
     """
 
     def __init__(self) -> None:
@@ -104,16 +104,16 @@ class Stats:
         self.skipped = 0
         self.fallbacks = 0
         self.longest_fallback = 0
-        """Most fallbacks in a row."""
+        """Largest number of consecutive fallbacks."""
         self._fallbacks_in_a_row = 0
         self.cut_short = 0
         self.passivity = 0
         """Ticks in which the passivity controller changed the wrench."""
         self.stages = {name: Histogram() for name in STAGES}
         self.lateness = Histogram()
-        """How late ticks began."""
+        """Delays of the ticks' beginnings."""
         self.contact = Histogram()
-        """How long contacts took to compute, wherever that was."""
+        """Durations of contacts."""
         self.recent_tick, self.recent_contact = Recent(), Recent()
 
     def finished(
@@ -133,8 +133,8 @@ class Stats:
         else:
             self._fallbacks_in_a_row = 0
 
-    def told(self) -> dict[str, Any]:
-        """Return what `summary.json` says of them."""
+    def summary(self) -> dict[str, Any]:
+        """Return the statistics for `summary.json`."""
         due = self.ticks + self.skipped
         share = 100.0 / max(due, 1)
         before, bins = 0, {}
@@ -155,8 +155,8 @@ class Stats:
             "cut_short": self.cut_short,
             "cut_short_percent": share * self.cut_short,
             "passivity_ticks": self.passivity,
-            "start_late_us": self.lateness.told_us(),
+            "start_late_us": self.lateness.quantiles_us(),
             "start_late_histogram_us": bins,
-            "contact_us": self.contact.told_us(),
-            "stages_us": {name: stage.told_us() for name, stage in self.stages.items()},
+            "contact_us": self.contact.quantiles_us(),
+            "stages_us": {name: stage.quantiles_us() for name, stage in self.stages.items()},
         }

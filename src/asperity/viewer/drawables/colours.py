@@ -1,4 +1,4 @@
-"""Colours of the page: of heights, of forces, of what is well and what is not."""
+"""Colours of the page: heights, forces, and states from good to wrong."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TORQUE: Rgb = (148, 82, 170)
 CONTACT: Rgb = (230, 30, 60)
 HANDLE: Rgb = (0, 158, 115)
 WELL, DOUBTFUL, WRONG = "#1b7f4d", "#b87700", "#c62828"
-"""Of numbers: as they should be, to be watched, wrong."""
+"""Colours of numbers that are good, doubtful, wrong."""
 
 _HEIGHTS = np.array(
     [
@@ -23,14 +23,17 @@ _HEIGHTS = np.array(
         (0.90, 0.88, 0.74), (0.96, 0.76, 0.46), (0.91, 0.55, 0.26),
     ]
 )  # fmt: skip
-"""From the lowest to the highest: dark blue, teal, sand, orange. Lightness rises most of the way,
-so that it is also read in grey and by the colour-blind."""
+"""From the lowest to the highest: dark blue, teal, sand, orange.
+
+Lightness increases over most of the range, so that the scale can also be read in greyscale and by
+colour-blind people.
+"""
 
 
 def height_colours(height: Array, low: float, high: float, plain: Sequence[float]) -> Array:
-    """Return colours (n, 3), sRGB 0 to 1, of heights (n,) [m] between `low` and `high`.
+    """Return the sRGB colours (n, 3), 0 to 1, of heights (n,) [m] between `low` and `high`.
 
-    NaN, and all heights where `low` is `high`, have the colour `plain`.
+    NaN has the colour `plain`, and so have all heights if `low` equals `high`.
     """
     out = np.tile(np.asarray(plain, dtype=np.float64)[:3], (len(height), 1))
     known = np.isfinite(height)
@@ -42,6 +45,6 @@ def height_colours(height: Array, low: float, high: float, plain: Sequence[float
 
 
 def css_gradient() -> str:
-    """Return the colours of heights as a CSS gradient, from left to right."""
+    """Return the colours of heights as a CSS gradient from left to right."""
     stops = (f"rgb({','.join(str(round(255 * c)) for c in row)})" for row in _HEIGHTS)
     return f"linear-gradient(to right, {', '.join(stops)})"

@@ -1,1 +1,1 @@
-"""The panels of the page, one a file."""
+"""The panels of the page, one per file."""

@@ -1,7 +1,7 @@
-"""Controls of the scene and its contact: what the loop is given between ticks, whole.
+"""Controls of the scene, the contact and the device.
 
-Stiffness, friction, coupling and rate go by the mailbox, and hold in the next tick. Another law,
-device or scene needs another engine, which is made ready in a process beside (`link`).
+Stiffness, friction, coupling and rate are sent through the mailbox and take effect in the next
+tick. Another force law, device or scene needs another servo process; see `servo_client`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from asperity.viewer.changes import (
     with_method,
     with_scene,
 )
-from asperity.viewer.notify import attempt, is_asked
+from asperity.viewer.notify import attempt, from_browser
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.session_config import SessionConfig
 
@@ -35,11 +35,11 @@ RATES = ("500", "1000", "2000", "4000")
 STIFFNESS, FRICTION = (20.0, 4000.0), (0.0, 1.5)
 OWN = "(this one)"
 _NOT_HERE = ("replay", "simulated")
-"""Devices that need more than a name."""
+"""Devices that need options besides a name."""
 
 
-class Controls:
-    """Scene, contact and device, as a panel."""
+class ControlsPanel:
+    """Controls of scene, contact and device."""
 
     title = "Contact"
 
@@ -47,14 +47,14 @@ class Controls:
         self._generation = -1
         self._lock, self._under_way = threading.Lock(), 0
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the controls."""
-        self._link = link
-        gui, scene = server.gui, link.choice.scene
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the controls."""
+        self._servo = servo
+        gui, scene = server.gui, servo.config.scene
         names = built_in_scenes()
-        own = [] if link.choice.source in names else [OWN]
+        own = [] if servo.config.source in names else [OWN]
         self._scene = gui.add_dropdown(
-            "scene", [*own, *names], initial_value=OWN if own else link.choice.source
+            "scene", [*own, *names], initial_value=OWN if own else servo.config.source
         )
         self._scene.on_update(self._choose_scene)
         with gui.add_folder("Force"):
@@ -74,12 +74,12 @@ class Controls:
         with gui.add_folder("Hand and loop"):
             self._coupling = gui.add_dropdown("coupling", MODES, initial_value=scene.coupling.mode)
             devices = ["mouse", *(n for n in (*DEVICES, *MODELS) if n not in ("mouse", *_NOT_HERE))]
-            chosen = link.choice.device
+            chosen = servo.config.device
             self._device = gui.add_dropdown(
                 "device", devices if chosen in devices else [chosen, *devices],
                 initial_value=chosen,
             )  # fmt: skip
-            rate = f"{link.choice.rate:.0f}"
+            rate = f"{servo.config.rate:.0f}"
             self._rate = gui.add_dropdown(
                 "rate [Hz]", RATES if rate in RATES else (rate, *RATES), initial_value=rate
             )
@@ -87,7 +87,7 @@ class Controls:
         self._friction.on_update(self._of_loop(lambda v: {"friction": float(v)}))
         self._coupling.on_update(
             self._of_loop(
-                lambda v: {"coupling": replace(self._link.parameters.coupling, mode=str(v))}
+                lambda v: {"coupling": replace(self._servo.parameters.coupling, mode=str(v))}
             )
         )
         self._rate.on_update(self._of_loop(lambda v: {"rate": float(v)}))
@@ -96,15 +96,15 @@ class Controls:
         self._device.on_update(self._choose_device)
 
     def update(self, frame: Frame) -> None:
-        """Show the values of another scene when there is one.
+        """Show the values of a new servo process.
 
-        Not while something that was chosen is being made ready: it would be put back meanwhile.
+        Not while a change is under way: the control that was moved would jump back meanwhile.
         """
         if frame.generation == self._generation or self._under_way:
             return
         self._generation = frame.generation
-        choice, parameters = self._link.choice, self._link.parameters
-        scene = choice.scene
+        config, parameters = self._servo.config, self._servo.parameters
+        scene = config.scene
         self._stiffness.value = _within(parameters.stiffness, STIFFNESS)
         self._friction.value = _within(parameters.friction, FRICTION)
         self._method.options = methods_for(scene)
@@ -112,7 +112,7 @@ class Controls:
         self._softness.visible = scene.force.gradient == "soft"
         self._coupling.value = parameters.coupling.mode
         for control, value in (
-            (self._scene, choice.source or OWN), (self._device, choice.device),
+            (self._scene, config.source or OWN), (self._device, config.device),
             (self._rate, f"{parameters.rate:.0f}"),
         ):  # fmt: skip
             if value not in control.options:
@@ -123,47 +123,47 @@ class Controls:
         """Nothing is held."""
 
     def _of_loop(self, changes: Callable[[Any], dict[str, Any]]) -> Callable[[Any], None]:
-        """Return what a control does whose value the mailbox carries."""
+        """Return the callback of a control whose value is sent through the mailbox."""
 
         def changed(event: Any) -> None:
-            if is_asked(event):
+            if from_browser(event):
                 label = str(event.target.label)
                 value = event.target.value
-                attempt(event, label, lambda: self._link.change(**changes(value)))
+                attempt(event, label, lambda: self._servo.change(**changes(value)))
 
         return changed
 
     def _choose_scene(self, event: Any) -> None:
-        if is_asked(event) and self._scene.value != OWN:
+        if from_browser(event) and self._scene.value != OWN:
             name = self._scene.value
-            self._restart(event, f"Scene {name}", lambda choice: with_scene(choice, name))
+            self._restart(event, f"Scene {name}", lambda config: with_scene(config, name))
 
     def _choose_method(self, event: Any) -> None:
-        if is_asked(event):
+        if from_browser(event):
             method, softness = self._method.value, 1e-6 * self._softness.value
             self._restart(
-                event, method, lambda choice: with_method(choice, method, softness=softness)
+                event, method, lambda config: with_method(config, method, softness=softness)
             )
 
     def _choose_device(self, event: Any) -> None:
-        if is_asked(event):
+        if from_browser(event):
             name = self._device.value
 
-            def chosen(choice: SessionConfig) -> SessionConfig:
+            def chosen(config: SessionConfig) -> SessionConfig:
                 if name != "mouse":
-                    device(name)  # says what lacks
-                return with_device(choice, name)
+                    device(name)  # raises if something is missing
+                return with_device(config, name)
 
             self._restart(event, f"Device {name}", chosen)
 
     def _restart(
         self, event: Any, what: str, make: Callable[[SessionConfig], SessionConfig]
     ) -> None:
-        """Have another loop made ready; if that fails, show what goes on."""
-        link = self._link
+        """Start another servo process; if that fails, show the values of the one that continues."""
+        servo = self._servo
 
         def change() -> None:
-            link.restart(make(link.choice)).result()
+            servo.restart(make(servo.config)).result()
 
         with self._lock:
             self._under_way += 1

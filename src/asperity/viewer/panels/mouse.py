@@ -1,8 +1,8 @@
 """Moving the tool with the mouse: a gizmo to drag, and canned motions.
 
-The gizmo says where the hand shall be; how it gets there smoothly is the device's
-(`devices.mouse`). It stands at the tool's centre of mass. One tab holds the tool: the first that
-drags it, until it has not for a while, is closed, or another takes it by the button.
+The gizmo, which stands at the tool's centre of mass, gives the hand's target; the device
+(`devices.mouse`) moves the hand there smoothly. One tab controls the tool: the first that drags it,
+until it has not done so for a while, is closed, or another tab takes control with the button.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.geometry.poses import rotation_of
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.viewer.motions import FORCES, KINDS, LENGTHS, SPEEDS, CannedMotion
-from asperity.viewer.notify import attempt, is_asked, tell
+from asperity.viewer.notify import attempt, from_browser, notify
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.panels.scene_view import UNITS
 
@@ -27,48 +27,48 @@ if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 HELD = 5.0
-"""A tab that has not moved the tool for so long holds it no more [s]; ours."""
+"""Time without a drag after which a tab loses control of the tool [s]; project default."""
 
 
 class Holder:
-    """Which tab holds the tool."""
+    """Keeps which tab controls the tool."""
 
     def __init__(self) -> None:
         self._client: int | None = None
         self._last = -np.inf
 
     def may(self, client: int | None, now: float) -> bool:
-        """Return whether a tab may move the tool now; if so, it holds it."""
+        """Return whether a tab may move the tool now; if so, it gets control."""
         if client not in (self._client, None) and now - self._last < HELD:
             return False
         self.take(client, now)
         return True
 
     def take(self, client: int | None, now: float) -> None:
-        """Give the tool to a tab."""
+        """Give control to a tab."""
         self._client, self._last = client, now
 
     def gone(self, client: int) -> None:
-        """Take it from a tab that was closed."""
+        """Take control from a tab that was closed."""
         if client == self._client:
             self._last = -np.inf
 
 
-class Mouse:
-    """The gizmo and the motions, as a panel."""
+class MousePanel:
+    """The gizmo and the canned motions."""
 
     title = "Hand"
 
     def __init__(self) -> None:
         self.holder = Holder()
         self.is_moving = False
-        """Whether a canned motion is going on."""
+        """Whether a canned motion is playing."""
         self._generation = -1
         self._dragged = -np.inf
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the gizmo and the controls."""
-        self._server, self._link = server, link
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the gizmo and the controls."""
+        self._server, self._servo = server, servo
         self._gizmo = server.scene.add_transform_controls(
             "/gizmo", scale=2.0, line_width=3.0, depth_test=False, opacity=0.8
         )
@@ -76,15 +76,15 @@ class Mouse:
         server.on_client_disconnect(lambda client: self.holder.gone(client.client_id))
         gui = server.gui
         gui.add_markdown(
-            "Drag the arrows to press and rub, the arcs to turn. "
-            "The green ghost is your hand; the tool hangs on it."
+            "Drag the arrows to press and rub, the arcs to rotate. "
+            "The green ghost is your hand, to which the tool is coupled."
         )
-        self._take = gui.add_button("Hold the tool in this tab", icon="hand-grab")
+        self._take = gui.add_button("Control the tool from this tab", icon="hand-grab")
         self._take.on_click(self._taken)
-        self._home = gui.add_button("Lift off", hint="Back to where the hand began")
+        self._home = gui.add_button("Lift off", hint="Return to the hand's initial pose")
         self._home.on_click(self._lift)
         with gui.add_folder("Canned motions"):
-            motion = link.choice.scene.motion
+            motion = servo.config.scene.motion
             own = motion if isinstance(motion, ScriptedMotion) else ScriptedMotion()
             self._kind = gui.add_dropdown("motion", KINDS)
             self._speed = gui.add_slider(
@@ -107,16 +107,16 @@ class Mouse:
             control.on_update(self._changed)
 
     def update(self, frame: Frame) -> None:
-        """Have the gizmo where the hand shall be, when nobody drags it."""
-        link, moment = self._link, frame.moment
+        """Keep the gizmo at the hand's target while nobody drags it."""
+        servo, snapshot = self._servo, frame.snapshot
         if frame.generation != self._generation:
             self._generation = frame.generation
-            body = coupled_body(link.choice.scene.model, link.choice.scene.tool)
+            body = coupled_body(servo.config.scene.model, servo.config.scene.tool)
             self._centre = np.array(body.centre)
-            self._gizmo.visible = link.choice.is_mouse
-            self._put(link.target)
-        if self.is_moving and moment is not None:
-            self._put(moment.handle_pose)
+            self._gizmo.visible = servo.config.is_mouse
+            self._put(servo.target)
+        if self.is_moving and snapshot is not None:
+            self._put(snapshot.handle_pose)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -127,16 +127,16 @@ class Mouse:
         now = time.monotonic()
         if not self.holder.may(event.client_id, now):
             if now - self._dragged > 1.0:
-                tell(event, "Another tab holds the tool", "Take it under Hand.", "orange")
+                notify(event, "Another tab controls the tool", "Take control under Hand.", "orange")
             self._dragged = now
-            self._put(self._link.target)
+            self._put(self._servo.target)
             return
         if self.is_moving:
             self._rest()
-        self._link.point(self._pose())
+        self._servo.point(self._pose())
 
     def _pose(self) -> NDArray[np.float64]:
-        """Return the handle's pose that the gizmo stands for (7,)."""
+        """Return the handle's pose for the gizmo's (7,)."""
         turn = np.asarray(self._gizmo.wxyz, dtype=np.float64)
         turn /= np.linalg.norm(turn)
         place = np.asarray(self._gizmo.position) / UNITS - rotation_of(turn) @ self._centre
@@ -153,13 +153,15 @@ class Mouse:
     def _lift(self, event: Any) -> None:
         if self._allowed(event):
             self._rest()
-            self._link.point(self._link.choice.first_pose)
-            self._put(self._link.target)
+            self._servo.point(self._servo.config.first_pose)
+            self._put(self._servo.target)
 
     def _allowed(self, event: Any) -> bool:
         if self.holder.may(event.client_id, time.monotonic()):
             return True
-        tell(event, "Another tab holds the tool", "Take it with the button above.", "orange")
+        notify(
+            event, "Another tab controls the tool", "Take control with the button above.", "orange"
+        )
         return False
 
     # -- motions -------------------------------------------------------------------------------
@@ -169,7 +171,7 @@ class Mouse:
             self._stop.disabled = False
 
     def _move(self) -> None:
-        self._link.move(
+        self._servo.move(
             CannedMotion(
                 self._kind.value, 1e-3 * self._speed.value, 1e-3 * self._length.value,
                 float(np.radians(self._direction.value)),
@@ -179,8 +181,8 @@ class Mouse:
         self.is_moving = True
 
     def _changed(self, event: Any) -> None:
-        """Take other numbers while it moves, from where the motion began."""
-        if self.is_moving and is_asked(event):
+        """Restart a canned motion with the new settings, from where it began."""
+        if self.is_moving and from_browser(event):
             attempt(event, "Motion", self._move)
 
     def _stopped(self, event: Any) -> None:
@@ -188,12 +190,12 @@ class Mouse:
             self._rest()
 
     def _rest(self) -> None:
-        """Stay where the hand is now."""
-        moment = self._link.latest()
+        """Stop the motion and hold the hand where it is."""
+        snapshot = self._servo.latest()
         self.is_moving, self._stop.disabled = False, True
-        if moment is not None:
-            self._link.point(moment.handle_pose)
-            self._put(self._link.target)
+        if snapshot is not None:
+            self._servo.point(snapshot.handle_pose)
+            self._put(self._servo.target)
 
 
 def _within(value: float, most: float) -> float:

@@ -1,13 +1,11 @@
-"""What a part of the page is: it makes its share of the page, and is told 30 times a second."""
+"""The protocol of a panel: it builds its part of the page and is updated 30 times a second."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from asperity.realtime.servo.ipc import Ticks
 from asperity.realtime.servo.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -18,36 +16,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What there is to show at one update.
+    """The content of one update of the page.
 
     Parameters
     ----------
     number : int
-        Of the update, from 0.
+        Number of the update, from 0.
     now : float
-        Of the page's clock [s].
-    moment : Moment or None
-        The latest tick, with contacts and counts; None before the first.
-    rows : (n, 30) array
-        Of the ticks since the last update; columns as in `servo.rows.FIELDS`. At most what the
-        link keeps.
-    next_row : int
-        The number of the row that will be next, for `ServoClient.rows_since`.
+        The page's clock [s].
+    snapshot : Snapshot or None
+        The latest tick with contacts and counts; None before the first.
+    ticks : (n,) array
+        Ticks since the last update, of dtype `ipc.TICK`; at most those that the client keeps.
+    next_tick : int
+        Number of the next tick to come, for `ServoClient.ticks_since`.
     alive : bool
         Whether the loop ticks.
     generation : int
-        Number of the servo process; another one begins with another scene, perhaps.
+        Number of the servo process; a new one may have another scene.
     rate : float
-        Ticks a second, measured over the last second [Hz].
+        Ticks per second, measured over the last second [Hz].
     misses, fallbacks, interventions, clamps : int
-        In the last second.
+        Counts of the last second.
     """
 
     number: int
     now: float
-    moment: Snapshot | None
-    rows: NDArray[np.float64]
-    next_row: int
+    snapshot: Snapshot | None
+    ticks: Ticks
+    next_tick: int
     alive: bool
     generation: int
     rate: float = 0.0
@@ -60,18 +57,18 @@ class Frame:
 class Panel(Protocol):
     """A part of the page.
 
-    `update` is called from one thread, after `build`; callbacks of controls come from viser's.
-    What a panel raises in `update` is logged once, and the panel is left out from then on.
+    `update` is called from one thread, after `build`; callbacks of controls come from viser's
+    threads. An exception in `update` is logged once, and the panel is not updated any more.
     """
 
     title: str
-    """Of its tab; panels of one title share a tab. Empty: it has none, as the 3-D scene."""
+    """Title of its tab; panels with the same title share one. Empty: no tab (the 3-D scene)."""
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make its controls; called within its tab."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the controls; called within the panel's tab."""
 
     def update(self, frame: Frame) -> None:
-        """Show a frame. Quick: 30 times a second, all panels together."""
+        """Show a frame. It has to be quick, as all panels are updated 30 times a second."""
 
     def close(self) -> None:
-        """Let go of what it holds; may be called twice."""
+        """Release what the panel holds; may be called twice."""

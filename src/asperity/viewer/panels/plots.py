@@ -1,9 +1,9 @@
-"""Plots of the last seconds: force, torque, acceleration, depth, and the spectrum of the shaking.
+"""Plots of the last seconds: force, torque, acceleration, depth, and the acceleration's spectrum.
 
-A few times a second, one plot after the other, and only while somebody looks: a browser that draws
-without a graphics processor takes 20 ms and more for each, and what it cannot draw piles up before
-it. Of each line the least and the largest value of every few milliseconds are sent, so that no
-spike is lost and a plot costs 300 points.
+They are drawn a few times a second, one after the other, and only while a browser is connected: a
+browser without a graphics processor takes 20 ms and more for each, and what it cannot draw queues
+up. Of each line the minimum and maximum of every few milliseconds are sent, so that no peak is lost
+and a plot has 300 points.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.realtime.servo.tick_row import columns
+from asperity.realtime.servo.ipc import Ticks
 from asperity.runs.tool_motion import Traces, thinned, traces
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.viewer.panels.panel import Frame
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 OFTEN = {"4 a second": 7, "1 a second": 30, "once in 4 s": 120}
-"""How often plots are drawn anew, and so many updates of the page that is."""
+"""How often plots are redrawn, and the number of page updates in between."""
 SPANS = ("1 s", "2 s", "5 s", "10 s")
 _POINTS = 300
 _HEIGHT = 150
-"""Of a plot in the page."""
+"""Height of a plot [px]."""
 _LINES = 256
-"""Of a spectrum that is shown."""
+"""Largest number of lines in a spectrum."""
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito (2008), as in the figures."""
 _WRENCHES = {"on the tool": "contact_wrench", "in the hand": "device_wrench"}
@@ -39,7 +39,7 @@ _AXES = ("x", "y", "z")
 
 
 class PlotsPanel:
-    """Force, torque, acceleration, penetration depth and spectrum of what a timeline shows."""
+    """Force, torque, acceleration, penetration depth and spectrum of a timeline."""
 
     title = "Plots"
 
@@ -51,8 +51,8 @@ class PlotsPanel:
         self._length = 5.0
         self._traces: Traces
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the plots."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the plots."""
         self._server = server
         gui = server.gui
         self._span = gui.add_dropdown("Time shown", SPANS, initial_value="5 s")
@@ -87,7 +87,7 @@ class PlotsPanel:
         )  # fmt: skip
 
     def update(self, frame: Frame) -> None:
-        """Draw one plot, or none, if it shows something else than what is drawn."""
+        """Redraw at most one plot, if it would show something new."""
         if not self._server.get_clients():
             return
         turn = frame.number % OFTEN[self._often.value]
@@ -100,21 +100,21 @@ class PlotsPanel:
         """Nothing is held."""
 
     def _begin(self) -> None:
-        """Take what is to be drawn in the next updates."""
+        """Take the ticks to draw in the next updates."""
         span = float(self._span.value.split()[0])
         shown = (self._timeline.version, span, self._wrench.value)
         if shown == self._shown:
             return
-        rows = self._timeline.window(span)
-        if len(rows) < 2:
+        ticks = self._timeline.window(span)
+        if len(ticks) < 2:
             return
         self._shown, self._length = shown, span
-        self._traces = traces_of_rows(rows, _WRENCHES[self._wrench.value])
+        self._traces = traces_of_ticks(ticks, _WRENCHES[self._wrench.value])
         self._due = list(self._plots)
 
     def _draw(self, name: str) -> None:
         if name == "spectrum":
-            self._draw_spectrum(traces_of_rows(self._timeline.window(2.0)))
+            self._draw_spectrum(traces_of_ticks(self._timeline.window(2.0)))
             return
         shown, span, plot = self._traces, self._length, self._plots[name]
         values = {
@@ -141,16 +141,17 @@ class PlotsPanel:
             plot.scales = {**plot.scales, "x": {"time": False, "range": (0.0, half)}}
 
 
-def traces_of_rows(rows: NDArray[np.float64], wrench: str = "contact_wrench") -> Traces:
-    """Return the traces of rows (n, 30) of the servo loop."""
-    said = columns(rows)
-    return traces(said["time"], said["tool_pose"][:, :3], said[wrench], said["penetration_depth"])
+def traces_of_ticks(ticks: Ticks, wrench: str = "contact_wrench") -> Traces:
+    """Return the traces of ticks (n,) of the servo loop."""
+    return traces(
+        ticks["time"], ticks["tool_pose"][:, :3], ticks[wrench], ticks["penetration_depth"]
+    )
 
 
 def _time_plot(
     gui: viser.GuiApi, label: str, lines: tuple[str, ...], least: float, first: int
 ) -> Any:
-    """Make a plot over the last seconds, whose scale never shows less than +-`least`."""
+    """Add a plot over the last seconds whose range is never smaller than +-`least`."""
     empty = (np.zeros(2), *(np.full(2, np.nan) for _ in lines))
     series = [
         {"label": name, "stroke": COLOURS[first + i], "width": 1, "points": {"show": False}}
@@ -172,7 +173,7 @@ def _time_plot(
 
 
 def _range(least: float, most: float) -> dict[str, Any]:
-    """Return limits that are shown where the data do not reach them."""
+    """Return axis limits that the data may extend but not shrink."""
     return {
         "min": {"pad": 0.1, "soft": least, "mode": 1},
         "max": {"pad": 0.1, "soft": most, "mode": 1},
@@ -191,7 +192,7 @@ def _axes(label: str) -> tuple[dict[str, Any], dict[str, Any]]:
 def _gathered(
     frequency: NDArray[np.float64], amplitude: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a spectrum in at most `_LINES` lines, each the largest of those it stands for."""
+    """Return a spectrum with at most `_LINES` lines, each the largest of those it replaces."""
     each = -(-len(frequency) // _LINES)
     whole = len(frequency) // each * each
     if each == 1 or not whole:

@@ -1,4 +1,4 @@
-"""Record, replay, and what can be taken away: recording.h5, CSV, WAV and PNG."""
+"""Recording and replaying, and downloads as recording.h5, CSV, WAV and PNG."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from asperity._core.output import growing_folder
 from asperity.errors import AsperityError
+from asperity.realtime.servo.ipc import TICK, Ticks
 from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
 from asperity.realtime.servo.replay import SCENE_BESIDE
 from asperity.runs.recording import add_attribute
 from asperity.viewer.downloads import Downloads
 from asperity.viewer.panels.panel import Frame
-from asperity.viewer.replayed_contacts import ContactsAgain
-from asperity.viewer.row_buffer import KeptRecording
+from asperity.viewer.replayed_contacts import RecomputedContacts
+from asperity.viewer.tick_buffer import RecordedTicks
 from asperity.viewer.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -29,17 +28,17 @@ if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 _EVERY = 10
-_READY = "Every tick goes into a `recording.h5`, written by a process of its own."
+_READY = "Every tick is written to a `recording.h5` by a separate process."
 
 
 class RecordPanel:
-    """Records while the loop runs, and shows what was recorded.
+    """Records while the loop runs, and replays the recording.
 
     Parameters
     ----------
     timeline : Timeline
     folder : Path
-        Where recordings go, each into a folder of its own.
+        Where recordings go, each into its own folder.
     """
 
     title = "Record"
@@ -48,34 +47,34 @@ class RecordPanel:
         self._timeline, self._folder = timeline, folder
         self._lock = threading.Lock()
         self._recorder: RecorderOnRequest | None = None
-        self._untap: Callable[[], None] = lambda: None
+        self._unsubscribe: Callable[[], None] = lambda: None
         self._generation = 0
         self._parameters: LiveParameters | None = None
         self._changes: list[dict[str, Any]] = []
-        self._replayed: tuple[KeptRecording, ContactsAgain] | None = None
+        self._replayed: tuple[RecordedTicks, RecomputedContacts] | None = None
         self.path: Path | None = None
-        """The last recording that was finished."""
+        """The last finished recording."""
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the buttons."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the buttons."""
         import viser
 
-        self._link = link
+        self._servo = servo
         gui = server.gui
         self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red")
         self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, visible=False)
-        self._told = gui.add_markdown(_READY)
+        self._message = gui.add_markdown(_READY)
         self._replay = gui.add_button("Replay", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._record.on_click(lambda _: self.start())
         self._stop.on_click(lambda _: self.stop())
         self._replay.on_click(lambda _: self.replay())
-        with gui.add_folder("Take the recording", visible=False) as self._take:
+        with gui.add_folder("Download the recording", visible=False) as self._take:
             Downloads(self._of_recording, file=lambda: self.path).build(server)
-        with gui.add_folder("Take what is shown", expand_by_default=False):
+        with gui.add_folder("Download what is shown", expand_by_default=False):
             Downloads(self._of_shown).build(server)
 
     def update(self, frame: Frame) -> None:
-        """Show how long it has been recording; end it with the scene that it is of."""
+        """Show the length of a recording under way; end it if the servo process is replaced."""
         recorder = self._recorder
         if recorder is None:
             return
@@ -83,72 +82,75 @@ class RecordPanel:
         if frame.number % _EVERY:
             return
         if frame.generation != self._generation:
-            self.stop("the loop was begun anew, with another scene, texture or device")
+            self.stop("the loop was restarted with another scene, texture or device")
         elif not recorder.is_alive:
             self.stop("the recorder ended")
         else:
-            self._told.content = f"Recording: **{recorder.seconds:.1f} s**, {recorder.ticks} ticks"
+            self._message.content = (
+                f"Recording: **{recorder.seconds:.1f} s**, {recorder.ticks} ticks"
+            )
 
     def _note(self, recorder: RecorderOnRequest) -> None:
-        """Remember parameters that were changed, and when, to within an update of the page."""
-        now = self._link.parameters
-        if self._link.generation == self._generation and now != self._parameters:
+        """Note changed parameters, and when, to within an update of the page."""
+        now = self._servo.parameters
+        if self._servo.generation == self._generation and now != self._parameters:
             self._parameters = now
             self._changes.append({"after": round(recorder.seconds, 3), **now.plain()})
 
     def close(self) -> None:
-        """Finish a recording that goes on."""
+        """Finish a recording under way."""
         if self._recorder is not None:
             self.stop("the page was closed")
         self._let_go()
 
     def start(self) -> None:
-        """Begin to record."""
+        """Start a recording."""
         with self._lock:
             if self._recorder is not None:
                 return
-            link, choice = self._link, self._link.choice
+            servo, config = self._servo, self._servo.config
             try:
-                if not link.is_alive:
+                if not servo.is_alive:
                     raise AsperityError("no servo loop is running; restart it")
                 stamp = time.strftime("%Y%m%d-%H%M%S")
-                folder = growing_folder(_free(self._folder / f"{choice.scene.name}-{stamp}"))
-                # With the scene beside it the recording stands for itself, whatever was changed.
-                choice.scene.save(folder / SCENE_BESIDE)
+                folder = growing_folder(_free(self._folder / f"{config.scene.name}-{stamp}"))
+                # The scene is saved beside the recording, as it may differ from the one that it
+                # names.
+                config.scene.save(folder / SCENE_BESIDE)
                 attributes = attributes_of(
-                    choice.scene, link.parameters, source=choice.source, device=link.device
+                    config.scene, servo.parameters, source=config.source, device=servo.device
                 )
-                recorder = RecorderOnRequest(folder / "recording.h5", attributes, choice.rate)
+                recorder = RecorderOnRequest(folder / "recording.h5", attributes, config.rate)
             except AsperityError as error:
-                self._told.content = f"**Not recording:** {error}"
+                self._message.content = f"**Not recording:** {error}"
                 return
-            self._recorder, self._generation = recorder, link.generation
-            self._parameters, self._changes = link.parameters, []
+            self._recorder, self._generation = recorder, servo.generation
+            self._parameters, self._changes = servo.parameters, []
 
-            def take(rows: Any) -> None:
-                if link.generation == self._generation:
-                    recorder.add(rows)
+            def take(ticks: Ticks) -> None:
+                if servo.generation == self._generation:
+                    recorder.add(ticks)
 
-            self._untap = link.tap(take)
+            self._unsubscribe = servo.subscribe(take)
             self._record.visible, self._stop.visible = False, True
-            self._told.content = "Recording"
+            self._message.content = "Recording"
 
     def stop(self, why: str = "") -> None:
-        """Finish the recording."""
+        """Finish the recording, for the reason `why` if it was not the user's wish."""
         with self._lock:
             recorder, self._recorder = self._recorder, None
             if recorder is None:
                 return
-            self._untap()
-            self._told.content = "Finishing the recording"
-            told = recorder.finish()
-            self.path = recorder.path if told["ticks"] else None
+            self._unsubscribe()
+            self._message.content = "Finishing the recording"
+            result = recorder.finish()
+            self.path = recorder.path if result["ticks"] else None
             if self.path is not None and self._changes:
                 add_attribute(self.path, "parameter_changes", json.dumps(self._changes))
-            lost = f", **{told['ticks_lost']} lost**" if told["ticks_lost"] else ""
-            wrong = "".join(f"\n\n**{text}**" for text in (told["error"], why) if text)
-            self._told.content = (
-                f"`{recorder.path}`: {recorder.seconds:.2f} s, {told['ticks']} ticks{lost}{wrong}"
+            lost = f", **{result['ticks_lost']} lost**" if result["ticks_lost"] else ""
+            wrong = "".join(f"\n\n**{text}**" for text in (result["error"], why) if text)
+            self._message.content = (
+                f"`{recorder.path}`: {recorder.seconds:.2f} s, {result['ticks']} ticks{lost}{wrong}"
             )
             self._record.visible, self._stop.visible = True, False
             self._replay.visible = self._take.visible = self.path is not None
@@ -157,17 +159,17 @@ class RecordPanel:
         """Show the last recording on this page."""
         if self.path is None:
             return
-        if self._link.generation != self._generation:
-            self._told.content = (
-                "The scene is another one by now. To look at the recording: "
+        if self._servo.generation != self._generation:
+            self._message.content = (
+                "The scene has been changed since. To view the recording: "
                 f"`asperity replay {self.path.parent}`"
             )
             return
         self._let_go()
-        kept = KeptRecording(self.path)
-        contacts = ContactsAgain(self._link.choice.scene, kept)
-        self._replayed = kept, contacts
-        self._timeline.show(kept, contacts.moment_at, f"recording {self.path.parent.name}")
+        ticks = RecordedTicks(self.path)
+        contacts = RecomputedContacts(self._servo.config.scene, ticks)
+        self._replayed = ticks, contacts
+        self._timeline.show(ticks, contacts.snapshot_at, f"recording {self.path.parent.name}")
         self._timeline.play()
 
     def _let_go(self) -> None:
@@ -185,20 +187,19 @@ class RecordPanel:
         return open_recording(self.path)
 
     def _of_shown(self) -> Any:
-        from asperity.realtime.servo.tick_row import columns
         from asperity.runs.dataset import dataset_of
         from asperity.runs.tool_motion import last_run
 
-        rows = self._timeline.everything()
-        rows = rows[last_run(rows[:, 0]) :]
-        choice = self._link.choice
+        ticks = self._timeline.everything()
+        ticks = ticks[last_run(ticks["time"]) :]
+        config = self._servo.config
         attributes = attributes_of(
-            choice.scene, self._link.parameters, source=choice.source, device=self._link.device
+            config.scene, self._servo.parameters, source=config.source, device=self._servo.device
         )
-        return dataset_of({k: np.array(v) for k, v in columns(rows).items()}, attributes)
+        return dataset_of({name: ticks[name].copy() for name in TICK.names or ()}, attributes)
 
 
 def _free(folder: Path) -> Path:
-    """Return a folder that is not there yet."""
+    """Return the folder, or one with a number appended, that does not exist."""
     tries = [folder, *(folder.with_name(f"{folder.name}-{n}") for n in range(2, 100))]
     return next(path for path in tries if not path.exists())

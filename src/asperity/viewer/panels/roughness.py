@@ -1,4 +1,4 @@
-"""Perceived roughness as the studies' metrics predict it, running over the last second."""
+"""Predicted roughness: the studies' metrics, computed over the last second."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.realtime.servo.tick_row import columns
 from asperity.runs.tool_motion import Roughness, last_run, roughness
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.viewer.panels.panel import Frame
@@ -18,24 +17,24 @@ if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 WINDOW = 1.0
-"""Of the motion that a number is of [s]; ours."""
+"""Duration over which the metrics are computed [s]; project default."""
 _EVERY = 15
 _MISSED = 0.02
-"""With more of the ticks left out than this, their gaps shake the tool more than a texture may."""
+"""Share of skipped ticks above which their gaps may shake the tool more than a texture does."""
 _FEWEST = 100
 _LOW, _HIGH = DEFAULT_BAND
-_WHAT = f"""What the studies' metrics make of the tool's motion in the last second. The **band
-metric** is the RMS of its acceleration between {_LOW:g} and {_HIGH:g} Hz; it was chosen after the
-paper's metric had missed the effect of speed. **max u''** is the largest acceleration along the
+_WHAT = f"""The studies' metrics of the tool's motion in the last second. The **band metric** is
+the RMS of its acceleration between {_LOW:g} and {_HIGH:g} Hz; it was chosen after the paper's
+metric had missed the effect of speed. **max u''** is the largest acceleration along the
 motion (Otaduy & Lin 2004).
 
-*What it is not:* a judgement of people, or a scale of roughness. It is comparable between two
-moments as far as speed, force and the way the tool is held are. A study drags a hand along a line;
-here the tool moves as it is led, on its coupling."""
+*What they are not:* a judgement of people, or a scale of roughness. Two values can be compared as
+far as speed, force and grip are the same. A study drags a hand on a straight path; here the tool
+follows the user through its coupling."""
 
 
 class RoughnessPanel:
-    """Two running numbers, with what they are and what they are not."""
+    """The two metrics, with an explanation of what they are and are not."""
 
     title = "Plots"
 
@@ -43,8 +42,8 @@ class RoughnessPanel:
         self._timeline = timeline
         self._shown: tuple[bool, float] | None = None
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the numbers and their explanation."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the metrics and their explanation."""
         self._server = server
         with server.gui.add_folder("Perceived roughness, predicted"):
             self._card = server.gui.add_html(_card(None, 0.0))
@@ -52,23 +51,22 @@ class RoughnessPanel:
                 server.gui.add_markdown(_WHAT)
 
     def update(self, frame: Frame) -> None:
-        """Work the numbers out anew, twice a second."""
+        """Compute the metrics, twice a second."""
         if frame.number % _EVERY or not self._server.get_clients():
             return
         version = self._timeline.version
         if version == self._shown:
             return
         self._shown = version
-        rows = self._timeline.window(WINDOW)
-        rows = rows[last_run(rows[:, 0]) :]
-        if len(rows) < _FEWEST:
+        ticks = self._timeline.window(WINDOW)
+        ticks = ticks[last_run(ticks["time"]) :]
+        if len(ticks) < _FEWEST:
             self._card.content = _card(None, 0.0)
             return
-        said = columns(rows)
-        touching = float(np.mean(said["contact_count"] > 0))
-        due = (rows[-1, 0] - rows[0, 0]) * self._timeline.rate
-        missed = max(1.0 - (len(rows) - 1) / max(due, 1.0), 0.0)
-        numbers = roughness(said["time"], said["tool_pose"][:, :3])
+        touching = float(np.mean(ticks["contact_count"] > 0))
+        due = float(ticks["time"][-1] - ticks["time"][0]) * self._timeline.rate
+        missed = max(1.0 - (len(ticks) - 1) / max(due, 1.0), 0.0)
+        numbers = roughness(ticks["time"], ticks["tool_pose"][:, :3])
         self._card.content = _card(numbers if touching > 0.5 else None, missed)
 
     def close(self) -> None:
@@ -76,7 +74,7 @@ class RoughnessPanel:
 
 
 def _card(numbers: Roughness | None, missed: float) -> str:
-    """Return the numbers as HTML."""
+    """Return the metrics as HTML."""
     if numbers is None:
         band, along, under = "&ndash;", "&ndash;", "not in contact for half of the last second"
     else:

@@ -1,8 +1,8 @@
-"""The scene in three dimensions: displaced bodies, tool and handle, contacts, forces.
+"""The 3-D scene: displaced bodies, tool and handle, contacts, forces.
 
-Geometry goes to the browser once; an update moves the tool and the handle and redraws a few arrows.
-The shown world is in centimetres: real scenes are millimetres in size, and a browser's camera is
-made for rooms.
+Geometry is sent to the browser once; an update moves the tool and the handle and redraws a few
+arrows. The view is in centimetres, because scenes are millimetres in size and the browser's camera
+is made for metres.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 UNITS = 100.0
-"""Of the shown world to the metre."""
+"""Units of the view per metre."""
 _FORCE_LENGTH = 0.32
-"""Of the arrow of `_FULL_FORCE`, over the size of the tool; ours."""
+"""Length of the arrow of `_FULL_FORCE`, over the tool's size; project default."""
 _FULL_FORCE, _FULL_TORQUE = 1.0, 0.02
 """[N], [N m]."""
 _LONGEST = 2.0
-"""An arrow is never longer than this many times the full one."""
+"""Largest length of an arrow, over that of the full one."""
 _LEAST = 0.02
-"""Nor drawn when it is shorter than this."""
+"""Smallest length of an arrow that is drawn, over that of the full one."""
 _GHOST_TRIANGLES = 3000
 _OUTLINE = 500
-"""Points by which the highest place of the tool is found, about."""
+"""Approximate number of points from which the tool's highest point is found."""
 _VIEW = np.array([0.75, -1.0, 0.55])
-"""From the middle of the tool to the eye."""
+"""Direction from the middle of the tool to the camera."""
 _WHOLE = 16.0
-"""A tool up to this size is shown whole at first, of a larger one that much [units]."""
+"""Largest part of the tool in the initial view [units]."""
 _CLOSENESS, _ASIDE = 2.3, 0.2
-"""Distance of the eye, and how far it looks past the tool, over the tool's size."""
+"""Distance of the camera, and its offset to the side, over the size of the visible part."""
 
 
-class Stage:
-    """The 3-D scene, as a panel without a tab.
+class SceneView:
+    """The 3-D scene, a panel without a tab.
 
     Parameters
     ----------
     triangles : int
-        Of all bodies together, at most.
+        Largest number of triangles of all bodies together.
     """
 
     title = ""
@@ -64,11 +64,11 @@ class Stage:
         self._scene: Scene | None = None
         self._nodes: list[Any] = []
         self.shapes: list[Drawable] = []
-        """What is shown."""
+        """The shapes that are shown."""
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Set light and camera up, and show the scene."""
-        self._server, self._link = server, link
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Set up light and camera, and show the scene."""
+        self._server, self._servo = server, servo
         scene = server.scene
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
@@ -84,21 +84,21 @@ class Stage:
         scene.add_light_directional(
             "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
         )
-        self._show(link.choice.scene)
+        self._show(servo.config.scene)
 
     def update(self, frame: Frame) -> None:
-        """Move tool, handle and arrows to where they are now."""
-        scene = self._link.choice.scene
+        """Move tool, handle and arrows to their present poses."""
+        scene = self._servo.config.scene
         if scene is not self._scene:
             self._show(scene)
-        moment = frame.moment
-        if moment is None:
+        snapshot = frame.snapshot
+        if snapshot is None:
             return
-        _place(self._tool, moment.tool_pose)
-        _place(self._ghost, moment.handle_pose)
-        self._show_stretch(moment)
-        self._show_contacts(moment)
-        self._show_wrench(moment)
+        _place(self._tool, snapshot.tool_pose)
+        _place(self._ghost, snapshot.handle_pose)
+        self._show_stretch(snapshot)
+        self._show_contacts(snapshot)
+        self._show_wrench(snapshot)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -107,7 +107,7 @@ class Stage:
 
     def _show(self, scene: Scene) -> None:
         """Show another scene."""
-        for node in reversed(self._nodes):  # what hangs on others first
+        for node in reversed(self._nodes):  # children before their parents
             node.remove()
         self._scene = scene
         self.shapes = shapes_of(scene, self._triangles)
@@ -135,7 +135,7 @@ class Stage:
         self._nodes.append(self._server.scene.add_glb(f"{parent}/{shape.name}", data))
 
     def _add_ghost(self, scene: Scene) -> None:
-        """Add the handle: the tool once more, smooth and clear, where the hand has it."""
+        """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
         for shape in shapes_of(scene.changed(bodies=_smooth(scene)), _GHOST_TRIANGLES):
             if shape.is_tool and len(shape.faces):
                 self._nodes.append(
@@ -151,7 +151,7 @@ class Stage:
                 )
 
     def _add_marks(self) -> None:
-        """Add contacts, arrows and their labels, all of them empty."""
+        """Add contacts, arrows and their labels, all empty."""
         add, size = self._server.scene, self._size
         none = np.zeros((0, 2, 3), np.float32)
         thick = {
@@ -179,17 +179,17 @@ class Stage:
         ]  # fmt: skip
 
     def _set_camera(self, scene: Scene, tool: Array) -> None:
-        """Look at the tool where it begins, from the front and above."""
+        """Look at the tool's initial pose from the front and above."""
         placed = tool @ rotation_of(scene.start[3:]).T + scene.start[:3]
         low, high = placed.min(axis=0), placed.max(axis=0)
-        # Of a long tool, the part that touches.
+        # Of a long tool, show the part that makes contact.
         lowest = first_contact(scene)
         share = min(_WHOLE / self._size, 1.0)
         middle = UNITS * (lowest + share * (0.5 * (low + high) - lowest))
         middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
         size = share * self._size
         towards = _VIEW / np.linalg.norm(_VIEW)
-        # The panels lie over the right of the page.
+        # The panels cover the right of the page.
         right = np.cross([0.0, 0.0, 1.0], towards)
         middle += _ASIDE * size * right / np.linalg.norm(right)
         eye = middle + _CLOSENESS * size * towards
@@ -202,35 +202,35 @@ class Stage:
 
     # -- what moves ----------------------------------------------------------------------------
 
-    def _show_stretch(self, moment: Snapshot) -> None:
-        """Join the tool's centre of mass to where the handle has it."""
+    def _show_stretch(self, snapshot: Snapshot) -> None:
+        """Connect the centres of mass of the tool and of the handle."""
         ends = np.array(
             [
                 UNITS * (pose[:3] + rotation_of(pose[3:]) @ self._centre)
-                for pose in (moment.tool_pose, moment.handle_pose)
+                for pose in (snapshot.tool_pose, snapshot.handle_pose)
             ]
         )
         apart = float(np.linalg.norm(ends[1] - ends[0]))
         self._ghost.visible = apart > 1e-6 or bool(
-            np.abs(moment.tool_pose[3:] - moment.handle_pose[3:]).max() > 1e-6
+            np.abs(snapshot.tool_pose[3:] - snapshot.handle_pose[3:]).max() > 1e-6
         )
         self._stretch.points = ends[None].astype(np.float32)
 
-    def _show_contacts(self, moment: Snapshot) -> None:
-        points = (UNITS * moment.point).astype(np.float32)
+    def _show_contacts(self, snapshot: Snapshot) -> None:
+        points = (UNITS * snapshot.point).astype(np.float32)
         self._contacts.points = points
         places = points.astype(np.float64)
-        pushes = self._arrows(places, moment.force, _FULL_FORCE) if len(points) else points
+        pushes = self._arrows(places, snapshot.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
 
-    def _show_wrench(self, moment: Snapshot) -> None:
-        """Show the wrench that the hand feels, over the tool's centre of mass, where it is seen."""
-        pose, wrench = moment.tool_pose, moment.device_wrench
+    def _show_wrench(self, snapshot: Snapshot) -> None:
+        """Show the wrench on the hand above the tool, in line with its centre of mass."""
+        pose, wrench = snapshot.tool_pose, snapshot.device_wrench
         turn = rotation_of(pose[3:])
         at = pose[:3] + turn @ self._centre
         at[2] = pose[2] + float((self._outline @ turn[2]).max())
         at = UNITS * at[None]
-        for name, vector, full, arrows, told in (
+        for name, vector, full, arrows, unit in (
             ("force", wrench[:3], _FULL_FORCE, self._force, "N"),
             ("torque", wrench[3:], _FULL_TORQUE, self._torque, "mN m"),
         ):
@@ -239,12 +239,12 @@ class Stage:
             label = self._labels[name]
             label.visible = len(drawn) > 0
             if len(drawn):
-                size = float(np.linalg.norm(vector)) * (1.0 if told == "N" else 1e3)
-                label.text = f"{size:.2f} {told}"
+                size = float(np.linalg.norm(vector)) * (1.0 if unit == "N" else 1e3)
+                label.text = f"{size:.2f} {unit}"
                 label.position = tuple(drawn[0, 1].tolist())
 
     def _arrows(self, at: Array, vectors: Array, full: float) -> NDArray[np.float32]:
-        """Return arrows (n, 2, 3) at places; those too short to be seen are left out."""
+        """Return arrows (n, 2, 3) at points (n, 3), without those that are too short to see."""
         length = np.linalg.norm(vectors, axis=1) / full
         shown = length > _LEAST
         scale = _FORCE_LENGTH * self._size / full * np.minimum(_LONGEST / length[shown], 1.0)
@@ -258,7 +258,7 @@ def _place(node: Any, pose: Array) -> None:
 
 
 def _smooth(scene: Scene) -> dict[str, Any]:
-    """Return what takes all textures off a scene."""
+    """Return the change that removes all textures of a scene."""
     return {name: {"texture": None} for name in scene.document.get("bodies", {})}
 
 

@@ -1,4 +1,4 @@
-"""The acceleration as sound: the last seconds to be played in the page, and live."""
+"""The acceleration as sound: the last seconds as an audio clip, and live."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asperity.errors import AsperityError
 from asperity.runs import export
 from asperity.viewer.live_sound import LiveSound
 from asperity.viewer.panels.panel import Frame
-from asperity.viewer.panels.plots import traces_of_rows
+from asperity.viewer.panels.plots import traces_of_ticks
 from asperity.viewer.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 _LENGTHS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "20 s": 20.0}
 _RATE = 44100
 _WHAT = (
-    "The tool's acceleration, its three axes in one wave; the loudest sample is 1 dB below full "
-    "scale. A loop of 1 kHz holds what lies below 500 Hz: small loudspeakers give little of it, "
-    "headphones more."
+    "The tool's acceleration, its three axes combined; the loudest sample is 1 dB below full "
+    "scale. A loop at 1 kHz contains frequencies below 500 Hz, of which small loudspeakers play "
+    "little and headphones more."
 )
-_LIVE = "The computer's own sound, not the browser's."
+_LIVE = "Played by the computer that runs the loop, not by the browser."
 _EVERY = 10
 
 
 class SoundPanel:
-    """An audio element of what the timeline shows, and a switch for live sound.
+    """An audio clip of what the timeline shows, and a switch for live sound.
 
     Parameters
     ----------
     timeline : Timeline
     live : bool
-        Whether a loop runs, that could be heard.
+        Whether there is a loop to listen to.
     """
 
     title = "Record"
@@ -45,14 +45,14 @@ class SoundPanel:
         self._timeline, self._can_be_live = timeline, live
         self._live: LiveSound | None = None
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the controls."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the controls."""
         import viser
 
-        self._link, gui = link, server.gui
+        self._servo, gui = servo, server.gui
         with gui.add_folder("Sound"):
             self._length = gui.add_dropdown("Length", tuple(_LENGTHS), initial_value="5 s")
-            button = gui.add_button("Make the sound of what is shown", icon=viser.Icon.WAVE_SINE)
+            button = gui.add_button("Make a clip of what is shown", icon=viser.Icon.WAVE_SINE)
             button.on_click(lambda _: self.make())
             self._audio = gui.add_html("")
             gui.add_markdown(_WHAT)
@@ -63,33 +63,33 @@ class SoundPanel:
             self._switch = gui.add_checkbox("Play", False, disabled=bool(missing))
             self._full = gui.add_slider(
                 "Full scale [m/s²]", 1.0, 500.0, 1.0, 50.0, disabled=bool(missing),
-                hint="Acceleration that is as loud as it gets; what is above is rounded off.",
+                hint="Loudest acceleration; larger values are limited smoothly.",
             )  # fmt: skip
-            self._told = gui.add_markdown(missing or _LIVE)
+            self._message = gui.add_markdown(missing or _LIVE)
         self._switch.on_update(lambda _: self._switched())
         self._full.on_update(lambda _: self._scaled())
 
     def update(self, frame: Frame) -> None:
-        """Say what the live sound does."""
+        """Show the state of the live sound."""
         live = self._live
         if live is not None and frame.number % _EVERY == 0:
-            told = f"Playing at {live.rate:g} Hz, {live.delay * 1e3:.0f} ms behind the loop."
+            message = f"Playing at {live.rate:g} Hz, {live.delay * 1e3:.0f} ms behind the loop."
             if live.limited:
-                told += f" {live.limited:.0%} of the last second was rounded off."
-            if self._told.content != told:
-                self._told.content = told
+                message += f" {live.limited:.0%} of the last second was limited."
+            if self._message.content != message:
+                self._message.content = message
 
     def close(self) -> None:
-        """End the sound."""
+        """End the live sound."""
         live, self._live = self._live, None
         if live is not None:
             live.close()
 
     def make(self) -> None:
-        """Put the sound of the last seconds that are shown into the page."""
-        rows = self._timeline.window(_LENGTHS[self._length.value])
+        """Add an audio clip of the shown seconds to the page."""
+        ticks = self._timeline.window(_LENGTHS[self._length.value])
         try:
-            sound = export.sound_of(traces_of_rows(rows), rate=_RATE)
+            sound = export.sound_of(traces_of_ticks(ticks), rate=_RATE)
         except AsperityError as error:
             self._audio.content = f"<em>{html.escape(str(error))}</em>"
             return
@@ -105,12 +105,12 @@ class SoundPanel:
     def _switched(self) -> None:
         self.close()
         if not self._switch.value:
-            self._told.content = _LIVE
+            self._message.content = _LIVE
             return
         try:
-            self._live = LiveSound(self._link, full_scale=float(self._full.value))
+            self._live = LiveSound(self._servo, full_scale=float(self._full.value))
         except AsperityError as error:
-            self._told.content = f"**{error}**"
+            self._message.content = f"**{error}**"
             self._switch.value = False
 
     def _scaled(self) -> None:

@@ -1,4 +1,4 @@
-"""What the loop is doing: numbers that turn colour when something is wrong."""
+"""The state of the loop: numbers that change colour when something is wrong."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from asperity.viewer.servo_client import ServoClient
 
 EVERY = 8
-"""Updates between two of the numbers; nobody reads faster."""
+"""Page updates between two updates of the numbers."""
 _MISSES, _FALLBACKS = 0.02, 0.10
-"""Shares of a second's ticks that are wrong; anything above none is to be watched; ours."""
+"""Shares of a second's ticks shown as wrong; smaller ones are doubtful; project defaults."""
 _ROW = (
     '<tr><td style="padding:1px 6px 1px 0;color:#555">{name}</td>'
     '<td style="text-align:right;font-variant-numeric:tabular-nums;font-weight:600;color:{colour}">'
@@ -31,18 +31,18 @@ def judged(value: float, doubtful: float, wrong: float) -> str:
 
 
 def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
-    """Return what there is to say of a frame: name, value, unit, colour.
+    """Return the table of a frame: name, value, unit and colour of each row.
 
     Parameters
     ----------
     frame : Frame
     wanted : float
-        Ticks a second that the loop was told to do.
+        Nominal ticks per second [Hz].
     """
-    moment = frame.moment
-    if moment is None:
+    snapshot = frame.snapshot
+    if snapshot is None:
         return [("loop", "starting", "", DOUBTFUL)]
-    tick_us, contact_us = 1e6 * moment.tick_p99, 1e6 * moment.contact_p99
+    tick_us, contact_us = 1e6 * snapshot.tick_p99, 1e6 * snapshot.contact_p99
     period = 1e6 / wanted
     lag = 1.0 - frame.rate / wanted
     return [
@@ -55,29 +55,29 @@ def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
         ("passivity", f"{frame.interventions}", "in 1 s",
          judged(frame.interventions, 0, 0.05 * wanted)),
         ("clamped", f"{frame.clamps}", "in 1 s", judged(frame.clamps, 0, 0.05 * wanted)),
-        ("silences", f"{moment.silences}", "in all", judged(moment.silences, 0, 10)),
-        ("misses", f"{moment.misses}", "in all",
-         judged(moment.misses / max(moment.ticks, 1), 0.001, _MISSES)),
+        ("silences", f"{snapshot.silences}", "in all", judged(snapshot.silences, 0, 10)),
+        ("misses", f"{snapshot.misses}", "in all",
+         judged(snapshot.misses / max(snapshot.ticks, 1), 0.001, _MISSES)),
     ]  # fmt: skip
 
 
 def table(rows: list[tuple[str, str, str, str]]) -> str:
-    """Return rows as HTML."""
-    told = "".join(
+    """Return the rows as an HTML table."""
+    cells = "".join(
         _ROW.format(name=escape(n), value=escape(v), unit=escape(u), colour=c)
         for n, v, u, c in rows
     )
-    return f'<div style="padding:0 1em;font-size:0.85em"><table>{told}</table></div>'
+    return f'<div style="padding:0 1em;font-size:0.85em"><table>{cells}</table></div>'
 
 
-class Status:
-    """The numbers, above all tabs, as a panel."""
+class StatusPanel:
+    """The state of the loop, above all tabs."""
 
     title = ""
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the table, and what to do when the loop is gone."""
-        self._link = link
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the table, and a button to restart a loop that has ended."""
+        self._servo = servo
         gui = server.gui
         self._line = gui.add_html("", order=-3.0)
         self._restart = gui.add_button(
@@ -88,42 +88,42 @@ class Status:
             self._numbers = gui.add_html("")
 
     def update(self, frame: Frame) -> None:
-        """Show the numbers now and then."""
+        """Update the numbers, every `EVERY` updates of the page."""
         if frame.number % EVERY:
             return
-        link = self._link
-        told, colour = self._state(frame)
+        servo = self._servo
+        line, colour = self._state(frame)
         _set(
             self._line,
             "content",
             f'<div style="padding:0.3em 1em;font-size:0.9em;color:{colour};font-weight:600">'
-            f"{escape(told)}</div>",
+            f"{escape(line)}</div>",
         )
-        _set(self._restart, "visible", link.state == "ended")
-        _set(self._numbers, "content", table(rows_of(frame, link.parameters.rate)))
+        _set(self._restart, "visible", servo.state == "ended")
+        _set(self._numbers, "content", table(rows_of(frame, servo.parameters.rate)))
 
     def close(self) -> None:
         """Nothing is held."""
 
     def _state(self, frame: Frame) -> tuple[str, str]:
-        link = self._link
-        scene = link.choice.scene.name
-        if link.state == "ended":
-            return f"The loop has ended: {link.told}", WRONG
-        if link.state == "starting":
+        servo = self._servo
+        scene = servo.config.scene.name
+        if servo.state == "ended":
+            return f"The loop has ended: {servo.message}", WRONG
+        if servo.state == "starting":
             return f"{scene}: starting ...", DOUBTFUL
-        doing = "; another is being made ready ..." if link.state == "changing" else ""
+        doing = "; preparing another loop ..." if servo.state == "changing" else ""
         force = 0.0
-        if frame.moment is not None:
-            fx, fy, fz = frame.moment.device_wrench[:3].tolist()
+        if frame.snapshot is not None:
+            fx, fy, fz = frame.snapshot.device_wrench[:3].tolist()
             force = (fx * fx + fy * fy + fz * fz) ** 0.5
-        return f"{scene} · {link.device} · {force:.2f} N{doing}", DOUBTFUL if doing else WELL
+        return f"{scene} · {servo.device} · {force:.2f} N{doing}", DOUBTFUL if doing else WELL
 
     def _restarted(self, event: Any) -> None:
-        attempt(event, "Restart", lambda: self._link.restart().result())
+        attempt(event, "Restart", lambda: self._servo.restart().result())
 
 
 def _set(handle: Any, name: str, value: Any) -> None:
-    """Set a property if it changes: each setting is a message to all tabs."""
+    """Set a property if it changes, as each setting sends a message to all tabs."""
     if getattr(handle, name) != value:
         setattr(handle, name, value)

@@ -1,4 +1,4 @@
-"""Textures and meshes of the bodies: built in, or files that are dropped in, with their scale."""
+"""Textures and meshes of the bodies: built-in ones, or uploaded files with their scale."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from asperity.viewer.changes import (
     with_texture,
 )
 from asperity.viewer.drawables.colours import css_gradient
-from asperity.viewer.notify import attempt, is_asked
+from asperity.viewer.notify import attempt, from_browser
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.server.uploads import Uploads
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 FILE = "the file below"
 _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
-"""Of an image that says neither [m]; ours."""
+"""Initial pixel size and relief of an uploaded image [m]; project defaults."""
 
 
 class TexturesPanel:
-    """Textures and meshes, as a panel."""
+    """Textures and meshes of the bodies."""
 
     title = "Surfaces"
 
@@ -45,22 +45,22 @@ class TexturesPanel:
         self._meshes: dict[str, dict[str, Any]] = {}
         self._generation = -1
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the controls."""
-        self._link = link
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the controls."""
+        self._servo = servo
         gui = server.gui
         self._legend = gui.add_html("")
-        bodies = bodies_of(link.choice.scene)
+        bodies = bodies_of(servo.config.scene)
         with gui.add_folder("Texture"):
             self._body = gui.add_dropdown("body", bodies)
             self._kind = gui.add_dropdown("texture", [AS_IT_IS, SMOOTH, *PATTERNS, FILE])
             self._relief = gui.add_number(
                 "height [mm]", 0.2, min=1e3 * RELIEF[0], max=1e3 * RELIEF[1], step=0.001,
-                hint="From the lowest to the highest place",
+                hint="From the lowest to the highest point",
             )  # fmt: skip
             self._pixel = gui.add_number(
                 "pixel size [um]", 50.0, min=1e6 * PIXEL[0], max=1e6 * PIXEL[1], step=0.01,
-                hint="Between samples: everything along the surface goes with it",
+                hint="Distance between samples; all lengths along the surface scale with it",
             )  # fmt: skip
             self._drop = gui.add_upload_button(
                 "Image or array of heights", icon="upload",
@@ -77,7 +77,7 @@ class TexturesPanel:
                 button.on_upload(self._mesh_dropped(which))
             self._unit = gui.add_dropdown("unit of the files", list(UNITS), initial_value="mm")
             self._build = gui.add_button("Make a scene of them", color="green")
-        self._told = gui.add_markdown("")
+        self._message = gui.add_markdown("")
         for control in (self._body, self._kind):
             control.on_update(self._show_sizes)
         self._drop.on_upload(self._image_dropped)
@@ -85,34 +85,34 @@ class TexturesPanel:
         self._build.on_click(self._built)
 
     def update(self, frame: Frame) -> None:
-        """Show the bodies of another scene when there is one."""
+        """Show the bodies of a new scene."""
         if frame.generation == self._generation:
             return
         self._generation = frame.generation
-        bodies = bodies_of(self._link.choice.scene)
+        bodies = bodies_of(self._servo.config.scene)
         if tuple(bodies) != tuple(self._body.options):
             self._body.options = bodies
         self._kind.value = AS_IT_IS
         self._show_now()
-        self._legend.content = _legend(self._link.choice.scene)
+        self._legend.content = _legend(self._servo.config.scene)
 
     def close(self) -> None:
-        """Forget the uploads."""
+        """Delete the uploads."""
         self._uploads.close()
 
     def _show_sizes(self, event: Any) -> None:
-        if is_asked(event):
+        if from_browser(event):
             self._show_now()
 
     def _show_now(self) -> None:
-        """Show the height and pixel size that the chosen texture has by itself."""
+        """Show the height and pixel size of the chosen texture."""
         kind = self._kind.value
         if kind == FILE:
             self._relief.value, self._pixel.value = 1e3 * _PLAIN_RELIEF, 1e6 * _PLAIN_PIXEL
             return
-        field = texture_of(self._link.choice.scene, self._body.value)
+        field = texture_of(self._servo.config.scene, self._body.value)
         if kind in PATTERNS:
-            made = with_texture(self._link.choice, self._body.value, kind)
+            made = with_texture(self._servo.config, self._body.value, kind)
             field = texture_of(made.scene, self._body.value)
         if field is not None:
             self._relief.value = round(1e3 * field.relief, 5)
@@ -126,10 +126,12 @@ class TexturesPanel:
             self._image = {"file": str(path), "border": "wrap"}
             self._kind.value = FILE
             self._show_now()
-            self._told.content = "The image is here: set its height and pixel size, then Apply."
+            self._message.content = (
+                "The image has been uploaded: set its height and pixel size, then Apply."
+            )
 
         if not attempt(event, "Image", keep):
-            self._told.content = "That file was refused; the loop goes on with what it had."
+            self._message.content = "The file was refused; nothing has changed."
 
     def _mesh_dropped(self, which: str) -> Any:
         def dropped(event: Any) -> None:
@@ -139,54 +141,58 @@ class TexturesPanel:
                 path = self._uploads.mesh(file.name, file.content)
                 self._meshes[which] = {"file": str(path)}
                 self._choices[which].value = FILE
-                self._told.content = f"The {which}'s mesh is here: set its unit, then make a scene."
+                self._message.content = (
+                    f"The {which}'s mesh has been uploaded: set its unit, then make a scene."
+                )
 
             if not attempt(event, "Mesh", keep):
-                self._told.content = "That file was refused; the loop goes on with what it had."
+                self._message.content = "The file was refused; nothing has changed."
 
         return dropped
 
     def _applied(self, event: Any) -> None:
         body, kind = self._body.value, self._kind.value
-        link = self._link
+        servo = self._servo
 
         def change() -> None:
             wanted: str | Mapping[str, Any] = kind
             relief, pixel = 1e-3 * self._relief.value, 1e-6 * self._pixel.value
             if kind == FILE:
                 if self._image is None:
-                    raise AsperityError("there is no file yet: drop an image in first")
+                    raise AsperityError("no file has been uploaded yet: choose an image first")
                 wanted = {**self._image, "pixel_size": pixel, "height_range": relief}
-            self._told.content = f"Making {body} ready ..."
+            self._message.content = f"Preparing {body} ..."
             made = with_texture(
-                link.choice, body, wanted,
+                servo.config, body, wanted,
                 relief=None if kind == SMOOTH else relief,
                 pixel_size=None if kind in (SMOOTH, FILE) else pixel,
             )  # fmt: skip
-            link.restart(made).result()
+            servo.restart(made).result()
 
         done = attempt(event, f"Texture of {body}", change)
-        self._told.content = f"{body}: {kind}." if done else "The loop goes on with what it had."
+        self._message.content = f"{body}: {kind}." if done else "Nothing has changed."
 
     def _built(self, event: Any) -> None:
-        link, unit = self._link, self._unit.value
+        servo, unit = self._servo, self._unit.value
 
         def change() -> None:
             parts = {}
             for which, chosen in self._choices.items():
                 if chosen.value == FILE and which not in self._meshes:
-                    raise AsperityError(f"there is no file for the {which} yet: drop one in first")
+                    raise AsperityError(
+                        f"no file for the {which} has been uploaded: choose one first"
+                    )
                 made = chosen.value
                 parts[which] = self._meshes[which] if made == FILE else {"kind": made}
-            self._told.content = "Making the scene ready ..."
-            link.restart(with_meshes(link.choice, parts["tool"], parts["target"], unit)).result()
+            self._message.content = "Preparing the scene ..."
+            servo.restart(with_meshes(servo.config, parts["tool"], parts["target"], unit)).result()
 
         done = attempt(event, "Scene of meshes", change)
-        self._told.content = "A scene of meshes." if done else "The loop goes on with what it had."
+        self._message.content = "A scene of meshes." if done else "Nothing has changed."
 
 
 def _legend(scene: Any) -> str:
-    """Return the colours of heights, and what they stand for, of each body with a texture."""
+    """Return the legend of the height colours, with the range of each textured body."""
     lines = [
         f"{body.name}: {1e3 * body.texture.lowest:.3g} to {1e3 * body.texture.highest:.3g} mm"
         for body in scene.bodies
@@ -194,9 +200,9 @@ def _legend(scene: Any) -> str:
     ]
     if not lines:
         return ""
-    told = "<br>".join(lines)
+    ranges = "<br>".join(lines)
     return (
         '<div style="padding:0.4em 1em;font-size:0.85em">Colour by height, low to high'
         f'<div style="height:0.7em;border-radius:3px;background:{css_gradient()}"></div>'
-        f"{told}</div>"
+        f"{ranges}</div>"
     )

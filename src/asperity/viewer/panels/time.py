@@ -1,4 +1,4 @@
-"""Pause, and a slider through the last seconds or a recording; everything on the page follows."""
+"""Pause, and a slider through the last seconds or a recording, which the whole page follows."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 _SPEEDS = {"1 x": 1.0, "1/4 x": 0.25, "1/10 x": 0.1, "1/50 x": 0.02}
 _EVERY = 3
 _STEP = 1e-3
-_NOW = "Showing **now**. *Pause* keeps the last seconds to look at; the loop goes on meanwhile."
+_NOW = "Showing **now**. *Pause* keeps the last seconds for viewing; the loop goes on."
 
 
 class TimePanel:
-    """The time that is shown: buttons to pause, play and come back to now, and a slider.
+    """The time that is shown: buttons to pause, play and return to the present, and a slider.
 
     Parameters
     ----------
     timeline : Timeline
     live : bool
-        Whether there is a now to come back to.
+        Whether there is a present to return to.
     """
 
     title = "Plots"
@@ -36,8 +36,8 @@ class TimePanel:
         self._shown: tuple[Any, ...] = ()
         self._followed = 0.0
 
-    def build(self, server: viser.ViserServer, link: ServoClient) -> None:
-        """Make the controls."""
+    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+        """Add the controls."""
         import viser
 
         gui = server.gui
@@ -46,7 +46,7 @@ class TimePanel:
         self._now = gui.add_button("Back to now", visible=False)
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, _STEP, 0.0, visible=False)
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1 x", visible=False)
-        self._told = gui.add_markdown(_NOW)
+        self._message = gui.add_markdown(_NOW)
         self._pause.on_click(_ignoring(self._timeline.hold))
         self._play.on_click(_ignoring(self._play_or_stop))
         self._now.on_click(_ignoring(self._timeline.go_live))
@@ -54,7 +54,7 @@ class TimePanel:
         self._speed.on_update(self._sped)
 
     def update(self, frame: Frame) -> None:
-        """Let time go on, and show where it stands."""
+        """Advance the timeline, and show its position."""
         timeline = self._timeline
         timeline.advance(frame)
         if frame.number % _EVERY:
@@ -63,8 +63,8 @@ class TimePanel:
         if self._slider.max != longest:
             self._slider.value, self._followed = 0.0, 0.0
             self._slider.max = longest
-        # Only what moved by itself is sent: what the user does to the slider is there before the
-        # timeline is told of it, and would be taken back.
+        # Send only movements of the timeline itself: a movement of the slider by the user arrives
+        # here before the timeline knows of it, and would be undone.
         if timeline.at != self._followed:
             self._followed = timeline.at
             if abs(self._slider.value - timeline.at) > _STEP:
@@ -77,7 +77,7 @@ class TimePanel:
         self._play.visible = self._slider.visible = self._speed.visible = not timeline.is_live
         self._now.visible = self._has_now and not timeline.is_live
         self._play.label = "Stop" if timeline.playing else "Play"
-        self._told.content = _NOW if timeline.is_live else (
+        self._message.content = _NOW if timeline.is_live else (
             f"Showing **{timeline.what}**: {timeline.at:.3f} of {timeline.length:.2f} s."
         )  # fmt: skip
 
@@ -91,7 +91,7 @@ class TimePanel:
             self._timeline.play()
 
     def _moved(self, event: Any) -> None:
-        # Set by the page itself, it has no client.
+        # An event without a client comes from the page itself.
         if event.client is not None:
             self._timeline.playing = False
             self._timeline.move_to(self._slider.value)
@@ -101,5 +101,5 @@ class TimePanel:
 
 
 def _ignoring(do: Callable[[], None]) -> Callable[[object], None]:
-    """Return a callback that does not look at its event."""
+    """Return a callback that ignores its event."""
     return lambda _: do()

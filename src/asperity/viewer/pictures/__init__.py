@@ -1,4 +1,4 @@
-"""Pictures of the page, by `make pictures`: for the report and the README."""
+"""Pictures of the page for the report and the README, made by `make pictures`."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from pathlib import Path
 
 PICTURES = Path(__file__).parent
 PICTURED = ("probe-plate-dots", "hammer-blocks", "file-cad")
-"""Scenes; of each there is a `.jpg` in `PICTURES`."""
+"""Scenes of which there is a `.jpg` in `PICTURES`."""

@@ -1,1 +1,1 @@
-"""The web server of the page: panels, uploads, who may connect."""
+"""The web server of the page: panels, uploads, access control."""

@@ -1,9 +1,9 @@
-"""Who may talk to the page: browsers that show this very page, and programs of this computer.
+"""Access control by origin: browsers that show this very page, and programs on this computer.
 
-A page of any other origin can open a websocket to 127.0.0.1 as well as ours can; the browser lets
-it, and only says so in the header `Origin`. A name of its own may even be made to point here, which
-the header `Host` tells. So a request is answered only if its host is one of those that the page has
-been given, and if its origin, where it has one, is that same host.
+A page of any other origin can open a websocket to 127.0.0.1; the browser permits it and only states
+the origin in the header `Origin`. A foreign host name can even be made to resolve to this computer,
+which shows in the header `Host`. So a request is answered only if its host is a known name of the
+page and its origin, if it has one, is that same host.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
 
 
 def refusal(headers: Mapping[str, str], port: int, hosts: Iterable[str] = LOCAL_HOSTS) -> str:
-    """Return why a request is not answered, or nothing if it is.
+    """Return why a request is refused, or "" if it is not.
 
     Parameters
     ----------
     headers : mapping
-        Of the request, whatever the case of its names.
+        Of the request; names in any case.
     port : int
-        That it came to.
+        At which it arrived.
     hosts : iterable of str
-        Names under which the page is known.
+        Host names of the page.
     """
     host = headers.get("Host", "")
     known = {f"{name}:{port}" for name in hosts}
@@ -36,7 +36,7 @@ def refusal(headers: Mapping[str, str], port: int, hosts: Iterable[str] = LOCAL_
     if host.lower() not in known:
         return "this page is not known under that name"
     origin = headers.get("Origin")
-    if origin is None:  # no browser
+    if origin is None:  # not a browser
         return ""
     parts = urlsplit(origin)
     if parts.scheme not in ("http", "https") or parts.netloc.lower() != host.lower():
@@ -46,10 +46,10 @@ def refusal(headers: Mapping[str, str], port: int, hosts: Iterable[str] = LOCAL_
 
 @contextlib.contextmanager
 def own_origin_only(hosts: Iterable[str] = LOCAL_HOSTS) -> Iterator[None]:
-    """Let a server that viser starts within the block answer only what `refusal` lets through.
+    """Make a server that viser starts within the block refuse requests as `refusal` does.
 
-    viser has no option for this; it hands its own `process_request` to websockets, which is asked
-    here after ours.
+    viser has no option for this. It passes its own `process_request` to websockets, which is called
+    here after `refusal`.
     """
     import websockets.asyncio.server as module
 
@@ -58,7 +58,7 @@ def own_origin_only(hosts: Iterable[str] = LOCAL_HOSTS) -> Iterator[None]:
 
     def serve(handler: Any, host: Any, port: Any, **options: Any) -> Any:
         answer = options.pop("process_request", None)
-        return usual(handler, host, port, process_request=_asked(answer, known), **options)
+        return usual(handler, host, port, process_request=_after_refusal(answer, known), **options)
 
     module.serve = serve
     try:
@@ -67,7 +67,7 @@ def own_origin_only(hosts: Iterable[str] = LOCAL_HOSTS) -> Iterator[None]:
         module.serve = usual
 
 
-def _asked(answer: Callable[..., Any] | None, hosts: tuple[str, ...]) -> Callable[..., Any]:
+def _after_refusal(answer: Callable[..., Any] | None, hosts: tuple[str, ...]) -> Callable[..., Any]:
     def process_request(connection: Any, request: Any) -> Any:
         port = int(connection.local_address[1])
         why = refusal(request.headers, port, hosts)

@@ -1,15 +1,16 @@
-"""The page for other computers: a small proxy that asks for a token.
+"""The page for other computers: a small proxy that requires a token.
 
-viser serves whoever reaches it, so it stays on 127.0.0.1. This stands before it on another address:
+viser serves anyone who reaches it, so it stays on 127.0.0.1. The proxy stands before it on another
+address:
 
     browser --> token, cookie, origin, limits --> viser on 127.0.0.1
 
-Whoever comes with the address that was printed, which holds the token, is given a cookie of this
-server alone (HttpOnly, SameSite=Strict) and sent on to the page. Without it there is nothing but
-401. A websocket, which drives the tool, is opened only with the cookie and only for a page of this
-very address. Sizes, connections and times are limited.
+A browser that comes with the printed address, which contains the token, gets a cookie for this
+server only (HttpOnly, SameSite=Strict) and is sent on to the page. Without the cookie every request
+is answered with 401. A websocket, which moves the tool, is opened only with the cookie and only for
+a page of this very address. Sizes, connections and times are limited.
 
-It is no TLS: see `EXPOSED`.
+There is no TLS: see `EXPOSED`.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
 
 LARGEST_IN = 16 * 2**20
-"""Bytes of a message from a browser, at most: files are sent in pieces of half a MiB."""
+"""Largest message from a browser [bytes]; files are sent in pieces of half a MiB."""
 LARGEST_OUT = 64 * 2**20
-"""Bytes of a message or a file from viser, at most."""
+"""Largest message or file from viser [bytes]."""
 CONNECTIONS = 8
-"""Browsers' websockets at the same time, at most."""
+"""Largest number of websockets at a time."""
 REQUESTS = 16
-"""Files being fetched at the same time, at most."""
+"""Largest number of file requests at a time."""
 _PATIENCE = 10.0
 _PASSED_ON = ("Content-Type", "Content-Encoding")
 _LOG = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ EXPOSED = (
 
 
 def is_local(host: str) -> bool:
-    """Return whether an address is reached from this computer alone."""
+    """Return whether an address can be reached from this computer only."""
     if host == "localhost":
         return True
     with contextlib.suppress(ValueError):
@@ -66,21 +67,21 @@ def is_local(host: str) -> bool:
 
 
 class Proxy:
-    """A server in a thread of its own, before a viser server on this computer.
+    """A server in its own thread, before a viser server on this computer.
 
     Parameters
     ----------
     host, port : str, int
-        Where to serve; port 0 is any that is free.
+        Where to serve; port 0: any that is free.
     upstream : int
-        viser's port on 127.0.0.1.
+        Port of viser on 127.0.0.1.
     token : str, optional
         Default: 256 random bits.
 
     Raises
     ------
     AsperityError
-        The address cannot be served on.
+        The address cannot be used.
     """
 
     def __init__(self, host: str, port: int, upstream: int, *, token: str | None = None) -> None:
@@ -97,22 +98,22 @@ class Proxy:
         try:
             self.port = self._ready.result(_PATIENCE)
         except OSError as error:
-            told = error.strerror or error
-            raise AsperityError(f"cannot serve on {host}:{port}: {told}") from None
+            reason = error.strerror or error
+            raise AsperityError(f"cannot serve on {host}:{port}: {reason}") from None
 
     @property
     def url(self) -> str:
-        """The address with the token, to be opened in a browser."""
+        """Address with the token, for a browser."""
         return f"http://{_address(self.host)}:{self.port}/?token={self.token}"
 
     @property
-    def told(self) -> str:
-        """What is said at the start: what this exposes, and the address."""
+    def notice(self) -> str:
+        """What is printed at the start: what the proxy exposes, and the address."""
         where = f"{self.host}, port {self.port}"
         return f"{EXPOSED.format(where=where)}\n\n    {self.url}\n"
 
     def close(self) -> None:
-        """End it, and every connection through it."""
+        """End the server and all its connections."""
         if self._stopping is not None and not self._loop.is_closed():
             with contextlib.suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._stopping.set)
@@ -151,7 +152,7 @@ class Proxy:
             await self._stopping.wait()
 
     async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request for a file; let a websocket through, or refuse it."""
+        """Answer a request for a file; accept or refuse a websocket."""
         target = urllib.parse.urlsplit(request.path)
         given = urllib.parse.parse_qs(target.query).get("token", [""])[0]
         if request.headers.get("Upgrade", "").lower() == "websocket":
@@ -174,7 +175,7 @@ class Proxy:
             self._fetching -= 1
 
     def _refused_socket(self, request: Request) -> Response | None:
-        """Return why a websocket is not opened, or nothing."""
+        """Return the refusal of a websocket, or None if it is accepted."""
         if not self._is_known(request):
             return _plain(http.HTTPStatus.UNAUTHORIZED, "No token.")
         origins = request.headers.get_all("Origin")
@@ -188,7 +189,7 @@ class Proxy:
 
     @property
     def _cookie(self) -> str:
-        # A computer's servers share their cookies, whatever their ports.
+        # All servers of a host share cookies, whatever their ports.
         return f"asperity-{self.port}"
 
     def _is_known(self, request: Request) -> bool:
@@ -201,10 +202,10 @@ class Proxy:
         return False
 
     def _welcomed(self) -> Response:
-        """Give the cookie, and send on to the page, whose address has no token.
+        """Set the cookie, and lead on to the page, whose address has no token.
 
-        By a page that leads there and not by a redirect: a browser that came from elsewhere would
-        not send a strict cookie along with that.
+        By a page and not by a redirect, as a browser coming from another site would not send a
+        strict cookie along with a redirect.
         """
         page = (
             '<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>asperity</title>'
@@ -217,7 +218,7 @@ class Proxy:
         )  # fmt: skip
 
     def _fetched(self, request: Request) -> Response:
-        """Return what viser answers to a request for a file."""
+        """Return viser's answer to a request for a file."""
         upstream = http.client.HTTPConnection("127.0.0.1", self._upstream, timeout=_PATIENCE)
         try:
             accepted = request.headers.get("Accept-Encoding", "identity")
@@ -234,11 +235,11 @@ class Proxy:
         return _response(http.HTTPStatus(answer.status), body, headers)
 
     async def _bridge(self, browser: ServerConnection) -> None:
-        """Hand messages both ways until one end is gone."""
+        """Pass messages both ways until one end is gone."""
         from websockets.asyncio.client import connect
         from websockets.exceptions import ConnectionClosed, WebSocketException
 
-        # Counted here and not when it is let through: between the two the browser may go.
+        # Counted here and not on acceptance, as the browser may leave between the two.
         if self._open >= CONNECTIONS:
             await browser.close(1013, "too many connections")
             return
@@ -267,13 +268,13 @@ class Proxy:
 
 
 async def _pass_on(source: Any, sink: Any) -> None:
-    """Hand messages on as they come; a slow sink holds the source up."""
+    """Pass messages on as they come; a slow sink delays the source."""
     async for message in source:
         await sink.send(message)
 
 
 def _same(given: str, right: str) -> bool:
-    """Compare in a time that does not depend on how much of it is right."""
+    """Compare in a time that does not depend on how much of the text is right."""
     return hmac.compare_digest(given.encode(), right.encode())
 
 
@@ -298,7 +299,7 @@ def _response(status: http.HTTPStatus, body: bytes, headers: dict[str, str]) -> 
 
 
 def _address(host: str) -> str:
-    """Return a host as it stands in an address; of all of them, this computer's name."""
+    """Return a host as part of an address; for all addresses, this computer's name."""
     if host in ("0.0.0.0", "::", ""):
         import socket
 
@@ -307,7 +308,7 @@ def _address(host: str) -> str:
 
 
 def _quiet() -> logging.Logger:
-    """Return a logger for what strangers send: nothing of it is the user's concern."""
+    """Return a silent logger: what strangers send does not concern the user."""
     logger = logging.getLogger(f"{__name__}.websockets")
     logger.setLevel(logging.CRITICAL)
     return logger

@@ -1,4 +1,4 @@
-"""The page: a viser server, the panels in it, and the loop that updates them 30 times a second."""
+"""The page's server: viser, the panels, and a thread that updates them 30 times a second."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from asperity.viewer.panels.panel import Frame, Panel
 from asperity.viewer.server.origin import own_origin_only
 from asperity.viewer.server.transfers import bound_uploads
 from asperity.viewer.servo_client import ServoClient
-from asperity.viewer.view_model import Frames
+from asperity.viewer.view_model import ViewModel
 
 if TYPE_CHECKING:
     import viser
 
 UPDATE_RATE = 30.0
-"""Updates a second."""
+"""Rate of updates [Hz]."""
 LOCAL = "127.0.0.1"
 MISSING = "the page needs viser: pip install 'asperity[view]'"
 
 
 def require_viser() -> Any:
-    """Return the package viser, or say how to get it."""
+    """Return the package viser; raise AsperityError if it is not installed."""
     try:
         import viser
     except ImportError:
@@ -36,11 +36,11 @@ def require_viser() -> Any:
 
 
 class Page:
-    """A server with panels on a link.
+    """A server with panels for a servo client.
 
     Parameters
     ----------
-    link : Link
+    servo : ServoClient
         Started.
     panels : sequence of Panel
     host, port : str, int
@@ -51,18 +51,18 @@ class Page:
 
     def __init__(
         self,
-        link: ServoClient,
+        servo: ServoClient,
         panels: Sequence[Panel],
         *,
         host: str = LOCAL,
         port: int = 8080,
         label: str = "asperity",
     ) -> None:
-        self.link, self.panels = link, list(panels)
+        self.servo, self.panels = servo, list(panels)
         self.server = self._served(host, port, label)
         self.updates = 0
-        """How often the panels were updated."""
-        self._frames = Frames(link)
+        """Number of updates of the panels."""
+        self._view_model = ViewModel(servo)
         self._stopping, self._paused = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="asperity-page", daemon=True)
         self._build()
@@ -70,19 +70,19 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
+        """Address of the page."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until the page is closed, at most so long [s]; return whether it is."""
+        """Wait until the page is closed, at most `seconds` [s]; return whether it is."""
         return self._stopping.wait(seconds)
 
     def pause(self, paused: bool = True) -> None:
-        """Hold the picture as it is, or let it go on; the loop ticks either way."""
+        """Freeze the page or let it continue; the loop ticks in either case."""
         (self._paused.set if paused else self._paused.clear)()
 
     def close(self) -> None:
-        """Take the page down; the link stays."""
+        """Take the page down; the servo client stays."""
         self._stopping.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(2.0)
@@ -99,7 +99,7 @@ class Page:
 
     def _served(self, host: str, port: int, label: str) -> viser.ViserServer:
         viser = require_viser()
-        # viser announces itself on standard output, which is the command's.
+        # viser prints to standard output, which belongs to the command.
         with own_origin_only(), contextlib.redirect_stdout(io.StringIO()):
             server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         bound_uploads(server)
@@ -119,9 +119,9 @@ class Page:
         for panel in self.panels:
             if panel.title:
                 with tabs[panel.title]:
-                    panel.build(self.server, self.link)
+                    panel.build(self.server, self.servo)
             else:
-                panel.build(self.server, self.link)
+                panel.build(self.server, self.servo)
 
     def _run(self) -> None:
         due = time.perf_counter()
@@ -130,7 +130,7 @@ class Page:
             if self._paused.is_set():
                 self._stopping.wait(0.05)
                 continue
-            frame = self._frames.take(time.perf_counter())
+            frame = self._view_model.frame(time.perf_counter())
             with self.server.atomic():
                 for panel in tuple(well):
                     if not _updated(panel, frame):
@@ -141,22 +141,22 @@ class Page:
 
 
 def _updated(panel: Panel, frame: Frame) -> bool:
-    """Update a panel; return whether that went well."""
+    """Update a panel; return whether it succeeded."""
     try:
         panel.update(frame)
-    except Exception:  # one part of the page must not take the others with it
+    except Exception:  # a failing panel must not stop the others
         logging.getLogger(__name__).exception("a part of the page failed: %s", panel.title)
         return False
     return True
 
 
 def serve(
-    link: ServoClient,
+    servo: ServoClient,
     make_panels: Callable[[], Sequence[Panel]],
     *,
     host: str = LOCAL,
     port: int = 8080,
 ) -> Page:
-    """Start the page of a link that has been started; return it. Close it when done."""
-    scene = link.choice.scene.name
-    return Page(link, make_panels(), host=host, port=port, label=f"asperity: {scene}")
+    """Start and return the page of a started servo client. Close it when done."""
+    scene = servo.config.scene.name
+    return Page(servo, make_panels(), host=host, port=port, label=f"asperity: {scene}")

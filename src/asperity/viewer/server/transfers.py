@@ -1,8 +1,8 @@
-"""A bound on what viser takes into memory of an upload, before it is looked at.
+"""Limits on uploads while viser receives them, before a file is examined.
 
-viser gathers the parts of a file until all are there, however many a browser says there are. Here
-a file that says it is too large is not begun, one that turns out larger than it said is dropped,
-and so are more files at a time than a person could drop.
+viser collects the parts of a file until all have come, however many a browser announces. Here a
+file that is announced as too large is refused, one that turns out larger than announced is dropped,
+and so are more files at a time than a person would upload.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     import viser
 
 AT_ONCE = 4
-"""Uploads that are under way at the same time, at most."""
+"""Largest number of uploads at a time."""
 _SMALLEST_PART = 1024
-"""Bytes of a part, on average, at least."""
+"""Smallest average size of a part [bytes]."""
 
 
 def bound_uploads(server: viser.ViserServer, most: int = MOST_BYTES) -> None:
-    """Have a server refuse uploads of more than `most` bytes."""
+    """Make a server refuse uploads of more than `most` bytes."""
     from viser import _messages as messages
 
     gui: Any = server.gui
@@ -37,7 +37,7 @@ def bound_uploads(server: viser.ViserServer, most: int = MOST_BYTES) -> None:
         if not 0 <= size <= most:
             refuse(client_id, f"{size / 2**20:.0f} MB; valid: at most {most / 2**20:.0f} MB")
         elif not 0 <= parts <= 1 + size // _SMALLEST_PART:
-            refuse(client_id, f"{size} bytes in {parts} parts are no upload")
+            refuse(client_id, f"{size} bytes in {parts} parts: not a valid upload")
         elif len(gui._current_file_upload_states) >= AT_ONCE:
             refuse(client_id, f"{AT_ONCE} uploads are under way; wait for one of them")
         else:
@@ -49,13 +49,13 @@ def bound_uploads(server: viser.ViserServer, most: int = MOST_BYTES) -> None:
             return
         if state["transferred_bytes"] + len(message.content) > state["total_bytes"]:
             gui._current_file_upload_states.pop(message.transfer_uuid, None)
-            refuse(client_id, "more came than was said; dropped")
+            refuse(client_id, "the file is larger than announced; dropped")
             return
         gui._handle_file_transfer_part(client_id, message)
 
-    for kind, ours, theirs in (
+    for kind, bounded, original in (
         (messages.FileTransferStartUpload, start, gui._handle_file_transfer_start),
         (messages.FileTransferPart, part, gui._handle_file_transfer_part),
     ):
-        socket.unregister_handler(kind, theirs)
-        socket.register_handler(kind, ours)
+        socket.unregister_handler(kind, original)
+        socket.register_handler(kind, bounded)

@@ -1,8 +1,8 @@
-"""Files that a browser hands over: data, which is bounded and looked at before it is decoded.
+"""Files from a browser: data that is bounded and examined before it is decoded.
 
-Nothing in them is executed and no other file is opened for them: arrays are read without pickles,
-materials of meshes are not followed, and a glTF file that points elsewhere is refused. A file is
-kept under a name of our own.
+Nothing in a file is executed and no other file is opened for it: arrays are read without pickles,
+materials of meshes are not followed, and a glTF file with external references is refused. A file is
+stored under a generated name.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from asperity.texture.files.images import read_pixels
 
 MOST_BYTES = 64 * 2**20
 MOST_PIXELS = 2**24
-"""Of an image or array: 4096 x 4096."""
+"""Largest image or array: 4096 x 4096."""
 MOST_TRIANGLES = 200_000
 MOST_FILES = 40
-"""That are kept by one page: scenes are read from them again."""
+"""Largest number of files that a page keeps, as scenes may be read from them again."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
 MESHES = (".stl", ".obj", ".ply", ".glb")
 
 
 class Uploads:
-    """A folder for uploads, gone when it is closed."""
+    """A folder for uploads, deleted when it is closed."""
 
     def __init__(self) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="asperity-uploads-"))
         self._count = 0
 
     def image(self, name: str, content: bytes) -> Path:
-        """Keep an image or array of heights; return where.
+        """Store an image or array of heights; return its path.
 
         Raises
         ------
         AsperityError
-            One line: what is wrong with the file, and what would be right.
+            The file is invalid; the message names what would be valid.
         """
         suffix = _suffix(name, content, IMAGES, "an image")
         pixels = _pixels(name, suffix, content)
@@ -54,7 +54,7 @@ class Uploads:
         return path
 
     def mesh(self, name: str, content: bytes) -> Path:
-        """Keep a mesh; return where. Raises as `image` does."""
+        """Store a mesh; return its path. Raises as `image` does."""
         suffix = _suffix(name, content, MESHES, "a mesh")
         count = _triangles(name, suffix, content)
         if count > MOST_TRIANGLES:
@@ -65,12 +65,12 @@ class Uploads:
         return self._kept(suffix, content)
 
     def close(self) -> None:
-        """Forget them all."""
+        """Delete all files."""
         rmtree(self._folder, ignore_errors=True)
 
     def _kept(self, suffix: str, content: bytes) -> Path:
         if self._count >= MOST_FILES:
-            raise AsperityError(f"{MOST_FILES} files have been dropped in; begin a new page")
+            raise AsperityError(f"{MOST_FILES} files have been uploaded; open a new page")
         self._count += 1
         path = self._folder / f"upload-{self._count}{suffix}"
         path.write_bytes(content)
@@ -79,7 +79,7 @@ class Uploads:
     def _decoded(self, path: Path, name: str) -> None:
         try:
             read_pixels(path)
-        except Exception as error:  # whatever a reader makes of a damaged file
+        except Exception as error:  # readers raise many kinds for damaged files
             path.unlink()
             reason = " ".join(str(error).split())[:160] or type(error).__name__
             reason = reason.replace(str(path), "").strip(" :")
@@ -87,7 +87,7 @@ class Uploads:
 
 
 def _shown(name: str) -> str:
-    """Return a name as it may be shown: it is somebody else's text."""
+    """Return a file's name in a form that is safe to show: it comes from outside."""
     return re.sub(r"[^\w. -]", "_", Path(name).name)[:60] or "the file"
 
 
@@ -105,7 +105,7 @@ def _suffix(name: str, content: bytes, valid: tuple[str, ...], what: str) -> str
 
 
 def _pixels(name: str, suffix: str, content: bytes) -> int:
-    """Return how many pixels an image says that it has, without decoding it."""
+    """Return the number of pixels in an image's header, without decoding it."""
     try:
         if suffix == ".npy":
             return _samples(content)
@@ -121,7 +121,7 @@ def _pixels(name: str, suffix: str, content: bytes) -> int:
             return int(image.size[0]) * int(image.size[1])
     except AsperityError:
         raise
-    except Exception:  # whatever a reader makes of a damaged head
+    except Exception:  # readers raise many kinds for damaged headers
         raise AsperityError(f"{_shown(name)} is not a {suffix} file, or damaged") from None
 
 
@@ -133,17 +133,17 @@ def _samples(content: bytes) -> int:
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(file)
     if dtype.hasobject:
-        raise AsperityError("an array of objects is no array of heights")
+        raise AsperityError("an array of objects is not an array of heights")
     count = 1
     for length in shape:
         count *= int(length)
     if len(content) - file.tell() < count * dtype.itemsize:
-        raise AsperityError("the array is cut short")
+        raise AsperityError("the array is truncated")
     return count
 
 
 def _triangles(name: str, suffix: str, content: bytes) -> int:
-    """Return how many triangles a mesh says that it has, about, without reading it."""
+    """Return about how many triangles a mesh has, from its header, without reading it."""
     try:
         if suffix == ".stl":
             if content.lstrip()[:5].lower() == b"solid" and b"facet" in content[:1000]:
@@ -164,12 +164,12 @@ def _triangles(name: str, suffix: str, content: bytes) -> int:
 
 def _triangles_of_glb(name: str, content: bytes) -> int:
     if content[:4] != b"glTF":
-        raise ValueError("no GLB")
+        raise ValueError("not a GLB")
     (size,) = struct.unpack("<I", content[12:16])
     tree: dict[str, Any] = json.loads(content[20 : 20 + size])
     for part in (*tree.get("buffers", []), *tree.get("images", [])):
         if not str(part.get("uri", "data:")).startswith("data:"):
-            raise AsperityError(f"{_shown(name)} points to other files; export it as one GLB")
+            raise AsperityError(f"{_shown(name)} refers to other files; export it as one GLB")
     accessors, count = tree.get("accessors", []), 0
     for mesh in tree.get("meshes", []):
         for primitive in mesh.get("primitives", []):

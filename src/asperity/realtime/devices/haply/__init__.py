@@ -1,1 +1,1 @@
-"""The Haply Inverse3: its service, its serial port, and a stand-in."""
+"""The Haply Inverse3: by its service, by its serial port, and simulated."""

@@ -1,13 +1,13 @@
-"""A stand-in for the Haply Inverse service, for trying without hardware and for tests.
+"""A simulated Haply Inverse service, for trying without hardware and for tests.
 
-It listens on 127.0.0.1 and speaks what `haply_messages` describes, written from Haply's public
+It listens on 127.0.0.1 and speaks the protocol of `messages`, written from Haply's public
 documentation: an inventory on connecting; then exactly one frame of state for each message; forces
-in either spelling; the forces of several clients add up; a command lasts only for a moment, so that
-a client that stops sending leaves the device idle and without force. How short that moment is in
+in either spelling; the forces of several clients add up; a command lasts for a short time only, so
+that a client that stops sending leaves the device idle and without force. How short that time is in
 the real service is not documented; here it is `command_seconds`.
 
-What can go wrong can be made to: `silent`, `frozen`, `unplugged`, `delay`, `replies` (raw texts
-sent instead of frames), `refuse_clients`, and `disconnect()`.
+Faults can be provoked: `silent`, `frozen`, `unplugged`, `delay`, `replies` (raw texts sent instead
+of frames), `refuse_clients`, and `disconnect()`.
 
     python -m asperity.realtime.devices.haply.fake_service [still]
 
@@ -16,35 +16,101 @@ prints its address, serves, and ends when its standard input does.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
+import logging
 import math
-import selectors
 import socket
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
 
-from asperity.realtime.devices.haply.cursor import Cursor, Point, still_hand, stroking_hand
+from asperity.realtime.devices.haply.messages import HOME
 
-_NO_FORCE: Point = (0.0, 0.0, 0.0)
-_WAIT = 0.02
+if TYPE_CHECKING:
+    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.http11 import Request, Response
+
+Point = tuple[float, float, float]
+_ZERO: Point = (0.0, 0.0, 0.0)
+_STEP = 0.25e-3
+"""Step of the simulated end effector [s]."""
+_LONGEST_CATCH_UP = 0.05
+_READY_STATUS = dict.fromkeys(("calibrated", "in_use", "power_supply", "ready", "started"), True)
 
 
-class FakeService:
-    """The service, one Inverse3 and one grip. A context manager; runs in a thread of its own.
+def stroking_hand(time: float) -> Point:
+    """Return the target of a hand that strokes 40 mm to and fro in 4 s and presses at times [m]."""
+    phase = 2.0 * math.pi * time / 4.0
+    x, y, z = HOME
+    down = 4e-3 * (0.5 - 0.5 * math.cos(phase / 2.0))
+    return x + 0.02 * math.sin(phase), y, z - down
+
+
+def still_hand(_: float) -> Point:
+    """Return the target of a hand that keeps still [m]."""
+    return HOME
+
+
+class Cursor:
+    """The end effector: a mass that a hand holds by a spring and a damper, and the motors push.
+
+        m x'' = F_motor + k (x_hand(t) - x) - b x'
+
+    It is integrated semi-implicitly with a fixed step of 0.25 ms.
 
     Parameters
     ----------
     hand : callable
-        Where the hand that holds the device wants to be [m] at a time since the start [s].
+        Target of the hand [m] at a time [s].
+    mass, stiffness, damping : float
+        Mass of hand and device [kg]; stiffness [N/m] and damping [N s/m] of the hand.
+    """
+
+    def __init__(
+        self,
+        hand: Callable[[float], Point] = stroking_hand,
+        *,
+        mass: float = 0.2,
+        stiffness: float = 300.0,
+        damping: float = 6.0,
+    ) -> None:
+        self.hand = hand
+        self._mass, self._stiffness, self._damping = mass, stiffness, damping
+        self._time = 0.0
+        self.position = list(hand(0.0))
+        self.velocity = [0.0, 0.0, 0.0]
+
+    def advance(self, time: float, force: Point) -> None:
+        """Advance to `time` [s] under the motors' force [N]; after a gap, only its last 50 ms."""
+        self._time = max(self._time, time - _LONGEST_CATCH_UP)
+        x, v = self.position, self.velocity
+        while self._time + _STEP <= time:
+            self._time += _STEP
+            target = self.hand(self._time)
+            for i in range(3):
+                pull = self._stiffness * (target[i] - x[i]) - self._damping * v[i]
+                v[i] += _STEP / self._mass * (force[i] + pull)
+                x[i] += _STEP * v[i]
+
+
+class FakeService:
+    """The service with one Inverse3 and one grip, in a thread. A context manager.
+
+    Parameters
+    ----------
+    hand : callable
+        Target of the hand that holds the device [m] at a time since the start [s].
     grip : str
         `wireless`, `wired` or `none`.
+    device_id : str
     command_seconds : float
-        How long a command lasts.
+        How long a command lasts [s].
     clock : callable
         Time of the simulated hand [s].
     port : int
@@ -70,47 +136,44 @@ class FakeService:
         self.delay = 0.0
         self.replies: deque[str | bytes] = deque()
         self.messages = 0
-        """How many messages came."""
+        """Number of messages received."""
         self.last_message: dict[str, Any] = {}
         self.sessions: list[dict[str, Any]] = []
-        """What the clients' first messages configured."""
+        """Configurations in the clients' first messages."""
         self.largest_force = 0.0
-        """The largest force that was commanded [N]; nan if one was not finite."""
+        """Norm of the largest force commanded [N]; NaN if one was not finite."""
         self._clock, self._start = clock, clock()
         self._command_seconds = command_seconds
-        self._lock = threading.Lock()
-        self._stop = self._drop_all = False
-        self._clients: list[_Client] = []
+        self._commands: dict[ServerConnection, tuple[float, Point]] = {}
         self._frozen_state: dict[str, Any] | None = None
         self._session_count = 0
         self._listener = socket.create_server(("127.0.0.1", port))
-        self._listener.setblocking(False)
         self.uri = f"ws://127.0.0.1:{self._listener.getsockname()[1]}"
-        self._thread = threading.Thread(target=self._serve, name="fake Haply service", daemon=True)
+        self._loop = asyncio.new_event_loop()
+        self._stopping = asyncio.Event()
+        self._server: Server | None = None
+        self._thread = threading.Thread(target=self._run, name="fake Haply service", daemon=True)
 
     def start(self) -> FakeService:
-        """Begin to serve."""
+        """Start serving."""
         self._thread.start()
         return self
 
     def stop(self) -> None:
-        """Drop every client and end."""
-        self._stop = True
+        """Disconnect all clients and end."""
         if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._stopping.set)
             self._thread.join(5.0)
         self._listener.close()
 
     def disconnect(self) -> None:
-        """Cut every client's connection, as a cable that is pulled or a service that is killed."""
-        self._drop_all = True
+        """Cut all connections, as when a cable is pulled or the service is killed."""
+        self._loop.call_soon_threadsafe(self._abort_connections)
 
     def force(self) -> Point:
-        """Return the force that the device exerts now [N]: the sum of what still lasts."""
+        """Return the force that the device exerts now [N]: the sum of the lasting commands."""
         now = self._clock()
-        with self._lock:
-            lasting = [
-                c.force for c in self._clients if now - c.commanded_at < self._command_seconds
-            ]
+        lasting = [f for at, f in list(self._commands.values()) if now - at < self._command_seconds]
         return (
             sum(f[0] for f in lasting), sum(f[1] for f in lasting), sum(f[2] for f in lasting)
         )  # fmt: skip
@@ -121,57 +184,64 @@ class FakeService:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _serve(self) -> None:
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._listener, selectors.EVENT_READ, None)
-            while not self._stop:
-                for key, _ in selector.select(_WAIT if not self.delay else 0.001):
-                    if key.data is None:
-                        self._welcome(selector)
-                    else:
-                        key.data.receive()
-                for client in list(self._clients):
-                    self._attend(client)
-                    if client.gone or self._drop_all:
-                        selector.unregister(client.socket)
-                        client.socket.close()
-                        with self._lock:
-                            self._clients.remove(client)
-                self._drop_all = False
-            for client in self._clients:
-                client.socket.close()
-            self._clients.clear()
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._loop.close()
 
-    def _welcome(self, selector: selectors.BaseSelector) -> None:
-        connection, _ = self._listener.accept()
+    async def _serve(self) -> None:
+        from websockets.asyncio.server import serve
+
+        logger = logging.getLogger(f"{__name__}.websockets")
+        logger.setLevel(logging.CRITICAL)  # connections that are cut are no errors here
+        async with serve(
+            self._attend, sock=self._listener, process_request=self._admit, compression=None,
+            ping_interval=None, close_timeout=0.1, logger=logger,
+        ) as self._server:  # fmt: skip
+            await self._stopping.wait()
+            self._abort_connections()
+
+    def _abort_connections(self) -> None:
+        for connection in self._server.connections if self._server is not None else ():
+            connection.transport.abort()
+
+    def _admit(self, connection: ServerConnection, _: Request) -> Response | None:
         if self.refuse_clients:
-            connection.close()
-            return
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "no clients\n")
+        return None
+
+    async def _attend(self, connection: ServerConnection) -> None:
+        """Send the inventory to a client; then obey and answer its messages."""
+        from websockets.exceptions import ConnectionClosed
+
         self._session_count += 1
-        client = _Client(connection, self._session_count)
-        with self._lock:
-            self._clients.append(client)
-        selector.register(connection, selectors.EVENT_READ, client)
+        replies: set[asyncio.Task[None]] = set()
+        with contextlib.suppress(ConnectionClosed):
+            await connection.send(json.dumps(self._frame(self._session_count, full=True)))
+            async for text in connection:
+                full = self._obey(connection, text)
+                if self.delay:  # later messages are obeyed meanwhile
+                    task = asyncio.create_task(self._reply(connection, full))
+                    replies.add(task)
+                    task.add_done_callback(replies.discard)
+                else:
+                    await self._reply(connection, full)
+        self._commands.pop(connection, None)
 
-    def _attend(self, client: _Client) -> None:
-        """Obey the messages of a client, and answer those that are due."""
-        now = self._clock()
-        if client.greeted and not client.told_inventory:
-            client.told_inventory = True
-            client.send(json.dumps(self._frame(now, client.session, full=True)))
-        while client.inbox:
-            full = self._obey(client, client.inbox.popleft(), now)
-            client.due.append((now + self.delay, full))
-        while client.due and client.due[0][0] <= now:
-            _, full = client.due.popleft()
-            if self.silent:
-                continue
-            said = self.replies.popleft() if self.replies else None
-            client.send(said if said is not None else json.dumps(self._frame(now, 0, full=full)))
-        client.flush()
+    async def _reply(self, connection: ServerConnection, full: bool) -> None:
+        from websockets.exceptions import ConnectionClosed
 
-    def _obey(self, client: _Client, text: bytes, now: float) -> bool:
-        """Do what a message says; return whether it asks for the whole inventory."""
+        if self.delay:
+            await asyncio.sleep(self.delay)
+        if self.silent:
+            return
+        text = self.replies.popleft() if self.replies else json.dumps(self._frame(0, full=full))
+        with contextlib.suppress(ConnectionClosed):
+            await connection.send(text, text=True)
+
+    def _obey(self, connection: ServerConnection, text: str | bytes) -> bool:
+        """Carry out a message; return whether it requests the full state."""
         self.messages += 1
         try:
             message = json.loads(text)
@@ -179,131 +249,64 @@ class FakeService:
             if "configure" in session:
                 self.sessions.append(session["configure"])
             for entry in message.get("inverse3", []):
-                told = entry["commands"].get("set_cursor_force")
-                if told is not None and entry["device_id"] == self.device_id:
-                    wanted = told.get("vector", told.get("values"))
-                    self._command(client, wanted, now)
+                force = entry["commands"].get("set_cursor_force")
+                if force is not None and entry["device_id"] == self.device_id:
+                    self._command(connection, force.get("vector", force.get("values")))
         except (ValueError, KeyError, TypeError, AttributeError):
             return False
         self.last_message = message
         return "force_render_full_state" in session
 
-    def _command(self, client: _Client, wanted: dict[str, float], now: float) -> None:
-        force = (float(wanted["x"]), float(wanted["y"]), float(wanted["z"]))
-        # Until now the old force acted.
-        self.cursor.advance(now - self._start, self.force())
-        with self._lock:
-            client.force, client.commanded_at = force, now
+    def _command(self, connection: ServerConnection, vector: dict[str, float]) -> None:
+        now = self._clock()
+        force = (float(vector["x"]), float(vector["y"]), float(vector["z"]))
+        self.cursor.advance(now - self._start, self.force())  # under the old force
+        self._commands[connection] = now, force
         size = math.hypot(*force)
         self.largest_force = size if math.isnan(size) else max(self.largest_force, size)
 
-    def _frame(self, now: float, session: int, *, full: bool) -> dict[str, Any]:
-        """Return a frame of state; with `full` the configuration as well."""
+    def _frame(self, session: int, *, full: bool) -> dict[str, Any]:
+        """Return a frame of state; if `full`, with the configuration."""
         force = self.force()
-        self.cursor.advance(now - self._start, force)
-        frame: dict[str, Any] = {"session_id": session} if full else {}
+        self.cursor.advance(self._clock() - self._start, force)
         state = self._state(force)
-        if self.frozen:
-            state = self._frozen_state = self._frozen_state or state
-        else:
-            self._frozen_state = None
+        self._frozen_state = (self._frozen_state or state) if self.frozen else None
         entry: dict[str, Any] = {
             "device_id": self.device_id,
-            "state": state,
-            "status": {"calibrated": True, "in_use": True, "power_supply": True, "ready": True,
-                       "started": True},
-        }  # fmt: skip
+            "state": self._frozen_state or state,
+            "status": _READY_STATUS,
+        }
         if full:
             entry["config"] = {
                 "type": "inverse3", "port": "fake", "handedness": "right", "preset": "defaults",
                 "basis": {"permutation": "XYZ"},
                 "gravity_compensation": {"enabled": True, "scaling_factor": 1.0},
             }  # fmt: skip
-        frame["inverse3"] = [] if self.unplugged else [entry]
-        w, x, y, z = self.orientation
-        turned = {"w": w, "x": x, "y": y, "z": z}
+        orientation = dict(zip("wxyz", self.orientation, strict=True))
         a, b, c = self.buttons
-        wireless = {"orientation": turned, "buttons": {"a": a, "b": b, "c": c}, "hall": 0}
-        wired = {"orientation": turned, "button": a, "hall": 0}
-        frame["wireless_verse_grip"] = (
-            [{"device_id": "61576", "state": wireless}] if self.grip == "wireless" else []
-        )
-        frame["verse_grip"] = (
-            [{"device_id": "61577", "state": wired}] if self.grip == "wired" else []
-        )
-        return frame
+        grips: dict[str, list[dict[str, Any]]] = {"wireless_verse_grip": [], "verse_grip": []}
+        if self.grip == "wireless":
+            grip = {"orientation": orientation, "buttons": {"a": a, "b": b, "c": c}, "hall": 0}
+            grips["wireless_verse_grip"].append({"device_id": "61576", "state": grip})
+        elif self.grip == "wired":
+            grip = {"orientation": orientation, "button": a, "hall": 0}
+            grips["verse_grip"].append({"device_id": "61577", "state": grip})
+        head = {"session_id": session} if full else {}
+        return {**head, "inverse3": [] if self.unplugged else [entry], **grips}
 
     def _state(self, force: Point) -> dict[str, Any]:
-        idle = force == _NO_FORCE
         return {
             "cursor_position": _xyz(self.cursor.position),
             "cursor_velocity": _xyz(self.cursor.velocity),
             "current_cursor_force": _xyz(force),
-            "current_cursor_position": _xyz(_NO_FORCE),
+            "current_cursor_position": _xyz(_ZERO),
             "angular_position": {"a0": 0.0, "a1": 0.0, "a2": 0.0},
             "angular_velocity": {"a0": 0.0, "a1": 0.0, "a2": 0.0},
             "body_orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
             "control_domain": "cartesian",
-            "control_mode": "idle" if idle else "force",
+            "control_mode": "idle" if force == _ZERO else "force",
             "transform": {},
         }
-
-
-class _Client:
-    """One connection to the service."""
-
-    def __init__(self, connection: socket.socket, session: int) -> None:
-        from websockets.server import ServerProtocol
-
-        self.socket = connection
-        self.socket.setblocking(False)
-        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.session = session
-        self.force: Point = _NO_FORCE
-        self.commanded_at = -math.inf
-        self.inbox: deque[bytes] = deque()
-        self.due: deque[tuple[float, bool]] = deque()
-        self.greeted = self.told_inventory = self.gone = False
-        self._protocol = ServerProtocol()
-        self._outgoing = bytearray()
-
-    def receive(self) -> None:
-        try:
-            data = self.socket.recv(65536)
-        except BlockingIOError:
-            return
-        except OSError:
-            self.gone = True
-            return
-        if not data:
-            self.gone = True
-            return
-        self._protocol.receive_data(data)
-        for event in self._protocol.events_received():
-            if not self.greeted:
-                self._protocol.send_response(self._protocol.accept(event))
-                self.greeted = self._protocol.handshake_exc is None
-            elif event.opcode == 1:
-                self.inbox.append(bytes(event.data))
-        self.flush()
-
-    def send(self, text: str | bytes) -> None:
-        with contextlib.suppress(Exception):  # a client that has just said goodbye
-            self._protocol.send_text(text.encode() if isinstance(text, str) else text)
-        self.flush()
-
-    def flush(self) -> None:
-        for data in self._protocol.data_to_send():
-            self._outgoing += data
-            if not data:
-                self.gone = True
-        try:
-            while self._outgoing:
-                del self._outgoing[: self.socket.send(self._outgoing)]
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.gone = True
 
 
 def _xyz(values: Any) -> dict[str, float]:

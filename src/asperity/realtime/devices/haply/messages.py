@@ -1,13 +1,14 @@
-"""What the Haply Inverse service says and is told, as JSON.
+"""The JSON messages of the Haply Inverse service.
 
-The service (3.1 to 3.5, port 10001) pushes an inventory when a client connects, and from then on
-exactly one frame of state for each message of the client's:
+The service (3.1 to 3.5, port 10001) sends an inventory when a client connects, and from then on
+exactly one frame of state for each message of the client:
 
     {"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": ..}, ..}}],
      "wireless_verse_grip": [{"state": {"orientation": {"w": ..}, "buttons": {"a": ..}}}]}
 
-Positions are in metres, right-handed with x right, y forward and z up: asperity's own axes. A force
-is told in one of two spellings, `vector` (documentation of 3.5) or `values` (samples of 3.1).
+Positions are in metres, right-handed with x right, y forward and z up, which are the axes of
+`protocol`. A force has one of two spellings, `vector` (documentation of 3.5) or `values` (samples
+of 3.1).
 """
 
 from __future__ import annotations
@@ -20,22 +21,24 @@ from typing import Any
 from asperity.realtime.devices.orientation import unit_quaternion
 
 SPELLINGS = ("vector", "values")
+HOME = (0.0, -0.12, 0.15)
+"""Middle of the workspace, from the base of an Inverse3 [m]."""
 GRIPS = ("auto", "wireless", "wired", "none")
 FARTHEST, FASTEST = 2.0, 50.0
-"""A position [m] or velocity [m/s] beyond these is no measurement of a device on a desk."""
+"""Largest plausible position [m] and velocity [m/s]."""
 _BUTTONS = (("a", "button_1"), ("b", "button_2"), ("c", "button_3"))
 _GRIP_LISTS = {"wireless": "wireless_verse_grip", "wired": "verse_grip"}
 
 
 @dataclass
 class HaplyState:
-    """What one frame says of one device and its grip."""
+    """One frame's state of a device and its grip."""
 
     device_id: str
     position: tuple[float, float, float]
     velocity: tuple[float, float, float]
     orientation: tuple[float, float, float, float] | None
-    """wxyz; None: the frame tells of no grip."""
+    """Quaternion wxyz; None: there is no grip in the frame."""
     buttons: int
 
 
@@ -44,17 +47,17 @@ def force_message(
 ) -> bytes:
     """Return the message that commands a force [N].
 
-    `first` is what only the first message after connecting carries, from `first_part`.
+    `first` is the part that only the first message of a connection has, from `first_part`.
     """
     x, y, z = force[:3]
-    told = f'{{"x":{x:.6g},"y":{y:.6g},"z":{z:.6g}}}'
-    command = f'{{"set_cursor_force":{{"{spelling}":{told}}}}}'
+    vector = f'{{"x":{x:.6g},"y":{y:.6g},"z":{z:.6g}}}'
+    command = f'{{"set_cursor_force":{{"{spelling}":{vector}}}}}'
     entry = f'{{"device_id":{json.dumps(device_id)},"commands":{command}}}'
     return f'{{{first}"inverse3":[{entry}]}}'.encode()
 
 
 def first_part(profile: str, spelling: str) -> str:
-    """Return the part of the first message that names this program and asks for plain axes."""
+    """Return the part of the first message that names this program and requests unpermuted axes."""
     configure: dict[str, Any] = {"profile": {"name": profile}}
     if spelling == "vector":
         configure["basis"] = {"permutation": "XYZ"}
@@ -62,17 +65,17 @@ def first_part(profile: str, spelling: str) -> str:
 
 
 def read_state(text: str, device_id: str | None, grip: str) -> HaplyState:
-    """Return what a frame says of a device (None: the first that is listed).
+    """Return the state of a device in a frame; of the first device if `device_id` is None.
 
     Raises
     ------
     ValueError
-        It is no frame, or the device is not in it, or what it says cannot be. One line.
+        The text is not a frame, the device is not in it, or a value is implausible. One line.
     """
     try:
         frame = json.loads(text)
     except (ValueError, RecursionError):
-        raise ValueError("the service sent what is no JSON") from None
+        raise ValueError("the service sent invalid JSON") from None
     listed = frame.get("inverse3") if isinstance(frame, dict) else None
     if not isinstance(listed, list):
         raise ValueError("the service sent a frame without a list of devices")
@@ -88,7 +91,7 @@ def read_state(text: str, device_id: str | None, grip: str) -> HaplyState:
 
 
 def device_ids(text: str) -> list[str]:
-    """Return the ids of the Inverse3 devices that a frame lists; empty if it is none."""
+    """Return the ids of the Inverse3 devices in a frame; empty if it is not one."""
     try:
         return [str(entry["device_id"]) for entry in json.loads(text)["inverse3"]]
     except (ValueError, RecursionError, KeyError, TypeError):
@@ -104,10 +107,10 @@ def _entry(listed: list[Any], device_id: str | None) -> dict[str, Any]:
     raise ValueError(f"the service lists no Inverse3 {device_id!r}: is it still plugged in?")
 
 
-def _vector(told: dict[str, Any], largest: float) -> tuple[float, float, float]:
-    x, y, z = float(told["x"]), float(told["y"]), float(told["z"])
+def _vector(vector: dict[str, Any], largest: float) -> tuple[float, float, float]:
+    x, y, z = float(vector["x"]), float(vector["y"]), float(vector["z"])
     if not math.sqrt(x * x + y * y + z * z) <= largest:  # also refuses nan
-        raise ValueError(f"the service sent {x:.3g}, {y:.3g}, {z:.3g}, which cannot be")
+        raise ValueError(f"the service sent {x:.3g}, {y:.3g}, {z:.3g}, which is out of range")
     return x, y, z
 
 
@@ -120,9 +123,9 @@ def _grip(frame: dict[str, Any], grip: str) -> tuple[tuple[float, float, float, 
         if not listed:
             continue
         state = listed[0]["state"]
-        told = state["orientation"]
+        vector = state["orientation"]
         orientation = unit_quaternion(
-            float(told["w"]), float(told["x"]), float(told["y"]), float(told["z"])
+            float(vector["w"]), float(vector["x"]), float(vector["y"]), float(vector["z"])
         )
         if kind == "wired":
             return orientation, int(bool(state.get("button")))

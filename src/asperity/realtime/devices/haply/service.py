@@ -1,27 +1,26 @@
-"""Haply Inverse3 through Haply's Inverse service (WebSocket, JSON).
+"""Haply Inverse3, through Haply's Inverse service (WebSocket, JSON).
 
-The service answers each message with one frame of state and says nothing unasked. A thread
-(`exchange`) sends the newest force, waits for its frame, and waits for the next force; the servo
-only hands over and takes. So there is never more than one force under way, however slow the service
-is, and the pose of a tick is the answer to the force of the tick before.
+The service answers each message with one frame of state and sends nothing else. A `PollingThread`
+sends the newest force, waits for its frame, and waits for the next force. So there is never more
+than one force on the way, however slow the service is, and the pose of a tick answers the force of
+the previous tick.
 
-Why a thread: polling a socket that never waits, from the servo's own thread, was tried first and
-is still in `benchmarks/bench_devices.py` beside it. Sending wakes the service, which now and then
-takes the servo's place for a slice of the scheduler's. Over eight runs on two cores, most of them
-busy, the servo's read and write took 0.4 to 6.4 ms (p99.9) that way, and 0.1 to 0.8 ms with the
-thread; in seven of them more ticks were late without it (with both cores taken by others a third
-of them, against a seventh).
+Polling a non-blocking socket from the servo's own thread was tried first, and is still measured in
+`benchmarks/bench_devices.py`. Sending wakes the service, which now and then takes the servo's core
+for a time slice. Over eight runs on two cores, most of them busy, the servo's read and write took
+0.4 to 6.4 ms (p99.9) that way, and 0.1 to 0.8 ms with the thread; in seven of them more ticks were
+late without the thread (with both cores occupied by others, a third of them against a seventh).
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
   After how long is not documented.
-- *A zero that is late*: while a frame is awaited and zero is wanted, zero is sent at once.
-- *A frame that repeats* a position bit for bit, and tells of a velocity that would have led 2 mm
-  away by now, is a frozen one: it does not count as new, and `age` grows. A frozen frame without
-  velocity cannot be told from a hand that holds still.
-- *A lost connection* is made anew with a growing pause; `read` tells the loss, and `age` grows.
+- *Zero during a wait*: if zero becomes due while a frame is awaited, it is sent at once.
+- *A repeated frame*, with the same position to the bit although its velocity would have moved it by
+  2 mm, is frozen: it does not count as new, and `age` grows. A frozen frame without velocity cannot
+  be distinguished from a hand at rest.
+- *A lost connection* is retried with increasing pauses; `read` reports the loss, and `age` grows.
 
-Never tried on hardware: it is tested against `haply_fake`, written from the same documentation.
+Never tried on hardware: it is tested against `fake_service`, written from the same documentation.
 """
 
 from __future__ import annotations
@@ -41,27 +40,32 @@ from asperity.realtime.devices.haply.messages import (
 )
 from asperity.realtime.devices.haply.websocket import WebSocketClient
 from asperity.realtime.devices.orientation import TurnRate
-from asperity.realtime.devices.polling_thread import Answer, Exchange, Exchanging, UnusableError
+from asperity.realtime.devices.polling_thread import (
+    Measurement,
+    PolledDevice,
+    PollingThread,
+    UnusableError,
+)
 from asperity.realtime.devices.presets import PRESETS
 from asperity.realtime.devices.protocol import Limits
 from asperity.realtime.devices.wrench_check import ZERO
 
 URI = "ws://localhost:10001"
 _SILENCE = 0.25
-"""How long a frame is awaited [s]."""
+"""Time limit for a frame [s]."""
 _LOOK = 0.002
-"""How often it is looked meanwhile whether zero is wanted [s]."""
+"""Time between two checks during the wait whether zero is due [s]."""
 _FROZEN_TRAVEL = 2e-3
 _OPENING, _REOPENING = 1.0, 0.5
 
 
-class HaplyServiceDevice(Exchanging):
-    """An Inverse3, with a VerseGrip or without, behind the Inverse service.
+class HaplyServiceDevice(PolledDevice):
+    """An Inverse3, with or without a VerseGrip, behind the Inverse service.
 
     Parameters
     ----------
     uri : str
-        Of the service.
+        Address of the service.
     device_id : str, optional
         Which Inverse3. Default: the first listed.
     spelling : str
@@ -70,9 +74,8 @@ class HaplyServiceDevice(Exchanging):
         Which VerseGrip gives orientation and buttons: `auto` (wireless before wired), `wireless`,
         `wired`, `none`. Without one the orientation stays that of the base.
     profile : str
-        Name of this program that the service is told. Empty: none.
+        Name of this program for the service. Empty: none is sent.
     limits : Limits
-        What is known of the device.
     clock : callable
         Monotonic time [s].
     """
@@ -105,8 +108,8 @@ class HaplyServiceDevice(Exchanging):
         self._moved_at = -math.inf
 
     def open(self) -> None:
-        """Connect, and wait for the first frame that tells of the device."""
-        if self._exchange is not None:
+        """Connect, and wait for the first frame with the device."""
+        if self._poller is not None:
             return
         try:
             self._link = WebSocketClient(self._uri, self._clock)
@@ -122,19 +125,19 @@ class HaplyServiceDevice(Exchanging):
                 f"no Inverse3 at {self._uri}: {error}; start Haply Hub or the Inverse service, and "
                 "see 'asperity devices'"
             ) from None
-        self._exchange = Exchange(self._ask, reopen=self._reopen, clock=self._clock)
-        self._exchange.start()
+        self._poller = PollingThread(self._transact, reopen=self._reopen, clock=self._clock)
+        self._poller.start()
 
     def close(self) -> None:
-        """Send a force of zero, and disconnect."""
-        exchange, self._exchange = self._exchange, None
-        if exchange is not None:
-            exchange.stop()
+        """Send zero, and disconnect."""
+        poller, self._poller = self._poller, None
+        if poller is not None:
+            poller.stop()
         if self._link is not None:
             self._link.close()
 
     def _connect(self, patience: float) -> None:
-        """Wait until the service has told of the device; raise OSError if it does not."""
+        """Wait until the service lists the device; raise OSError if it does not."""
         link = self._link
         assert link is not None
         reason = ""
@@ -142,7 +145,7 @@ class HaplyServiceDevice(Exchanging):
         while time.monotonic() < deadline:
             for text in link.poll():
                 try:
-                    # Once found it stays the same one: no force goes to another.
+                    # Once found, the device stays the same: no force goes to another.
                     wanted = self._device_id or self._wanted_id
                     state = read_state(text, wanted, self._grip)
                 except ValueError as error:
@@ -153,7 +156,7 @@ class HaplyServiceDevice(Exchanging):
                 self._rate.forget()
                 return
             link.wait(_LOOK)
-        raise OSError(reason or link.error or "nothing was said")
+        raise OSError(reason or link.error or "the service sent nothing")
 
     def _reopen(self) -> None:
         link = self._link
@@ -161,17 +164,17 @@ class HaplyServiceDevice(Exchanging):
         if not link.is_open:
             self._connect(_REOPENING)
 
-    def _ask(self, wrench: tuple[float, ...]) -> Answer:
-        """Send a force and return what the frame that answers it tells."""
+    def _transact(self, wrench: tuple[float, ...]) -> Measurement:
+        """Send a force and return the measurement in the frame that answers it."""
         link = self._link
         assert link is not None
-        link.poll()  # what came late answers nothing of now
+        link.poll()  # discards frames that are late
         self._send(link, wrench)
         deadline = time.monotonic() + _SILENCE
         while time.monotonic() < deadline:
             texts = link.poll()
             if texts:
-                return self._told(texts[-1])
+                return self._measurement(texts[-1])
             if not link.is_open:
                 break
             if wrench[:3] != ZERO[:3] and self._zero_is_wanted():
@@ -190,9 +193,9 @@ class HaplyServiceDevice(Exchanging):
         self._greeted = link.openings
 
     def _zero_is_wanted(self) -> bool:
-        return self._exchange is not None and self._exchange.wanted()[:3] == ZERO[:3]
+        return self._poller is not None and self._poller.wanted()[:3] == ZERO[:3]
 
-    def _told(self, text: str) -> Answer:
+    def _measurement(self, text: str) -> Measurement:
         try:
             state = read_state(text, self._device_id, self._grip)
         except ValueError as error:
@@ -200,12 +203,12 @@ class HaplyServiceDevice(Exchanging):
         now = self._clock()
         if state.position != self._position:
             self._moved_at, self._position = now, state.position
-        # By its own velocity it would have gone this far since.
+        # It would have moved this far by its own velocity.
         elif math.hypot(*state.velocity) * (now - self._moved_at) > _FROZEN_TRAVEL:
             raise UnusableError("the Haply service repeats one frame")
         if state.orientation is not None:
             self._rate.add(now, state.orientation)
-        return Answer(
+        return Measurement(
             state.position, state.velocity, state.orientation, self._rate.rate, state.buttons
         )
 

@@ -1,10 +1,10 @@
-"""A WebSocket client whose every step can be waited for, or not.
+"""A WebSocket client whose every step is non-blocking.
 
-A thread that exchanges forces with a service has to notice at once what else is asked of it: to
-send zero, to end. So this is one non-blocking socket with the protocol of the `websockets` package
-and without the package's own input and output: `poll` moves whatever there is to move and returns,
-`wait` sleeps until there is something. Connecting, the handshake, and connecting anew after a loss
-are steps of that same `poll`.
+A thread that exchanges forces with a service has to react at once to other requests: to send zero,
+or to end. So this client is one non-blocking socket with the protocol of the `websockets` package
+but without that package's input and output: `poll` does whatever can be done now and returns,
+`wait` sleeps until something can be done. Connecting, the handshake and reconnecting after a loss
+are all steps of `poll`.
 
     closed --(time to try)--> connecting --> handshake --> open --(loss)--> closed
 """
@@ -22,16 +22,16 @@ from typing import Any
 from asperity.errors import AsperityError
 
 RETRY = 0.05
-"""Between attempts to connect [s]."""
+"""Pause between attempts to connect [s]."""
 PATIENCE = 2.0
-"""How long one attempt may take [s]."""
+"""Time limit for one attempt [s]."""
 _MOST_WAITING = 64 * 1024
 _MOST_READS = 16
 _NOTHING: list[str] = []
 
 
 class WebSocketClient:
-    """One connection, made and made anew.
+    """One connection, reconnected when it is lost.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ class WebSocketClient:
     Attributes
     ----------
     is_open : bool
-        Messages can be sent.
+        Whether messages can be sent.
     error : str
         Why it is not open; empty while it is.
     openings : int
-        How often it has become open.
+        How often it has been opened.
     """
 
     def __init__(self, uri: str, clock: Callable[[], float]) -> None:
@@ -57,11 +57,11 @@ class WebSocketClient:
         try:
             self._uri = parse_uri(uri)
         except InvalidURI:
-            raise AsperityError(f"{uri!r} is no address; valid: ws://HOST:PORT") from None
+            raise AsperityError(f"{uri!r} is not an address; valid: ws://HOST:PORT") from None
         if self._uri.secure:
             raise AsperityError(f"{uri!r}: the service speaks ws, not wss")
         try:
-            # Names are looked up here and never again: it can wait.
+            # Host names are looked up only here, as that can block.
             found = socket.getaddrinfo(self._uri.host, self._uri.port, type=socket.SOCK_STREAM)
         except OSError as error:
             raise AsperityError(f"no such host: {self._uri.host} ({error})") from None
@@ -81,7 +81,7 @@ class WebSocketClient:
         self.openings = 0
 
     def poll(self) -> list[str]:
-        """Move what there is to move; return the texts that came, oldest first."""
+        """Send and receive what can be moved now; return the texts received, oldest first."""
         try:
             if self._socket is None:
                 if self._clock() >= self._retry_at:
@@ -95,23 +95,23 @@ class WebSocketClient:
                 self._lose("it does not answer as a WebSocket")
             return texts
         except Exception as error:  # whatever a socket or a peer does
-            self._lose(_told(error))
+            self._lose(_one_line(error))
             return _NOTHING
 
     def send(self, text: bytes) -> bool:
-        """Hand a text message to the socket; return False if it takes none at present."""
+        """Queue a text message; return False if the connection cannot take it now."""
         if not self.is_open or len(self._outgoing) > _MOST_WAITING:
             return False
         try:
             self._protocol.send_text(text)
             self._flush()
         except Exception as error:
-            self._lose(_told(error))
+            self._lose(_one_line(error))
             return False
         return True
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something can be moved or the time is over."""
+        """Sleep until something can be moved, at most `seconds` [s]."""
         if self._socket is None:
             time.sleep(min(seconds, max(0.0, self._retry_at - self._clock())))
         else:
@@ -119,11 +119,11 @@ class WebSocketClient:
             select.select([self._socket], writing, [], seconds)
 
     def drop(self, reason: str) -> None:
-        """Close the connection at once; it will be made anew."""
+        """Close the connection at once; it will be reopened."""
         self._lose(reason)
 
     def close(self) -> None:
-        """Say goodbye and close for good. Never raises."""
+        """Close the connection for good. Never raises."""
         with contextlib.suppress(Exception):
             if self.is_open:
                 self._protocol.send_close(1000)
@@ -147,16 +147,16 @@ class WebSocketClient:
             raise OSError(state, errno.errorcode.get(state, "cannot connect"))
 
     def _finish_connecting(self) -> bool:
-        """Return whether the connection stands; if it has only just come to, ask for WebSocket."""
+        """Return whether the socket is connected; if it has just connected, send the handshake."""
         assert self._socket is not None
         _, writable, failed = select.select([], [self._socket], [self._socket], 0.0)
         if not writable and not failed:
             if self._clock() > self._give_up_at:
-                self._lose("nobody answers")
+                self._lose("no answer")
             return False
         state = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if state:
-            raise ConnectionRefusedError(state, "nobody listens there")
+            raise ConnectionRefusedError(state, "the connection was refused")
         self._connected = True
         self._protocol.send_request(self._protocol.connect())
         return True
@@ -186,13 +186,13 @@ class WebSocketClient:
         return texts
 
     def _take(self, event: Any) -> str | None:
-        """Return the text that an event of the protocol completes, if it does."""
+        """Return the text that an event of the protocol completes, if any."""
         if not self.is_open:  # the answer to the handshake
             self.is_open, self.error = True, ""
             self.openings += 1
             self._attempt = 0
             return None
-        if event.opcode > 2:  # ping, pong, close: the protocol has seen to them
+        if event.opcode > 2:  # ping, pong, close: handled by the protocol
             return None
         if event.fin and not self._parts:
             return bytes(event.data).decode("utf-8", "replace")
@@ -223,11 +223,11 @@ class WebSocketClient:
         self._outgoing.clear()
         self._parts.clear()
         self.error = reason
-        # Each of the host's addresses is tried before there is a pause.
+        # All of the host's addresses are tried before a pause.
         pause = 0.0 if self._attempt % len(self._addresses) else RETRY
         self._retry_at = self._clock() + pause
 
 
-def _told(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     text = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return " ".join(str(text).split())
