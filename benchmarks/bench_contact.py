@@ -33,7 +33,12 @@ from numpy.typing import NDArray
 from asperity._core.kernels import kernel
 from asperity.contact.broad_phase.mujoco_pairs import Collider
 from asperity.contact.geom_tick import tick
-from asperity.contact.narrow_phase.geom_depth import depth_along
+from asperity.contact.narrow_phase.geom_depth import (
+    BodyGeoms,
+    DepthQuery,
+    SearchLimits,
+    depth_along,
+)
 from asperity.contact.narrow_phase.records import PENETRATION
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
@@ -107,10 +112,8 @@ def timed_depths(
             # Seen from the sphere's centre, which moves; the place stays on the plate.
             body_b[i, 3] = -path[q, i]
             guess[i] = guess[i] if q == 0 else out[0].point[i] + path[q - 1, i] - path[q, i]
-        depth_along(
-            textures, geometry, geoms_a, 1, geoms_b, 1, body_a, body_b, n, guess, tolerance,
-            max_nodes, space, out,
-        )  # fmt: skip
+        query = DepthQuery(BodyGeoms(geoms_a, 1, body_a), BodyGeoms(geoms_b, 1, body_b), n, guess)
+        depth_along(textures, geometry, query, SearchLimits(tolerance, max_nodes), space, out)
         ns_out[q] = now(stamp) - begun
         depth_out[q] = out[0].depth
 

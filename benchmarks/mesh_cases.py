@@ -23,28 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.contact.narrow_phase.displaced_surface import POINT_SIZE, height_at, parameters_under
-from asperity.contact.narrow_phase.facet_patch import facet_chart
-from asperity.contact.narrow_phase.surface_patch import (
-    B0,
-    B1,
-    B2,
-    FLATTEST,
-    LEVEL,
-    PZ,
-    Q_LEAST,
-    RECTANGLE,
-    ROWS,
-    SIDE,
-    TEXTURE,
-    UNIT,
-    V0,
-    V1,
-    V2,
-    O,
-    Q,
-)
-from asperity.contact.narrow_phase.surface_patch import SIZE as CHART_SIZE
+from asperity.contact.narrow_phase.displaced_surface import height_at, parameters_at
+from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
+from asperity.contact.narrow_phase.records import PATCH, POINT
+from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.convex.pieces import convex_pieces
@@ -294,77 +276,77 @@ def contact_of(engine: ContactSolver, pose: Array) -> Where | None:
 
 
 @inner_kernel
-def _outside(chart, x, y, margin):
-    """Return whether parameters lie beyond a chart's borders by more than `margin`."""
-    if x < chart[RECTANGLE] - margin or x > chart[RECTANGLE + 1] + margin:
+def _outside(patch, x, y, margin):
+    """Return whether parameters lie beyond a patch's borders by more than `margin`."""
+    if x < patch.rectangle[0] - margin or x > patch.rectangle[1] + margin:
         return True
-    if y < chart[RECTANGLE + 2] - margin or y > chart[RECTANGLE + 3] + margin:
+    if y < patch.rectangle[2] - margin or y > patch.rectangle[3] + margin:
         return True
-    for i in range(int(chart[ROWS])):
-        row = ROWS + 1 + 6 * i
-        if chart[row] + chart[row + 1] * x + chart[row + 2] * y > margin:
+    for i in range(patch.border_count):
+        border = patch.borders[i]
+        if border.constant + border.from_x * x + border.from_y * y > margin:
             return True
     return False
 
 
 @inner_kernel
-def _height_over(textures, chart, u, v, margin):
-    """Return the height of a plane chart over (u, v), textured through a flat map; or -inf.
+def _height_over(textures, patch, u, v, margin):
+    """Return the height of a plane patch over (u, v), textured through a flat map; or -inf.
 
     `margin`: how far apart in parameters a point and what is drawn there may be.
     """
-    x, y = parameters_under(chart, u, v)
-    if _outside(chart, x, y, margin):
+    x, y = parameters_at(patch, u, v)
+    if _outside(patch, x, y, margin):
         return -np.inf
     t = w_z = 0.0
-    if chart[TEXTURE] >= 0.0:
-        k = int(chart[TEXTURE])
+    if patch.texture >= 0:
+        k = patch.texture
         w_z = 1.0
         # The point that is moved sideways to (u, v): its base lies where that takes it back to.
-        for _ in range(1 if chart[LEVEL] == 1.0 else 3):
-            bu = chart[B0] + chart[B1] * x + chart[B2] * y
-            bv = chart[B0 + 1] + chart[B1 + 1] * x + chart[B2 + 1] * y
+        for _ in range(1 if patch.is_level else 3):
+            bu = patch.texture_origin[0] + patch.texture_from_x[0] * x + patch.texture_from_y[0] * y
+            bv = patch.texture_origin[1] + patch.texture_from_x[1] * x + patch.texture_from_y[1] * y
             t = texture_at(textures, k, bu, bv)[0]
-            if chart[LEVEL] == 1.0:
+            if patch.is_level:
                 break
-            w_u = chart[V0] + chart[V1] * x + chart[V2] * y
-            w_v = chart[V0 + 1] + chart[V1 + 1] * x + chart[V2 + 1] * y
-            w_z = chart[V0 + 2] + chart[V1 + 2] * x + chart[V2 + 2] * y
-            if chart[UNIT] == 0.0:
+            w_u = patch.normal[0] + patch.normal_from_x[0] * x + patch.normal_from_y[0] * y
+            w_v = patch.normal[1] + patch.normal_from_x[1] * x + patch.normal_from_y[1] * y
+            w_z = patch.normal[2] + patch.normal_from_x[2] * x + patch.normal_from_y[2] * y
+            if not patch.is_unit:
                 size = 1.0 / math.sqrt(w_u * w_u + w_v * w_v + w_z * w_z)
                 w_u, w_v, w_z = w_u * size, w_v * size, w_z * size
-            x, y = parameters_under(chart, u - t * w_u, v - t * w_v)
-    if margin > 0.0 and _outside(chart, x, y, 0.0):
+            x, y = parameters_at(patch, u - t * w_u, v - t * w_v)
+    if margin > 0.0 and _outside(patch, x, y, 0.0):
         return -np.inf
-    return chart[O + 2] + chart[PZ] * x + chart[PZ + 1] * y + t * w_z
+    return patch.origin[2] + patch.slope[0] * x + patch.slope[1] * y + t * w_z
 
 
 @inner_kernel
-def _shift(textures, chart):
-    """Return how far a chart's texture moves points sideways at most [m]."""
-    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
+def _shift(textures, patch):
+    """Return how far a patch's texture moves points sideways at most [m]."""
+    if patch.texture < 0 or patch.is_level:
         return 0.0
-    return chart[SIDE] * textures.maps[int(chart[TEXTURE])].max_abs_height
+    return patch.normal_lateral * textures.maps[patch.texture].max_abs_height
 
 
 @inner_kernel
-def _draw(textures, chart, cu, cv, window, heights):
-    """Raise `heights` (GRID, GRID) to a chart's surface where that is higher."""
+def _draw(textures, patch, cu, cv, window, heights):
+    """Raise `heights` (GRID, GRID) to a patch's surface where that is higher."""
     pitch = window / GRID
-    hx = 0.5 * (chart[RECTANGLE + 1] - chart[RECTANGLE])
-    hy = 0.5 * (chart[RECTANGLE + 3] - chart[RECTANGLE + 2])
-    shift = _shift(textures, chart)
-    reach_u = abs(chart[Q]) * hx + abs(chart[Q + 1]) * hy + shift
-    reach_v = abs(chart[Q + 2]) * hx + abs(chart[Q + 3]) * hy + shift
+    hx = 0.5 * (patch.rectangle[1] - patch.rectangle[0])
+    hy = 0.5 * (patch.rectangle[3] - patch.rectangle[2])
+    shift = _shift(textures, patch)
+    reach_u = abs(patch.lateral[0, 0]) * hx + abs(patch.lateral[0, 1]) * hy + shift
+    reach_v = abs(patch.lateral[1, 0]) * hx + abs(patch.lateral[1, 1]) * hy + shift
     start_u, start_v = cu - 0.5 * window + 0.5 * pitch, cv - 0.5 * window + 0.5 * pitch
-    i0 = max(math.ceil((chart[O] - reach_u - start_u) / pitch), 0)
-    i1 = min(math.floor((chart[O] + reach_u - start_u) / pitch), GRID - 1)
-    j0 = max(math.ceil((chart[O + 1] - reach_v - start_v) / pitch), 0)
-    j1 = min(math.floor((chart[O + 1] + reach_v - start_v) / pitch), GRID - 1)
-    margin = shift / chart[Q_LEAST]
+    i0 = max(math.ceil((patch.origin[0] - reach_u - start_u) / pitch), 0)
+    i1 = min(math.floor((patch.origin[0] + reach_u - start_u) / pitch), GRID - 1)
+    j0 = max(math.ceil((patch.origin[1] - reach_v - start_v) / pitch), 0)
+    j1 = min(math.floor((patch.origin[1] + reach_v - start_v) / pitch), GRID - 1)
+    margin = shift / patch.lateral_min
     for i in range(i0, i1 + 1):
         for j in range(j0, j1 + 1):
-            z = _height_over(textures, chart, start_u + i * pitch, start_v + j * pitch, margin)
+            z = _height_over(textures, patch, start_u + i * pitch, start_v + j * pitch, margin)
             heights[i, j] = max(heights[i, j], z)
 
 
@@ -402,35 +384,32 @@ def _moved(frame, body, axis, by, out):
 
 
 @inner_kernel
-def _side(textures, table, geometry, facets, turn, shift, cu, cv, window, chart, heights):
+def _side(textures, table, geometry, facets, turn, shift, cu, cv, window, patch, heights):
     """Draw facets of one body."""
     for i in range(GRID):
         for j in range(GRID):
             heights[i, j] = -np.inf
     for f in facets:
-        owner = table.body[f]
-        facet_chart(
-            table, f, turn, shift, geometry.texture[owner], table.mapping[owner],
-            geometry.origin[owner], chart,
-        )  # fmt: skip
-        _draw(textures, chart, cu, cv, window, heights)
+        fill_facet_patch(table, geometry, f, turn, shift, patch)
+        _draw(textures, patch, cu, cv, window, heights)
 
 
 @kernel
 def paper_depths(
     textures, table, geometry, facets_a, facets_b, body_a, body_b, frame, cu, cv, window, room,
-    chart, depths_out,
+    patches, depths_out,
 ):  # fmt: skip
     """Fill the eleven depths [m] of the paper's method; return the time that took [ns].
 
     `body_a`, `body_b` (3, 4) are seen from the tool's centre of mass, `frame` has u, v, n in
-    rows, (cu, cv) is the grid's middle. `room` (2, GRID, GRID) and `chart` are written to.
+    rows, (cu, cv) is the grid's middle. `room` (2, GRID, GRID) and `patches` (1,) are written to.
     """
+    patch = patches[0]
     stamp = np.zeros(2, np.int64)
     begun = now(stamp)
     turn, shift, moved = np.empty((3, 3)), np.empty(3), np.empty((3, 4))
     _into(frame, body_b, 1.0, turn, shift)
-    _side(textures, table, geometry, facets_b, turn, shift, cu, cv, window, chart, room[1])
+    _side(textures, table, geometry, facets_b, turn, shift, cu, cv, window, patch, room[1])
     for k in range(11):
         axis = (k - 1) // 2
         by = STEP if k % 2 else -STEP
@@ -440,7 +419,7 @@ def paper_depths(
             by /= LEVER
         _moved(frame, body_a, axis, by, moved)
         _into(frame, moved, -1.0, turn, shift)
-        _side(textures, table, geometry, facets_a, turn, shift, cu, cv, window, chart, room[0])
+        _side(textures, table, geometry, facets_a, turn, shift, cu, cv, window, patch, room[0])
         best = -np.inf
         for i in range(GRID):
             for j in range(GRID):
@@ -450,20 +429,16 @@ def paper_depths(
 
 
 @kernel
-def heights_off(textures, table, geometry, facets, turn, shift, places, chart, off_out):
+def heights_off(textures, table, geometry, facets, turn, shift, places, patches, off_out):
     """Fill by how much drawn heights are off asperity's over (u, v) `places`, nan beyond facets."""
-    work = np.empty(POINT_SIZE)
+    points, patch = np.empty(1, POINT), patches[0]
     for k in range(len(facets)):
         f = facets[k]
-        owner = table.body[f]
-        facet_chart(
-            table, f, turn, shift, geometry.texture[owner], table.mapping[owner],
-            geometry.origin[owner], chart,
-        )  # fmt: skip
-        margin = _shift(textures, chart) / chart[Q_LEAST]
+        fill_facet_patch(table, geometry, f, turn, shift, patch)
+        margin = _shift(textures, patch) / patch.lateral_min
         for i in range(len(places)):
-            z = _height_over(textures, chart, places[i, 0], places[i, 1], margin)
-            other = height_at(textures, chart, places[i, 0], places[i, 1], work)[0]
+            z = _height_over(textures, patch, places[i, 0], places[i, 1], margin)
+            other = height_at(textures, patch, places[i, 0], places[i, 1], points[0])[0]
             there = z > -np.inf and other > -np.inf
             off_out[k, i] = abs(z - other) if there else np.nan
 
@@ -474,7 +449,7 @@ class Paper:
     def __init__(self, engine: ContactSolver) -> None:
         assert engine._facets is not None
         self._engine, self._table = engine, engine._facets.table
-        self._room, self._chart = np.empty((2, GRID, GRID)), np.zeros(CHART_SIZE)
+        self._room, self._patches = np.empty((2, GRID, GRID)), np.zeros(1, PATCH)
         self.depths = np.empty(11)
         self.off: list[Array] = []
         """By how much drawn heights were off asperity's, where that was looked at [m]."""
@@ -510,11 +485,11 @@ class Paper:
             into = frame * [[1.0], [1.0], [sign]]
             off = np.empty((len(number), len(spread)))
             heights_off(
-                *scene, number, into @ body[:, :3], into @ body[:, 3], spread, self._chart, off
+                *scene, number, into @ body[:, :3], into @ body[:, 3], spread, self._patches, off
             )
             self.off.append(off[~np.isnan(off)])
         arguments = (
-            *scene, *facets, body_a, body_b, frame, cu, cv, window, self._room, self._chart,
+            *scene, *facets, body_a, body_b, frame, cu, cv, window, self._room, self._patches,
             self.depths,
         )  # fmt: skip
         return lambda: paper_depths(*arguments) * 1e-3

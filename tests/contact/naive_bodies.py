@@ -13,9 +13,14 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 from asperity.contact import body_arrays as flat
-from asperity.contact.narrow_phase import geom_depth as patch
-from asperity.contact.narrow_phase import penetration as deepest
+from asperity.contact.narrow_phase.geom_depth import (
+    BodyGeoms,
+    DepthQuery,
+    SearchLimits,
+    depth_along,
+)
 from asperity.contact.narrow_phase.records import PENETRATION
+from asperity.contact.narrow_phase.workspace import workspace
 from asperity.geometry.bodies import Body, Geom
 from asperity.texture.height_field import HeightField
 
@@ -165,7 +170,7 @@ class Pair:
         self.bodies = a, b
         self._textures, self._geometry = flat.flattened((a, b))
         most = len(a.geoms) + len(b.geoms)
-        self._space = deepest.workspace(3 * most, 9 * most * most)
+        self._space = workspace(3 * most, 9 * most * most)
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]
 
     def along(
@@ -177,12 +182,13 @@ class Pair:
             for at in (pose_a, pose_b)
         ]
         out = np.zeros(1, PENETRATION)
-        geoms_a, geoms_b = self._geoms
-        patch.depth_along(
-            self._textures, self._geometry, geoms_a, geoms_a.size, geoms_b, geoms_b.size,
-            *placed, np.asarray(n, dtype=np.float64), np.full(3, np.nan),
-            tolerance, nodes, self._space, out,
-        )  # fmt: skip
+        bodies = (
+            BodyGeoms(geoms, geoms.size, frame)
+            for geoms, frame in zip(self._geoms, placed, strict=True)
+        )
+        query = DepthQuery(*bodies, np.asarray(n, dtype=np.float64), np.full(3, np.nan))
+        limits = SearchLimits(tolerance, nodes)
+        depth_along(self._textures, self._geometry, query, limits, self._space, out)
         found = out[0]
         return Along(
             found["depth"], found["gap"], int(found["status"]), int(found["ties"]),

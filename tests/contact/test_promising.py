@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from asperity._core.kernels import kernel
-from asperity.contact.narrow_phase.penetration import LOOK_COVERS
-from asperity.contact.narrow_phase.warm_start import depths_before
+from asperity.contact.narrow_phase.warm_start import SubRegions, fill_known_depths
 from asperity.scene.builtin import load_scene
 from asperity.simulation.simulation import Simulation
 
@@ -74,39 +73,42 @@ def test_what_was_deepest_leaves_nothing_out(scene, family):
 def test_few_pairs_are_searched():
     """Of the facets of a file that leans on a machined part, few can be as deep as it was."""
     engine, path = slide("file-cad", FAMILIES[2])
-    looks, searched = engine._space.looks, []
+    candidates, searched = engine._space.candidates, []
     for forgets in (True, False):
         engine.reset()
         counts = []
         for there in path:
             if forgets:
                 engine._facets.memory.guess[:] = np.nan
-            looks[:, 0] = np.nan
+            candidates["bound"] = np.nan
             engine.wrench(there, DT)
-            counts.append(np.count_nonzero(looks[:, 0] > -np.inf))
+            counts.append(np.count_nonzero(candidates["bound"] > -np.inf))
         searched.append(np.median(counts))
     assert searched[1] < 0.5 * searched[0]
 
 
 @kernel
-def _before(textures, pairs, stride, places, parts, lines, space, depths):
-    depths_before(textures, pairs, stride, places, parts, lines, 0.0, space, depths)
+def _known_depths(textures, count, regions, lines, memory):
+    stride, parts = memory.patches_b.shape[0], regions.depth.shape[0]
+    fill_known_depths(textures, count, stride, regions, parts, lines, memory)
 
 
 def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
     engine, path = slide("file-cad", FAMILIES[0])
     engine.reset()
     for there in path[:20]:
-        engine._space.looks[:, 0] = np.nan
+        engine._space.candidates["bound"] = np.nan
         engine.wrench(there, DT)
-    space, room = engine._space, engine._facets.space
+    memory, lines = engine._space, engine._facets.space.lines
     # Whatever was bounded last may have been left out.
-    pairs = np.count_nonzero(space.looks[:, 0] > -np.inf) - 1
-    stride, lines, rng = len(space.charts_b), room.lines, np.random.default_rng(3)
+    pairs, rng = (
+        np.count_nonzero(memory.candidates["bound"] > -np.inf) - 1,
+        np.random.default_rng(3),
+    )
     known = left_out = 0
     for _ in range(200):
-        look = space.looks[rng.integers(pairs)]
-        low, high = look[LOOK_COVERS::2], look[LOOK_COVERS + 1 :: 2]
+        extent = memory.candidates[rng.integers(pairs)]["extent"]
+        low, high = extent[::2], extent[1::2]
         if not (low < high).all():
             continue
         at = rng.uniform(low, high)
@@ -115,8 +117,8 @@ def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
             continue  # its base may lie beyond the line
         here, depths = np.sign(away), np.zeros(4)
         parts = np.array([here, -here, here * [1, -1], here * [-1, 1]])
-        given = (np.tile(at, (4, 1)), parts, lines, space, depths)
-        _before(engine._textures, pairs, stride, *given)
+        regions = SubRegions(np.tile(at, (4, 1)), parts, depths, 0.0)
+        _known_depths(engine._textures, pairs, regions, lines, memory)
         assert (depths[1:] == -np.inf).all()
         known += depths[0] > -np.inf
         left_out += 1

@@ -9,90 +9,87 @@ from test_mesh_physics import AT_REST, UP, meshed, plate, pose, rough, turn
 
 from asperity._core.kernels import kernel
 from asperity.contact.body_pair import BodyPair
-from asperity.contact.narrow_phase.bounds.curvature import _third_of_texture
-from asperity.contact.narrow_phase.bounds.texture import plane_normal, slopes_on_three, texture_over
+from asperity.contact.narrow_phase.bounds.curvature import third_of_texture
+from asperity.contact.narrow_phase.bounds.texture import (
+    bounds_of,
+    plane_normal,
+    plane_slopes,
+    texture_over,
+)
 from asperity.contact.narrow_phase.bounds.triplanar import mixing, shares_over, triplanar_top
 from asperity.contact.narrow_phase.displaced_surface import height_on, root_at
-from asperity.contact.narrow_phase.surface_patch import (
-    BEND_1,
-    BEND_2,
-    RECTANGLE,
-    TEXTURE,
-    UNIT,
-    W0,
-    W1,
-    W2,
-)
 
 KINDS = [("block", 7.0), ("block", 40.0), ("roof", 10.0), ("ball", 25.0), ("roller", 35.0)]
 
 
 @kernel
-def _heights(textures, chart, places, out):
+def _heights(textures, patch, places, out):
     for i in range(places.shape[0]):
         x, y = places[i, 0], places[i, 1]
-        h = height_on(textures, chart, x, y, root_at(chart, x, y))
+        h = height_on(textures, patch, x, y, root_at(patch, x, y))
         for k in range(6):
             out[i, k] = h[k]
 
 
 @kernel
-def _bounds(textures, chart, box, out):
+def _bounds(textures, patch, box, out):
     x0, x1, y0, y1 = box[0], box[1], box[2], box[3]
     x, y, half_x, half_y = 0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    over = texture_over(textures, chart, x0, x1, y0, y1)
-    out[0], out[1], out[2], out[3] = over[0], over[1], over[2], over[3]
-    out[4] = triplanar_top(textures, chart, x, y, half_x, half_y)
-    m, one, two = shares_over(chart, x, y, half_x, half_y)
+    over = texture_over(textures, patch, x0, x1, y0, y1)
+    out[0], out[1], out[2], out[3] = over.top, over.slope, over.bend, over.bend_size
+    out[4] = triplanar_top(textures, patch, x, y, half_x, half_y)
+    m, one, two = shares_over(patch, x, y, half_x, half_y)
     out[5 + (m + 1) % 3], out[5 + (m + 2) % 3] = one, two
     out[5 + m] = 1.0
-    out[8], out[9] = mixing(chart, x, y, half_x, half_y)
+    out[8], out[9] = mixing(patch, x, y, half_x, half_y)
 
 
-def charts_of(kind, tilt):
-    """Return charts of a tilted mesh that its search has made, and the textures."""
+def patches_of(kind, tilt):
+    """Return patches of a tilted mesh that its search has made, and the textures."""
     axis = np.array([0.6, 0.8, 0.0])
     lying = Rotation.from_rotvec(np.radians(tilt) * axis)
     lying = lying * Rotation.from_quat(np.roll(turn([1, 0, 0], np.pi), -1))
     pair = BodyPair(meshed(kind, "tool", rough(4, 8e-6), "triplanar", 3), plate(rough(5, 8e-6)))
     pair.depth(pose(1e-4, 2e-4, 1.2e-3, np.roll(lying.as_quat(), 1)), AT_REST, UP)
-    charts = pair._space.charts_a
-    return [c for c in charts if c[RECTANGLE + 1] > c[RECTANGLE]][:12], pair._textures
+    patches = pair._space.patches_a
+    sides = patches["rectangle"]
+    return list(patches[sides[:, 1] > sides[:, 0]][:12]), pair._textures
 
 
-def weights_of(chart, places):
-    w = chart[W0 : W0 + 3] + places[:, :1] * chart[W1 : W1 + 3] + places[:, 1:] * chart[W2 : W2 + 3]
+def weights_of(patch, places):
+    w = patch["body_normal"] + places[:, :1] * patch["body_normal_from_x"]
+    w = w + places[:, 1:] * patch["body_normal_from_y"]
     weights = w**4
     return weights / weights.sum(axis=1, keepdims=True), w / np.linalg.norm(w, axis=1)[:, None]
 
 
 @pytest.mark.parametrize(("kind", "tilt"), KINDS)
 def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
-    charts, textures = charts_of(kind, tilt)
+    patches, textures = patches_of(kind, tilt)
     rng, sharper, seen = np.random.default_rng(8), 0, 0
-    assert charts
-    for chart in charts:
-        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
-        highest = textures.maps["highest"][int(chart[TEXTURE])]
+    assert patches
+    for patch in patches:
+        x0, x1, y0, y1 = patch["rectangle"]
+        highest = textures.maps["highest"][patch["texture"]]
         for _ in range(25):
             side = min(x1 - x0, y1 - y0) * 10.0 ** rng.uniform(-2.0, -0.4)
             at = rng.uniform([x0, y0], [x1, y1])
             box = np.array([at[0] - side, at[0] + side, at[1] - side, at[1] + side])
             box = np.clip(box, [x0, x0, y0, y0], [x1, x1, y1, y1])
-            told = np.zeros(10)
-            _bounds(textures, chart, box, told)
+            found = np.zeros(10)
+            _bounds(textures, patch, box, found)
             places = rng.uniform(box[[0, 2]], box[[1, 3]], (200, 2))
             h = np.zeros((200, 6))
-            _heights(textures, chart, places, h)
-            assert h[:, 0].max() <= min(told[0], told[4]) + 1e-12
-            assert np.hypot(h[:, 1], h[:, 2]).max() <= told[1] + 1e-9
+            _heights(textures, patch, places, h)
+            assert h[:, 0].max() <= min(found[0], found[4]) + 1e-12
+            assert np.hypot(h[:, 1], h[:, 2]).max() <= found[1] + 1e-9
             hessians = np.stack([h[:, [3, 4]], h[:, [4, 5]]], axis=1)
             bends = np.linalg.eigvalsh(hessians)
-            assert bends.max() <= told[2] + 1e-6
-            assert np.abs(bends).max() <= told[3] + 1e-6
-            shares, _ = weights_of(chart, places)
-            assert (shares.max(axis=0) <= told[5:8] + 1e-9).all()
-            sharper += told[4] < highest - 1e-7
+            assert bends.max() <= found[2] + 1e-6
+            assert np.abs(bends).max() <= found[3] + 1e-6
+            shares, _ = weights_of(patch, places)
+            assert (shares.max(axis=0) <= found[5:8] + 1e-9).all()
+            sharper += found[4] < highest - 1e-7
             seen += 1
     assert sharper > 0.5 * seen
 
@@ -100,19 +97,19 @@ def test_no_place_of_a_box_is_beyond_its_bounds(kind, tilt):
 @pytest.mark.parametrize(("kind", "tilt"), KINDS[2:])
 def test_second_derivatives_are_those_of_the_mix(kind, tilt):
     """Where normals turn, how much each map counts changes, and so does how fast."""
-    charts, textures = charts_of(kind, tilt)
+    patches, textures = patches_of(kind, tilt)
     step, turning = 1e-8, 0
-    for chart in charts:
-        if chart[UNIT] == 1.0:
+    for patch in patches:
+        if patch["is_unit"]:
             continue
         turning += 1
-        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+        x0, x1, y0, y1 = patch["rectangle"]
         at = np.random.default_rng(2).uniform([x0, y0], [x1, y1], (20, 2))
         found, one, two = (np.zeros((20, 6)) for _ in range(3))
-        _heights(textures, chart, at, found)
+        _heights(textures, patch, at, found)
         for axis, rows in ((0, (3, 4)), (1, (4, 5))):
-            _heights(textures, chart, at - step * np.eye(2)[axis], one)
-            _heights(textures, chart, at + step * np.eye(2)[axis], two)
+            _heights(textures, patch, at - step * np.eye(2)[axis], one)
+            _heights(textures, patch, at + step * np.eye(2)[axis], two)
             slopes = (two[:, 1:3] - one[:, 1:3]) / (2.0 * step)
             size = np.abs(found[:, 3:]).max()
             np.testing.assert_allclose(found[:, rows], slopes, rtol=0.0, atol=2e-5 * size)
@@ -120,29 +117,28 @@ def test_second_derivatives_are_those_of_the_mix(kind, tilt):
 
 
 @kernel
-def _third(textures, chart, x, y, half_x, half_y):
-    w1, w2 = plane_normal(chart, x, y, math.sqrt(half_x * half_x + half_y * half_y))[4:]
-    slope, _, bend = slopes_on_three(textures, chart, x, y, half_x, half_y, w1, w2)
-    size = textures.maps[int(chart[TEXTURE])].max_abs_height
-    return _third_of_texture(textures, chart, (size, slope, bend, w1, w2))
+def _third(textures, patch, x, y, half_x, half_y):
+    normal = plane_normal(patch, x, y, math.sqrt(half_x * half_x + half_y * half_y))
+    slopes = plane_slopes(textures, patch, (x, y, half_x, half_y), normal[4], normal[5])
+    return third_of_texture(textures, patch, bounds_of(0.0, slopes, normal, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(("kind", "tilt"), KINDS)
 def test_second_derivatives_change_no_faster_than_they_are_said_to(kind, tilt):
-    charts, textures = charts_of(kind, tilt)
+    patches, textures = patches_of(kind, tilt)
     rng, nearest = np.random.default_rng(1), 0.0
-    for chart in charts:
-        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
+    for patch in patches:
+        x0, x1, y0, y1 = patch["rectangle"]
         for _ in range(20):
             side = 10.0 ** rng.uniform(-6.0, -4.5)
             at = rng.uniform([x0, y0], [x1, y1])
             places = np.concatenate([[at], at + side * rng.uniform(-1.0, 1.0, (60, 2))])
             h = np.zeros((61, 6))
-            _heights(textures, chart, places, h)
+            _heights(textures, patch, places, h)
             bends = np.stack([h[:, [3, 4]], h[:, [4, 5]]], axis=1)
             changed = np.linalg.norm(bends[1:] - bends[0], ord=2, axis=(1, 2))
             away = np.linalg.norm(places[1:] - at, axis=1)
-            most = _third(textures, chart, at[0], at[1], side, side)
+            most = _third(textures, patch, at[0], at[1], side, side)
             assert (changed <= most * away * (1.0 + 1e-6) + 1e-6).all()
             nearest = max(nearest, (changed / (most * away)).max())
     assert nearest > 0.1
@@ -150,22 +146,22 @@ def test_second_derivatives_change_no_faster_than_they_are_said_to(kind, tilt):
 
 @pytest.mark.parametrize(("kind", "tilt"), KINDS[2:])
 def test_weights_change_no_faster_than_they_are_said_to(kind, tilt):
-    """By the normal, whose own change `BEND_1` and `BEND_2` bound."""
-    charts, textures = charts_of(kind, tilt)
-    turning = [chart for chart in charts if chart[UNIT] == 0.0]
+    """By the normal, whose own change `normal_slope` and `normal_bend` bound."""
+    patches, textures = patches_of(kind, tilt)
+    turning = [patch for patch in patches if not patch["is_unit"]]
     assert turning
-    for chart in turning:
-        x0, x1, y0, y1 = chart[RECTANGLE : RECTANGLE + 4]
-        at, told = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(10)
+    for patch in turning:
+        x0, x1, y0, y1 = patch["rectangle"]
+        at, found = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)]), np.zeros(10)
         side = 0.1 * min(x1 - x0, y1 - y0)
-        _bounds(textures, chart, at[[0, 0, 1, 1]] + side * np.array([-1, 1, -1, 1]), told)
+        _bounds(textures, patch, at[[0, 0, 1, 1]] + side * np.array([-1, 1, -1, 1]), found)
         for way in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
             s = np.linspace(-side, side, 41)
-            shares, w = weights_of(chart, at + s[:, None] * np.array(way))
+            shares, w = weights_of(patch, at + s[:, None] * np.array(way))
             first = np.gradient(shares, s, axis=0)
             second = np.gradient(first, s, axis=0)[2:-2]
             speed = np.linalg.norm(np.gradient(w, s, axis=0), axis=1).max()
-            assert speed <= 1.01 * chart[BEND_1]
-            assert np.abs(first).sum(axis=1).max() <= 1.05 * told[8] * chart[BEND_1] + 1e-9
-            most = told[9] * chart[BEND_1] ** 2 + told[8] * chart[BEND_2]
+            assert speed <= 1.01 * patch["normal_slope"]
+            assert np.abs(first).sum(axis=1).max() <= 1.05 * found[8] * patch["normal_slope"] + 1e-9
+            most = found[9] * patch["normal_slope"] ** 2 + found[8] * patch["normal_bend"]
             assert np.abs(second).sum(axis=1).max() <= 1.05 * most + 1e-6

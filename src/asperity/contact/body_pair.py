@@ -9,11 +9,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from asperity.contact.body_arrays import flattened
 from asperity.contact.broad_phase.facet_bvh import facet_table
-from asperity.contact.narrow_phase.geom_depth import depth_along
+from asperity.contact.narrow_phase.geom_depth import (
+    BodyGeoms,
+    DepthQuery,
+    SearchLimits,
+    depth_along,
+)
 from asperity.contact.narrow_phase.mesh_depth import facets_along
-from asperity.contact.narrow_phase.mesh_workspace import MAX_CHART_PAIRS, MAX_CHARTS, facet_space
-from asperity.contact.narrow_phase.penetration import workspace
+from asperity.contact.narrow_phase.mesh_workspace import (
+    MAX_CANDIDATES,
+    MAX_SURFACE_PATCHES,
+    facet_space,
+)
 from asperity.contact.narrow_phase.records import CERTIFIED, PENETRATION
+from asperity.contact.narrow_phase.workspace import workspace
 from asperity.errors import AsperityError, require_between, require_finite, require_positive
 from asperity.geometry.bodies import Body, unit_quaternion
 from asperity.geometry.poses import rotation_of
@@ -80,7 +89,7 @@ class BodyPair:
         if any(body.mesh is not None for body in bodies):
             self._table = facet_table(bodies, self._textures, self._geometry)
             self._room = facet_space(self._table, len(self._geometry.kind))
-            self._space = workspace(MAX_CHARTS, MAX_CHART_PAIRS)
+            self._space = workspace(MAX_SURFACE_PATCHES, MAX_CANDIDATES)
         else:
             most = max(len(body.geoms) for body in bodies)
             self._space = workspace(3 * most, 9 * most * most)
@@ -110,24 +119,25 @@ class BodyPair:
         if not abs(np.linalg.norm(n) - 1.0) < 1e-6:
             raise AsperityError(f"normal must have length 1, got {normal!r}")
         found = np.zeros(1, PENETRATION)
+        limits = SearchLimits(self.tolerance, self.max_nodes)
         at_a, at_b, n = _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n)
         if self._table is not None:
             fits = facets_along(
-                self._textures, self._table, self._geometry, at_a, at_b, n,
-                require_positive("smooth_overlap", smooth_overlap, "[m]"), self.tolerance,
-                self.max_nodes, self._space, self._room, found,
+                (self._textures, self._table, self._geometry), (at_a, at_b), n,
+                require_positive("smooth_overlap", smooth_overlap, "[m]"), limits,
+                self._space, self._room, found,
             )  # fmt: skip
             if not fits:
                 raise AsperityError(
-                    f"more than {MAX_CHART_PAIRS} pairs of facets face each other within "
+                    f"more than {MAX_CANDIDATES} pairs of facets face each other within "
                     f"smooth_overlap = {smooth_overlap:g} m; give less, or a coarser mesh"
                 )
         else:
-            depth_along(
-                self._textures, self._geometry, self._geoms[0], self._geoms[0].size,
-                self._geoms[1], self._geoms[1].size, at_a, at_b, n, np.full(3, np.nan),
-                self.tolerance, self.max_nodes, self._space, found,
-            )  # fmt: skip
+            geoms_a, geoms_b = self._geoms
+            tool = BodyGeoms(geoms_a, geoms_a.size, at_a)
+            ground = BodyGeoms(geoms_b, geoms_b.size, at_b)
+            query = DepthQuery(tool, ground, n, np.full(3, np.nan))
+            depth_along(self._textures, self._geometry, query, limits, self._space, found)
         out = found[0]
         m = out["slope_normal"].copy()
         return Depth(

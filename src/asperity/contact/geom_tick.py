@@ -16,7 +16,12 @@ from asperity.contact.manifold.geom_manifold import (
     recall,
     steady_normals,
 )
-from asperity.contact.narrow_phase.geom_depth import fill_depth_along
+from asperity.contact.narrow_phase.geom_depth import (
+    BodyGeoms,
+    DepthQuery,
+    SearchLimits,
+    fill_depth_along,
+)
 from asperity.contact.response.baseline_methods import advance_noise, baseline_force, depth_on_grid
 from asperity.contact.response.point_laws import bristle_force
 from asperity.geometry.frames import (
@@ -79,15 +84,12 @@ def _tick(
         out = memory.results[p]
         clear_record(out)
         tolerance = depth_tolerance(textures, geometry, tool, b, parameters.tolerance)
-        fill_depth_along(
-            textures, shape, memory.geoms[0], count_a, memory.geoms[1], count_b, near_a, near_b,
-            n, guess, tolerance, parameters.max_nodes, space, out,
-        )  # fmt: skip
+        a = BodyGeoms(memory.geoms[0], count_a, near_a)
+        query = DepthQuery(a, BodyGeoms(memory.geoms[1], count_b, near_b), n, guess)
+        limits = SearchLimits(tolerance, parameters.max_nodes)
+        fill_depth_along(textures, shape, query, limits, space, out)
         if grid is not None:
-            depth_on_grid(
-                textures, geometry, memory.geoms, count_a, count_b, near_a, near_b, n, grid,
-                space, out,
-            )  # fmt: skip
+            depth_on_grid(textures, geometry, query, grid, space, out)
         deep = out.depth > 0.0
         for i in range(count):
             if memory.now_pairs[i, 3] == p:

@@ -38,15 +38,14 @@ from asperity.contact.manifold.mesh_memory import (
     forget,
 )
 from asperity.contact.mesh_tick import mesh_tick
-from asperity.contact.narrow_phase.incumbent import CUT, UNTIL
 from asperity.contact.narrow_phase.mesh_workspace import (
-    MAX_CHART_PAIRS,
-    MAX_CHARTS,
+    MAX_CANDIDATES,
+    MAX_SURFACE_PATCHES,
     FacetSpace,
     facet_space,
 )
 from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES as FACET_PATCHES
-from asperity.contact.narrow_phase.penetration import workspace
+from asperity.contact.narrow_phase.workspace import workspace
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import contact_stiffness
@@ -99,10 +98,10 @@ class ContactSolver:
             _refuse_for_meshes(self.settings)
         self._facets = _facet_side(bodies, self._textures, self._geometry, self.by_facets)
         self._by_geoms = sum(self.by_facets) < len(bodies) - 1
-        charts, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
+        patches, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
         if self._facets is not None:
-            charts, pairs = max(charts, MAX_CHARTS), max(pairs, MAX_CHART_PAIRS)
-        self._space = workspace(charts, pairs)
+            patches, pairs = max(patches, MAX_SURFACE_PATCHES), max(pairs, MAX_CANDIDATES)
+        self._space = workspace(patches, pairs)
         self._number_by_geoms = self._collider.number.copy()
         for i, geom in enumerate(self._collider.number):
             if geom >= 0 and self.by_facets[self._geometry.body[geom]]:
@@ -162,8 +161,8 @@ class ContactSolver:
         # Of its own, whatever the caller's are like: the kernels are told their types only once.
         self._pose[:] = pose
         pose, dt = self._pose, float(dt)
-        state = self._space.state
-        state[UNTIL], state[CUT] = ends_in(seconds), 0.0
+        search = self._space.search[0]
+        search["deadline"], search["is_cut_short"] = ends_in(seconds), False
         held = None if self._facets is None else self._facets.memory.held
         count, geoms, places, distances, margins = self._collider.query(pose, held)
         if self._by_geoms:
@@ -184,7 +183,7 @@ class ContactSolver:
     @property
     def was_cut(self) -> bool:
         """Whether a search of the last pose was ended by its time."""
-        return bool(self._space.state[CUT])
+        return bool(self._space.search[0]["is_cut_short"])
 
     def _touch(
         self, count: int, geoms: NDArray[np.int32], distances: NDArray[np.float64], dt: float

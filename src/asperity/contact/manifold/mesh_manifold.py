@@ -59,8 +59,9 @@ from asperity.contact.manifold.overlap_region import (
     sliver,
     steady_normal,
 )
-from asperity.contact.narrow_phase.geom_depth import frame_round
-from asperity.contact.narrow_phase.mesh_depth import pairs_of_charts, patch_depths
+from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
+from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
+from asperity.contact.narrow_phase.mesh_patches import FacetQuery, collect_candidates
 from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES, WINDOWS
 from asperity.geometry.frames import to_world
 
@@ -222,15 +223,16 @@ def touch(
         to_world(near_b, n, world)
         for k in range(3):
             frame[2, k] = world[k]
-        pairs, made_a, stride, enough = pairs_of_charts(
-            textures, table, geometry, count, d, n, frame, near_a, near_b, work_space, space
+        query = FacetQuery(np.int64(count), np.int64(d), n, frame, near_a, near_b)
+        candidates, made_a, has_room = collect_candidates(
+            textures, table, geometry, query, work_space, space
         )
-        if not enough:
+        if not has_room:
             rows.count[1] += 1
         start = rows.count[0]
-        patches = patch_depths(
-            textures, sums, pairs, made_a, stride, u, v, world, frame, near_a, near_b, radius,
-            memory.guess[b, d], tolerance, max_nodes, work_space, space, rows.result[start:],
+        patches = region_depths(
+            textures, SplitRegion(sums, u, v, radius, memory.guess[b, d]), (candidates, made_a),
+            query, SearchLimits(tolerance, max_nodes), work_space, space, rows.result[start:],
         )  # fmt: skip
         total = deepest = 0.0
         for p in range(patches):

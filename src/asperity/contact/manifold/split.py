@@ -14,7 +14,7 @@ import math
 
 from asperity._core.kernels import inner_kernel
 from asperity.contact.manifold.overlap_region import MASS, MEAN, SPREAD
-from asperity.contact.narrow_phase.surface_patch import ROWS, O, Q
+from asperity.contact.narrow_phase.surface_patch import add_border
 
 _NARROW = 3.0
 """A footprint whose standard deviation is below the radius over this is not split. (An evenly
@@ -72,11 +72,10 @@ def split_lines(sums, u, v, radius, lines_out):
 
 
 @inner_kernel
-def bound_by(chart, rows, l_u, l_v, l_0, radius):
-    """Add a row to a chart that has `rows`: base points with `l . (u, v) + l_0 >= -radius`."""
-    at = ROWS + 1 + 6 * rows
-    chart[at] = -l_0 - radius - l_u * chart[O] - l_v * chart[O + 1]
-    chart[at + 1] = -l_u * chart[Q] - l_v * chart[Q + 2]
-    chart[at + 2] = -l_u * chart[Q + 1] - l_v * chart[Q + 3]
-    chart[at + 3], chart[at + 4], chart[at + 5] = 0.0, 0.0, 0.0
-    chart[ROWS] = rows + 1
+def bound_by(patch, l_u, l_v, l_0, radius):
+    """Add a border to a surface patch: base points with `l . (u, v) + l_0 >= -radius`."""
+    origin, lateral = patch.origin, patch.lateral
+    constant = -l_0 - radius - l_u * origin[0] - l_v * origin[1]
+    from_x = -l_u * lateral[0, 0] - l_v * lateral[1, 0]
+    from_y = -l_u * lateral[0, 1] - l_v * lateral[1, 1]
+    add_border(patch, constant, from_x, from_y, 0.0, 0.0, False)

@@ -1,10 +1,11 @@
-"""The deepest overlap among many plane charts: the most promising box first, of all pairs.
+"""The deepest overlap among many pairs of patches, by best-first branch and bound.
 
-Wide contact of two textured bodies has thousands of places that are nearly as deep. Boxes of all
-pairs of charts stand in one heap, ordered by a bound that costs two looks into the textures'
-pyramids; a box is quartered until it is about as large as their finest waves, and only then
-searched as `search` does it, with second-order bounds and climbs. So what the budget is spent on
-is where the deepest place may be, and what is left is bounded by the top of the heap.
+Wide contact of two textured bodies has thousands of points that are nearly as deep. Boxes of all
+pairs of plane patches stand in one heap, ordered by a bound that costs two look-ups in the
+textures' pyramids. A box is quartered until it is about as large as the finest waves of the
+textures; only then is it evaluated with second-order bounds and Newton ascents. So the budget is
+spent where the deepest point may be, and the top of the heap bounds the rest. Pairs with a curved
+patch are searched depth first when it is their turn.
 """
 
 from __future__ import annotations
@@ -15,67 +16,57 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.bounds.plane_pairs import (
-    between_planes,
-    beyond,
-    on_other,
-    quarter_bounds,
-)
-from asperity.contact.narrow_phase.bounds.texture import sideways
+from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
+from asperity.contact.narrow_phase.bounds.plane_pairs import planes_of, quarter_bounds, under_box
 from asperity.contact.narrow_phase.branch_and_bound import (
-    PLANES,
     SMALLEST,
-    TIE,
-    first_look,
-    judge,
+    evaluate_node,
+    initialise_pair,
+    resolve_leaf,
     search_pair,
-    settle,
 )
-from asperity.contact.narrow_phase.incumbent import BEST, CUT, JUDGED, NODES, UPPER, is_spent
-from asperity.contact.narrow_phase.penetration import (
-    LOOK_BOX,
-    LOOK_COVERS,
-    LOOKED,
-    PAIR,
-    walks_on_a,
+from asperity.contact.narrow_phase.incumbent import is_spent, pruning_threshold
+from asperity.contact.narrow_phase.patch_pair import (
+    PLANES,
+    PatchPair,
+    pair_shift,
+    searches_a,
+    sides_of,
 )
-from asperity.contact.narrow_phase.surface_patch import (
-    Q_LEAST,
-    Q_MOST,
-    RECTANGLE,
-    ROWS,
-    TEXTURE,
-    UV_MOST,
-    C,
-)
-from asperity.contact.narrow_phase.warm_start import is_there
+from asperity.contact.narrow_phase.warm_start import both_hold, extent_holds
 
-MAX_BOXES = 131072
+MAX_NODES = 131072
+"""Most boxes of one search."""
 _LAST, _LAST_CUT = 16, 2
-"""Boxes that are climbed in when the budget is spent, and when the time is."""
-BOX_SIZE = 6  # x0, x1, y0, y1, row of its pair among the looks, bound
+"""Boxes that are ascended in when the budget is spent, and when the time is."""
 _LEAF = 1.0
-"""Boxes are searched that are this large [grains of the finer texture]."""
-_SETTLED = 1.5
-"""Boxes that are as good as certified are not divided below this [grains]."""
+"""Size at which boxes are evaluated to second order [grains of the finer texture]."""
+_RESOLVED = 1.5
+"""Size at which certified boxes are no longer divided [grains]."""
 _CHEAP = 0.1
-"""What a bound from the pyramids alone costs [nodes of `search`]."""
+"""Cost of a bound from the pyramids alone [nodes]."""
+_INITIAL = 2.0
+"""Cost of the first ascent in a pair [nodes]."""
 
 
 @small_kernel
-def _grain(textures, chart):
-    """Return over how many metres of a chart's parameters its texture bends to its own height."""
-    if chart[TEXTURE] < 0.0:
+def _grain(textures, patch):
+    """Return the length over which a texture bends by its own height, by a patch's parameters [m].
+
+    For a sinusoid that is its wavelength over 2 pi.
+    """
+    if patch.texture < 0:
         return np.inf
-    k = int(chart[TEXTURE])
-    # Of a sinusoid that is its length over 2 pi.
-    texture = textures.maps[k]
-    return math.sqrt(texture.max_abs_height / max(texture.max_curvature, 1e-300)) / chart[UV_MOST]
+    k = patch.texture
+    return (
+        math.sqrt(textures.maps[k].max_abs_height / max(textures.maps[k].max_curvature, 1e-300))
+        / patch.map_max
+    )
 
 
 @inner_kernel
 def _push(heap, keys, size, number, key):
-    """Put a box into the heap, whose largest key is on top."""
+    """Push a node onto a heap of `size` nodes, whose largest key is on top."""
     at = size
     while at > 0:
         above = (at - 1) >> 1
@@ -88,7 +79,7 @@ def _push(heap, keys, size, number, key):
 
 @inner_kernel
 def _pop(heap, keys, size):
-    """Take the top off a heap of `size` boxes."""
+    """Remove the top of a heap of `size` nodes."""
     key, number = keys[size - 1], heap[size - 1]
     last = size - 1
     at = 0
@@ -106,226 +97,259 @@ def _pop(heap, keys, size):
 
 
 @small_kernel
-def _beside_part(cx, cy, flat, a_is_x, added, x0, x1, y0, y1):
-    """Return whether a box lies beyond the rows that were added to A's chart last."""
+def _beyond_added(textures, a, b, box, added):
+    """Return whether a box lies beyond one of the last `added` borders of A's patch."""
+    x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    if a_is_x:
-        return beyond(cx, int(cx[ROWS]) - added, x, y, half_x, half_y)
-    bx, by, reach_x, reach_y = on_other(flat, x, y, half_x, half_y, 0.0)
-    return beyond(cy, int(cy[ROWS]) - added, bx, by, reach_x, reach_y)
+    first = a.border_count - added
+    if searches_a(a, b):
+        return beyond_straight_borders(a, first, x, y, half_x, half_y)
+    under = under_box(planes_of(textures, b, a), (x, y, half_x, half_y), 0.0)
+    return beyond_straight_borders(a, first, *under)
 
 
 @inner_kernel
-def _look_at(textures, stride, count, guess_u, guess_v, space):
-    """Climb from where the contact was, in every pair of plane charts that has the place.
+def _initialise_near(textures, stride, count, guess, memory):
+    """Ascend from the last deepest point `guess` (u, v) in every pair of planes that holds it.
 
-    Other pairs are looked at when it is their turn.
+    Other pairs are initialised when it is their turn: ascending in all would take most of the time.
     """
-    looks = space.looks
+    search = memory.search[0]
     for row in range(count):
-        look = looks[row]
-        # Climbing in every pair would take most of the time.
-        looks[row, LOOKED] = 1.0 if look[LOOK_COVERS] == look[LOOK_COVERS] else 0.0
-        if not (
-            look[LOOK_COVERS] <= guess_u <= look[LOOK_COVERS + 1]
-            and look[LOOK_COVERS + 2] <= guess_v <= look[LOOK_COVERS + 3]
-        ):
+        candidate = memory.candidates[row]
+        candidate.is_initialised = candidate.extent[0] == candidate.extent[0]
+        if not extent_holds(candidate, guess[0], guess[1]):
             continue
-        pair = int(look[PAIR])
-        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
-        if not walks_on_a(cx, cy):
-            cx, cy = cy, cx
-        if is_there(cx, cy, guess_u, guess_v):
-            first_look(
-                textures, cx, cy, pair, guess_u, guess_v, space.state, space.best, space.ties,
-                space.work, space.at, look,
-            )  # fmt: skip
-            space.state[NODES] += 2.0
+        pair_number = candidate.number
+        a = memory.patches_a[pair_number // stride]
+        b = memory.patches_b[pair_number % stride]
+        patch, other = (a, b) if searches_a(a, b) else (b, a)
+        if both_hold(patch, other, guess[0], guess[1]):
+            initialise_pair(textures, patch, other, guess, search, candidate)
+            search.nodes += _INITIAL
+
+
+@small_kernel
+def _box_of(node, candidate):
+    """Return x0, x1, y0, y1 of a node."""
+    box = candidate.box
+    if node.is_whole:
+        return box[0], box[1], box[2], box[3]
+    return node.x0, node.x1, node.y0, node.y1
+
+
+@small_kernel
+def _retire(queue, retired, number):
+    """Keep a node that is pruned or left for later searches; return how many there are."""
+    queue.retired[retired] = number
+    return retired + 1
 
 
 @inner_kernel
-def sieve(textures, stride, count, guess_u, guess_v, tolerance, space, room, added):
-    """Search the first `count` pairs of `space.looks`, as `search_looks` does.
-
-    `room` has the arrays of the heap: `boxes`, `heap`, `keys`. What is closed is kept on its
-    `shelf`: `added` is the number of rows that A's charts have got since the last search that
-    added none; if there are any, the search goes on from what that one has left.
-    """
-    state, looks = space.state, space.looks
-    boxes, heap, keys, shelf = room.boxes, room.heap, room.keys, room.shelf
-    bounds = stack_array((4,))
-    _look_at(textures, stride, count, guess_u, guess_v, space)
-    size, used, left = np.int64(0), np.int64(0), np.int64(0)
+def _fill_heap(textures, stride, count, memory, queue, added):
+    """Fill the heap; return how many nodes are in it, in use, and retired."""
+    search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes
+    size, used, retired = np.int64(0), np.int64(0), np.int64(0)
     if added == 0:
         for row in range(count):
-            # A box that is no number stands for all of a pair.
-            boxes[used, 4], boxes[used, 5], boxes[used, 0] = row, looks[row, 0], np.nan
-            if looks[row, 0] <= state[BEST] - TIE:
-                left = _put_by(room, left, used)
+            node, bound = nodes[used], candidates[row].bound
+            node.candidate, node.bound, node.is_whole, node.is_pruned = row, bound, True, False
+            if bound <= pruning_threshold(search):
+                retired = _retire(queue, retired, used)
             else:
-                _push(heap, keys, size, used, looks[row, 0])
+                _push(queue.heap, queue.keys, size, used, bound)
                 size += 1
             used += 1
-    else:
-        used = room.left[1]
-        for i in range(room.left[0]):
-            number = shelf[i]
-            if boxes[number, 5] <= state[BEST] - TIE:
-                continue
-            row = int(boxes[number, 4])
-            pair = int(looks[row, PAIR])
-            a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
-            if a[C] == 0.0 and b[C] == 0.0:
-                x0, x1, y0, y1 = _sides(boxes[number], looks[row])
-                a_is_x = walks_on_a(a, b)
-                cx, cy = (a, b) if a_is_x else (b, a)
-                if _beside_part(cx, cy, between_planes(cx, cy), a_is_x, added, x0, x1, y0, y1):
-                    continue
-            _push(heap, keys, size, number, boxes[number, 5])
-            size += 1
+        return size, used, retired
+    used = queue.left[1]
+    for i in range(queue.left[0]):
+        number = queue.retired[i]
+        node = nodes[number]
+        if node.bound <= pruning_threshold(search):
+            continue
+        candidate = candidates[node.candidate]
+        a = memory.patches_a[candidate.number // stride]
+        b = memory.patches_b[candidate.number % stride]
+        are_planes, box = a.bulge == 0.0 and b.bulge == 0.0, _box_of(node, candidate)
+        if are_planes and _beyond_added(textures, a, b, box, added):
+            continue
+        _push(queue.heap, queue.keys, size, number, node.bound)
+        size += 1
+    return size, used, retired
+
+
+@small_kernel
+def _set_node(node, box, bound, row):
+    """Fill a node with a box of a candidate."""
+    node.x0, node.x1, node.y0, node.y1 = box
+    node.bound, node.candidate, node.is_whole, node.is_pruned = bound, row, False, False
+
+
+@small_kernel
+def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
+    """Bound the quarters of a node of two planes and store them from `queue.left[2]` on.
+
+    Returns the number of the best quarter, -1 without one, and its bound. Pruned quarters are
+    marked.
+    """
+    nodes, used = queue.nodes, queue.left[2]
+    x0, x1, y0, y1, above = node
+    bounds = stack_array((4,))
+    best, highest = np.int64(-1), -np.inf
+    cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
+    mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+    quarter_bounds(
+        textures,
+        pair.patch,
+        pair.other,
+        planes,
+        (x0, x1, y0, y1),
+        pruning_threshold(search),
+        bounds,
+    )
+    for child in range(4):
+        if (child & 1 and not cut_x) or (child & 2 and not cut_y):
+            continue
+        p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
+        q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
+        search.nodes += _CHEAP
+        threshold = pruning_threshold(search)
+        high = min(bounds[child], above)
+        if high == -np.inf:
+            continue
+        quarter = nodes[used]
+        _set_node(quarter, (p0, p1, q0, q1), high, row)
+        used += 1
+        if high > threshold and is_leaf:
+            high = evaluate_node(textures, pair, (p0, p1, q0, q1), high, search)
+            quarter.bound = min(quarter.bound, search.last_bound)
+        elif high <= threshold:
+            high = -np.inf
+        if high == -np.inf:
+            quarter.is_pruned = True
+        elif high > highest:
+            best, highest = used - 1, high
+    queue.left[2] = used
+    return best, highest
+
+
+@inner_kernel
+def best_first_search(textures, stride, count, guess, tolerance, memory, queue, added):
+    """Search the first `count` candidates of `memory`, the one with the largest bound first.
+
+    Parameters
+    ----------
+    stride : int
+        Of the numbers of pairs: A's patch * stride + B's patch.
+    guess : tuple (float, float)
+        (u, v) of the last deepest point, nan if unknown.
+    tolerance : float
+        A box is not divided for a gain smaller than this [m].
+    queue : NodeQueue
+        Nodes that are pruned are retired there.
+    added : int
+        Borders added to A's patches since the last search that added none; if there are any, the
+        search continues from the nodes which that one retired.
+    """
+    search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes
+    heap, keys = queue.heap, queue.keys
+    _initialise_near(textures, stride, count, guess, memory)
+    size, used, retired = _fill_heap(textures, stride, count, memory, queue, added)
     while size > 0:
         above, number = keys[0], heap[0]
-        if above <= state[BEST] - TIE:
+        if above <= pruning_threshold(search):
             break
-        if is_spent(state) or used + 4 > MAX_BOXES:
-            state[UPPER] = max(state[UPPER], above)
-            _last_climbs(textures, stride, size, space, room)
+        if is_spent(search) or used + 4 > MAX_NODES:
+            search.upper_bound = max(search.upper_bound, above)
+            _ascend_in_best(textures, stride, size, memory, queue)
             break
         _pop(heap, keys, size)
         size -= 1
-        row = int(boxes[number, 4])
-        pair = int(looks[row, PAIR])
-        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
-        if not walks_on_a(cx, cy):
-            cx, cy = cy, cx
-        if looks[row, LOOKED] == 0.0:
-            looks[row, LOOKED] = 1.0
-            first_look(
-                textures, cx, cy, pair, guess_u, guess_v, state, space.best, space.ties,
-                space.work, space.at, looks[row],
-            )  # fmt: skip
-            state[NODES] += 2.0
-            above = min(above, looks[row, 0])
-            # Of two that are straight nothing is left, but for a part of them.
-            _push(heap, keys, size, number, above)
+        row = nodes[number].candidate
+        candidate = candidates[row]
+        pair_number = candidate.number
+        a = memory.patches_a[pair_number // stride]
+        b = memory.patches_b[pair_number % stride]
+        patch, other = (a, b) if searches_a(a, b) else (b, a)
+        if not candidate.is_initialised:
+            candidate.is_initialised = True
+            initialise_pair(textures, patch, other, guess, search, candidate)
+            search.nodes += _INITIAL
+            # Two straight patches are solved, but not for a sub-region.
+            _push(heap, keys, size, number, min(above, candidate.bound))
             size += 1
             continue
-        if cx[C] > 0.0 or cy[C] > 0.0:
-            search_pair(
-                textures, cx, cy, pair, looks[row, 1], looks[row, 2], above, tolerance, state,
-                space.best, space.ties, space.nodes, space.work, space.at,
-            )  # fmt: skip
+        if patch.bulge > 0.0 or other.bulge > 0.0:
+            search_pair(textures, patch, other, candidate, above, tolerance, search)
             if added == 0:
-                left = _put_by(room, left, number)
+                retired = _retire(queue, retired, number)
             continue
-        flat, shift = between_planes(cx, cy), sideways(textures, cx) + sideways(textures, cy)
-        moved = shift / cy[Q_LEAST]
-        x0, x1, y0, y1 = _sides(boxes[number], looks[row])
-        window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
-        grain = min(_grain(textures, cx), _grain(textures, cy) * cy[Q_LEAST] / cx[Q_MOST])
+        planes = planes_of(textures, patch, other)
+        pair = PatchPair(
+            patch, other, pair_number, np.int64(PLANES), candidate.base_x, candidate.base_y,
+            pair_shift(textures, patch, other), sides_of(patch),
+        )  # fmt: skip
+        grain = _grain(textures, other) * other.lateral_min / patch.lateral_max
+        grain = min(_grain(textures, patch), grain)
+        x0, x1, y0, y1 = _box_of(nodes[number], candidate)
         while True:
             large = max(x1 - x0, y1 - y0)
-            done = large < SMALLEST or used + 4 > MAX_BOXES
-            if above <= state[BEST] + tolerance and large <= _SETTLED * grain:
-                done = True
-                state[NODES] += 1.0
-                settle(
-                    textures, cx, cy, pair, window, (x0, x1, y0, y1), above, state, space.best,
-                    space.ties, space.work, space.at,
-                )  # fmt: skip
-            elif done:
-                state[UPPER] = max(state[UPPER], above)
-            if done:
+            is_done = large < SMALLEST or used + 4 > MAX_NODES
+            if above <= search.incumbent + tolerance and large <= _RESOLVED * grain:
+                is_done = True
+                search.nodes += 1.0
+                resolve_leaf(textures, pair, (x0, x1, y0, y1), above, search)
+            elif is_done:
+                search.upper_bound = max(search.upper_bound, above)
+            if is_done:
                 if added == 0:
-                    left = _put_by(room, left, number)
+                    retired = _retire(queue, retired, number)
                 break
-            first, best, highest = used, np.int64(-1), -np.inf
-            cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
-            mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-            quarter_bounds(
-                textures, cx, cy, flat, (x0, x1, y0, y1), moved, state[BEST] - TIE, bounds
+            is_leaf, first = large <= _LEAF * grain, used
+            queue.left[2] = used
+            best, highest = _divide(
+                textures, planes, pair, (x0, x1, y0, y1, above), row, is_leaf, search, queue
             )
-            for child in range(4):
-                if (child & 1 and not cut_x) or (child & 2 and not cut_y):
-                    continue
-                p0, p1 = (mx if child & 1 else x0), (mx if cut_x and not child & 1 else x1)
-                q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
-                state[NODES] += _CHEAP
-                enough = state[BEST] - TIE
-                high = min(bounds[child], above)
-                if high == -np.inf:
-                    continue
-                boxes[used, 0], boxes[used, 1], boxes[used, 2], boxes[used, 3] = p0, p1, q0, q1
-                boxes[used, 4], boxes[used, 5] = row, high
-                used += 1
-                if high > enough and large <= _LEAF * grain:
-                    high = judge(
-                        textures, cx, cy, pair, looks[row, 1], looks[row, 2], window,
-                        (p0, p1, q0, q1), high, shift, PLANES, state, space.best, space.ties,
-                        space.work, space.at,
-                    )  # fmt: skip
-                    boxes[used - 1, 5] = min(boxes[used - 1, 5], state[JUDGED])
-                elif high <= enough:
-                    high = -np.inf
-                if high == -np.inf:
-                    if added == 0:
-                        left = _put_by(room, left, used - 1)
-                    boxes[used - 1, 4] = -1.0 - row
-                    continue
-                if high > highest:
-                    best, highest = used - 1, high
-            # On to the best of them, until it is small: what is found there closes others.
-            plunge = highest > state[BEST] - TIE and large > _LEAF * grain
+            used = queue.left[2]
+            # Plunge into the best quarter until it is small: what is found there prunes others.
+            plunge = highest > pruning_threshold(search) and not is_leaf
             for k in range(first, used):
-                if boxes[k, 4] < 0.0:
-                    boxes[k, 4] = -1.0 - boxes[k, 4]  # closed
+                node = nodes[k]
+                if node.is_pruned:
+                    if added == 0:
+                        retired = _retire(queue, retired, k)
                 elif k != best or not plunge:
-                    _push(heap, keys, size, k, boxes[k, 5])
+                    _push(heap, keys, size, k, node.bound)
                     size += 1
             if not plunge:
                 break
-            x0, x1, y0, y1 = boxes[best, 0], boxes[best, 1], boxes[best, 2], boxes[best, 3]
+            x0, x1, y0, y1 = nodes[best].x0, nodes[best].x1, nodes[best].y0, nodes[best].y1
             above, number = highest, best
     if added == 0:
         for i in range(size):
-            left = _put_by(room, left, heap[i])
-        room.left[0], room.left[1] = left, used
+            retired = _retire(queue, retired, heap[i])
+        queue.left[0], queue.left[1] = retired, used
 
 
 @inner_kernel
-def _last_climbs(textures, stride, size, space, room):
-    """Climb from the middles of the most promising boxes, of which there are `size`.
+def _ascend_in_best(textures, stride, size, memory, queue):
+    """Ascend from the centres of the boxes with the largest bounds, of `size` in the heap.
 
-    A search that ends before it has seen them would else report what it happened to find.
+    A search that ends before it has divided them would report what it happened to find.
     """
-    most = _LAST if space.state[CUT] == 0.0 else _LAST_CUT
+    search = memory.search[0]
+    most = _LAST_CUT if search.is_cut_short else _LAST
     for k in range(min(size, most)):
-        number = room.heap[k]
-        look = space.looks[int(room.boxes[number, 4])]
-        pair = int(look[PAIR])
-        cx, cy = space.charts_a[pair // stride], space.charts_b[pair % stride]
-        if not walks_on_a(cx, cy):
-            cx, cy = cy, cx
-        if cx[C] == 0.0 and cy[C] == 0.0:
-            x0, x1, y0, y1 = _sides(room.boxes[number], look)
-            window = (cx[RECTANGLE], cx[RECTANGLE + 1], cx[RECTANGLE + 2], cx[RECTANGLE + 3])
-            settle(
-                textures, cx, cy, pair, window, (x0, x1, y0, y1), room.boxes[number, 5],
-                space.state, space.best, space.ties, space.work, space.at,
+        node = queue.nodes[queue.heap[k]]
+        candidate = memory.candidates[node.candidate]
+        pair_number = candidate.number
+        a = memory.patches_a[pair_number // stride]
+        b = memory.patches_b[pair_number % stride]
+        patch, other = (a, b) if searches_a(a, b) else (b, a)
+        if patch.bulge == 0.0 and other.bulge == 0.0:
+            pair = PatchPair(
+                patch, other, pair_number, np.int64(PLANES), candidate.base_x, candidate.base_y,
+                pair_shift(textures, patch, other), sides_of(patch),
             )  # fmt: skip
-
-
-@small_kernel
-def _sides(box, look):
-    """Return x0, x1, y0, y1 of a box, which may stand for all of its pair."""
-    if box[0] != box[0]:
-        return look[LOOK_BOX], look[LOOK_BOX + 1], look[LOOK_BOX + 2], look[LOOK_BOX + 3]
-    return box[0], box[1], box[2], box[3]
-
-
-@small_kernel
-def _put_by(room, left, number):
-    """Put a box on the shelf; return how many there are."""
-    room.shelf[left] = number
-    return left + 1
+            resolve_leaf(textures, pair, _box_of(node, candidate), node.bound, search)

@@ -1,10 +1,9 @@
-"""Points of a textured chart with their derivatives, and its height over a place.
+"""The displaced surface of a patch: points with derivatives, and heights over (u, v).
 
-Two ways to ask for the same surface. `surface_at` goes from the chart's parameters to a point;
-it is what the search walks over. `height_at` goes from a place (u, v) of the contact frame to the
-height there, with slope and curvature; it is what the other body's point is compared with. The
-latter is in closed form unless the texture shifts points sideways; then the parameters of the
-point are found by Newton's method.
+`surface_at` maps the parameters (x, y) of a patch to a point; the search runs over these.
+`height_at` returns height, slope and curvature over (u, v) of the contact frame, with which the
+other body's point is compared. It is in closed form unless the texture moves points sideways; then
+Newton's method finds the parameters of the point.
 """
 
 from __future__ import annotations
@@ -14,60 +13,30 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.displaced_plane import (
-    P_X,
-    P_XX,
-    P_XY,
-    P_Y,
-    P_YY,
-    POINT_SIZE,
-    P,
-    lift_plane,
-    place_on_plane,
-)
-from asperity.contact.narrow_phase.surface_patch import (
-    B0,
-    B1,
-    B2,
-    B3,
-    CYLINDRICAL,
-    LEAST_ROOT,
-    LEVEL,
-    MAPPING,
-    PLANAR,
-    PZ,
-    QINV,
-    ROUND,
-    TEXTURE,
-    UNIT,
-    V0,
-    V1,
-    V2,
-    V3,
-    W0,
-    W1,
-    W2,
-    W3,
-    C,
-    E,
-    O,
-    Q,
-)
+from asperity.contact.narrow_phase.displaced_plane import lift_plane, place_on_plane
+from asperity.contact.narrow_phase.surface_patch import CYLINDRICAL, PLANAR, entries
 from asperity.texture.packed import texture_at
 
 _NEWTON_STEPS = 20
-_NEAR_ENOUGH = 1e-16
-"""A place this near is found [m]."""
-_NEARLY = 1e-12
-"""From a place of a plane this near the height goes on straight: its slope changes by 1e-8 [m]."""
+_CONVERGED = 1e-16
+"""Lateral residual at which Newton's method ends [m]."""
+_LINEAR = 1e-12
+"""Residual on a plane below which the rest is extrapolated linearly [m]: slopes differ by 1e-8."""
 
 
 @small_kernel
-def root_at(chart, x, y):
-    """Return the root r and r_x, r_y, r_xx, r_xy, r_yy; r is nan beyond the chart's ellipse."""
-    if chart[C] == 0.0:
+def ellipse_form(patch, x, y):
+    """Return a^T E a, which is 1 on the ellipse that a curved patch ends at."""
+    e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
+    return x * (e11 * x + e12 * y) + y * (e12 * x + e22 * y)
+
+
+@small_kernel
+def root_at(patch, x, y):
+    """Return the root r and r_x, r_y, r_xx, r_xy, r_yy; r is nan beyond the patch's ellipse."""
+    if patch.bulge == 0.0:
         return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    e11, e12, e22 = chart[E], chart[E + 1], chart[E + 2]
+    e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
     qx, qy = e11 * x + e12 * y, e12 * x + e22 * y
     r = math.sqrt(1.0 - x * qx - y * qy)
     over = 1.0 / r
@@ -79,9 +48,14 @@ def root_at(chart, x, y):
 
 
 @small_kernel
-def _through(h, u_x, u_y, u_xx, u_xy, u_yy, v_x, v_y, v_xx, v_xy, v_yy):
-    """Return t and its derivatives in (x, y) from those in (u, v), by the chain rule."""
-    t, h_u, h_v, h_uu, h_uv, h_vv = h
+def _chain_rule(height, u, v):
+    """Return t and its derivatives by (x, y) from those by (u, v).
+
+    `u` and `v` are their derivatives by x, y, xx, xy, yy.
+    """
+    t, h_u, h_v, h_uu, h_uv, h_vv = height
+    u_x, u_y, u_xx, u_xy, u_yy = u
+    v_x, v_y, v_xx, v_xy, v_yy = v
     return (
         t,
         h_u * u_x + h_v * v_x,
@@ -94,40 +68,49 @@ def _through(h, u_x, u_y, u_xx, u_xy, u_yy, v_x, v_y, v_xx, v_xy, v_yy):
 
 
 @small_kernel
-def _flat_map(textures, chart, i, j, u0, v0, x, y, root):
-    """Return t and derivatives of the map by components i and j of the base point less a start."""
+def _planar_map(textures, patch, axes, start, x, y, root):
+    """Return t and its derivatives where (u, v) are two coordinates of the base point less `start`.
+
+    `axes` are the numbers of the two coordinates in the texture's frame.
+    """
+    i, j = axes
+    at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
     r, r_x, r_y, r_xx, r_xy, r_yy = root
-    a, b = chart[B3 + i], chart[B3 + j]
-    u = chart[B0 + i] - u0 + chart[B1 + i] * x + chart[B2 + i] * y + a * r
-    v = chart[B0 + j] - v0 + chart[B1 + j] * x + chart[B2 + j] * y + b * r
-    return _through(
-        texture_at(textures, int(chart[TEXTURE]), u, v),
-        chart[B1 + i] + a * r_x, chart[B2 + i] + a * r_y, a * r_xx, a * r_xy, a * r_yy,
-        chart[B1 + j] + b * r_x, chart[B2 + j] + b * r_y, b * r_xx, b * r_xy, b * r_yy,
+    a, b = patch.texture_from_root[i], patch.texture_from_root[j]
+    u = at[i] - start[0] + by_x[i] * x + by_y[i] * y + a * r
+    v = at[j] - start[1] + by_x[j] * x + by_y[j] * y + b * r
+    return _chain_rule(
+        texture_at(textures, patch.texture, u, v),
+        (by_x[i] + a * r_x, by_y[i] + a * r_y, a * r_xx, a * r_xy, a * r_yy),
+        (by_x[j] + b * r_x, by_y[j] + b * r_y, b * r_xx, b * r_xy, b * r_yy),
     )  # fmt: skip
 
 
 @inner_kernel
-def _three_maps(textures, chart, x, y, root):
-    """Triplanar: three flat maps, weighted by the fourth powers of the normal's components."""
+def _triplanar_map(textures, patch, x, y, root):
+    """Return t and its derivatives of three planar maps, weighted by the normal's fourth powers."""
     r, r_x, r_y, r_xx, r_xy, r_yy = root
+    n0, n1, n2, n3 = (
+        patch.body_normal, patch.body_normal_from_x, patch.body_normal_from_y,
+        patch.body_normal_from_root,
+    )  # fmt: skip
+    start = (patch.map_start[0], patch.map_start[1])
     total = total_x = total_y = total_xx = total_xy = total_yy = 0.0
     t = t_x = t_y = t_xx = t_xy = t_yy = 0.0
     for k in range(3):
-        w = chart[W0 + k] + chart[W1 + k] * x + chart[W2 + k] * y + chart[W3 + k] * r
+        w = n0[k] + n1[k] * x + n2[k] * y + n3[k] * r
         weight = w * w * w * w
         if weight < 1e-12:
-            # Far below what could be felt; and a plane has exactly its own map.
+            # Imperceptible; and a plane across an axis has exactly the map of that axis.
             continue
-        w_x, w_y = chart[W1 + k] + chart[W3 + k] * r_x, chart[W2 + k] + chart[W3 + k] * r_y
-        slope, bend, c = 4.0 * w * w * w, 12.0 * w * w, chart[W3 + k]
+        w_x, w_y = n1[k] + n3[k] * r_x, n2[k] + n3[k] * r_y
+        slope, bend, c = 4.0 * w * w * w, 12.0 * w * w, n3[k]
         weight_x, weight_y = slope * w_x, slope * w_y
         weight_xx = bend * w_x * w_x + slope * c * r_xx
         weight_xy = bend * w_x * w_y + slope * c * r_xy
         weight_yy = bend * w_y * w_y + slope * c * r_yy
-        h = _flat_map(
-            textures, chart, (k + 1) % 3, (k + 2) % 3, chart[ROUND], chart[ROUND + 1], x, y, root
-        )
+        axes = ((k + 1) % 3, (k + 2) % 3)
+        h = _planar_map(textures, patch, axes, start, x, y, root)
         total += weight
         total_x += weight_x
         total_y += weight_y
@@ -149,124 +132,147 @@ def _three_maps(textures, chart, x, y, root):
 
 
 @small_kernel
-def height_on(textures, chart, x, y, root):
-    """Return the texture's height t at a chart's (x, y), and t_x, t_y, t_xx, t_xy, t_yy."""
-    mapping = chart[MAPPING]
+def height_on(textures, patch, x, y, root):
+    """Return the height t of the texture at (x, y) of a patch, and t_x, t_y, t_xx, t_xy, t_yy."""
+    mapping = patch.mapping
     if mapping == PLANAR:
-        return _flat_map(textures, chart, np.int64(0), np.int64(1), 0.0, 0.0, x, y, root)
+        axes = (np.int64(0), np.int64(1))
+        return _planar_map(textures, patch, axes, (0.0, 0.0), x, y, root)
     if mapping == CYLINDRICAL:
         r, _, r_y, _, _, r_yy = root
-        radius, lean = chart[ROUND], chart[ROUND + 4]
-        sense = chart[ROUND + 2] * chart[ROUND + 5]
-        u = chart[ROUND + 1] + sense * radius * math.asin(min(max(y / radius, -1.0), 1.0))
-        v = chart[ROUND + 3] + x + lean * r
-        return _through(
-            texture_at(textures, int(chart[TEXTURE]), u, v),
-            0.0, sense / r, 0.0, 0.0, sense * y / (radius * radius * r * r * r),
-            1.0, lean * r_y, 0.0, 0.0, lean * r_yy,
+        radius, lean = patch.radius, patch.lean
+        sense = patch.map_sense * patch.map_stretch
+        u = patch.map_start[0] + sense * radius * math.asin(min(max(y / radius, -1.0), 1.0))
+        v = patch.map_start[1] + x + lean * r
+        return _chain_rule(
+            texture_at(textures, patch.texture, u, v),
+            (0.0, sense / r, 0.0, 0.0, sense * y / (radius * radius * r * r * r)),
+            (1.0, lean * r_y, 0.0, 0.0, lean * r_yy),
         )  # fmt: skip
-    return _three_maps(textures, chart, x, y, root)
+    return _triplanar_map(textures, patch, x, y, root)
 
 
 @inner_kernel
-def surface_at(textures, chart, x, y, out):
-    """Fill a chart's point at (x, y) and all derivatives up to the second; see `P`, `P_X`, ...
-
-    The point is nan beyond the chart's ellipse.
-    """
-    root = root_at(chart, x, y)
-    c = chart[C]
-    if c == 0.0 and chart[TEXTURE] >= 0.0:
-        lift_plane(chart, x, y, height_on(textures, chart, x, y, root), out)
+def surface_at(textures, patch, x, y, out):
+    """Fill a `POINT` at (x, y) of a patch; it is nan beyond the patch's ellipse."""
+    root = root_at(patch, x, y)
+    c = patch.bulge
+    if c == 0.0 and patch.texture >= 0:
+        lift_plane(patch, x, y, height_on(textures, patch, x, y, root), out)
         return
     r, r_x, r_y, r_xx, r_xy, r_yy = root
-    out[P], out[P + 1] = (
-        chart[O] + chart[Q] * x + chart[Q + 1] * y,
-        chart[O + 1] + chart[Q + 2] * x + chart[Q + 3] * y,
-    )
-    out[P + 2] = chart[O + 2] + chart[PZ] * x + chart[PZ + 1] * y + c * r
-    out[P_X], out[P_X + 1], out[P_X + 2] = chart[Q], chart[Q + 2], chart[PZ] + c * r_x
-    out[P_Y], out[P_Y + 1], out[P_Y + 2] = chart[Q + 1], chart[Q + 3], chart[PZ + 1] + c * r_y
-    for i in range(P_XX, POINT_SIZE):
-        out[i] = 0.0
-    out[P_XX + 2], out[P_XY + 2], out[P_YY + 2] = c * r_xx, c * r_xy, c * r_yy
-    if chart[TEXTURE] < 0.0:
+    q11, q12, q21, q22 = entries(patch.lateral)
+    origin, slope = patch.origin, patch.slope
+    out.p[0], out.p[1] = origin[0] + q11 * x + q12 * y, origin[1] + q21 * x + q22 * y
+    out.p[2] = origin[2] + slope[0] * x + slope[1] * y + c * r
+    out.p_x[0], out.p_x[1], out.p_x[2] = q11, q21, slope[0] + c * r_x
+    out.p_y[0], out.p_y[1], out.p_y[2] = q12, q22, slope[1] + c * r_y
+    for i in range(2):
+        out.p_xx[i] = out.p_xy[i] = out.p_yy[i] = 0.0
+    out.p_xx[2], out.p_xy[2], out.p_yy[2] = c * r_xx, c * r_xy, c * r_yy
+    if patch.texture < 0:
         return
-    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, chart, x, y, root)
+    t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, x, y, root)
+    v0, v1, v2, v3 = patch.normal, patch.normal_from_x, patch.normal_from_y, patch.normal_from_root
     size = 1.0
-    if chart[UNIT] == 0.0:
+    if not patch.is_unit:
         size = 0.0
         for i in range(3):
-            w = chart[V0 + i] + chart[V1 + i] * x + chart[V2 + i] * y + chart[V3 + i] * r
+            w = v0[i] + v1[i] * x + v2[i] * y + v3[i] * r
             size += w * w
         size = math.sqrt(size)
-    # Of the normal's length, the slope and the curvature along x and y.
+    # Derivatives of the length of the normal.
     s_x = s_y = s_xx = s_xy = s_yy = 0.0
-    if chart[UNIT] == 0.0:
+    if not patch.is_unit:
         for i in range(3):
-            v = chart[V0 + i] + chart[V1 + i] * x + chart[V2 + i] * y + chart[V3 + i] * r
-            v_x, v_y = chart[V1 + i] + chart[V3 + i] * r_x, chart[V2 + i] + chart[V3 + i] * r_y
+            v = v0[i] + v1[i] * x + v2[i] * y + v3[i] * r
+            v_x, v_y = v1[i] + v3[i] * r_x, v2[i] + v3[i] * r_y
             s_x += v * v_x / size
             s_y += v * v_y / size
-            s_xx += (v_x * v_x + v * chart[V3 + i] * r_xx) / size
-            s_xy += (v_x * v_y + v * chart[V3 + i] * r_xy) / size
-            s_yy += (v_y * v_y + v * chart[V3 + i] * r_yy) / size
+            s_xx += (v_x * v_x + v * v3[i] * r_xx) / size
+            s_xy += (v_x * v_y + v * v3[i] * r_xy) / size
+            s_yy += (v_y * v_y + v * v3[i] * r_yy) / size
         s_xx -= s_x * s_x / size
         s_xy -= s_x * s_y / size
         s_yy -= s_y * s_y / size
     for i in range(3):
-        w = (chart[V0 + i] + chart[V1 + i] * x + chart[V2 + i] * y + chart[V3 + i] * r) / size
-        w_x = (chart[V1 + i] + chart[V3 + i] * r_x - w * s_x) / size
-        w_y = (chart[V2 + i] + chart[V3 + i] * r_y - w * s_y) / size
-        w_xx = (chart[V3 + i] * r_xx - 2.0 * w_x * s_x - w * s_xx) / size
-        w_xy = (chart[V3 + i] * r_xy - w_x * s_y - w_y * s_x - w * s_xy) / size
-        w_yy = (chart[V3 + i] * r_yy - 2.0 * w_y * s_y - w * s_yy) / size
-        out[P + i] += t * w
-        out[P_X + i] += t_x * w + t * w_x
-        out[P_Y + i] += t_y * w + t * w_y
-        out[P_XX + i] += t_xx * w + 2.0 * t_x * w_x + t * w_xx
-        out[P_XY + i] += t_xy * w + t_x * w_y + t_y * w_x + t * w_xy
-        out[P_YY + i] += t_yy * w + 2.0 * t_y * w_y + t * w_yy
+        w = (v0[i] + v1[i] * x + v2[i] * y + v3[i] * r) / size
+        w_x = (v1[i] + v3[i] * r_x - w * s_x) / size
+        w_y = (v2[i] + v3[i] * r_y - w * s_y) / size
+        w_xx = (v3[i] * r_xx - 2.0 * w_x * s_x - w * s_xx) / size
+        w_xy = (v3[i] * r_xy - w_x * s_y - w_y * s_x - w * s_xy) / size
+        w_yy = (v3[i] * r_yy - 2.0 * w_y * s_y - w * s_yy) / size
+        out.p[i] += t * w
+        out.p_x[i] += t_x * w + t * w_x
+        out.p_y[i] += t_y * w + t * w_y
+        out.p_xx[i] += t_xx * w + 2.0 * t_x * w_x + t * w_xx
+        out.p_xy[i] += t_xy * w + t_x * w_y + t_y * w_x + t * w_xy
+        out.p_yy[i] += t_yy * w + 2.0 * t_y * w_y + t * w_yy
 
 
 @small_kernel
-def parameters_under(chart, u, v):
+def place_at(patch, x, y):
+    """Return (u, v) of the base point with the parameters (x, y)."""
+    return (
+        patch.origin[0] + patch.lateral[0, 0] * x + patch.lateral[0, 1] * y,
+        patch.origin[1] + patch.lateral[1, 0] * x + patch.lateral[1, 1] * y,
+    )
+
+
+@small_kernel
+def parameters_at(patch, u, v):
     """Return the parameters (x, y) whose base point lies at (u, v)."""
-    du, dv = u - chart[O], v - chart[O + 1]
-    return chart[QINV] * du + chart[QINV + 1] * dv, chart[QINV + 2] * du + chart[QINV + 3] * dv
+    du, dv = u - patch.origin[0], v - patch.origin[1]
+    i, j, k, m = entries(patch.lateral_inverse)
+    return i * du + j * dv, k * du + m * dv
 
 
 @small_kernel
-def over_base(chart, u, v):
+def base_height_at(patch, u, v):
     """Return z, z_u, z_v, z_uu, z_uv, z_vv of the smooth base over (u, v); nan where it ends."""
-    x, y = parameters_under(chart, u, v)
-    r, r_x, r_y, r_xx, r_xy, r_yy = root_at(chart, x, y)
-    c = chart[C]
-    i, j, k, m = chart[QINV], chart[QINV + 1], chart[QINV + 2], chart[QINV + 3]
-    z_x, z_y = chart[PZ] + c * r_x, chart[PZ + 1] + c * r_y
-    z = chart[O + 2] + chart[PZ] * x + chart[PZ + 1] * y + c * r
+    x, y = parameters_at(patch, u, v)
+    r, r_x, r_y, r_xx, r_xy, r_yy = root_at(patch, x, y)
+    c = patch.bulge
+    i, j, k, m = entries(patch.lateral_inverse)
+    z_x, z_y = patch.slope[0] + c * r_x, patch.slope[1] + c * r_y
+    z = patch.origin[2] + patch.slope[0] * x + patch.slope[1] * y + c * r
     k11 = c * (i * (r_xx * i + r_xy * k) + k * (r_xy * i + r_yy * k))
     k12 = c * (i * (r_xx * j + r_xy * m) + k * (r_xy * j + r_yy * m))
     k22 = c * (j * (r_xx * j + r_xy * m) + m * (r_xy * j + r_yy * m))
     return z, i * z_x + k * z_y, j * z_x + m * z_y, k11, k12, k22
 
 
-@inner_kernel
-def height_at(textures, chart, u, v, work):
-    """Return z, z_u, z_v, z_uu, z_uv, z_vv of a chart's textured surface over (u, v), and (x, y).
+@small_kernel
+def parameters_over(patch, other):
+    """Return b0, b1, b2, c0, c1, c2: the parameters of `other` over (x, y) of `patch`.
 
-    z is -inf where there is no such point. `work` (18,) is written to.
+    They are `b0 + b1 x + b2 y` and `c0 + c1 x + c2 y`, those of base points at the same (u, v).
     """
-    x, y = parameters_under(chart, u, v)
+    i, j, k, m = entries(other.lateral_inverse)
+    q11, q12, q21, q22 = entries(patch.lateral)
+    du, dv = patch.origin[0] - other.origin[0], patch.origin[1] - other.origin[1]
+    return (
+        i * du + j * dv, i * q11 + j * q21, i * q12 + j * q22,
+        k * du + m * dv, k * q11 + m * q21, k * q12 + m * q22,
+    )  # fmt: skip
+
+
+@inner_kernel
+def height_at(textures, patch, u, v, point):
+    """Return z, z_u, z_v, z_uu, z_uv, z_vv of the displaced surface over (u, v), and (x, y).
+
+    z is -inf where there is no such point. `point` is a `POINT` for scratch.
+    """
+    x, y = parameters_at(patch, u, v)
     nothing = (-np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, x, y)
-    if chart[TEXTURE] < 0.0 or chart[LEVEL] == 1.0:
-        z, g1, g2, k11, k12, k22 = over_base(chart, u, v)
+    if patch.texture < 0 or patch.is_level:
+        z, g1, g2, k11, k12, k22 = base_height_at(patch, u, v)
         if math.isnan(z):
             return nothing
-        if chart[TEXTURE] < 0.0:
+        if patch.texture < 0:
             return z, g1, g2, k11, k12, k22, x, y
-        t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, chart, x, y, root_at(chart, x, y))
-        i, j, k, m = chart[QINV], chart[QINV + 1], chart[QINV + 2], chart[QINV + 3]
+        t, t_x, t_y, t_xx, t_xy, t_yy = height_on(textures, patch, x, y, root_at(patch, x, y))
+        i, j, k, m = entries(patch.lateral_inverse)
         return (
             z + t,
             i * t_x + k * t_y,
@@ -276,44 +282,45 @@ def height_at(textures, chart, u, v, work):
             j * (t_xx * j + t_xy * m) + m * (t_xy * j + t_yy * m),
             x, y,
         )  # fmt: skip
-    # A start inside the ellipse: the shift is small, and decides which side of its rim counts.
-    if chart[C] > 0.0:
-        inside = x * (chart[E] * x + chart[E + 1] * y) + y * (chart[E + 1] * x + chart[E + 2] * y)
-        most = 1.0 - 0.25 * chart[LEAST_ROOT] ** 2
+    # Start inside the ellipse: the shift is small, and decides which side of its rim counts.
+    if patch.bulge > 0.0:
+        inside = ellipse_form(patch, x, y)
+        most = 1.0 - 0.25 * patch.min_root**2
         if inside > most:
             scale = math.sqrt(most / inside)
             x, y = x * scale, y * scale
-    elif chart[MAPPING] == PLANAR:
-        x, y = place_on_plane(textures, chart, u, v)
+    elif patch.mapping == PLANAR:
+        x, y = place_on_plane(textures, patch, u, v)
     error = np.inf
     a = b = c = d = det = 0.0
     for _ in range(_NEWTON_STEPS):
-        surface_at(textures, chart, x, y, work)
-        off_u, off_v = u - work[P], v - work[P + 1]
+        surface_at(textures, patch, x, y, point)
+        off_u, off_v = u - point.p[0], v - point.p[1]
         before, error = error, abs(off_u) + abs(off_v)
-        a, b, c, d = work[P_X], work[P_Y], work[P_X + 1], work[P_Y + 1]
+        a, b, c, d = point.p_x[0], point.p_y[0], point.p_x[1], point.p_y[1]
         det = a * d - b * c
-        if error <= _NEAR_ENOUGH or (error < 1e-13 and error >= before):
+        if error <= _CONVERGED or (error < 1e-13 and error >= before):
             break
         if det == 0.0 or not error < 1e3:
             return nothing
         step_x, step_y = (d * off_u - b * off_v) / det, (a * off_v - c * off_u) / det
         x, y = x + step_x, y + step_y
-        if error < _NEARLY and chart[C] == 0.0:
-            work[P], work[P + 1] = u, v
-            work[P + 2] += work[P_X + 2] * step_x + work[P_Y + 2] * step_y
+        if error < _LINEAR and patch.bulge == 0.0:
+            point.p[0], point.p[1] = u, v
+            point.p[2] += point.p_x[2] * step_x + point.p_y[2] * step_y
             break
-    # A surface that hangs over is seen here from within: its determinant changes sign.
-    if not error < 1e-12 or not det * (chart[Q] * chart[Q + 3] - chart[Q + 1] * chart[Q + 2]) > 0.0:
+    q11, q12, q21, q22 = entries(patch.lateral)
+    # Overhanging surface is seen from within here: its determinant changes sign.
+    if not error < 1e-12 or not det * (q11 * q22 - q12 * q21) > 0.0:
         return nothing
-    z_x, z_y = work[P_X + 2], work[P_Y + 2]
+    z_x, z_y = point.p_x[2], point.p_y[2]
     g1, g2 = (d * z_x - c * z_y) / det, (a * z_y - b * z_x) / det
-    z_xx = work[P_XX + 2] - g1 * work[P_XX] - g2 * work[P_XX + 1]
-    z_xy = work[P_XY + 2] - g1 * work[P_XY] - g2 * work[P_XY + 1]
-    z_yy = work[P_YY + 2] - g1 * work[P_YY] - g2 * work[P_YY + 1]
+    z_xx = point.p_xx[2] - g1 * point.p_xx[0] - g2 * point.p_xx[1]
+    z_xy = point.p_xy[2] - g1 * point.p_xy[0] - g2 * point.p_xy[1]
+    z_yy = point.p_yy[2] - g1 * point.p_yy[0] - g2 * point.p_yy[1]
     i, j, k, m = d / det, -b / det, -c / det, a / det
     return (
-        work[P + 2], g1, g2,
+        point.p[2], g1, g2,
         i * (z_xx * i + z_xy * k) + k * (z_xy * i + z_yy * k),
         i * (z_xx * j + z_xy * m) + k * (z_xy * j + z_yy * m),
         j * (z_xx * j + z_xy * m) + m * (z_xy * j + z_yy * m),

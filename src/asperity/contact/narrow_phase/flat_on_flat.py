@@ -1,7 +1,7 @@
-"""Two smooth plane charts: their overlap is linear, and its maximum is in a corner.
+"""Fast path for two smooth planes: their overlap is linear, so its maximum is at a corner.
 
-Flat on flat, all of a polygon is equally deep, or one of its sides. Then the middle stands for
-it, with its area, or its length, as weight.
+If all of the overlap polygon is equally deep, or one of its sides, its centroid represents it, with
+its area, or its length, as weight.
 """
 
 from __future__ import annotations
@@ -11,139 +11,97 @@ import math
 import numpy as np
 
 from asperity._core.kernels import inner_kernel
-from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.overlap import POLYGON, F, overlap_at
-from asperity.contact.narrow_phase.surface_patch import (
-    CORNERS,
-    PZ,
-    Q_LEAST,
-    QINV,
-    RECTANGLE,
-    ROWS,
-    TEXTURE,
-    C,
-    O,
-    Q,
-)
+from asperity.contact.narrow_phase.displaced_surface import parameters_over
+from asperity.contact.narrow_phase.overlap import overlap_at
+from asperity.contact.narrow_phase.polygon import clip
 
-_ROOM = 36  # a polygon of this many corners at most, and as many being made
-_ON = 1e-15
-"""A place this far beyond a side is still on it: where two edges meet rounding would decide [m]."""
-_THIN = 1e-9
-"""What a line's length is worth as an area, over its length [m]."""
+_SLACK = 1e-15
+"""Distance by which sides are widened, or rounding would decide where two edges meet [m]."""
+_LINE_WIDTH = 1e-9
+"""Width that turns the length of a line into a weight [m]."""
 
 
 @inner_kernel
-def is_straight(chart):
-    """Return whether a chart is plane and smooth with straight sides, unlike a cylinder's end."""
-    if chart[C] > 0.0 or chart[TEXTURE] >= 0.0:
+def is_straight(patch):
+    """Return whether a patch is plane and smooth with straight sides, unlike a cylinder's end."""
+    if patch.bulge > 0.0 or patch.texture >= 0:
         return False
-    bent = False
-    for i in range(int(chart[ROWS])):
-        bent = bent or chart[ROWS + 5 + 6 * i] != 0.0
-    return not bent
+    curved = 0
+    for i in range(patch.border_count):
+        curved += 1 if patch.borders[i].from_square != 0.0 else 0
+    return curved == 0
 
 
 @inner_kernel
-def _clipped(polygon, size, a, b, r):
-    """Cut a polygon (rows x, y) to `a x + b y <= r`; return how many corners are left."""
-    over = stack_array((_ROOM,))
-    least, most = np.inf, -np.inf
-    for j in range(size):
-        over[j] = a * polygon[j, 0] + b * polygon[j, 1] - r
-        least, most = min(least, over[j]), max(most, over[j])
-    if most <= 0.0:
-        return size
-    if least > 0.0:
-        return np.int64(0)
-    kept = np.int64(0)
-    for j in range(size):
-        k = j + 1 if j + 1 < size else 0
-        d0, d1 = over[j], over[k]
-        if d0 <= 0.0:
-            polygon[kept + _ROOM, 0], polygon[kept + _ROOM, 1] = polygon[j, 0], polygon[j, 1]
-            kept += 1
-        if (d0 < 0.0 and d1 > 0.0) or (d0 > 0.0 and d1 < 0.0):
-            t = d0 / (d0 - d1)
-            polygon[kept + _ROOM, 0] = polygon[j, 0] + t * (polygon[k, 0] - polygon[j, 0])
-            polygon[kept + _ROOM, 1] = polygon[j, 1] + t * (polygon[k, 1] - polygon[j, 1])
-            kept += 1
-    for j in range(kept):
-        polygon[j, 0], polygon[j, 1] = polygon[j + _ROOM, 0], polygon[j + _ROOM, 1]
-    return kept
+def plane_overlap(patch, other, slack, polygon):
+    """Fill `polygon` with the part of a patch's parameters over which two plane patches overlap.
 
-
-@inner_kernel
-def plane_overlap(cx, cy, slack, polygon):
-    """Fill `polygon` with the part of X's parameters over which two plane charts overlap.
-
-    Borders of Y, and the sides of X's rectangle, may be passed by `slack` [m]. Curved borders are
-    left out. Returns how many corners there are, and the overlap of the smooth bases, which is
-    linear: at (0, 0), by x, by y.
+    The limits of the other patch are widened by `slack` [m]; curved ones are left out. Returns the
+    number of corners and the overlap of the smooth bases, which is linear: at (0, 0), by x, by y.
     """
-    i, j, k, m = cy[QINV], cy[QINV + 1], cy[QINV + 2], cy[QINV + 3]
-    du, dv = cx[O] - cy[O], cx[O + 1] - cy[O + 1]
-    # Y's parameters over X's: b0 + b1 x + b2 y, c0 + c1 x + c2 y.
-    b0, b1, b2 = i * du + j * dv, i * cx[Q] + j * cx[Q + 2], i * cx[Q + 1] + j * cx[Q + 3]
-    c0, c1, c2 = k * du + m * dv, k * cx[Q] + m * cx[Q + 2], k * cx[Q + 1] + m * cx[Q + 3]
-    at_zero = cx[O + 2] + cy[O + 2] + cy[PZ] * b0 + cy[PZ + 1] * c0
-    g_x = cx[PZ] + cy[PZ] * b1 + cy[PZ + 1] * c1
-    g_y = cx[PZ + 1] + cy[PZ] * b2 + cy[PZ + 1] * c2
-    own = size = int(cx[CORNERS])
+    b0, b1, b2, c0, c1, c2 = parameters_over(patch, other)
+    at_zero = patch.origin[2] + other.origin[2] + other.slope[0] * b0 + other.slope[1] * c0
+    g_x = patch.slope[0] + other.slope[0] * b1 + other.slope[1] * c1
+    g_y = patch.slope[1] + other.slope[0] * b2 + other.slope[1] * c2
+    own = size = patch.corner_count
     mid_x, mid_y = (
-        0.5 * (cx[RECTANGLE] + cx[RECTANGLE + 1]),
-        0.5 * (cx[RECTANGLE + 2] + cx[RECTANGLE + 3]),
+        0.5 * (patch.rectangle[0] + patch.rectangle[1]),
+        0.5 * (patch.rectangle[2] + patch.rectangle[3]),
     )
-    half_x, half_y = cx[RECTANGLE + 1] - mid_x, cx[RECTANGLE + 3] - mid_y
+    half_x, half_y = patch.rectangle[1] - mid_x, patch.rectangle[3] - mid_y
     for n in range(size):
-        polygon[n, 0], polygon[n, 1] = cx[CORNERS + 1 + 2 * n], cx[CORNERS + 2 + 2 * n]
+        polygon[n, 0], polygon[n, 1] = patch.corners[n, 0], patch.corners[n, 1]
     if own == 0:
         size = 4
         for n in range(4):
-            polygon[n, 0] = cx[RECTANGLE] if n in (0, 3) else cx[RECTANGLE + 1]
-            polygon[n, 1] = cx[RECTANGLE + 2] if n < 2 else cx[RECTANGLE + 3]
-    # The first rows of a facet are the sides between its corners.
-    for n in range(own, int(cx[ROWS])):
-        row = ROWS + 1 + 6 * n
-        if cx[row + 4] == 0.0 and size > 0:
-            size = _clipped(polygon, size, cx[row + 1], cx[row + 2], -cx[row])
-    slack /= cy[Q_LEAST]
-    # A facet within rows fills its rectangle from side to side: the rows will do.
-    for n in range(4 if cy[CORNERS] == 0.0 else 0):
+            polygon[n, 0] = patch.rectangle[0] if n in (0, 3) else patch.rectangle[1]
+            polygon[n, 1] = patch.rectangle[2] if n < 2 else patch.rectangle[3]
+    # The first borders of a facet are the sides between its corners.
+    for n in range(own, patch.border_count):
+        border = patch.borders[n]
+        if border.from_square == 0.0 and size > 0:
+            size = clip(polygon, size, border.from_x, border.from_y, -border.constant)
+    slack /= other.lateral_min
+    # A facet that is bounded by its sides fills its rectangle: its borders suffice.
+    for n in range(4 if other.corner_count == 0 else 0):
         sign = 1.0 if n & 1 else -1.0
         f0, f1, f2 = (b0, b1, b2) if n < 2 else (c0, c1, c2)
-        r = sign * (cy[RECTANGLE + n] - f0) + slack
+        r = sign * (other.rectangle[n] - f0) + slack
         far = sign * (f1 * mid_x + f2 * mid_y) + abs(f1) * half_x + abs(f2) * half_y
         if size > 0 and far > r:
-            size = _clipped(polygon, size, sign * f1, sign * f2, r)
-    for n in range(int(cy[ROWS])):
-        row = ROWS + 1 + 6 * n
-        k1, k2 = cy[row + 1], cy[row + 2]
-        f1, f2, r = k1 * b1 + k2 * c1, k1 * b2 + k2 * c2, slack - cy[row] - k1 * b0 - k2 * c0
+            size = clip(polygon, size, sign * f1, sign * f2, r)
+    for n in range(other.border_count):
+        border = other.borders[n]
+        k1, k2 = border.from_x, border.from_y
+        f1, f2, r = (
+            k1 * b1 + k2 * c1,
+            k1 * b2 + k2 * c2,
+            slack - border.constant - k1 * b0 - k2 * c0,
+        )
         far = f1 * mid_x + f2 * mid_y + abs(f1) * half_x + abs(f2) * half_y
-        if cy[row + 4] == 0.0 and size > 0 and far > r:
-            size = _clipped(polygon, size, f1, f2, r)
+        if border.from_square == 0.0 and size > 0 and far > r:
+            size = clip(polygon, size, f1, f2, r)
     return size, at_zero, g_x, g_y
 
 
 @inner_kernel
-def flat_best(textures, cx, cy, tie, work, at):
-    """Fill `at` (28,) with the deepest place of two smooth plane charts.
+def deepest_of_planes(textures, patch, other, tie, search):
+    """Leave the deepest point of two smooth plane patches in `search.at`.
 
     Returns
     -------
     tuple (bool, float)
-        Whether there is such a place; the area that it stands for [m^2]. Corners that are less
+        Whether there is such a point; the area that it represents [m^2]. Corners that are less
         deep by at most `tie` [m] count as equally deep.
     """
-    polygon = work[POLYGON:]
-    size, at_zero, g_x, g_y = plane_overlap(cx, cy, _ON, polygon)
+    polygon, at = search.polygon, search.at
+    size, at_zero, g_x, g_y = plane_overlap(patch, other, _SLACK, polygon)
     if size == 0:
         return False, 0.0
     most = -np.inf
     for j in range(size):
         most = max(most, g_x * polygon[j, 0] + g_y * polygon[j, 1])
-    # The corners that are as deep close ranks; they follow one another round the polygon.
+    # Keep the corners that are equally deep; they are consecutive.
     tied = 0
     for j in range(size):
         if g_x * polygon[j, 0] + g_y * polygon[j, 1] >= most - tie:
@@ -169,6 +127,6 @@ def flat_best(textures, cx, cy, tie, work, at):
         # A corner, or the middle of a side.
         x = 0.5 * (polygon[first, 0] + polygon[last, 0])
         y = 0.5 * (polygon[first, 1] + polygon[last, 1])
-        area = _THIN * length
-    overlap_at(textures, cx, cy, x, y, work, at)
-    return at[F] >= at_zero + most - 2.0 * tie, area
+        area = _LINE_WIDTH * length
+    overlap_at(textures, patch, other, x, y, search, at)
+    return at.f >= at_zero + most - 2.0 * tie, area

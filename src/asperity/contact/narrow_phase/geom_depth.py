@@ -1,49 +1,73 @@
 r"""Penetration depth of two bodies along n, and its gradient.
 
-Along `n`, B's low-resolution normal, each body shows charts; the depth is the largest overlap of
-any pair. Its gradient in the six directions in which A can move is, by the envelope theorem, that
-of the overlap at the deepest place (n fixed in B's frame):
+Along `n`, B's low-resolution normal, the facing surface of each body consists of patches; the depth
+is the largest overlap of any pair of them. Its gradient by the six coordinates of A's motion is, by
+the envelope theorem, that of the overlap at the deepest point (n fixed in B's frame):
 
     d(delta)/d(translation) = -m,    d(delta)/d(rotation) = -(r x m),    m = n - s_u u - s_v v,
 
-s the common slope of the two textured surfaces there and r the way from A's centre to the point
-of A's surface. Where the deepest place lies on an edge, the slopes differ: on an edge of A, which
-moves with A, B's slope counts; on an edge of B, A's; edge on edge, m is perpendicular to both.
+s the common slope of the two textured surfaces there and r the vector from A's centre to the point
+on A's surface. See `slope_normal` for deepest points on edges.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel, kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.displaced_surface import (
+    base_height_at,
     height_on,
-    over_base,
-    parameters_under,
+    parameters_at,
     root_at,
 )
-from asperity.contact.narrow_phase.penetration import (
-    LOOKED,
-    PAIR,
-    begin,
-    fill_result,
-    search_looks,
-)
-from asperity.contact.narrow_phase.surface_patch import QINV, TEXTURE, charts_of
+from asperity.contact.narrow_phase.incumbent import begin_search
+from asperity.contact.narrow_phase.penetration import fill_penetration, search_candidates
+from asperity.contact.narrow_phase.surface_patch import entries, fill_patches
+
+
+class BodyGeoms(NamedTuple):
+    """Geoms of one body that may touch, and where the body is."""
+
+    geoms: NDArray[np.int64]
+    """Numbers of geoms, of which the first `number` count."""
+    number: int
+    frame: NDArray[np.float64]
+    """Rotation of the body and position from the contact's origin, world axes, (3, 4) [m]."""
+
+
+class DepthQuery(NamedTuple):
+    """Two bodies and the direction along which their depth is searched."""
+
+    a: BodyGeoms
+    b: BodyGeoms
+    normal: NDArray[np.float64]
+    """n, unit normal of B towards A, world axes, (3,)."""
+    guess: NDArray[np.float64]
+    """The last deepest point, from the contact's origin, nan if unknown, (3,) [m]."""
+
+
+class SearchLimits(NamedTuple):
+    """When a search may end."""
+
+    tolerance: float
+    """Gap between the bounds of the depth that is sought [m]."""
+    max_nodes: int
+    """Most boxes to evaluate."""
 
 
 @inner_kernel
-def geom_charts(geometry, g, frame, body, charts_out, first):
-    """Fill the charts of a geom from `first` on, as seen along the third row of `frame`.
+def fill_geom_patches(geometry, g, frame, body, patches_out, first):
+    """Fill the patches of a geom from `first` on, seen along the third row of `frame` (3, 3).
 
-    `body` (3, 4) is the rotation of its body and its place, seen from the contact's origin.
-    Returns how many charts there are then.
+    `body` (3, 4) is the frame of its body; see `BodyGeoms`. Returns how many patches there are.
     """
     place, axes = stack_array((3,)), stack_array((3, 3))
-    b = geometry.body[g]
     for i in range(3):
         place[i] = 0.0
         for k in range(3):
@@ -60,26 +84,36 @@ def geom_charts(geometry, g, frame, body, charts_out, first):
                     world += body[k, j] * geometry.rotation[g, j, c]
                 total += frame[i, k] * world
             axes[i, c] = total
-    return charts_of(
-        geometry.kind[g], geometry.size[g], place, axes, frame, body,
-        geometry.texture[b], float(geometry.mapping[b]), geometry.origin[b],
-        geometry.around[g], charts_out, first,
-    )  # fmt: skip
+    return fill_patches(geometry, g, place, axes, frame, body, patches_out, first)
 
 
 @inner_kernel
-def all_charts(geometry, geoms, count, frame, body, charts_out):
-    """Fill the charts of `count` geoms of one body; see `geom_charts`."""
+def fill_body_patches(geometry, body, frame, patches_out):
+    """Fill the patches of a `BodyGeoms`, seen along the third row of `frame`; return how many."""
     made = np.int64(0)
-    for n in range(count):
-        made = geom_charts(geometry, geoms[n], frame, body, charts_out, made)
+    for n in range(body.number):
+        made = fill_geom_patches(geometry, body.geoms[n], frame, body.frame, patches_out, made)
     return made
+
+
+@inner_kernel
+def fill_facing_patches(geometry, query, frame, memory):
+    """Fill the patches of both bodies of a query that face each other; return how many of A, of B.
+
+    `frame` (3, 3) is filled with the axes u, v and -n.
+    """
+    frame_round(query.normal, frame)
+    made_b = fill_body_patches(geometry, query.b, frame, memory.patches_b)
+    for i in range(3):
+        frame[2, i] = -query.normal[i]
+    made_a = fill_body_patches(geometry, query.a, frame, memory.patches_a)
+    return made_a, made_b
 
 
 @inner_kernel
 def frame_round(n, frame_out):
     """Fill a right-handed frame with rows u, v, n."""
-    # The axis that n is least along gives u; for n along z, u and v are x and y.
+    # u lies in the plane of n and x, or n and y; for n along z, u and v are x and y.
     if abs(n[0]) < 0.9:
         x, y, z = 1.0 - n[0] * n[0], -n[0] * n[1], -n[0] * n[2]
     else:
@@ -93,86 +127,62 @@ def frame_round(n, frame_out):
 
 
 @inner_kernel
-def fill_depth_along(
-    textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
-    tolerance, max_nodes, space, result_out,
-):  # fmt: skip
-    """Fill a `PENETRATION` record with the depth of A in B along `n`.
+def fill_depth_along(textures, geometry, query, limits, memory, result_out):
+    """Fill a `PENETRATION` record with the depth of A in B along n.
 
     Parameters
     ----------
     textures : Textures
     geometry : Geometry
-    geoms_a, geoms_b : int64 arrays
-        Geoms of A and of B that may touch; the first `count_a` and `count_b` count.
-    body_a, body_b : (3, 4) arrays
-        Rotation of each body, and in the last column its place seen from the origin of the
-        contact [m]; world axes.
-    n : (3,) array
-        Unit normal of B towards A, world axes.
-    guess : (3,) array
-        Where the contact was last, seen from the origin; nan if unknown.
-    tolerance : float
-        The gap between the bounds that is asked for [m].
-    max_nodes : int
-        Most boxes to look at.
-    space : Workspace
+    query : DepthQuery
+    limits : SearchLimits
+    memory : Workspace
     result_out : PENETRATION record
     """
-    # Nothing is allocated here: that would take longer than the small sums below.
-    frame = space.frame
-    frame_round(n, frame)
-    made_b = all_charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
-    gu = frame[0, 0] * guess[0] + frame[0, 1] * guess[1] + frame[0, 2] * guess[2]
-    gv = frame[1, 0] * guess[0] + frame[1, 1] * guess[1] + frame[1, 2] * guess[2]
-    for i in range(3):
-        frame[2, i] = -n[i]
-    made_a = all_charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
-    begin(space, max_nodes, -np.inf)
-    for pair in range(made_a * made_b):
-        # To be looked at before any is searched.
-        space.looks[pair, 0], space.looks[pair, LOOKED] = np.inf, 0.0
-        space.looks[pair, PAIR] = pair
-    search_looks(textures, made_b, made_a * made_b, gu, gv, tolerance, space)
-    fill_result(textures, made_b, n, tolerance, space, result_out)
+    frame, guess, n = memory.frame, query.guess, query.normal
+    made_a, made_b = fill_facing_patches(geometry, query, frame, memory)
+    u = frame[0, 0] * guess[0] + frame[0, 1] * guess[1] + frame[0, 2] * guess[2]
+    v = frame[1, 0] * guess[0] + frame[1, 1] * guess[1] + frame[1, 2] * guess[2]
+    begin_search(memory.search[0], float(limits.max_nodes), -np.inf)
+    for number in range(made_a * made_b):
+        # All pairs are initialised before one is searched.
+        candidate = memory.candidates[number]
+        candidate.bound, candidate.is_initialised, candidate.number = np.inf, False, number
+    search_candidates(textures, made_b, made_a * made_b, (u, v), limits.tolerance, memory)
+    fill_penetration(textures, made_b, n, limits.tolerance, memory, result_out)
 
 
 @kernel
-def depth_along(
-    textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
-    tolerance, max_nodes, space, result_out,
-):  # fmt: skip
-    """Do what `fill_depth_along` does, called from Python."""
-    fill_depth_along(
-        textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, guess,
-        tolerance, max_nodes, space, result_out[0],
-    )  # fmt: skip
+def depth_along(textures, geometry, query, limits, memory, result_out):
+    """Do what `fill_depth_along` does, called from Python; `result_out` has one record."""
+    fill_depth_along(textures, geometry, query, limits, memory, result_out[0])
 
 
 @inner_kernel
-def smooth_texture_under(textures, geometry, geoms, count, body, n, place, space, gradient_out):
-    """Return the height of B's texture at a place of its smooth surface, over its lowest [m].
+def smooth_texture_under(textures, geometry, body, n, place, memory, gradient_out):
+    """Return the height of B's texture at a point of its smooth surface, above its lowest [m].
 
-    Fills the height's gradient (3,) across n, world axes. `place` (3,) as seen from the origin.
+    Fills the height's gradient (3,) across n, world axes. `body` is B's `BodyGeoms`; `place` (3,)
+    is seen from the contact's origin.
     """
     clear(gradient_out)
     frame = stack_array((3, 3))
     frame_round(n, frame)
-    made = all_charts(geometry, geoms, count, frame, body, space.charts_b)
+    made = fill_body_patches(geometry, body, frame, memory.patches_b)
     u = frame[0, 0] * place[0] + frame[0, 1] * place[1] + frame[0, 2] * place[2]
     v = frame[1, 0] * place[0] + frame[1, 1] * place[1] + frame[1, 2] * place[2]
     best, which = -np.inf, -1
     for i in range(made):
-        z = over_base(space.charts_b[i], u, v)[0]
+        z = base_height_at(memory.patches_b[i], u, v)[0]
         if z > best:
             best, which = z, i
-    if which < 0 or space.charts_b[which, TEXTURE] < 0.0:
+    if which < 0 or memory.patches_b[which].texture < 0:
         return 0.0
-    chart = space.charts_b[which]
-    x, y = parameters_under(chart, u, v)
-    t, t_x, t_y, _, _, _ = height_on(textures, chart, x, y, root_at(chart, x, y))
-    g1 = chart[QINV] * t_x + chart[QINV + 2] * t_y
-    g2 = chart[QINV + 1] * t_x + chart[QINV + 3] * t_y
-    for k in range(3):
-        gradient_out[k] = g1 * frame[0, k] + g2 * frame[1, k]
-    return t - textures.maps[int(chart[TEXTURE])].lowest
+    patch = memory.patches_b[which]
+    x, y = parameters_at(patch, u, v)
+    t, t_x, t_y, _, _, _ = height_on(textures, patch, x, y, root_at(patch, x, y))
+    i, j, k, m = entries(patch.lateral_inverse)
+    g1, g2 = i * t_x + k * t_y, j * t_x + m * t_y
+    for axis in range(3):
+        gradient_out[axis] = g1 * frame[0, axis] + g2 * frame[1, axis]
+    return t - textures.maps[patch.texture].lowest

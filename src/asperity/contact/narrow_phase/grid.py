@@ -1,93 +1,96 @@
-r"""Depth on a grid: the paper's way, and the soft maximum.
+r"""Depth from samples on a grid, as Otaduy and Lin (2004) compute it, and its soft maximum.
 
-The paper draws both surfaces along n on a grid, takes the largest overlap of the samples, and
-the gradient by central differences: eleven drawings. The *soft maximum*
+They render both surfaces along n on a grid, take the largest overlap of the samples, and the
+gradient by central differences: eleven renderings. The *soft maximum*
 
     delta_soft = (1 / beta) log( (1 / A0) integral of exp(beta d) dA )
 
-with a fixed reference area A0 weighs all places near the deepest; its gradient is the mean of
-theirs with the weights exp(beta d), A's slope counting at each place (u, v), since these stay
-with B.
+with a fixed reference area A0 weights all points near the deepest. Its gradient is the mean of
+theirs with the weights exp(beta d); A's slope counts at each (u, v), since these stay with B.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.displaced_surface import POINT_SIZE, height_at, root_at
-from asperity.contact.narrow_phase.geom_depth import all_charts, frame_round
-from asperity.contact.narrow_phase.surface_patch import RECTANGLE, ROWS, C
+from asperity.contact.narrow_phase.displaced_surface import height_at, root_at
+from asperity.contact.narrow_phase.geom_depth import fill_facing_patches
 
 
 @inner_kernel
-def _within(chart, x, y):
-    """Return whether a place lies within a chart's borders."""
-    if x < chart[RECTANGLE] or x > chart[RECTANGLE + 1]:
+def _within(patch, x, y):
+    """Return whether (x, y) lies within a patch."""
+    if x < patch.rectangle[0] or x > patch.rectangle[1]:
         return False
-    if y < chart[RECTANGLE + 2] or y > chart[RECTANGLE + 3]:
+    if y < patch.rectangle[2] or y > patch.rectangle[3]:
         return False
-    r = root_at(chart, x, y)[0] if chart[C] > 0.0 else 1.0
-    for i in range(int(chart[ROWS])):
-        row = ROWS + 1 + 6 * i
-        g = chart[row] + chart[row + 1] * x + chart[row + 2] * y + chart[row + 3] * r
-        if not g + chart[row + 4] * (x * x + y * y) <= 0.0:
+    r = root_at(patch, x, y)[0] if patch.bulge > 0.0 else 1.0
+    for i in range(patch.border_count):
+        border = patch.borders[i]
+        g = border.constant + border.from_x * x + border.from_y * y + border.from_root * r
+        if not g + border.from_square * (x * x + y * y) <= 0.0:
             return False
     return True
 
 
 @inner_kernel
-def _highest(textures, charts, count, u, v, work):
-    """Return the height over (u, v) of the highest of some charts, and its slopes."""
+def _highest(textures, patches, count, u, v, point):
+    """Return the height over (u, v) of the highest of some patches, and its slopes."""
     best, best_u, best_v = -np.inf, 0.0, 0.0
     for i in range(count):
-        z, g1, g2, _, _, _, x, y = height_at(textures, charts[i], u, v, work)
-        if z > best and _within(charts[i], x, y):
+        z, g1, g2, _, _, _, x, y = height_at(textures, patches[i], u, v, point)
+        if z > best and _within(patches[i], x, y):
             best, best_u, best_v = z, g1, g2
     return best, best_u, best_v
 
 
+class DepthGrid(NamedTuple):
+    """A square grid of samples, and how a depth follows from them."""
+
+    window: float
+    """Side of the square [m]."""
+    samples: int
+    """Samples per side."""
+    beta: float
+    """Sharpness of the soft maximum [1/m]; 0: the deepest sample."""
+    area: float
+    """Reference area A0 of the soft maximum [m^2]."""
+
+
 @inner_kernel
-def grid_depth(
-    textures, geometry, geoms_a, count_a, geoms_b, count_b, body_a, body_b, n, centre, window,
-    grid, beta, area, space, result_out,
-):  # fmt: skip
+def grid_depth(textures, geometry, query, grid, memory, result_out):
     """Fill `result_out` (8,) with a depth from samples on a grid.
 
-    `centre` (3,), seen from the origin of the contact, is the middle of the square of side
-    `window` [m] with `grid` samples a side. With `beta` = 0 the depth is that of the deepest
-    sample; else it is the soft maximum with the reference area `area` [m^2]. Left are: depth [m],
-    (-inf if nothing overlaps along n), the deepest sample's place (3,) on A and m (3,); for the
-    soft maximum, mean m and, in the place's stead, mean place x m. Last the number of samples
-    that counted.
+    The grid, a `DepthGrid`, is centred at `query.guess`. Filled are the depth [m] (-inf if nothing
+    overlaps along n), the deepest sample's place (3,) on A and m (3,); for the soft maximum the
+    mean of place x m and the mean m. Last the number of samples at which both have a surface.
     """
-    frame = stack_array((3, 3))
-    frame_round(n, frame)
-    made_b = all_charts(geometry, geoms_b, count_b, frame, body_b, space.charts_b)
-    for i in range(3):
-        frame[2, i] = -n[i]
-    made_a = all_charts(geometry, geoms_a, count_a, frame, body_a, space.charts_a)
+    frame, n, centre = stack_array((3, 3)), query.normal, query.guess
+    made_a, made_b = fill_facing_patches(geometry, query, frame, memory)
+    window, beta = grid.window, grid.beta
     cu = frame[0, 0] * centre[0] + frame[0, 1] * centre[1] + frame[0, 2] * centre[2]
     cv = frame[1, 0] * centre[0] + frame[1, 1] * centre[1] + frame[1, 2] * centre[2]
-    work = stack_array((POINT_SIZE,))
-    pitch = window / grid
+    point = memory.search[0].surface
+    pitch = window / grid.samples
     clear(result_out)
     best = -np.inf
     total, count = 0.0, 0
     p, m, mean, moment = stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,))
     clear(mean)
     clear(moment)
-    for i in range(grid):
-        for j in range(grid):
+    for i in range(grid.samples):
+        for j in range(grid.samples):
             u = cu + (i + 0.5) * pitch - 0.5 * window
             v = cv + (j + 0.5) * pitch - 0.5 * window
-            a, a_u, a_v = _highest(textures, space.charts_a, made_a, u, v, work)
+            a, a_u, a_v = _highest(textures, memory.patches_a, made_a, u, v, point)
             if a == -np.inf:
                 continue
-            b, b_u, b_v = _highest(textures, space.charts_b, made_b, u, v, work)
+            b, b_u, b_v = _highest(textures, memory.patches_b, made_b, u, v, point)
             d = a + b
             if d == -np.inf:
                 continue
@@ -118,6 +121,6 @@ def grid_depth(
                 moment[k] += weight * (p[one] * m[two] - p[two] * m[one])
     result_out[0], result_out[7] = best, count
     if beta > 0.0 and total > 0.0:
-        result_out[0] = best + math.log(total * pitch * pitch / area) / beta
+        result_out[0] = best + math.log(total * pitch * pitch / grid.area) / beta
         for k in range(3):
             result_out[1 + k], result_out[4 + k] = moment[k] / total, mean[k] / total

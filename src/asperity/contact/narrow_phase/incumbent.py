@@ -1,7 +1,10 @@
-"""What a search knows, one row of numbers; and when it has to end.
+"""The incumbent of a search, points that tie with it, and when the search has to end.
 
-A search that ends before it is certain says so: what it has found is the least that the depth can
-be, and the bounds that are left say how much more it could be.
+A search that ends early reports it: its incumbent is a lower bound of the depth, and the bounds of
+the boxes that remain say how much larger the depth may be.
+
+Points within a nanometre of the deepest count as equally deep. Flat on flat, or textures in
+register, have many such points, and the force acts at their mean.
 """
 
 from __future__ import annotations
@@ -10,46 +13,88 @@ import numpy as np
 
 from asperity._core.clock import seconds_now
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.records import copy_record
+from asperity.contact.narrow_phase.records import MAX_TIES
 
-BEST, UPPER = 0, 1
-"""The least and the most that the depth can be [m]."""
-NODES, LIMIT = 2, 3
-"""How many boxes were looked at, and how many may be."""
-TIES = 4
-"""How many places are as deep as the deepest, with stale ones."""
-JUDGED = 5
-"""The bound of the box that was judged last [m]."""
-UNTIL = 6
-"""When there is to be a result, by `kernel_clock` [s]; 0: whenever."""
-LOOK = 7
-"""With so many nodes the clock is looked at next."""
-CUT = 8
-"""Whether a search was ended by the clock, since this was last set to 0."""
-STATE_SIZE = 9
-
-_EVERY = 8.0
-"""Nodes between two looks at the clock: some 15 us."""
-_AT_LEAST = 16.0
-"""Nodes that every search has, however late it is; ours."""
+TIE = 1e-9
+"""Points that are less deep than the deepest by at most this count as equally deep [m]."""
+SAME_POINT = 1e-6
+"""Points closer than this are one [m]."""
+_CLOCK_INTERVAL = 8.0
+"""Nodes between two readings of the clock, some 15 us."""
+_LEAST_NODES = 16.0
+"""Nodes that every search evaluates, however late it is (project default)."""
+_RIDGE = 1e-6
+"""Gaussian curvature over the squared mean below which a maximum is a ridge."""
 
 
 @inner_kernel
-def begin_state(state, max_nodes, floor):
-    """Know nothing but that places deeper than `floor` [m] are looked for."""
-    state[BEST], state[UPPER], state[NODES] = floor, -np.inf, 0.0
-    state[LIMIT], state[TIES], state[LOOK] = max_nodes, 0.0, _AT_LEAST
+def begin_search(search, max_nodes, floor):
+    """Clear a `SEARCH`; only points deeper than `floor` [m] will count."""
+    search.incumbent, search.upper_bound, search.nodes = floor, -np.inf, 0.0
+    search.node_limit, search.tie_count, search.next_clock_read = max_nodes, 0, _LEAST_NODES
+    search.best.pair = -1
 
 
 @small_kernel
-def is_spent(state):
-    """Return whether the nodes that a search may look at are spent, or its time."""
-    nodes = state[NODES]
-    if nodes >= state[LIMIT]:
+def is_spent(search):
+    """Return whether a search has used up its nodes or its time."""
+    nodes = search.nodes
+    if nodes >= search.node_limit:
         return True
-    if state[UNTIL] == 0.0 or nodes < state[LOOK]:
+    if search.deadline == 0.0 or nodes < search.next_clock_read:
         return False
-    state[LOOK] = nodes + _EVERY
-    if seconds_now() < state[UNTIL]:
+    search.next_clock_read = nodes + _CLOCK_INTERVAL
+    if seconds_now() < search.deadline:
         return False
-    state[LIMIT], state[CUT] = nodes, 1.0
+    search.node_limit, search.is_cut_short = nodes, True
     return True
+
+
+@small_kernel
+def pruning_threshold(search):
+    """Return the bound up to which a box cannot hold a point that counts [m]."""
+    return search.incumbent - TIE
+
+
+@inner_kernel
+def record_maximum(search, number, weight):
+    """Record the local maximum `search.at` of a pair: the new incumbent, or a point that ties.
+
+    `weight` is the area that it represents, if it is one of a plateau or of a ridge [m^2].
+    """
+    at, ties = search.at, search.ties
+    depth = at.f
+    if depth < search.incumbent - TIE:
+        return
+    bend = at.f_xx + at.f_yy
+    if at.f_xx * at.f_yy - at.f_xy * at.f_xy > _RIDGE * bend * bend:
+        weight = 0.0  # a peak, whatever box it was found from
+    if depth > search.incumbent:
+        search.incumbent = depth
+        copy_record(search.best, at)
+        search.best.pair = number
+    count = search.tie_count
+    for i in range(count):
+        tie = ties[i]
+        is_near = abs(tie.x - at.x) < SAME_POINT and abs(tie.y - at.y) < SAME_POINT
+        if is_near and tie.pair == number and tie.f >= search.incumbent - TIE:
+            weight = max(tie.weight, weight)
+            if depth > tie.f:
+                copy_record(tie, at)
+            tie.pair, tie.weight = number, weight
+            return
+    if count == MAX_TIES:
+        # Make room: drop points that are no longer deep enough.
+        kept = 0
+        for i in range(count):
+            if ties[i].f >= search.incumbent - TIE:
+                copy_record(ties[kept], ties[i])
+                kept += 1
+        count = kept
+        if count == MAX_TIES:
+            return
+    tie = ties[count]
+    copy_record(tie, at)
+    tie.pair, tie.weight = number, weight
+    search.tie_count = count + 1

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from asperity.contact.broad_phase.facet_bvh import BINS, FacetTable
 from asperity.contact.manifold.overlap_region import FootprintSpace, footprint_space
-from asperity.contact.narrow_phase.best_first import BOX_SIZE, MAX_BOXES
-from asperity.contact.narrow_phase.records import PENETRATION
+from asperity.contact.narrow_phase.best_first import MAX_NODES
+from asperity.contact.narrow_phase.records import NODE, PENETRATION
 
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
 MAX_PATCHES = 288
-MAX_CHARTS = 4096
-MAX_CHART_PAIRS = 32768
+MAX_SURFACE_PATCHES = 4096
+MAX_CANDIDATES = 32768
 
 
 class PatchRows(NamedTuple):
@@ -42,20 +42,20 @@ class FacetSpace(NamedTuple):
     slots: NDArray[np.int64]
     """Chart of each facet in the contact frame, (2, facets), and when it was made, (2, facets)."""
     geom_slots: NDArray[np.int64]
-    """First chart, number of charts, and when they were made, of each geom; (3, geoms)."""
+    """First patch, number of patches, and when they were made, of each geom; (3, geoms)."""
     clock: NDArray[np.int64]
     directions: NDArray[np.float64]
     """What is found of each direction; see `engine.touch`."""
-    boxes: NDArray[np.float64]
-    """Boxes of the sieve: x0, x1, y0, y1, row of the pair, bound; (n, 6)."""
+    nodes: NDArray[np.void]
+    """NODE records of the best-first search."""
     heap: NDArray[np.int64]
-    """The numbers of those that wait, the most promising on top, and"""
+    """Numbers of the open nodes, the one with the largest bound on top."""
     keys: NDArray[np.float64]
-    """their bounds [m]."""
-    shelf: NDArray[np.int64]
-    """The numbers of those that a search has closed or left, and"""
+    """Their bounds [m]."""
+    retired: NDArray[np.int64]
+    """Numbers of the nodes that a search has pruned or left."""
     left: NDArray[np.int64]
-    """how many there are, and how many boxes; (2,)."""
+    """Number of retired nodes, of nodes after that search, and of nodes in use, (3,)."""
     lines: NDArray[np.float64]
     """Lines (in u and v) that windows are bounded by: (2, 3)."""
     frames: NDArray[np.float64]
@@ -78,11 +78,11 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         geom_slots=np.zeros((3, geoms), np.int64),
         clock=np.zeros(1, np.int64),
         directions=np.zeros((BINS, 13)),
-        boxes=np.zeros((MAX_BOXES, BOX_SIZE)),
-        heap=np.zeros(MAX_BOXES, np.int64),
-        keys=np.zeros(MAX_BOXES),
-        shelf=np.zeros(MAX_BOXES, np.int64),
-        left=np.zeros(2, np.int64),
+        nodes=np.zeros(MAX_NODES, NODE),
+        heap=np.zeros(MAX_NODES, np.int64),
+        keys=np.zeros(MAX_NODES),
+        retired=np.zeros(MAX_NODES, np.int64),
+        left=np.zeros(3, np.int64),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),
     )

@@ -1,62 +1,52 @@
-"""A smooth ball over a level textured plate: the common case, for which much is simpler."""
+"""Fast path for a smooth sphere over a level textured plane, the most common contact."""
 
 from __future__ import annotations
 
 import math
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.displaced_surface import parameters_under
-from asperity.contact.narrow_phase.surface_patch import (
-    B0,
-    B1,
-    B2,
-    LEVEL,
-    MAPPING,
-    PLANAR,
-    PZ,
-    Q_LEAST,
-    Q_MOST,
-    TEXTURE,
-    C,
-    E,
-    O,
-)
+from asperity.contact.narrow_phase.displaced_surface import parameters_at
+from asperity.contact.narrow_phase.surface_patch import PLANAR
 from asperity.texture.packed import texture_at
 
 _STEPS = 8
-_CLOSE = 1e-7  # what is left is for a step or two of the careful climb [m]
+_CLOSE = 1e-7
+"""Step length below which `newton_ascent` takes over, for a step or two [m]."""
 
 
 @small_kernel
-def is_ball_over_plate(cx, cy):
-    """Return whether X is a level textured plate and Y a smooth ball: the common case."""
+def is_sphere_on_plane(patch, other):
+    """Return whether `patch` is a level textured plane and `other` a smooth sphere."""
     return (
-        cx[LEVEL] == 1.0
-        and cx[MAPPING] == PLANAR
-        and cx[TEXTURE] >= 0.0
-        and cy[TEXTURE] < 0.0
-        and cy[C] > 0.0
-        and cy[PZ] == cy[PZ + 1] == 0.0
-        and abs(cy[E] - cy[E + 2]) <= 1e-12 * cy[E]
-        and abs(cy[E + 1]) <= 1e-12 * cy[E]
-        and abs(cx[Q_LEAST] - 1.0) + abs(cx[Q_MOST] - 1.0) < 1e-12
+        patch.is_level
+        and patch.mapping == PLANAR
+        and patch.texture >= 0
+        and other.texture < 0
+        and other.bulge > 0.0
+        and other.slope[0] == other.slope[1] == 0.0
+        and abs(other.ellipse[0] - other.ellipse[2]) <= 1e-12 * other.ellipse[0]
+        and abs(other.ellipse[1]) <= 1e-12 * other.ellipse[0]
+        and abs(patch.lateral_min - 1.0) + abs(patch.lateral_max - 1.0) < 1e-12
     )
 
 
 @small_kernel
-def _overlap(textures, cx, cy, ax, ay, x, y):
-    """Return the overlap at (x, y) but for a constant, and its five derivatives."""
+def _overlap(textures, patch, other, ax, ay, x, y):
+    """Return the overlap at (x, y) less a constant, and its five derivatives.
+
+    (ax, ay) is the place under the centre of the sphere.
+    """
+    at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
+    a, b, c, d = by_x[0], by_y[0], by_x[1], by_y[1]
     t, t_u, t_v, t_uu, t_uv, t_vv = texture_at(
-        textures, int(cx[TEXTURE]), cx[B0] + cx[B1] * x + cx[B2] * y,
-        cx[B0 + 1] + cx[B1 + 1] * x + cx[B2 + 1] * y,
-    )  # fmt: skip
-    a, b, c, d = cx[B1], cx[B2], cx[B1 + 1], cx[B2 + 1]
-    dx, dy, e = x - ax, y - ay, cy[E]
+        textures, patch.texture, at[0] + a * x + b * y, at[1] + c * x + d * y
+    )
+    dx, dy, e = x - ax, y - ay, other.ellipse[0]
     root = math.sqrt(max(1.0 - e * (dx * dx + dy * dy), 1e-6))
-    slope = cy[C] * e / root
+    slope = other.bulge * e / root
     bend = slope * e / (root * root)
     return (
-        t + cy[C] * root,
+        t + other.bulge * root,
         t_u * a + t_v * c - slope * dx,
         t_u * b + t_v * d - slope * dy,
         t_uu * a * a + 2.0 * t_uv * a * c + t_vv * c * c - slope - bend * dx * dx,
@@ -66,15 +56,15 @@ def _overlap(textures, cx, cy, ax, ay, x, y):
 
 
 @inner_kernel
-def rolled_uphill(textures, cx, cy, box, x, y, stride):
-    """Return a place near the local maximum uphill of (x, y), as far as Newton's steps go.
+def ascend_sphere(textures, patch, other, box, x, y, stride):
+    """Return a point near the local maximum uphill of (x, y), as far as plain Newton steps go.
 
-    They stop at the sides of the box, where the overlap is not concave, and where one does not
-    gain: `climb` goes on from there. A step costs a tenth of one of `climb`.
+    They stop at the sides of the box, where the overlap is not concave, and where a step gains
+    nothing; `newton_ascent` continues from there. A step costs a tenth of one of `newton_ascent`.
     """
     x0, x1, y0, y1 = box
-    ax, ay = parameters_under(cx, cy[O], cy[O + 1])
-    f, f_x, f_y, f_xx, f_xy, f_yy = _overlap(textures, cx, cy, ax, ay, x, y)
+    ax, ay = parameters_at(patch, other.origin[0], other.origin[1])
+    f, f_x, f_y, f_xx, f_xy, f_yy = _overlap(textures, patch, other, ax, ay, x, y)
     for _ in range(_STEPS):
         det = f_xx * f_yy - f_xy * f_xy
         if not (f_xx < 0.0 and det > 0.0):
@@ -87,7 +77,7 @@ def rolled_uphill(textures, cx, cy, box, x, y, stride):
         new_x, new_y = x + step_x, y + step_y
         if not (x0 < new_x < x1 and y0 < new_y < y1):
             break
-        g, g_x, g_y, g_xx, g_xy, g_yy = _overlap(textures, cx, cy, ax, ay, new_x, new_y)
+        g, g_x, g_y, g_xx, g_xy, g_yy = _overlap(textures, patch, other, ax, ay, new_x, new_y)
         if not g > f:
             break
         x, y, f, f_x, f_y, f_xx, f_xy, f_yy = new_x, new_y, g, g_x, g_y, g_xx, g_xy, g_yy

@@ -1,41 +1,28 @@
-"""The sharpest bound of a box, for which its surroundings are climbed, or nearly so."""
+"""Tighten the second-order bound of a box by the limits of both patches."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.borders import rise_within
+from asperity._core.records import copy_record
 from asperity.contact.narrow_phase.bounds.curvature import CONCAVE
-from asperity.contact.narrow_phase.newton_ascent import climb, step_within
-from asperity.contact.narrow_phase.overlap import (
-    BORDERS,
-    F_X,
-    F_XX,
-    F_XY,
-    F_Y,
-    F_YY,
-    LINES,
-    OVERLAP_SIZE,
-    POLYGON,
-    F,
-    X,
-    Y,
-    borders_at,
-    overlap_at,
-)
+from asperity.contact.narrow_phase.bounds.limits import rise_within
+from asperity.contact.narrow_phase.newton_ascent import constrained_step, newton_ascent
+from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
 
 _QUICK_STEPS = 2
 
 
 @small_kernel
-def _towards_maximum(at, x0, x1, y0, y1):
-    """Return a place of a box nearer to the maximum that a concave function has there.
+def _towards_maximum(at, box):
+    """Return a point of a box nearer to the maximum that a concave function has in it.
 
-    One step of Newton's method; held by a side, along it.
+    It is one Newton step; where a side of the box stops that, the step along the side.
     """
-    x, y = at[X], at[Y]
-    g_x, g_y, h_xx, h_xy, h_yy = at[F_X], at[F_Y], at[F_XX], at[F_XY], at[F_YY]
+    x0, x1, y0, y1 = box
+    x, y = at.x, at.y
+    g_x, g_y, h_xx, h_xy, h_yy = at.f_x, at.f_y, at.f_xx, at.f_xy, at.f_yy
     det = h_xx * h_yy - h_xy * h_xy
     new_x, new_y = x + (h_xy * g_y - h_yy * g_x) / det, y + (h_xy * g_x - h_xx * g_y) / det
     if x0 <= new_x <= x1 and y0 <= new_y <= y1:
@@ -50,67 +37,70 @@ def _towards_maximum(at, x0, x1, y0, y1):
 
 
 @inner_kernel
-def _held_step(cx, cy, at, x, y, box, stride, work):
-    """Return a place of a box nearer to the maximum within the borders, if there is any of it."""
-    borders, lines = work[BORDERS:LINES], work[LINES:POLYGON]
-    count = borders_at(cx, cy, at, borders)
-    dx, dy, found = step_within(at, x, y, box, stride, borders, count, lines)
+def _constrained_towards_maximum(patch, other, x, y, box, search):
+    """Return a point of a box nearer to the maximum within the limits, and whether there is one."""
     x0, x1, y0, y1 = box
+    count = limits_at(patch, other, search.at, search.limits)
+    stride = max(x1 - x0, y1 - y0)
+    dx, dy, found = constrained_step(search.at, x, y, box, stride, count, search)
     return min(max(x + dx, x0), x1), min(max(y + dy, y0), y1), found
 
 
-@inner_kernel
-def sharpest_bound(
-    textures, cx, cy, box, kind, bound, second, loose, enough, best, mine, work, at
-):  # fmt: skip
-    """Return `node_bound`'s bound within the charts' borders, and whether `at` lies within them.
+@small_kernel
+def _relative(box, x, y):
+    """Return a box relative to (x, y)."""
+    x0, x1, y0, y1 = box
+    return x0 - x, x1 - x, y0 - y, y1 - y
 
-    Where f is concave it is that of the tangent plane at the maximum, which is climbed to unless
-    the one at a place near it shows that the bound is below `enough`.
+
+@inner_kernel
+def tighten_bound(textures, pair, box, found, threshold, search):
+    """Return a tighter bound than `found`, a `BoxBound`, and whether `search.at` is within limits.
+
+    Where f is concave it is that of the tangent plane at the maximum. Newton's method goes to the
+    maximum, unless the tangent plane at a point near it shows that the bound is below `threshold`.
     """
+    patch, other, at, best = pair.patch, pair.other, search.at, search.best
+    bound, level, slack = found.value, found.level, found.slack
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    there = True
-    if kind == CONCAVE:
-        loose *= 4.0  # seen from anywhere in the box, not from its middle
-        if mine and x0 <= best[X] <= x1 and y0 <= best[Y] <= y1:
-            # Climbed to before, and the only maximum of a concave box.
-            for i in range(OVERLAP_SIZE):
-                at[i] = best[i]
+    is_inside = True
+    if found.kind == CONCAVE:
+        slack *= 4.0  # as seen from anywhere in the box, not from its centre
+        if best.pair == pair.number and x0 <= best.x <= x1 and y0 <= best.y <= y1:
+            # The incumbent is the only maximum of a concave box that holds it.
+            copy_record(at, best)
         else:
-            stride = max(x1 - x0, y1 - y0)
             for _ in range(_QUICK_STEPS):
-                if not at[F_XX] * at[F_YY] > at[F_XY] * at[F_XY]:
+                if not at.f_xx * at.f_yy > at.f_xy * at.f_xy:
                     break
-                # Too deep to be closed as it is: it may lie beyond a border, as may the maximum.
-                borders = at[F] > enough
-                if borders:
-                    high = at[F] + rise_within(
-                        cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work
-                    )
-                    if high <= enough:
+                # Too deep to be pruned as it is, the point may lie beyond a limit, as may the
+                # maximum.
+                use_limits = at.f > threshold
+                if use_limits:
+                    high = at.f + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+                    if high <= threshold:
                         return min(bound, high), False
-                    x, y, found = _held_step(cx, cy, at, x, y, box, stride, work)
-                    if not found:
+                    x, y, exists = _constrained_towards_maximum(patch, other, x, y, box, search)
+                    if not exists:
                         break
                 else:
-                    x, y = _towards_maximum(at, x0, x1, y0, y1)
-                overlap_at(textures, cx, cy, x, y, work, at)
-                if at[F] == -np.inf:
+                    x, y = _towards_maximum(at, box)
+                overlap_at(textures, patch, other, x, y, search, at)
+                if at.f == -np.inf:
                     break
-                if not borders:
-                    g_x, g_y = at[F_X], at[F_Y]
-                    high = at[F] + max(g_x * (x0 - x), g_x * (x1 - x))
+                if not use_limits:
+                    g_x, g_y = at.f_x, at.f_y
+                    high = at.f + max(g_x * (x0 - x), g_x * (x1 - x))
                     high += max(g_y * (y0 - y), g_y * (y1 - y))
-                elif at[F] <= enough:
-                    high = at[F] + rise_within(
-                        cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work
-                    )
-                if high <= enough:
+                elif at.f <= threshold:
+                    high = at.f + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+                if high <= threshold:
                     return min(bound, high), False
-            there = climb(textures, cx, cy, box, x, y, stride, work, at)
-            if at[F] == -np.inf:
+            stride = max(x1 - x0, y1 - y0)
+            is_inside = newton_ascent(textures, patch, other, box, x, y, stride, search)
+            if at.f == -np.inf:
                 return bound, False
-        x, y, second = at[X], at[Y], at[F]
-    within = second + rise_within(cx, cy, at, x0 - x, x1 - x, y0 - y, y1 - y, loose, work)
-    return min(bound, within), there
+        x, y, level = at.x, at.y, at.f
+    within = level + rise_within(patch, other, at, _relative(box, x, y), slack, search)
+    return min(bound, within), is_inside

@@ -1,47 +1,72 @@
-"""Which pairs of charts may hold the deepest place of a contact: few of those that meet.
+"""Warm start: cull pairs of patches by overlaps at the previous tick's deepest points.
 
-The tool moves little in a tick, so where the parts of a contact were deepest they are about as
-deep again. That is looked up first, and pairs that cannot reach it are left out: where a tool leans
-mostly by the highest points of both facets, before the part over which they meet is cut out.
+The tool moves little in a tick, so where sub-regions of a contact were deepest they are about as
+deep again. Those points are evaluated first, and pairs that cannot reach that depth are culled:
+for a leaning tool mostly by the highest points of both facets, before the part over which they
+meet is cut out.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel
-from asperity.contact.narrow_phase.bounds.borders import beyond_rows
-from asperity.contact.narrow_phase.bounds.plane_pairs import pair_bound, summit_bound
-from asperity.contact.narrow_phase.branch_and_bound import TIE
-from asperity.contact.narrow_phase.displaced_surface import parameters_under
+from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.limits import beyond_borders
+from asperity.contact.narrow_phase.bounds.plane_pairs import bound_pair, top_bound
+from asperity.contact.narrow_phase.displaced_surface import parameters_at, place_at
+from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.newton_ascent import is_within
-from asperity.contact.narrow_phase.overlap import ON_X, ON_Y, F, X, Y, overlap_at
-from asperity.contact.narrow_phase.penetration import LOOK_COVERS, LOOK_SIZE, PAIR, walks_on_a
-from asperity.contact.narrow_phase.surface_patch import RECTANGLE, O, Q
+from asperity.contact.narrow_phase.overlap import overlap_at
+from asperity.contact.narrow_phase.patch_pair import searches_a
+
+
+class SubRegions(NamedTuple):
+    """Sub-regions of a contact, whose deepest points are searched one by one."""
+
+    point: NDArray[np.float64]
+    """(u, v) of the last deepest point, nan if unknown, (n, 2) [m]."""
+    side: NDArray[np.float64]
+    """Side of either line that a sub-region is on, 1 or -1; 0: both sides, (n, 2)."""
+    depth: NDArray[np.float64]
+    """Lower bound of the depth, -inf if unknown, (n,) [m]."""
+    radius: float
+    """How far sub-regions reach over the lines [m]."""
+
+
+@small_kernel
+def _holds(patch, u, v):
+    """Return whether a patch's base covers (u, v)."""
+    x, y = parameters_at(patch, u, v)
+    sides = patch.rectangle
+    if not (sides[0] <= x <= sides[1]) or not (sides[2] <= y <= sides[3]):
+        return False
+    return not beyond_borders(patch, x, y, 0.0, 0.0)
 
 
 @inner_kernel
-def is_there(cx, cy, u, v):
-    """Return whether a place of the contact frame lies on both charts."""
-    x, y = parameters_under(cx, u, v)
-    if not (cx[RECTANGLE] <= x <= cx[RECTANGLE + 1]):
-        return False
-    if not (cx[RECTANGLE + 2] <= y <= cx[RECTANGLE + 3]) or beyond_rows(cx, x, y, 0.0, 0.0):
-        return False
-    x, y = parameters_under(cy, u, v)
-    if not (cy[RECTANGLE] <= x <= cy[RECTANGLE + 1]):
-        return False
-    return cy[RECTANGLE + 2] <= y <= cy[RECTANGLE + 3] and not beyond_rows(cy, x, y, 0.0, 0.0)
+def both_hold(patch, other, u, v):
+    """Return whether both patches cover (u, v) of the contact frame."""
+    return _holds(patch, u, v) and _holds(other, u, v)
+
+
+@small_kernel
+def extent_holds(candidate, u, v):
+    """Return whether (u, v) lies within the extent of a candidate's planes."""
+    extent = candidate.extent
+    return extent[0] <= u <= extent[1] and extent[2] <= v <= extent[3]
 
 
 @inner_kernel
-def from_lines(a, b, at, lines):
-    """Return how far a place lies from the lines that split a footprint [m].
+def distances_from_lines(a, b, at, lines):
+    """Return how far a point lies from the two lines that split an overlap region [m].
 
-    Of the place it is the base point on A that counts.
+    The base point on A's patch counts. `lines` (2, 3) has `l_u, l_v, l_0` in each row.
     """
-    x, y = (at[X], at[Y]) if walks_on_a(a, b) else (at[ON_X], at[ON_Y])
-    u, v = a[O] + a[Q] * x + a[Q + 1] * y, a[O + 1] + a[Q + 2] * x + a[Q + 3] * y
+    x, y = (at.x, at.y) if searches_a(a, b) else (at.other_x, at.other_y)
+    u, v = place_at(a, x, y)
     return (
         lines[0, 0] * u + lines[0, 1] * v + lines[0, 2],
         lines[1, 0] * u + lines[1, 1] * v + lines[1, 2],
@@ -49,66 +74,58 @@ def from_lines(a, b, at, lines):
 
 
 @inner_kernel
-def depths_before(textures, pairs, stride, places, parts, lines, radius, space, depths_out):
-    """Fill how deep the parts of a footprint are at least: as deep as where they were deepest.
+def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
+    """Lower-bound the depth of each sub-region by the overlap at its previous deepest point.
 
-    -inf where that is not known.
-
-    Parameters
-    ----------
-    pairs : int
-        How many rows of `space.looks` there are.
-    places : (n, 2) array
-        In (u, v), nan if unknown.
-    parts : (n, 2) array
-        On which side of either line each part is, 1 or -1; 0: on both.
+    Fills `regions.depth` [m], -inf where that point is not known, of the first `parts`. `count`
+    is the number of candidates in `memory`; `lines` (2, 3) are those that split the region.
     """
-    count = parts.shape[0]
-    for p in range(count):
-        depths_out[p] = -np.inf
-    for row in range(pairs):
-        look = space.looks[row]
-        for p in range(count):
-            u, v = places[p, 0], places[p, 1]
-            if not (
-                look[LOOK_COVERS] <= u <= look[LOOK_COVERS + 1]
-                and look[LOOK_COVERS + 2] <= v <= look[LOOK_COVERS + 3]
-            ):
+    search = memory.search[0]
+    at = search.at
+    for p in range(parts):
+        regions.depth[p] = -np.inf
+    for row in range(count):
+        candidate = memory.candidates[row]
+        for p in range(parts):
+            u, v = regions.point[p, 0], regions.point[p, 1]
+            if not extent_holds(candidate, u, v):
                 continue
-            pair = int(look[PAIR])
-            a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
-            cx, cy = (a, b) if walks_on_a(a, b) else (b, a)
-            if not is_there(cx, cy, u, v):
+            number = candidate.number
+            a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
+            patch, other = (a, b) if searches_a(a, b) else (b, a)
+            if not both_hold(patch, other, u, v):
                 continue
-            x, y = parameters_under(cx, u, v)
-            overlap_at(textures, cx, cy, x, y, space.work, space.at)
-            if not space.at[F] > depths_out[p] or not is_within(cx, cy, space.at, space.work):
+            x, y = parameters_at(patch, u, v)
+            overlap_at(textures, patch, other, x, y, search, at)
+            if not at.f > regions.depth[p] or not is_within(patch, other, at, search):
                 continue
-            first, second = from_lines(a, b, space.at, lines)
-            if parts[p, 0] * first >= -radius and parts[p, 1] * second >= -radius:
-                depths_out[p] = space.at[F]
+            first, second = distances_from_lines(a, b, at, lines)
+            reach = -regions.radius
+            if regions.side[p, 0] * first >= reach and regions.side[p, 1] * second >= reach:
+                regions.depth[p] = at.f
 
 
 @inner_kernel
-def keep_promising(textures, pairs, stride, enough, space):
-    """Bound pairs of charts, and keep those that may be deeper than `enough` [m], or as deep.
+def cull_pairs(textures, count, stride, threshold, memory):
+    """Bound the first `count` candidates; keep those that may be as deep as `threshold` [m].
 
-    Fills rows of `space.looks`, whose numbers of pairs are given; returns how many are left.
+    Returns how many are left.
     """
-    looks, kept = space.looks, np.int64(0)
-    for row in range(pairs):
-        pair = int(looks[row, PAIR])
-        a, b = space.charts_a[pair // stride], space.charts_b[pair % stride]
-        if summit_bound(textures, a, b) <= enough - TIE:
+    candidates, kept = memory.candidates, np.int64(0)
+    search = memory.search[0]
+    for row in range(count):
+        number = candidates[row].number
+        a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
+        if top_bound(textures, a, b) <= threshold - TIE:
             continue
-        cx, cy = (a, b) if walks_on_a(a, b) else (b, a)
-        look = looks[kept]
-        pair_bound(textures, cx, cy, space.work, look)
+        patch, other = (a, b) if searches_a(a, b) else (b, a)
+        candidate = candidates[kept]
+        bound_pair(textures, patch, other, search, candidate)
         # Those that do not meet are -inf deep.
-        if look[0] <= enough - TIE:
+        if candidate.bound <= threshold - TIE:
             continue
-        look[PAIR] = pair
-        for k in range(LOOK_COVERS, LOOK_SIZE):
-            look[k] = looks[row, k]
+        candidate.number = number
+        for k in range(4):
+            candidate.extent[k] = candidates[row].extent[k]
         kept += 1
     return kept

@@ -8,8 +8,8 @@ import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.narrow_phase.geom_depth import smooth_texture_under
-from asperity.contact.narrow_phase.grid import grid_depth
+from asperity.contact.narrow_phase.geom_depth import BodyGeoms, DepthQuery, smooth_texture_under
+from asperity.contact.narrow_phase.grid import DepthGrid, grid_depth
 from asperity.contact.response.point_laws import (
     SIIRA_PAI,
     filter_noise,
@@ -33,25 +33,23 @@ def _turned(body, centre, axis, angle, out):
 
 
 @inner_kernel
-def _differences(
-    textures, geometry, geoms, count_a, count_b, body_a, body_b, n, guess, grid, space, out
-):  # fmt: skip
+def _differences(textures, geometry, query, grid, space, out):
     """Fill depth, point, m and point x m by the paper's eleven depths on a grid.
 
     The first is the depth itself; two along each axis across n and about each axis give the
     gradient, and along n it is 1 (Eq. 3). The origin is the tool's centre of mass.
     """
-    sample = stack_array((8,))
-    grid_depth(
-        textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, guess,
-        grid.window, grid.grid, 0.0, 1.0, space, sample,
-    )  # fmt: skip
+    sample, n, body_a = stack_array((8,)), query.normal, query.a.frame
+    samples = DepthGrid(grid.window, grid.grid, 0.0, 1.0)
+    grid_depth(textures, geometry, query, samples, space, sample)
     out.depth = sample[0]
     if sample[0] == -np.inf:
         return
     for k in range(3):
         out.point[k] = sample[1 + k]
     moved = stack_array((3, 4))
+    body = BodyGeoms(query.a.geoms, query.a.number, moved)
+    moved_query = DepthQuery(body, query.b, n, query.guess)
     centre, gradient, turn = stack_array((3,)), stack_array((3,)), stack_array((3,))
     clear(centre)
     for axis in range(6):
@@ -69,10 +67,7 @@ def _differences(
                     moved[i, 3] -= sign * step * along * n[i]
             else:
                 _turned(body_a, centre, axis - 3, sign * step, moved)
-            grid_depth(
-                textures, geometry, geoms[0], count_a, geoms[1], count_b, moved, body_b, n, guess,
-                grid.window, grid.grid, 0.0, 1.0, space, sample,
-            )  # fmt: skip
+            grid_depth(textures, geometry, moved_query, samples, space, sample)
             value = sample[0] if sample[0] > -np.inf else out.depth
             difference += sign * value
         if axis < 3:
@@ -85,26 +80,20 @@ def _differences(
 
 
 @inner_kernel
-def depth_on_grid(
-    textures, geometry, geoms, count_a, count_b, body_a, body_b, n, grid, space, out
-):  # fmt: skip
+def depth_on_grid(textures, geometry, query, grid, space, out):
     """Replace a certified depth and its gradient by those of a grid round its place."""
     if out.depth == -np.inf:
         return
     centre = stack_array((3,))
     for k in range(3):
         centre[k] = out.point[k]
+    query = DepthQuery(query.a, query.b, query.normal, centre)
     if not grid.soft:
-        _differences(
-            textures, geometry, geoms, count_a, count_b, body_a, body_b, n, centre, grid, space,
-            out,
-        )  # fmt: skip
+        _differences(textures, geometry, query, grid, space, out)
         return
     sample = stack_array((8,))
-    grid_depth(
-        textures, geometry, geoms[0], count_a, geoms[1], count_b, body_a, body_b, n, centre,
-        grid.window, grid.grid, grid.beta, grid.soft_area, space, sample,
-    )  # fmt: skip
+    samples = DepthGrid(grid.window, grid.grid, grid.beta, grid.soft_area)
+    grid_depth(textures, geometry, query, samples, space, sample)
     out.depth = sample[0]
     for k in range(3):
         out.moment[k], out.slope_normal[k] = sample[1 + k], sample[4 + k]
@@ -134,8 +123,9 @@ def baseline_force(
             noise_across(memory.noise, n, baseline.noise_level, noise)
     else:
         height = smooth_texture_under(
-            textures, geometry, memory.geoms[1], count_b, body_b, n, place, space, gradient
-        )
+            textures, geometry, BodyGeoms(memory.geoms[1], count_b, body_b), n, place, space,
+            gradient,
+        )  # fmt: skip
     textured_point_force(
         baseline.law, push, n, gradient, height, depth, baseline.ho_gain, noise, force_out
     )

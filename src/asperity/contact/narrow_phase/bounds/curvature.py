@@ -1,84 +1,99 @@
-r"""Bounds of the overlap's second derivatives over a box, and what they bound.
+r"""Second-order upper bounds of the overlap over a box.
 
-Along a unit direction of X's parameters, with `G = (slope of Y, 1)`,
+Along a unit direction of the parameters of the first patch, with `G = (slope of the other, 1)`,
 
     f'' = G.base'' + t'' (G.w) + 2 t' (G.w') + t (G.w'') + K[q', q'],
 
-K the curvature of Y's height over (u, v), for which the same expression holds with Y's own
-parameters and `(-slope, 1)`. The bases' parts are concave and kept as matrices; every texture's
-t, t', t'' are bounded by its pyramid, w' and w'' by the base's curvature. The sum is a matrix M
-with `f <= f(c) + f'(c) d + d^T M d / 2` all over the box.
+K the curvature of the other's height over (u, v), for which the same expression holds with its
+own parameters and `(-slope, 1)`. The bases' parts are concave and kept as matrices; t, t', t'' of
+either texture are bounded by its pyramid, w' and w'' by the curvature of the base. The sum is a
+matrix M with `f <= f(c) + f'(c) d + d^T M d / 2` all over the box round c.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from asperity._core.kernels import small_kernel
+from asperity.contact.narrow_phase.bounds.texture import texture_size
 from asperity.contact.narrow_phase.bounds.triplanar import MIX_1, MIX_2, MIX_3
-from asperity.contact.narrow_phase.overlap import F_X, F_XX, F_XY, F_Y, F_YY, F
-from asperity.contact.narrow_phase.surface_patch import (
-    E_MOST,
-    EQ,
-    LEAST_ROOT,
-    MAPPING,
-    PZ,
-    TEXTURE,
-    TRIPLANAR,
-    UNIT,
-    UV_MOST,
-    C,
-)
+from asperity.contact.narrow_phase.surface_patch import TRIPLANAR, entries
 
-UNSEEN, SEEN, BOUNDED, CONCAVE = 0, 1, 2, 3
-"""How f was bounded over a box: without its middle, by it, to the second order, and concave."""
+UNEVALUATED, EVALUATED, QUADRATIC, CONCAVE = 0, 1, 2, 3
+"""How f is bounded over a box: to order zero, without or with f at its centre known; by a
+quadratic; by a concave quadratic."""
+
+FINEST_OVERHANG = 1e-6
+"""Half diagonal at which boxes on an overhang are no longer divided [m]."""
+
+
+class BoxBound(NamedTuple):
+    """Upper bound of the overlap over a box."""
+
+    value: float
+    """[m]"""
+    kind: int
+    """UNEVALUATED, EVALUATED, QUADRATIC or CONCAVE."""
+    level: float
+    """The quadratic bound without f's rise along the tangent plane at the centre [m]."""
+    slack: float
+    """How far limits may lie from their tangents within the box [m]."""
 
 
 @small_kernel
-def row_bend(chart, least):
-    """Return how much a border that is not convex bends within a box."""
-    if chart[C] == 0.0:
+def box_bound(value, kind, level, slack):
+    """Return a `BoxBound`."""
+    return BoxBound(value, kind, level, slack)
+
+
+@small_kernel
+def concave_border_bend(patch, min_root):
+    """Return how much a border that is not convex bends within a box [1/m]."""
+    if patch.bulge == 0.0:
         return 0.0
-    low = max(least, 0.5 * chart[LEAST_ROOT])
-    return chart[C] * chart[E_MOST] / (low * low * low)
+    low = max(min_root, 0.5 * patch.min_root)
+    return patch.bulge * patch.ellipse_max / (low * low * low)
 
 
 @small_kernel
-def shape_bend(
-    textures, chart, bend_t, size_bend, slope_t, w1, w2, facing, spread, steepness
-):  # fmt: skip
+def _texture_bend(size, over, facing, spread, steepness):
     """Return the part of f'' that a texture makes.
 
-    `facing` is G.w at the middle, and `spread` how much it changes over the box.
+    `size` is the largest |t|; `facing` is G.w at the centre, and `spread` how much it changes over
+    the box.
     """
     most, least = facing + spread, facing - spread
-    bend = bend_t * max(most if bend_t >= 0.0 else least, 0.0)
+    bend = over.bend * max(most if over.bend >= 0.0 else least, 0.0)
     if least < 0.0:
-        # Seen from behind: there the texture's hollows bend outwards.
-        bend = max(bend, 0.0) - least * size_bend
-    size = textures.maps[int(chart[TEXTURE])].max_abs_height
-    return bend + (2.0 * slope_t * w1 + size * w2) * steepness
+        # Seen from behind, the texture's hollows bend outwards.
+        bend = max(bend, 0.0) - least * over.bend_size
+    return bend + (2.0 * over.slope * over.normal_slope + size * over.normal_bend) * steepness
 
 
 @small_kernel
-def point_bend(textures, chart, least, slope, size_bend, w1, w2, side):
-    """Return a bound of |p''|, the bend of a chart's surface as its parameters are walked over.
+def _surface_bend(textures, patch, over, side):
+    """Return a bound of |p''|, the second derivatives of a displaced surface by its parameters.
 
-    `side` is how much of the normal is looked at: 1, or its part in (u, v).
+    `side` is the part of the normal that counts: 1, or its lateral part.
     """
-    bend = row_bend(chart, least)
-    if chart[TEXTURE] >= 0.0:
-        bend += size_bend * side + 2.0 * slope * w1
-        bend += textures.maps[int(chart[TEXTURE])].max_abs_height * w2
+    bend = concave_border_bend(patch, over.min_root)
+    if patch.texture >= 0:
+        bend += over.bend_size * side + 2.0 * over.slope * over.normal_slope
+        bend += texture_size(textures, patch) * over.normal_bend
     return bend
 
 
 @small_kernel
-def less_base(chart, m11, m12, m22, most, q):
-    """Return M less the curvature of Y's smooth base; `q` are the sides of X's map to (u, v)."""
-    c = chart[C] / most
-    e11, e12, e22 = c * chart[EQ], c * chart[EQ + 1], c * chart[EQ + 2]
-    a, b, d, e = q
+def less_base(other, matrix, max_root, lateral):
+    """Return M (11, 12, 22) less the curvature of the other's smooth base.
+
+    `lateral` has the four entries of the first patch's map to (u, v).
+    """
+    m11, m12, m22 = matrix
+    c = other.bulge / max_root
+    e11, e12, e22 = c * other.ellipse_uv[0], c * other.ellipse_uv[1], c * other.ellipse_uv[2]
+    a, b, d, e = lateral
     m11 -= a * (e11 * a + e12 * d) + d * (e12 * a + e22 * d)
     m12 -= a * (e11 * b + e12 * e) + d * (e12 * b + e22 * e)
     m22 -= b * (e11 * b + e12 * e) + e * (e12 * b + e22 * e)
@@ -87,32 +102,34 @@ def less_base(chart, m11, m12, m22, most, q):
 
 @small_kernel
 def _rise(slope, bend, half):
-    """Return the largest of `slope d + bend d^2 / 2` over |d| <= half; `slope` is 0 or more."""
+    """Return the largest of `slope d + bend d^2 / 2` over |d| <= half, for slope >= 0."""
     if slope < -bend * half:
         return -0.5 * slope * slope / bend
     return slope * half + 0.5 * bend * half * half
 
 
 @small_kernel
-def second_order(m11, m12, m22, half_x, half_y, bound, loose, at):
-    """Return the sharper of `bound` and that of f'' <= M; see `node_bound`."""
+def quadratic_bound(matrix, half_x, half_y, bound, slack, at):
+    """Return the sharper of `bound` and that of f'' <= M, given as (11, 12, 22)."""
+    m11, m12, m22 = matrix
     square = max(m11, 0.0) * half_x * half_x + max(m22, 0.0) * half_y * half_y
-    second = at[F] + 0.5 * square + abs(m12) * half_x * half_y
-    rise = _rise(abs(at[F_X]), m11, half_x) + _rise(abs(at[F_Y]), m22, half_y)
-    bound = min(bound, at[F] + rise + abs(m12) * half_x * half_y)
-    concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
-    return bound, (CONCAVE if concave else BOUNDED), second, loose
+    level = at.f + 0.5 * square + abs(m12) * half_x * half_y
+    rise = _rise(abs(at.f_x), m11, half_x) + _rise(abs(at.f_y), m22, half_y)
+    bound = min(bound, at.f + rise + abs(m12) * half_x * half_y)
+    is_concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
+    return box_bound(bound, CONCAVE if is_concave else QUADRATIC, level, slack)
 
 
 @small_kernel
-def _third_of_texture(textures, chart, sizes):
-    """Return the largest third derivative of a plane chart's texture; `sizes` of `third_order`."""
-    if chart[TEXTURE] < 0.0:
+def third_of_texture(textures, patch, over):
+    """Return a bound of the third derivative of a plane patch's texture by its parameters."""
+    if patch.texture < 0:
         return 0.0
-    third = textures.maps[int(chart[TEXTURE])].max_third_derivative * chart[UV_MOST] ** 3
-    if chart[UNIT] == 0.0 and chart[MAPPING] == TRIPLANAR:
+    third = textures.maps[patch.texture].max_third_derivative * patch.map_max**3
+    if not patch.is_unit and patch.mapping == TRIPLANAR:
         # The product rule for the sum of a_i t_i; w'' has a part along w, of size w1^2.
-        a, s, b, w1, w2 = sizes
+        a, s, b = texture_size(textures, patch), over.slope, over.bend_size
+        w1, w2 = over.normal_slope, over.normal_bend
         third += 3.0 * MIX_1 * w1 * b + 3.0 * (MIX_2 * w1 * w1 + MIX_1 * w2) * s
         third += (MIX_3 * w1 * w1 + 3.0 * MIX_2 * w2 + 3.0 * MIX_1 * w1 * w1) * w1 * a
         third += MIX_1 * 5.0 * w1 * w2 * a
@@ -120,41 +137,128 @@ def _third_of_texture(textures, chart, sizes):
 
 
 @small_kernel
-def third_order(textures, cx, cy, x, y, side, side_y, fastest, closest):
-    """Return a bound of the third derivative of f for two plane charts.
+def _third_order(textures, patch, other, over, over_other, fastest, closest):
+    """Return a bound of the third derivative of f for two plane patches.
 
-    `x` and `y` are the sizes of height, slope and bend of the texture, of w' and of w'', of X and
-    of Y, by each one's own parameters. Of X the product rule for t w; of Y's height over a place
-    the rules for a function z of parameters psi that are the inverse of a map: `closest` is how
-    fast that goes at least.
+    Of the first patch it is the product rule for t w; of the other's height over a place, the
+    rules for a function z of parameters psi that are the inverse of a map, which moves by
+    `closest` at least where psi moves by 1.
     """
-    a, s, b, w1, w2 = x
-    t, t_y = _third_of_texture(textures, cx, x), _third_of_texture(textures, cy, y)
+    side, side_other = over.lateral, over_other.lateral
+    t, t_other = (
+        third_of_texture(textures, patch, over),
+        third_of_texture(textures, other, over_other),
+    )
+    a, s, b = texture_size(textures, patch), over.slope, over.bend_size
+    w1, w2 = over.normal_slope, over.normal_bend
     w3 = 5.0 * w1 * w2  # of v / |v| with v linear: 15 w1^3, and w2 is 3 w1^2
     more = 3.0 * b * w1 + 3.0 * s * w2 + a * w3
-    turn = b * side + 2.0 * s * w1 + a * w2  # how much X's place bends in (u, v)
-    a, s, b, w1, w2 = y
-    more_y = 3.0 * b * w1 + 3.0 * s * w2 + 5.0 * a * w1 * w2
-    turn_y = b * side_y + 2.0 * s * w1 + a * w2
-    z1 = s + a * w1 + math.sqrt(cy[PZ] ** 2 + cy[PZ + 1] ** 2)
-    z2, z3 = b + 2.0 * s * w1 + a * w2, t_y + more_y
-    over = 1.0 / closest
-    psi2 = turn_y * over**3
-    psi3 = (3.0 * turn_y * turn_y * over + t_y * side_y + more_y) * over**4
-    h1, h2 = z1 * over, z2 * over * over + z1 * psi2
-    h3 = z3 * over**3 + 3.0 * z2 * over * psi2 + z1 * psi3
+    turn = b * side + 2.0 * s * w1 + a * w2  # second derivative of the point's place in (u, v)
+    a, s, b = texture_size(textures, other), over_other.slope, over_other.bend_size
+    w1, w2 = over_other.normal_slope, over_other.normal_bend
+    more_other = 3.0 * b * w1 + 3.0 * s * w2 + 5.0 * a * w1 * w2
+    turn_other = b * side_other + 2.0 * s * w1 + a * w2
+    z1 = s + a * w1 + math.sqrt(other.slope[0] ** 2 + other.slope[1] ** 2)
+    z2, z3 = b + 2.0 * s * w1 + a * w2, t_other + more_other
+    inverse = 1.0 / closest
+    psi2 = turn_other * inverse**3
+    psi3 = 3.0 * turn_other * turn_other * inverse + t_other * side_other + more_other
+    psi3 *= inverse**4
+    h1, h2 = z1 * inverse, z2 * inverse * inverse + z1 * psi2
+    h3 = z3 * inverse**3 + 3.0 * z2 * inverse * psi2 + z1 * psi3
     return t + more + h1 * (t * side + more) + 3.0 * h2 * fastest * turn + h3 * fastest**3
 
 
 @small_kernel
-def with_third(found, third, half_x, half_y, bound, loose, at):
-    """Return `second_order`'s, or that by the bend at the middle, which changes by `third` at most.
+def _with_third(found, third, half_x, half_y, bound, at):
+    """Return `found`, or the bound by the Hessian at the centre, which changes by `third` at most.
 
-    The latter is sharper on ridges, and in small boxes.
+    The latter is sharper on ridges and in small boxes.
     """
-    bent_x, bent_y = at[F_XX] + third, at[F_YY] + third
-    other = second_order(bent_x, at[F_XY], bent_y, half_x, half_y, bound, loose, at)
-    least = min(found[0], other[0])
-    if other[1] > found[1] or (other[1] == found[1] and other[2] < found[2]):
-        return least, other[1], other[2], other[3]
-    return least, found[1], found[2], found[3]
+    matrix = (at.f_xx + third, at.f_xy, at.f_yy + third)
+    by_third = quadratic_bound(matrix, half_x, half_y, bound, found.slack, at)
+    least = min(found.value, by_third.value)
+    if by_third.kind > found.kind or (by_third.kind == found.kind and by_third.level < found.level):
+        return box_bound(least, by_third.kind, by_third.level, by_third.slack)
+    return box_bound(least, found.kind, found.level, found.slack)
+
+
+@small_kernel
+def drift_of(textures, patch, over):
+    """Return how fast a texture moves points sideways along a unit direction, at most."""
+    return over.slope * over.lateral + texture_size(textures, patch) * over.normal_slope
+
+
+@small_kernel
+def curvature_bound(textures, patch, other, over, over_other, half, bound, at):
+    """Return the sharper of `bound` and the second-order bounds of the overlap over a box.
+
+    Parameters
+    ----------
+    patch, other : PATCH records
+    over, over_other : TextureBounds
+        Over the box, and over the part of the other patch that may lie under it.
+    half : tuple (float, float)
+        Half sides of the box [m].
+    bound : float
+        Of order zero [m].
+    at : OVERLAP record
+        At the centre of the box.
+    """
+    half_x, half_y = half
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    side, side_other = over.lateral, over_other.lateral
+    # How fast the place in (u, v) moves along a unit direction, at most and at least.
+    drift, drift_other = drift_of(textures, patch, over), drift_of(textures, other, over_other)
+    fastest, slowest = patch.lateral_max + drift, max(patch.lateral_min - drift, 0.0)
+    closest, widest = max(other.lateral_min - drift_other, 0.0), other.lateral_max + drift_other
+    g1, g2 = at.other_slope[0], at.other_slope[1]
+    # How much the other's slope changes over the box.
+    turn = 0.0
+    if side > 0.0 or side_other > 0.0:
+        if closest == 0.0:
+            return box_bound(bound if radius > FINEST_OVERHANG else at.f, EVALUATED, bound, 0.0)
+        turn = _surface_bend(textures, other, over_other, 1.0) * radius * fastest
+        turn *= (1.0 + math.sqrt(g1 * g1 + g2 * g2)) / (closest * closest)
+    steepness = math.sqrt(1.0 + g1 * g1 + g2 * g2) + turn
+    kappa = 0.0
+    if patch.texture >= 0:
+        facing = over.normal_z + g1 * over.normal_u + g2 * over.normal_v
+        spread = steepness * over.normal_change + turn * side
+        kappa = _texture_bend(texture_size(textures, patch), over, facing, spread, steepness)
+    m11, m12, m22 = kappa, 0.0, kappa
+    if patch.bulge > 0.0:
+        c = patch.bulge / over.max_root
+        e11, e12, e22 = patch.ellipse[0], patch.ellipse[1], patch.ellipse[2]
+        m11, m12, m22 = m11 - c * e11, m12 - c * e12, m22 - c * e22
+    if other.texture >= 0:
+        facing = over_other.normal_z - g1 * over_other.normal_u - g2 * over_other.normal_v
+        spread = steepness * over_other.normal_change + turn * side_other
+        bend = _texture_bend(texture_size(textures, other), over_other, facing, spread, steepness)
+        if other.bulge > 0.0:
+            bend -= other.bulge / over_other.max_root * other.ellipse_min
+        ratio = fastest / closest if bend > 0.0 else slowest / widest
+        bend *= ratio * ratio
+        m11, m22 = m11 + bend, m22 + bend
+    elif other.bulge > 0.0:
+        if texture_size(textures, patch) * side == 0.0:
+            lateral = entries(patch.lateral)
+            m11, m12, m22 = less_base(other, (m11, m12, m22), over_other.max_root, lateral)
+        else:
+            c = other.bulge / over_other.max_root
+            less = c * other.ellipse_uv_min * slowest * slowest
+            m11, m22 = m11 - less, m22 - less
+    # How far the limits may lie from their tangents.
+    slack = concave_border_bend(patch, over.min_root)
+    slack += concave_border_bend(other, over_other.min_root)
+    if side > 0.0:
+        slack += _surface_bend(textures, patch, over, side) / other.lateral_min
+    if side_other > 0.0:
+        ratio = fastest / closest
+        slack += _surface_bend(textures, other, over_other, side_other) * ratio * ratio
+    slack *= 0.5 * radius * radius
+    found = quadratic_bound((m11, m12, m22), half_x, half_y, bound, slack, at)
+    if patch.bulge > 0.0 or other.bulge > 0.0 or closest == 0.0:
+        return found
+    third = _third_order(textures, patch, other, over, over_other, fastest, closest)
+    return _with_third(found, radius * third, half_x, half_y, bound, at)

@@ -1,0 +1,93 @@
+"""What the limits of two patches rule out: boxes beyond them, and rises that leave them."""
+
+from __future__ import annotations
+
+import math
+
+from asperity._core.kernels import inner_kernel, small_kernel
+from asperity.contact.narrow_phase.bounds.texture import roots_over
+from asperity.contact.narrow_phase.displaced_surface import root_at
+from asperity.contact.narrow_phase.overlap import limits_at
+from asperity.contact.narrow_phase.polygon import steepest_rise
+
+_NO_RISE = 1e-13
+"""Rise below which the limits are not consulted [m]."""
+_LEAST_ROOT = 0.02
+"""Root below which borders of curved patches are not bounded."""
+
+
+@inner_kernel
+def beyond_borders(patch, x, y, half_x, half_y):
+    """Return whether a box round (x, y) lies beyond one of a patch's borders."""
+    if patch.border_count == 0:
+        return False
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    least, _ = roots_over(patch, x, y, radius)
+    if least <= _LEAST_ROOT:
+        return False
+    r, r_x, r_y, _, _, _ = root_at(patch, x, y)
+    # How far the root may lie from its tangent plane.
+    bend = 0.5 * radius * radius * patch.ellipse_max / (least * least * least)
+    for i in range(patch.border_count):
+        border = patch.borders[i]
+        k1, k2, k3, k4 = border.from_x, border.from_y, border.from_root, border.from_square
+        g = border.constant + k1 * x + k2 * y + k3 * r + k4 * (x * x + y * y)
+        g -= abs(k1 + k3 * r_x + 2.0 * k4 * x) * half_x
+        g -= abs(k2 + k3 * r_y + 2.0 * k4 * y) * half_y
+        if g > abs(k3) * bend:
+            return True
+    return False
+
+
+@small_kernel
+def beyond_straight_borders(patch, first, x, y, half_x, half_y):
+    """Return whether a box lies beyond a border of a plane patch, of those from `first` on."""
+    for n in range(first, patch.border_count):
+        border = patch.borders[n]
+        k1, k2, k4 = border.from_x, border.from_y, border.from_square
+        g = border.constant + k1 * x + k2 * y
+        if k4 != 0.0:
+            g += k4 * (x * x + y * y)
+            k1, k2 = k1 + 2.0 * k4 * x, k2 + 2.0 * k4 * y
+        if g > abs(k1) * half_x + abs(k2) * half_y:
+            return True
+    return False
+
+
+@small_kernel
+def is_apart(patch, x, y, reach):
+    """Return whether no part of a patch lies within `reach` of (x, y), in its parameters."""
+    if patch.bulge > 0.0:
+        _, most = roots_over(patch, x, y, reach)
+        if most < patch.min_root:
+            return True
+        return beyond_borders(patch, x, y, reach, reach)
+    out_x = max(patch.rectangle[0] - x, x - patch.rectangle[1])
+    out_y = max(patch.rectangle[2] - y, y - patch.rectangle[3])
+    return max(out_x, out_y) > reach or beyond_borders(patch, x, y, reach, reach)
+
+
+@inner_kernel
+def rise_within(patch, other, at, box, slack, search):
+    """Return the largest rise along the tangent plane at `at` over a box within the limits.
+
+    `box` (x0, x1, y0, y1) is relative to the point; limits may lie `slack` off their tangents [m].
+    """
+    x0, x1, y0, y1 = box
+    g_x, g_y = at.f_x, at.f_y
+    rise = max(g_x * x0, g_x * x1) + max(g_y * y0, g_y * y1)
+    if rise <= _NO_RISE:
+        return rise
+    limits = search.limits
+    count = limits_at(patch, other, at, limits)
+    is_near = False
+    for i in range(count):
+        limit = limits[i]
+        # A convex limit too is bent where a texture shifts points.
+        limit.g -= 0.0 if limit.is_concave else slack
+        a, b = limit.g_x, limit.g_y
+        reach = max(a * x0, a * x1) + max(b * y0, b * y1)
+        is_near = is_near or reach > -limit.g + (slack if limit.is_concave else 0.0)
+    if not is_near:
+        return rise
+    return steepest_rise(g_x, g_y, box, limits, count, slack, search.polygon)
