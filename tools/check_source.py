@@ -29,9 +29,10 @@ WORDS = (
 """Words that hide who does what to which quantity; plain terms of the field take their place."""
 ALLOWED_WORDS: dict[str, tuple[str, ...]] = {
     "src/asperity/psychophysics": ("asked",),
+    "src/asperity/realtime/servo/safety.py": ("told",),
     "docs/experiments.md": ("asked",),
 }
-"""Where such a word is the right one, by file or folder: participants are asked."""
+"""Where such a word is right, by file or folder: participants are asked; a deprecated name."""
 KERNELS = ("kernel", "inner_kernel", "small_kernel")
 Place = tuple[Path, int, str]
 

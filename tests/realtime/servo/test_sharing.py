@@ -108,7 +108,7 @@ def test_a_snapshot_is_the_latest_moment(tmp_path):
     for value in (1.0, 2.0):
         one.flags[...] = value
         writer.write(
-            one.record,
+            one,
             np.full(6, 7.0),
             np.full(6, 8.0),
             (1, 2, 3, 4, 5, 6, 7, 8.5, 9.5),
@@ -129,10 +129,10 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
         import sys, numpy as np
         from pathlib import Path
         from asperity.realtime.servo.contact_worker import ShownContacts
-        from asperity.realtime.servo.ipc import TICK
+        from asperity.realtime.servo.ipc import TickRecord
         from asperity.realtime.servo.snapshot import SnapshotWriter
-        writer, tick = SnapshotWriter(Path(sys.argv[1])), np.zeros(1, TICK)
-        numbers, shown = tick.view(float), ShownContacts()
+        writer, tick = SnapshotWriter(Path(sys.argv[1])), TickRecord()
+        numbers, shown = tick.numbers, ShownContacts()
         shown.count = 16
         print("begun", flush=True)
         n = 0
@@ -141,7 +141,7 @@ def test_no_reader_ever_sees_two_halves(tmp_path):
             numbers[:] = n
             for part in (shown.point, shown.normal, shown.force, shown.depth):
                 part[:] = n
-            writer.write(tick[0], numbers[:6], numbers[:6], (n,) * 9, shown)
+            writer.write(tick, numbers[:6], numbers[:6], (n,) * 9, shown)
     """)
     path = tmp_path / "snapshot"
     process = subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE)

@@ -143,16 +143,7 @@ class ContactWorker:
         return self._thread.native_id or 0
 
     def submit(self, pose: NDArray[np.float64], now: float, *, jumped: bool = False) -> None:
-        """Start computing the contact at a pose (7,). Only when not `busy`.
-
-        Parameters
-        ----------
-        pose : (7,) array
-        now : float
-            [s], on the loop's clock.
-        jumped : bool
-            Whether this is not the tick after the one submitted last.
-        """
+        """Start computing the contact at a pose, as `ContactSource.submit`."""
         self._pose[:] = pose
         self._next.submitted = now
         self._jumped = jumped

@@ -41,7 +41,7 @@ TICK = np.dtype(
 
 
 class TickRecord:
-    """One tick, filled in place: `record`, of dtype `TICK`, and a view of each field."""
+    """One tick, filled in place: a `TICK` record, its numbers (30,), and a view of each field."""
 
     time: NDArray[np.float64]
     handle_pose: NDArray[np.float64]
@@ -53,7 +53,9 @@ class TickRecord:
     penetration_depth: NDArray[np.float64]
 
     def __init__(self) -> None:
-        self.record: Ticks = np.zeros((), TICK)
+        records = np.zeros(1, TICK)
+        self.record: Ticks = records.reshape(())
+        self.numbers: NDArray[np.float64] = records.view(np.float64)
         for name in TICK.names or ():
             setattr(self, name, self.record[name])
 

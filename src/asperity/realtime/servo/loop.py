@@ -301,9 +301,7 @@ class ServoLoop:
                 self.device.counts.clamped_force + self.device.counts.clamped_torque,
                 stats.recent_tick.p99, stats.recent_contact.p99,
             )  # fmt: skip
-            self._publisher.snapshot.write(
-                record.record, twist, self.tool.twist, counts, contact.shown
-            )
+            self._publisher.snapshot.write(record, twist, self.tool.twist, counts, contact.shown)
 
 
 def _device_to_scene(mapping: Mapping) -> NDArray[np.float64]:

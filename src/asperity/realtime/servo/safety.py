@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,6 @@ _NORM_TOLERANCE = 1e-2
 _SOFTER = 10.0
 """Duration of the soft start after a short silence, over that of the silence; project default."""
 _ROUNDING = 1.0 - 1e-12
-_RENAMED = {"said": "raw_reading", "told": "summary"}
 
 
 @dataclass(frozen=True)
@@ -131,14 +129,6 @@ class SafeDevice:
         self._measured = -math.inf
         self._was_silent = False
         self.set_tick(dt)
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what the attribute `name` of the last version is now called, with a warning."""
-        if name not in _RENAMED:
-            raise AttributeError(f"SafeDevice has no attribute {name!r}")
-        new = _RENAMED[name]
-        warnings.warn(f"{name} is deprecated: use {new}", DeprecationWarning, stacklevel=2)
-        return getattr(self, new)
 
     @property
     def raw_reading(self) -> Reading:
@@ -271,6 +261,17 @@ class SafeDevice:
         """Return the limits and counts for `summary.json`."""
         limits = {"max_force_n": self.max_force, "max_torque_n_m": self.max_torque}
         return {**limits, **asdict(self.counts)}
+
+    @property
+    def said(self) -> Reading:
+        """Deprecated: use `raw_reading`."""
+        warnings.warn("said is deprecated: use raw_reading", DeprecationWarning, stacklevel=2)
+        return self.raw_reading
+
+    def told(self) -> dict[str, object]:
+        """Return `summary()`; deprecated."""
+        warnings.warn("told is deprecated: use summary", DeprecationWarning, stacklevel=2)
+        return self.summary()
 
     def _send(self, *values: float) -> None:
         self.sent[:] = values

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.realtime.servo.contact_worker import MAX_SHOWN, ShownContacts
-from asperity.realtime.servo.ipc import TICK, Ticks
+from asperity.realtime.servo.ipc import TICK, TickRecord
 from asperity.realtime.shared_file import SequenceLock, SharedFile
 
 SHOWN_RATE = 250.0
@@ -43,6 +43,7 @@ SNAPSHOT = np.dtype(
 """
 FIELDS = {name: SNAPSHOT[name].shape or (1,) for name in SNAPSHOT.names or ()}
 """Names and shapes of the fields in order."""
+_SNAPSHOT_OFFSETS = {name: field[1] for name, field in (SNAPSHOT.fields or {}).items()}
 _SNAPSHOT_FILE = np.dtype([("sequence", "i8"), ("snapshot", SNAPSHOT)])
 _SECONDS = ("time", "tick_p99", "contact_p99")
 _CONTACT_FIELDS = ("point", "normal", "force", "depth")
@@ -114,15 +115,21 @@ class SnapshotWriter:
         record = self._file.array(_SNAPSHOT_FILE)
         self._lock = SequenceLock(record["sequence"])
         snapshot = record["snapshot"]
-        self._like_tick = [(snapshot[name], name) for name in _LIKE_TICK]
         self._handle_twist, self._tool_twist = snapshot["handle_twist"], snapshot["tool_twist"]
-        self._counts = [snapshot[name] for name in _COUNTS]
-        self._shown = snapshot["shown"]
-        self._contacts = [(snapshot[name], name) for name in _CONTACT_FIELDS]
+        self._point, self._normal = snapshot["point"], snapshot["normal"]
+        self._force, self._depth = snapshot["force"], snapshot["depth"]
+        # Neighbouring fields as one array each: one assignment instead of seven and ten.
+        self._like_tick = self._numbers("time", "handle_twist")
+        self._counts = self._numbers("buttons", "point")
+
+    def _numbers(self, first: str, end: str) -> NDArray[np.float64]:
+        """Return the numbers from one field to before another."""
+        start, stop = (_SNAPSHOT_OFFSETS[name] for name in (first, end))
+        return self._file.array(np.float64, ((stop - start) // 8,), 8 + start)
 
     def write(
         self,
-        tick: Ticks,
+        tick: TickRecord,
         handle_twist: NDArray[np.float64],
         tool_twist: NDArray[np.float64],
         counts: tuple[float, ...],
@@ -132,24 +139,24 @@ class SnapshotWriter:
 
         Parameters
         ----------
-        tick : TICK record
+        tick : TickRecord
         handle_twist, tool_twist : (6,) array
             [m/s], [rad/s].
         counts : tuple
             The fields of `Snapshot` from `buttons` to `contact_p99`.
         contacts : ShownContacts
         """
+        n = contacts.count
         with self._lock:
-            for place, name in self._like_tick:
-                place[...] = tick[name]
+            self._like_tick[:] = tick.numbers[: len(self._like_tick)]
             self._handle_twist[:] = handle_twist
             self._tool_twist[:] = tool_twist
-            for place, count in zip(self._counts, counts, strict=True):
-                place[...] = count
-            n = contacts.count
-            self._shown[...] = n
-            for place, name in self._contacts:
-                place[:n] = getattr(contacts, name)[:n]
+            self._counts[:] = (*counts, n)
+            if n:
+                self._point[:n] = contacts.point[:n]
+                self._normal[:n] = contacts.normal[:n]
+                self._force[:n] = contacts.force[:n]
+                self._depth[:n] = contacts.depth[:n]
 
 
 class SnapshotReader:
