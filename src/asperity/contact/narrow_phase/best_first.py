@@ -11,8 +11,10 @@ patch are searched depth first when it is their turn.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
@@ -33,6 +35,7 @@ from asperity.contact.narrow_phase.patch_pair import (
     searches_a,
     sides_of,
 )
+from asperity.contact.narrow_phase.records import NODE, QUEUE_STATE
 from asperity.contact.narrow_phase.warm_start import both_hold, extent_holds
 
 MAX_NODES = 131072
@@ -47,6 +50,32 @@ _CHEAP = 0.1
 """Cost of a bound from the pyramids alone [nodes]."""
 _INITIAL = 2.0
 """Cost of the first ascent in a pair [nodes]."""
+
+
+class NodeQueue(NamedTuple):
+    """Memory of a best-first search, allocated once."""
+
+    nodes: NDArray[np.void]
+    """NODE records, (MAX_NODES,)."""
+    heap: NDArray[np.int64]
+    """Numbers of the open nodes, the one with the largest bound on top, (MAX_NODES,)."""
+    keys: NDArray[np.float64]
+    """Their bounds [m], (MAX_NODES,)."""
+    retired: NDArray[np.int64]
+    """Numbers of the nodes that a search has pruned or left, (MAX_NODES,)."""
+    state: NDArray[np.void]
+    """One QUEUE_STATE record."""
+
+
+def node_queue() -> NodeQueue:
+    """Return memory for a best-first search."""
+    return NodeQueue(
+        nodes=np.zeros(MAX_NODES, NODE),
+        heap=np.zeros(MAX_NODES, np.int64),
+        keys=np.zeros(MAX_NODES),
+        retired=np.zeros(MAX_NODES, np.int64),
+        state=np.zeros(1, QUEUE_STATE),
+    )
 
 
 @small_kernel
@@ -162,8 +191,8 @@ def _fill_heap(textures, stride, count, memory, queue, added):
                 size += 1
             used += 1
         return size, used, retired
-    used = queue.left[1]
-    for i in range(queue.left[0]):
+    used = queue.state[0].stored
+    for i in range(queue.state[0].retired):
         number = queue.retired[i]
         node = nodes[number]
         if node.bound <= pruning_threshold(search):
@@ -188,12 +217,12 @@ def _set_node(node, box, bound, row):
 
 @small_kernel
 def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
-    """Bound the quarters of a node of two planes and store them from `queue.left[2]` on.
+    """Bound the quarters of a node of two planes and store them after those in use.
 
     Returns the number of the best quarter, -1 without one, and its bound. Pruned quarters are
     marked.
     """
-    nodes, used = queue.nodes, queue.left[2]
+    nodes, used = queue.nodes, queue.state[0].used
     x0, x1, y0, y1, above = node
     bounds = stack_array((4,))
     best, highest = np.int64(-1), -np.inf
@@ -230,7 +259,7 @@ def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
             quarter.is_pruned = True
         elif high > highest:
             best, highest = used - 1, high
-    queue.left[2] = used
+    queue.state[0].used = used
     return best, highest
 
 
@@ -307,11 +336,11 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
                     retired = _retire(queue, retired, number)
                 break
             is_leaf, first = large <= _LEAF * grain, used
-            queue.left[2] = used
+            queue.state[0].used = used
             best, highest = _divide(
                 textures, planes, pair, (x0, x1, y0, y1, above), row, is_leaf, search, queue
             )
-            used = queue.left[2]
+            used = queue.state[0].used
             # Plunge into the best quarter until it is small: what is found there prunes others.
             plunge = highest > pruning_threshold(search) and not is_leaf
             for k in range(first, used):
@@ -329,7 +358,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
     if added == 0:
         for i in range(size):
             retired = _retire(queue, retired, heap[i])
-        queue.left[0], queue.left[1] = retired, used
+        queue.state[0].retired, queue.state[0].stored = retired, used
 
 
 @inner_kernel

@@ -159,7 +159,7 @@ def region_depths(textures, region, found, query, limits, memory, space, results
     # The deepest point of all is that of every sub-region that it lies in.
     _begin(search, float(max_nodes), least)
     guess = (points[best, 0], points[best, 1])
-    best_first_search(textures, stride, count, guess, tolerance, memory, space, np.int64(0))
+    best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, np.int64(0))
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
     if number == 1 or results_out[0].depth == -math.inf:
         return 1
@@ -172,7 +172,7 @@ def region_depths(textures, region, found, query, limits, memory, space, results
         added = _limit_to_sub_region(memory, made_a, lines, side_1, side_2, region.radius)
         _begin(search, max_nodes / 2, least)
         guess = (points[p, 0], points[p, 1])
-        best_first_search(textures, stride, count, guess, tolerance, memory, space, added)
+        best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
         fill_penetration(textures, stride, n, tolerance, memory, results_out[p])
         for a in range(made_a):
             memory.patches_a[a].border_count -= added
@@ -213,6 +213,6 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     count = cull_pairs(textures, count, stride, -math.inf, memory)
     begin_search(search, float(max_nodes), -math.inf)
     guess = (np.nan, np.nan)
-    best_first_search(textures, stride, count, guess, tolerance, memory, space, np.int64(0))
+    best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, np.int64(0))
     fill_penetration(textures, stride, n, tolerance, memory, result_out[0])
     return has_room and foot.facing.clock[1] == 0

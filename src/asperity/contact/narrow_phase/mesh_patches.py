@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
 from asperity.contact.narrow_phase.patch_pair import pair_shift
@@ -66,25 +67,20 @@ def _patches_of_facet(table, geometry, f, view, made, patches, space):
     Patches are made when they are first needed in a query. A facet of a round geom stands for all
     patches of that geom.
     """
-    clock, geom = space.clock[0], table.geom[f]
+    query_number, geom = space.clock[0], table.geom[f]
+    slot = space.geom_slots[geom] if geom >= 0 else space.slots[view.side, f]
+    if slot.made == query_number:
+        return slot.first, slot.end, made, True
+    if made + (3 if geom >= 0 else 1) > patches.shape[0]:
+        return made, made, made, False
+    slot.first, slot.made = made, query_number
     if geom >= 0:
-        if space.geom_slots[2, geom] != clock:
-            if made + 3 > patches.shape[0]:
-                return made, made, made, False
-            after = fill_geom_patches(geometry, geom, view.frame, view.body, patches, made)
-            space.geom_slots[0, geom], space.geom_slots[1, geom] = made, after - made
-            space.geom_slots[2, geom] = clock
-            made = after
-        first = space.geom_slots[0, geom]
-        return first, first + space.geom_slots[1, geom], made, True
-    if space.slots[2 + view.side, f] != clock:
-        if made == patches.shape[0]:
-            return made, made, made, False
+        made = fill_geom_patches(geometry, geom, view.frame, view.body, patches, made)
+    else:
         fill_facet_patch(table, geometry, f, view.rotation, view.translation, patches[made])
-        space.slots[view.side, f], space.slots[2 + view.side, f] = made, clock
         made += 1
-    first = space.slots[view.side, f]
-    return first, first + 1, made, True
+    slot.end = made
+    return slot.first, slot.end, made, True
 
 
 @small_kernel
@@ -143,18 +139,16 @@ def collect_candidates(textures, table, geometry, query, memory, space):
     all. A pair's number is that of A's patch times the room for patches, plus that of B's.
     """
     space.clock[0] += 1
-    stride, clock = memory.patches_b.shape[0], space.clock[0]
-    down, frame = space.frames[2, :, :3], query.frame
+    stride, query_number = memory.patches_b.shape[0], space.clock[0]
+    frame, down = query.frame, stack_array((3, 3))
+    rotation_a, translation_a = stack_array((3, 3)), stack_array((3,))
+    rotation_b, translation_b = stack_array((3, 3)), stack_array((3,))
     for k in range(3):
         down[0, k], down[1, k], down[2, k] = frame[0, k], frame[1, k], -frame[2, k]
-    view_a = _View(
-        np.int64(0), down, query.frame_a, space.frames[0, :, :3], space.frames[0, :, 3]
-    )  # fmt: skip
-    view_b = _View(
-        np.int64(1), frame, query.frame_b, space.frames[1, :, :3], space.frames[1, :, 3]
-    )  # fmt: skip
-    _fill_transform(down, query.frame_a, view_a.rotation, view_a.translation)
-    _fill_transform(frame, query.frame_b, view_b.rotation, view_b.translation)
+    _fill_transform(down, query.frame_a, rotation_a, translation_a)
+    _fill_transform(frame, query.frame_b, rotation_b, translation_b)
+    view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a)
+    view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b)
     made_a = made_b = count = 0
     has_room = True
     candidates, facets = memory.candidates, space.footprint.facing.pairs
@@ -165,23 +159,21 @@ def collect_candidates(textures, table, geometry, query, memory, space):
         if query.direction >= 0 and table.shares[g, query.direction] == 0.0:
             continue
         # Most patches exist already, and a call passes hundreds of numbers.
-        first_a = space.slots[0, f]
-        last_a = first_a + 1
-        if table.geom[f] >= 0 or space.slots[2, f] != clock:
-            first_a, last_a, made_a, fits = _patches_of_facet(
+        slot_a, slot_b = space.slots[0, f], space.slots[1, g]
+        first_a, end_a, first_b, end_b = slot_a.first, slot_a.end, slot_b.first, slot_b.end
+        if table.geom[f] >= 0 or slot_a.made != query_number:
+            first_a, end_a, made_a, fits = _patches_of_facet(
                 table, geometry, f, view_a, made_a, memory.patches_a, space
             )
             has_room = has_room and fits
-        first_b = space.slots[1, g]
-        last_b = first_b + 1
-        if table.geom[g] >= 0 or space.slots[3, g] != clock:
-            first_b, last_b, made_b, fits = _patches_of_facet(
+        if table.geom[g] >= 0 or slot_b.made != query_number:
+            first_b, end_b, made_b, fits = _patches_of_facet(
                 table, geometry, g, view_b, made_b, memory.patches_b, space
             )
             has_room = has_room and fits
         of_geom = table.geom[f] >= 0 or table.geom[g] >= 0
-        for a in range(first_a, last_a):
-            for b in range(first_b, last_b):
+        for a in range(first_a, end_a):
+            for b in range(first_b, end_b):
                 number = a * stride + b
                 if of_geom and _is_listed(candidates, count, number):
                     continue

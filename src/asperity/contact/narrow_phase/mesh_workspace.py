@@ -1,4 +1,4 @@
-"""The room that contact between facets works in, allocated once."""
+"""Memory of contact between meshes, allocated once."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from asperity.contact.broad_phase.facet_bvh import BINS, FacetTable
 from asperity.contact.manifold.overlap_region import FootprintSpace, footprint_space
-from asperity.contact.narrow_phase.best_first import MAX_NODES
-from asperity.contact.narrow_phase.records import NODE, PENETRATION
+from asperity.contact.narrow_phase.best_first import NodeQueue, node_queue
+from asperity.contact.narrow_phase.records import PATCH_SLOT, PENETRATION
 
 WINDOWS = 4
 """Most patches that the footprint of one direction is split into."""
 MAX_PATCHES = 288
 MAX_SURFACE_PATCHES = 4096
+"""Most surface patches of either body in one query."""
 MAX_CANDIDATES = 32768
+"""Most pairs of surface patches in one query."""
 
 
 class PatchRows(NamedTuple):
@@ -35,35 +37,27 @@ class PatchRows(NamedTuple):
 
 
 class FacetSpace(NamedTuple):
-    """Room for contact between meshes, allocated once."""
+    """Memory of contact between meshes, allocated once."""
 
     footprint: FootprintSpace
     rows: PatchRows
-    slots: NDArray[np.int64]
-    """Chart of each facet in the contact frame, (2, facets), and when it was made, (2, facets)."""
-    geom_slots: NDArray[np.int64]
-    """First patch, number of patches, and when they were made, of each geom; (3, geoms)."""
+    slots: NDArray[np.void]
+    """PATCH_SLOT records: the surface patch of each facet of A and of B, (2, facets)."""
+    geom_slots: NDArray[np.void]
+    """PATCH_SLOT records: the surface patches of each geom, (geoms,)."""
     clock: NDArray[np.int64]
+    """Number of the last query, (1,)."""
     directions: NDArray[np.float64]
     """What is found of each direction; see `engine.touch`."""
-    nodes: NDArray[np.void]
-    """NODE records of the best-first search."""
-    heap: NDArray[np.int64]
-    """Numbers of the open nodes, the one with the largest bound on top."""
-    keys: NDArray[np.float64]
-    """Their bounds [m]."""
-    retired: NDArray[np.int64]
-    """Numbers of the nodes that a search has pruned or left."""
-    left: NDArray[np.int64]
-    """Number of retired nodes, of nodes after that search, and of nodes in use, (3,)."""
+    queue: NodeQueue
     lines: NDArray[np.float64]
-    """Lines (in u and v) that windows are bounded by: (2, 3)."""
+    """Lines that bound sub-regions, `l_u u + l_v v + l_0 = 0`, (2, 3)."""
     frames: NDArray[np.float64]
     """Small rotations and places, (8, 3, 4)."""
 
 
 def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
-    """Return room for contact between bodies of these facets."""
+    """Return memory for contact between bodies of these facets."""
     facets = len(table.sides)
     return FacetSpace(
         footprint=footprint_space(facets),
@@ -74,15 +68,11 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
             normal=np.zeros((MAX_PATCHES, 3)),
             weight=np.zeros(MAX_PATCHES),
         ),
-        slots=np.zeros((4, facets), np.int64),
-        geom_slots=np.zeros((3, geoms), np.int64),
+        slots=np.zeros((2, facets), PATCH_SLOT),
+        geom_slots=np.zeros(geoms, PATCH_SLOT),
         clock=np.zeros(1, np.int64),
         directions=np.zeros((BINS, 13)),
-        nodes=np.zeros(MAX_NODES, NODE),
-        heap=np.zeros(MAX_NODES, np.int64),
-        keys=np.zeros(MAX_NODES),
-        retired=np.zeros(MAX_NODES, np.int64),
-        left=np.zeros(3, np.int64),
+        queue=node_queue(),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),
     )

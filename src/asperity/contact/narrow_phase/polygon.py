@@ -6,9 +6,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
-
-MAX_SIDES = 36
-"""Most corners of a polygon while it is clipped; scratch memory has twice as many rows."""
+from asperity.contact.narrow_phase.records import MAX_SIDES
 
 
 @inner_kernel

@@ -193,7 +193,15 @@ CANDIDATE = np.dtype(
 )
 """Pair of patches that may hold the deepest point."""
 
-MAX_TIES, MAX_STACK, MAX_LIMITS, MAX_HALF_PLANES, MAX_POLYGON = 1024, 1024, 26, 32, 72
+PATCH_SLOT = np.dtype([("first", "i8"), ("end", "i8"), ("made", "i8")], align=True)
+"""Patches `first` to `end - 1` of a facet or a geom, valid in the query with the number `made`."""
+
+QUEUE_STATE = np.dtype([("retired", "i8"), ("stored", "i8"), ("used", "i8")], align=True)
+"""Nodes retired and nodes stored after the last search of a whole region; nodes now in use."""
+
+MAX_TIES, MAX_STACK, MAX_LIMITS, MAX_HALF_PLANES = 1024, 1024, 26, 32
+MAX_SIDES = 36
+"""Most corners of a polygon while it is clipped."""
 
 SEARCH = np.dtype(
     [
@@ -215,7 +223,7 @@ SEARCH = np.dtype(
         ("other_surface", POINT),
         ("limits", LIMIT, MAX_LIMITS),
         ("half_planes", HALF_PLANE, MAX_HALF_PLANES),
-        ("polygon", "f8", (MAX_POLYGON, 4)),
+        ("polygon", "f8", (2 * MAX_SIDES, 2)),  # rows x, y; the second half is for clipping
         ("stack", NODE, MAX_STACK),
         ("start_boxes", "f8", (9, 4)),
     ],

@@ -1,12 +1,13 @@
-"""Bounds of a triplanar map over a box of a plane patch: three maps, mixed by the normal.
+"""Bounds of a triplanar map over a box of a plane patch: three maps, blended by the normal.
 
-The mix is `t = sum of a_i t_i`, `a_i = w_i^4 / sum of w^4`, w the normal and t_i the map along the
-axis i. The a_i sum to 1; so with m the map that counts most, and a_i what the others count at most,
+The height is `t = sum of a_i t_i` with the weights `a_i = w_i^4 / sum of w^4`, w the normal and t_i
+the map along axis i. The weights sum to 1, so with m the map of largest weight and a_i the largest
+weights of the others,
 
     t <= top_m + sum over i != m of a_i max(top_i - top_m, 0),
 
-and likewise for slopes and bends. Over a facet whose normals turn little about an axis the other
-maps hardly count, and neither do the derivatives of the a_i.
+and likewise for slopes and second derivatives. Over a facet whose normals stay near an axis the
+weights of the other maps and the derivatives of all weights are small.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from asperity.contact.narrow_phase.surface_patch import TRIPLANAR
 from asperity.texture.highest import texture_top
 from asperity.texture.packed import slope_bounds
 
-# Sums of the sizes of the first three derivatives of the a_i by the unit normal, all along one
-# direction: the largest over the sphere.
 MIX_1, MIX_2, MIX_3 = 4.2, 14.0, 136.0
-_LITTLE = 1e-2
-"""What counts for less than this is bounded by the whole texture's."""
+"""Largest sums over i, anywhere on the sphere, of the sizes of the first three derivatives of the
+weights a_i by the unit normal along one direction."""
+_SMALL_WEIGHT = 1e-2
+"""Weight below which a map is bounded by the bound of the whole texture."""
 
 
 @small_kernel
@@ -33,7 +34,7 @@ def is_triplanar(patch):
 
 @small_kernel
 def shares_over(patch, x, y, half_x, half_y):
-    """Return which map counts most over a box, and how much the next two do at most."""
+    """Return the map of largest weight over a box, and the largest weights of the next two."""
     low, m = -1.0, 0
     for i in range(3):
         least, _ = _component(patch, i, x, y, half_x, half_y)
@@ -45,20 +46,19 @@ def shares_over(patch, x, y, half_x, half_y):
 
 @small_kernel
 def _component(patch, i, x, y, half_x, half_y):
-    """Return the least and the largest size of a component of w over a box, w as it stands."""
-    middle = abs(
-        patch.body_normal[i] + patch.body_normal_from_x[i] * x + patch.body_normal_from_y[i] * y
-    )
-    reach = abs(patch.body_normal_from_x[i]) * half_x + abs(patch.body_normal_from_y[i]) * half_y
+    """Return the least and the largest size of a component of w, not normalised, over a box."""
+    by_x, by_y = patch.body_normal_from_x[i], patch.body_normal_from_y[i]
+    middle = abs(patch.body_normal[i] + by_x * x + by_y * y)
+    reach = abs(by_x) * half_x + abs(by_y) * half_y
     return max(middle - reach, 0.0), middle + reach
 
 
 @small_kernel
 def _share(patch, i, low, x, y, half_x, half_y):
-    """Return how much a map counts at most, where the component of another is `low` at least."""
+    """Return the largest weight of a map where the normal's component of another is >= `low`."""
     _, most = _component(patch, i, x, y, half_x, half_y)
     most, low = most**4, low**4
-    # What `surface` leaves out.
+    # As small a weight is left out by `height_on`.
     if patch.is_unit and most < 1e-12:
         return 0.0
     return most / (most + low) if most > 0.0 else 0.0
@@ -66,10 +66,10 @@ def _share(patch, i, low, x, y, half_x, half_y):
 
 @small_kernel
 def mixing(patch, x, y, half_x, half_y):
-    """Return bounds of the sums of sizes of the a_i's first and second derivatives by the normal.
+    """Return bounds of the sums of sizes of the weights' first and second derivatives by w.
 
-    Of a small a_i they are, with S >= 1/3 the sum of w^4, at most `4 (a^(3/4) + a) S^(-1/4)` and
-    `(12 a^(1/2) + 32 a^(3/4) + 44 a) S^(-1/2)`; and those of a_m are minus the others'.
+    For a small a_i they are, with S >= 1/3 the sum of w^4, at most `4 (a^(3/4) + a) S^(-1/4)` and
+    `(12 a^(1/2) + 32 a^(3/4) + 44 a) S^(-1/2)`; those of a_m are minus the sum of the others.
     """
     _, one, two = shares_over(patch, x, y, half_x, half_y)
     first = second = 0.0
@@ -83,7 +83,7 @@ def mixing(patch, x, y, half_x, half_y):
 
 @small_kernel
 def _on_map(patch, i, x, y, half_x, half_y):
-    """Return the rectangle u0, u1, v0, v1 of a map that a box lies on."""
+    """Return the rectangle u0, u1, v0, v1 that a box covers on one of the maps."""
     one, two = (i + 1) % 3, (i + 2) % 3
     at, by_x, by_y = patch.texture_origin, patch.texture_from_x, patch.texture_from_y
     u = at[one] + by_x[one] * x + by_y[one] * y - patch.map_start[0]
@@ -95,14 +95,14 @@ def _on_map(patch, i, x, y, half_x, half_y):
 
 @small_kernel
 def triplanar_top(textures, patch, x, y, half_x, half_y):
-    """Return the highest point of a triplanar map over a box of a plane patch."""
+    """Return the largest height of a triplanar map over a box of a plane patch [m]."""
     k = patch.texture
     m, one, two = shares_over(patch, x, y, half_x, half_y)
     u0, u1, v0, v1 = _on_map(patch, m, x, y, half_x, half_y)
     top = high = texture_top(textures, k, u0, u1, v0, v1)
     for n in range(1, 3):
         share, other = (one if n == 1 else two), textures.maps[k].highest
-        if share >= _LITTLE:
+        if share >= _SMALL_WEIGHT:
             u0, u1, v0, v1 = _on_map(patch, (m + n) % 3, x, y, half_x, half_y)
             other = texture_top(textures, k, u0, u1, v0, v1)
         high += share * max(other - top, 0.0)
@@ -111,10 +111,10 @@ def triplanar_top(textures, patch, x, y, half_x, half_y):
 
 @small_kernel
 def triplanar_slopes(textures, patch, x, y, half_x, half_y):
-    """Return largest slope and largest second derivative of a triplanar map's parts over a box.
+    """Return the largest slope and second derivative over a box of the three maps, blended.
 
-    Along unit directions of the patch's parameters, none of which is longer on a map. What turning
-    normals add by mixing the parts otherwise is not in it.
+    They are along unit directions of the patch's parameters, none of which is longer on a map. The
+    variation of the weights is not included.
     """
     k = patch.texture
     m, one, two = shares_over(patch, x, y, half_x, half_y)
@@ -123,7 +123,7 @@ def triplanar_slopes(textures, patch, x, y, half_x, half_y):
     for n in range(1, 3):
         share = one if n == 1 else two
         slope_i, bend_i = textures.maps[k].max_slope, textures.maps[k].max_curvature
-        if share >= _LITTLE:
+        if share >= _SMALL_WEIGHT:
             slope_i, bend_i = _slopes_of(textures, patch, (m + n) % 3, x, y, half_x, half_y)
         slope += share * max(slope_i - slope_m, 0.0)
         bend += share * max(bend_i - bend_m, 0.0)
@@ -136,8 +136,7 @@ def _slopes_of(textures, patch, i, x, y, half_x, half_y):
     u0, u1, v0, v1 = _on_map(patch, i, x, y, half_x, half_y)
     slope, bend = slope_bounds(textures, patch.texture, u0, u1, v0, v1)
     if bend < 0.0:
-        # Across a slant the map is shorter than the facet, by its least singular value; the
-        # largest is 1.
+        # On a slant the map is compressed by its least singular value; the largest is 1.
         one, two = (i + 1) % 3, (i + 2) % 3
         by_x, by_y = patch.texture_from_x, patch.texture_from_y
         slant = by_x[one] * by_y[two] - by_x[two] * by_y[one]
