@@ -197,6 +197,9 @@ MODULES = {
     "tool_motion": "runs.tool_motion",
     "trajectory": "scene.trajectory",
     "trajectory_file": "scene.trajectory_file",
+    "sweeps.drags": "studies.sweeps.drag_runs",
+    "sweeps.uninterrupted": "studies.sweeps.ignore_interrupts",
+    "sweeps.work": "studies.sweeps.batch",
 }
 """Old and new names of modules, without `asperity.`."""
 NAMES = {
@@ -219,6 +222,7 @@ NAMES = {
     "servo.parameters.Parameters": "realtime.servo.parameters.LiveParameters",
     "servo.snapshot.Moment": "realtime.servo.snapshot.Snapshot",
     "simulation.State": "simulation.simulation.ToolState",
+    "sweeps.drags.Drags": "studies.sweeps.drag_runs.DragRuns",
 }
 """Names that have changed, or gone elsewhere than the rest of their module."""
 

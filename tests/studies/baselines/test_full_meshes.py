@@ -22,9 +22,9 @@ def path(scene, height):
 def test_it_gives_asperitys_force_by_another_way():
     scene = stimuli.ball_on_plate()
     poses = path(scene, -2e-4)
-    ours = METHODS["asperity"].prepare(scene)
+    own = METHODS["asperity"].prepare(scene)
     theirs = FullMeshMethod(points=60_000).prepare(scene)
-    both = [(ours.wrench(pose), theirs.wrench(pose)) for pose in poses]
+    both = [(own.wrench(pose), theirs.wrench(pose)) for pose in poses]
     off = [abs(a.depth - b.depth) for a, b in both]
     assert max(off) < 5e-6
     a, b = (np.array([pair[k].force for pair in both]) for k in (0, 1))

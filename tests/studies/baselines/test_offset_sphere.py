@@ -30,11 +30,11 @@ def test_crests_widen_by_the_radius_and_troughs_narrow():
 
 def test_beside_ours_it_is_smaller_by_the_slope_and_points_the_same_way():
     scene = load_scene("probe-plate")
-    theirs, ours = OFFSET_SPHERE.prepare(scene), ASPERITY.prepare(scene)
+    theirs, own = OFFSET_SPHERE.prepare(scene), ASPERITY.prepare(scene)
     steepest = 0.0
     for x in np.linspace(-0.02, -0.0185, 12):
         pose = np.array([x, 1e-3, 1.5e-3 - 0.2e-3, 1.0, 0.0, 0.0, 0.0])
-        a, b = theirs.wrench(pose), ours.wrench(pose)
+        a, b = theirs.wrench(pose), own.wrench(pose)
         assert a.depth == pytest.approx(b.depth, abs=1e-9)
         slope = np.hypot(*b.force[:2]) / b.force[2]
         assert a.force * (1.0 + slope**2) == pytest.approx(b.force, rel=1e-5, abs=1e-7)

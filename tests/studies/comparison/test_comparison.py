@@ -142,8 +142,8 @@ def test_all_are_pressed_alike_and_timed(result):
 
 def test_what_is_written_can_be_read_again(result, tmp_path):
     write_comparison(result, tmp_path, "asperity compare stimulus")
-    told = json.loads((tmp_path / "comparison.json").read_text())
-    assert [one["name"] for one in told["methods"]] == ["asperity", "minsky", "low-resolution"]
+    written = json.loads((tmp_path / "comparison.json").read_text())
+    assert [one["name"] for one in written["methods"]] == ["asperity", "minsky", "low-resolution"]
     with (tmp_path / "traces.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(result.poses)
@@ -173,9 +173,9 @@ def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("failure", "told"), [(AsperityError("too wide"), "too wide"), (MemoryError(), "more memory")]
+    ("failure", "words"), [(AsperityError("too wide"), "too wide"), (MemoryError(), "more memory")]
 )
-def test_a_method_that_fails_on_the_way_leaves_the_others(failure, told):
+def test_a_method_that_fails_on_the_way_leaves_the_others(failure, words):
     class Failing(Spring):
         def wrench(self, pose):
             if self.asked > 300:
@@ -190,7 +190,7 @@ def test_a_method_that_fails_on_the_way_leaves_the_others(failure, told):
     )
     methods = [failing, METHODS["minsky"]]
     rows = compare(scene, methods, CompareSettings(properties=False)).rows
-    assert told in rows[0].reason
+    assert words in rows[0].reason
     assert [row.run is None for row in rows] == [True, False]
 
 
@@ -204,7 +204,7 @@ def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, cap
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "words"),
     [
         (["probe-plate", "--method", "minski"], "did you mean 'minsky'"),
         (["probe-plat"], "did you mean 'probe-plate'"),
@@ -213,11 +213,11 @@ def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, cap
         (["probe-plate", "--docs", "/no/such/folder"], "no such folder for --docs"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing(options, told, tmp_path, capsys):
+def test_bad_input_is_one_line_and_leaves_nothing(options, words, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["compare", *options, "--out", str(out)]) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert words in said
     assert said.count("\n") == 1
     assert not out.exists()
 

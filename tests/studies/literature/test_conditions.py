@@ -94,10 +94,10 @@ def test_measured_papers_are_judged_where_they_are(data, monkeypatch):
     papers = next(f for f in FINDINGS if f.id == "grit.measured")
     monkeypatch.setattr("asperity.studies.literature.conditions.RELIEFS", (0.3,))
     lab = Laboratory(plan=Plan(spacings=8, diameters=(3e-3,)), data=data / "measured")
-    told = papers.judge(lab, COLUMNS["band_rms"])
-    assert told.holds is True
+    verdict = papers.judge(lab, COLUMNS["band_rms"])
+    assert verdict.holds is True
     # At one relief, the order is the other way round: the answer is in the choice of relief.
-    assert told.measured["coarse_over_fine_at_same_relief"][0] < 1.0
+    assert verdict.measured["coarse_over_fine_at_same_relief"][0] < 1.0
 
 
 def test_a_finding_says_where_it_stands_and_how_sure_it_is():

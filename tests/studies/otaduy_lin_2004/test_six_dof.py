@@ -87,9 +87,9 @@ def test_all_three_studies_come_out(study, sweep, drags):
             assert peaks[1] == pytest.approx(peaks[0], rel=0.08)
             rows.append((line, scene))
         for a, b in ((0, 1), (1, 2), (0, 2)):
-            told = np.abs(np.log(rows[a][0] / rows[b][0])) > 0.05
+            differs = np.abs(np.log(rows[a][0] / rows[b][0])) > 0.05
             agree = (rows[a][0] < rows[b][0]) == (rows[a][1] < rows[b][1])
-            assert agree[told].all()
+            assert agree[differs].all()
 
 
 def _peak(spacings, values):

@@ -86,11 +86,11 @@ def test_symptoms_are_read_off_their_own_frequencies():
     force[:, 2] = 0.6 + 0.03 * np.sin(2.0 * np.pi * 10.0 * time)
     force[:, 0] = 0.05 * np.sin(2.0 * np.pi * 300.0 * time)
     moved = 1e-4 * np.sin(2.0 * np.pi * 10.0 * time)[:, None] * [[0.0, 0.0, 1.0]]
-    told = symptoms_of(force, moved, 1e-3)
-    assert told.aliveness == pytest.approx(0.03 / np.sqrt(2.0), rel=0.01)
-    assert told.buzzing == pytest.approx(0.05 / np.sqrt(2.0), rel=0.01)
-    assert told[2] == pytest.approx(0.6, rel=0.01)
-    assert told[3] == pytest.approx(2e-4, rel=0.01)
+    symptoms = symptoms_of(force, moved, 1e-3)
+    assert symptoms.aliveness == pytest.approx(0.03 / np.sqrt(2.0), rel=0.01)
+    assert symptoms.buzzing == pytest.approx(0.05 / np.sqrt(2.0), rel=0.01)
+    assert symptoms[2] == pytest.approx(0.6, rel=0.01)
+    assert symptoms[3] == pytest.approx(2e-4, rel=0.01)
 
 
 def test_the_measurement_has_all_its_parts(scene):
@@ -109,9 +109,9 @@ def test_the_command_writes_chart_and_numbers(tmp_path, capsys):
     out = tmp_path / "chart"
     options = ["--rates-khz", "1", "--dampings-n-s-m", "1", "--places", "1", "--out", str(out)]
     assert main(["stability", "probe-plate", *options]) == 0
-    told = json.loads((out / "stability.json").read_text())
-    assert told["colgate_n_m"] == [[2000.0]]
-    assert told["plain_n_m"][0][0] == pytest.approx(2000.0, rel=0.3)
+    written = json.loads((out / "stability.json").read_text())
+    assert written["colgate_n_m"] == [[2000.0]]
+    assert written["plain_n_m"][0][0] == pytest.approx(2000.0, rel=0.3)
     assert (out / "stability.png").stat().st_size > 10_000
     said = capsys.readouterr().out.strip()
     assert "\n" not in said

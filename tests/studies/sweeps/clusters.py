@@ -14,14 +14,14 @@ SOURCES = Path(__file__).resolve().parents[3] / "src"
 DEADLY = 0.1234
 """A speed that kills the worker: see `_KILLER`."""
 _KILLER = f"""
-import asperity.studies.sweeps.drags as drags, os
+import asperity.studies.sweeps.drag_runs as drags, os
 if not hasattr(drags, "plain_numbers"):  # Dask loads this more than once
-    drags.plain_numbers = drags.Drags.numbers
+    drags.plain_numbers = drags.DragRuns.numbers
 def deadly(self, varied, keep):
     if varied.get("speed") == {DEADLY}:
         os._exit(9)
     return drags.plain_numbers(self, varied, keep)
-drags.Drags.numbers = deadly
+drags.DragRuns.numbers = deadly
 """
 
 
@@ -40,9 +40,9 @@ def running_scheduler(folder):
     killer = folder / "killer.py"
     killer.write_text(_KILLER)
     env = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-    told = folder / "scheduler.json"
+    scheduler_file = folder / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": env}
-    common = ["--scheduler-file", str(told)]
+    common = ["--scheduler-file", str(scheduler_file)]
     module = "distributed.cli.dask_scheduler"
     scheduler = subprocess.Popen(
         [sys.executable, "-m", module, "--host", "127.0.0.1", "--port", "0",
@@ -55,8 +55,8 @@ def running_scheduler(folder):
         **quiet, cwd=folder,
     )  # fmt: skip
     try:
-        wait_for(told.is_file)
-        address = json.loads(told.read_text())["address"]
+        wait_for(scheduler_file.is_file)
+        address = json.loads(scheduler_file.read_text())["address"]
         with Client(address, timeout=120) as client:
             client.wait_for_workers(2, timeout=300)
         yield address, scheduler

@@ -112,6 +112,15 @@ def test_a_sweep_killed_between_any_two_writes_goes_on(study, whole, after, tmp_
     assert run_sweep(study, path, workers=0).computed == 0
 
 
+def test_an_error_text_of_a_killed_write_does_not_survive(study, whole, tmp_path):
+    path = tmp_path / "a.zarr"
+    with stores.open_store(path, study, block_size=study.block) as store:
+        block = store.blocks[0]
+        store._arrays["error"][block.slices] = np.full(block.shape, "of another run", object)
+    assert run_sweep(study, path, workers=0).computed == 48
+    assert same(path, whole)
+
+
 @pytest.mark.parametrize("name", ["band_rms", "state"])
 @pytest.mark.parametrize("damage", ["cut", "flipped", "gone", "empty"])
 def test_damaged_chunks_are_done_again(study, whole, name, damage, tmp_path):
@@ -156,9 +165,9 @@ def test_failures_are_recorded_and_tried_again_if_asked(tmp_path):
 
 
 def test_a_retry_that_comes_right_takes_the_error_away(study, whole, tmp_path, monkeypatch):
-    from asperity.studies.sweeps.drags import Drags
+    from asperity.studies.sweeps.drag_runs import DragRuns
 
-    path, plain = tmp_path / "a.zarr", Drags.numbers
+    path, plain = tmp_path / "a.zarr", DragRuns.numbers
 
     def shaky(self, varied, keep):
         if varied["speed"] == 0.1:
@@ -166,7 +175,7 @@ def test_a_retry_that_comes_right_takes_the_error_away(study, whole, tmp_path, m
         return plain(self, varied, keep)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Drags, "numbers", shaky)
+        patch.setattr(DragRuns, "numbers", shaky)
         assert run_sweep(study, path, workers=0).failed == 16
     texts = set(open_sweep(path)["error"].sel(speed=0.1).values.ravel())
     assert texts == {"RuntimeError: a bad day"}

@@ -11,7 +11,7 @@ from asperity.scene.document import write_toml
 from asperity.studies.otaduy_lin_2004.drags import Condition
 from asperity.studies.sweeps.blocks import block_shape, blocks
 from asperity.studies.sweeps.content import seed_of
-from asperity.studies.sweeps.drags import Drags
+from asperity.studies.sweeps.drag_runs import DragRuns
 from asperity.studies.sweeps.scene_runs import SceneRuns
 from asperity.studies.sweeps.study import read_study
 
@@ -99,25 +99,25 @@ def test_a_map_outside_its_scenes_folder_counts_for_the_study(tmp_path):
     document = tomllib.loads(scene.read_text())
     document["bodies"]["plate"]["texture"] = {"file": "../heights.npy", "pixel_size": 1e-4}
     scene.write_text(write_toml(document))
-    told = study({"force.stiffness": [200.0, 400.0]}, kind="scene", fixed={"scene": "mine"})
-    read = read_study(told, folder=tmp_path)
+    document = study({"force.stiffness": [200.0, 400.0]}, kind="scene", fixed={"scene": "mine"})
+    read = read_study(document, folder=tmp_path)
     assert set(read.files) == {"mine", "mine: ../heights.npy"}
-    assert read_study(told, folder=tmp_path).fingerprint == read.fingerprint
+    assert read_study(document, folder=tmp_path).fingerprint == read.fingerprint
     np.save(tmp_path / "heights.npy", 2e-5 * np.outer(rows, rows))
-    assert read_study(told, folder=tmp_path).fingerprint != read.fingerprint
+    assert read_study(document, folder=tmp_path).fingerprint != read.fingerprint
 
 
 def test_a_drag_is_that_of_the_studies():
     from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
-    numbers = Drags({"diameter": 2e-3}, None, 0).numbers({"spacing": 1e-3}, ["band_rms"])
+    numbers = DragRuns({"diameter": 2e-3}, None, 0).numbers({"spacing": 1e-3}, ["band_rms"])
     sweep = StudySettings().simulator()
     assert numbers == [sweep.metric("band_rms", Condition(1e-3, 2e-3, 0.58, 0.083))]
 
 
 def test_seeds_follow_from_content():
     plain = {"surface": "dots", "spacing": 1e-3}
-    runs = Drags({}, None, 0)
+    runs = DragRuns({}, None, 0)
 
     def metric(**more):
         return runs.numbers(plain | more, ["max_acceleration"])[0]
@@ -132,7 +132,7 @@ def test_seeds_follow_from_content():
 
 
 def _drag(values):
-    from asperity.studies.sweeps.drags import drag_of
+    from asperity.studies.sweeps.drag_runs import drag_of
 
     return drag_of(values)
 
@@ -160,8 +160,8 @@ def test_probe_and_hand_of_a_scene_are_varied():
     fixed = {"scene": "probe-plate", "trajectory.seconds": 0.1, "coupling.mode": "implicit"}
     runs = SceneRuns(fixed, None, 0)
 
-    def felt(**told):
-        varied = {key.replace("_of_", "."): value for key, value in told.items()}
+    def felt(**parameters):
+        varied = {key.replace("_of_", "."): value for key, value in parameters.items()}
         return runs.numbers(varied, ["vibration_rms_n", "mean_force_n"])
 
     small, large = felt(probe_of_diameter=1e-3), felt(probe_of_diameter=4e-3)

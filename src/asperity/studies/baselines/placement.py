@@ -20,7 +20,7 @@ class Standing(NamedTuple):
 
     body: Body
     rotation: Array
-    """From its frame to the world, (3, 3)."""
+    """Rotation from its frame to the world, (3, 3)."""
     position: Array
     """Origin of its frame in the world [m], (3,)."""
 

@@ -1,1 +1,1 @@
-"""Methods of rendering side by side: the same motion, and properties measured one by one."""
+"""Rendering methods compared on one motion, with measured properties."""

@@ -32,7 +32,7 @@ class Section(NamedTuple):
     title: str
     text: str
     head: tuple[str, ...]
-    """Of the table."""
+    """Heads of the table's columns."""
     rows: list[list[str]]
     figures: tuple[str, ...] = ()
     """Keys of `FIGURES`, shown below the table."""

@@ -1,7 +1,7 @@
-"""Scenes with one thing changed at a time, on which properties of a method are measured.
+"""Scenes that differ in one parameter, on which the properties of a method are measured.
 
-A small plate of waves, 0.2 mm from trough to crest and 2 mm long, and a tool over it. All sizes are
-asperity's.
+A small plate with waves, 0.2 mm from trough to crest and 2 mm long, and a tool above it. All sizes
+are asperity's.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ PLATE = (12e-3, 6e-3, 2e-3)
 """Length, width, thickness [m]."""
 WAVELENGTH, AMPLITUDE = 2e-3, 1e-4
 STIFFNESS = 4000.0
-"""So that depths stay within the relief [N/m]."""
+"""Stiff enough that depths stay within the relief [N/m]."""
 FORCE, SPEED = 0.58, 0.083
 PATH = 6e-3
-"""Of the middle of the plate, along the waves [m]: three of them."""
+"""Length of the path over the centre of the plate, three waves [m]."""
 FOOT = (3e-3, 1.5e-3, 1e-3)
 """Half sides of the flat tool [m]."""
 DIAMETERS = (0.5e-3, 1.5e-3, 3e-3)
@@ -39,14 +39,14 @@ _XML = """<mujoco model="stimulus">
 
 
 def ball_on_plate(diameter: float = 3e-3, *, boxes: int = 1) -> Scene:
-    """Return a ball over the plate, which is modelled as so many boxes, a square number."""
+    """Return a ball above the plate, which consists of `boxes` boxes, a square number."""
     radius = 0.5 * diameter
     tool = f'      <geom type="sphere" size="{radius:.9g}" mass="0.01"/>'
     return _scene(tool, radius + 2e-4, boxes)
 
 
 def foot_on_plate() -> Scene:
-    """Return a flat smooth foot over the plate, whose centre of mass is the foot's middle."""
+    """Return a flat smooth foot above the plate, with the centre of mass at its centre."""
     size = " ".join(f"{half:.9g}" for half in FOOT)
     tool = f'      <geom type="box" size="{size}" mass="0.01"/>'
     return _scene(tool, FOOT[2] + 2e-4, 1)

@@ -1,1 +1,1 @@
-"""Published findings about roughness through a probe, as code: what comes out and what not."""
+"""Published findings about roughness through a probe, tested on the force model as code."""

@@ -1,7 +1,7 @@
-"""The findings: what people were found to feel, by whom, and what of it is simulated how.
+"""The findings: what people were found to feel, by whom, and how it is simulated.
 
-Criteria were written from the sources before the outcomes were looked at, except where `before`
-is false: the seed paper's three effects had been simulated here before with the studies' metrics.
+Criteria were written from the sources before the outcomes were known, except where `before` is
+false: the seed paper's three effects had already been simulated with the studies' metrics.
 """
 
 from __future__ import annotations

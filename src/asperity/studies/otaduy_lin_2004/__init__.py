@@ -1,1 +1,1 @@
-"""How rough it feels: metrics of vibration, the paper's studies, and what they show."""
+"""The studies of Otaduy & Lin (2004): stimuli, force models, drags, claims and figures."""

@@ -89,7 +89,7 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
         axis.plot([], [], color="#666666", lw=0.9, ls=_DOTTED, label="drop point of each probe")
     axis.set_xlabel("texture spacing [mm]")
     axis.set_ylabel(("RMS of u''" if metric == "band_rms" else title) + unit)
-    # Lines that go through the whole panel must not go through the words.
+    # The frame keeps vertical lines from crossing the text.
     axis.legend(
         loc="best", handletextpad=0.3, labelspacing=0.3, frameon=True, framealpha=0.9,
         edgecolor="none",
@@ -97,7 +97,7 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
 
 
 def _log_axes(axis: Axes) -> None:
-    """Make both axes logarithmic, with plain numbers at readable places."""
+    """Make both axes logarithmic, with plain numbers at readable ticks."""
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_xticks(_TICKS)

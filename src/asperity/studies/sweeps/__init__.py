@@ -1,1 +1,1 @@
-"""Large studies: parameters of a drag or of a scene, many processes, one store."""
+"""Large studies: many combinations of parameters, run by many processes into one store."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 
-class Block(NamedTuple):
+class SweepBlock(NamedTuple):
     """One chunk of every array."""
 
     slices: tuple[slice, ...]
@@ -45,7 +45,7 @@ def block_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
     return tuple(out)
 
 
-def blocks(shape: tuple[int, ...], chunk: tuple[int, ...]) -> Iterator[Block]:
+def blocks(shape: tuple[int, ...], chunk: tuple[int, ...]) -> Iterator[SweepBlock]:
     """Yield the blocks of arrays of a shape, in the order of their combinations."""
     first = 0
     for starts in itertools.product(
@@ -55,6 +55,6 @@ def blocks(shape: tuple[int, ...], chunk: tuple[int, ...]) -> Iterator[Block]:
             slice(start, min(start + size, n))
             for start, size, n in zip(starts, chunk, shape, strict=True)
         )
-        block = Block(slices, first, tuple(s.stop - s.start for s in slices))
+        block = SweepBlock(slices, first, tuple(s.stop - s.start for s in slices))
         yield block
         first += block.size

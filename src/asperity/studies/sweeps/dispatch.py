@@ -29,7 +29,7 @@ from asperity.studies.sweeps.batch import (
     run_packed_batch,
     warm_up,
 )
-from asperity.studies.sweeps.blocks import Block
+from asperity.studies.sweeps.blocks import SweepBlock
 from asperity.studies.sweeps.cluster import cores
 from asperity.studies.sweeps.study import SweepStudy
 
@@ -43,7 +43,7 @@ end, so that no worker is idle long."""
 class Job(NamedTuple):
     """Combinations of one block that are to be run."""
 
-    block: Block
+    block: SweepBlock
     places: NDArray[np.int64]
     """Indices in the block."""
 

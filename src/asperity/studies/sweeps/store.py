@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from asperity._core.output import output_errors
 from asperity.errors import AsperityError, OutputError
 from asperity.studies.sweeps.batch import DONE, FAILED, WAITING, BatchOutcome, program
-from asperity.studies.sweeps.blocks import Block, blocks
+from asperity.studies.sweeps.blocks import SweepBlock, blocks
 from asperity.studies.sweeps.new_store import SCHEMA, consolidate, create_store
 from asperity.studies.sweeps.study import SweepStudy
 
@@ -108,7 +108,7 @@ class SweepStore:
         self._chunk = tuple(self._arrays["state"].chunks)
         self.blocks = list(blocks(study.design.shape, self._chunk))
 
-    def read(self, block: Block) -> BlockResults:
+    def read(self, block: SweepBlock) -> BlockResults:
         """Return the results of a block. What Zarr raises for a damaged chunk passes through."""
         states = np.asarray(self._arrays["state"][block.slices], np.int8).ravel()
         if not states.any():
@@ -117,7 +117,7 @@ class SweepStore:
         errors = np.asarray(self._arrays["error"][block.slices]).astype(object).ravel()
         return BlockResults(np.stack(columns, axis=1), states, errors)
 
-    def write(self, block: Block, results: BlockResults) -> None:
+    def write(self, block: SweepBlock, results: BlockResults) -> None:
         """Write the results of a block: numbers, errors, and then its states."""
         with output_errors(self.path):
             for name, column in zip(self.study.keep, results.values.T, strict=True):
@@ -156,7 +156,7 @@ class SweepStore:
         block = next(b for b in self.blocks if failed[0] < b.places.stop)
         return str(self.read(block).errors[failed[0] - block.first])
 
-    def _remove(self, block: Block) -> None:
+    def _remove(self, block: SweepBlock) -> None:
         """Delete the files of a block, its states first."""
         place = "/".join(
             str(s.start // size) for s, size in zip(block.slices, self._chunk, strict=True)

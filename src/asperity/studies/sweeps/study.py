@@ -32,7 +32,7 @@ from asperity.studies.sweeps.content import digest, file_digest, flat
 from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_design, read_variation
 
 SCHEMA = 1
-KINDS = {"drag": "asperity.studies.sweeps.drags", "scene": "asperity.studies.sweeps.scene_runs"}
+KINDS = {"drag": "asperity.studies.sweeps.drag_runs", "scene": "asperity.studies.sweeps.scene_runs"}
 """Kind of study -> module that runs its combinations; the modules define the same names.
 
 Each is imported when needed: importing scenes takes as long as importing all that drags need.

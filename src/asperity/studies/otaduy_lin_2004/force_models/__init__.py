@@ -1,1 +1,1 @@
-"""Force models along one line, one a file."""
+"""1-D force models, one a file."""

@@ -152,7 +152,7 @@ NUMBERS: dict[str, tuple[str, str]] = {
 DEFAULT_KEEP = tuple(NUMBERS)
 
 
-class Drags:
+class DragRuns:
     """Runs combinations of a study of drags; surfaces and slope tables are shared between them.
 
     Parameters
@@ -208,4 +208,4 @@ class Drags:
         return seed_of({name: parameters[name] for name in names}, self.seed)
 
 
-runner = Drags
+runner = DragRuns
