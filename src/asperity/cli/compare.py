@@ -55,11 +55,11 @@ class CompareCommand:
         """Compare, write the tables and the page, and print a line for each method."""
         from asperity._core.output import result_folder
         from asperity.scene.builtin import load_scene
-        from asperity.studies.baselines import chosen
+        from asperity.studies.baselines import choose_methods
         from asperity.studies.comparison.compare import CompareSettings, compare
         from asperity.studies.comparison.write import write_comparison, write_docs
 
-        methods = chosen(self.method)
+        methods = choose_methods(self.method)
         if self.docs is not None and not self.docs.is_dir():
             raise AsperityError(f"no such folder for --docs: {self.docs}")
         scene = load_scene(self.scene)

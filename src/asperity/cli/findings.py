@@ -47,7 +47,7 @@ class FindingsCommand:
         from asperity.studies.literature import fit as fits
         from asperity.studies.literature.catalogue import FINDINGS
         from asperity.studies.literature.laboratory import Plan
-        from asperity.studies.literature.table import columns_of, judge_all
+        from asperity.studies.literature.table import judge_all, make_columns
         from asperity.studies.literature.write import print_table, write_docs, write_findings
 
         if self.hands & (self.hands - 1):
@@ -58,13 +58,13 @@ class FindingsCommand:
 
         def judge(folder: Path | None) -> None:
             with progress_bars() as bars:
-                fit = fits.published()
+                fit = fits.read_published_fit()
                 if self.fit:
                     task = bars.add_task("hands", total=self.hands + fits.OTHERS)
                     fit = fits.run_fit(
                         self.hands, seed=self.seed, progress=lambda: bars.advance(task)
                     )
-                columns = columns_of(fits.chosen_of(fit))
+                columns = make_columns(fits.chosen_design(fit))
                 task = bars.add_task("findings", total=len(FINDINGS))
                 rows, labs = judge_all(
                     columns,

@@ -43,10 +43,10 @@ class PlotCommand:
         from asperity.drawing import figure_style
         from asperity.studies.sweeps.figures import draw
         from asperity.studies.sweeps.store import open_sweep
-        from asperity.studies.sweeps.views import chosen
+        from asperity.studies.sweeps.views import choose_views
 
         data = open_sweep(self.store)
-        views = chosen(
+        views = choose_views(
             data, view=self.view, metrics=self.metric, x=self.x, y=self.y, colour=self.colour
         )
         with result_folder(self.out, overwrite=self.overwrite) as folder:

@@ -9,7 +9,7 @@ import pytest
 
 from asperity.scene.builtin import load_scene
 from asperity.studies.baselines import METHODS
-from asperity.studies.baselines.contact_levels import CONTACT_LEVELS, LevelsMethod, levels_of
+from asperity.studies.baselines.contact_levels import CONTACT_LEVELS, LevelsMethod, build_levels
 from asperity.studies.comparison import stimuli
 
 
@@ -21,13 +21,13 @@ def scene():
 def felt(method, scene, height=-3e-4):
     # The scene's own start is 0.2 mm above the base: here the smooth ball is 0.1 mm deep.
     renderer = method.prepare(scene)
-    poses = stimuli.line(scene, 0.4)
+    poses = stimuli.straight_path(scene, 0.4)
     poses[:, 2] += height
     return np.array([renderer.wrench(pose).force for pose in poses])
 
 
 def test_levels_double_and_leave_out_more_and_more():
-    levels = levels_of(load_scene("probe-plate-grating"))
+    levels = build_levels(load_scene("probe-plate-grating"))
     sizes = [level.size for level in levels]
     assert sizes[0] == 0.0
     np.testing.assert_allclose(np.divide(sizes[2:], sizes[1:-1]), 2.0)

@@ -6,7 +6,7 @@ import pytest
 from asperity.scene.builtin import load_scene
 from asperity.scene.builtin.probe_plate import _XML
 from asperity.scene.scene import scene_of
-from asperity.studies.baselines.convex_pieces import CONVEX_PIECES, clustered
+from asperity.studies.baselines.convex_pieces import CONVEX_PIECES, cluster_contacts
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -14,7 +14,7 @@ UP = np.array([0.0, 0.0, 1.0])
 def test_near_contacts_are_their_mean_by_depth():
     places = np.array([[0.0, 0.0, 0.0], [2e-3, 0.0, 0.0], [1.0, 0.0, 0.0]])
     normals = np.array([UP, [0.6, 0.0, 0.8], UP])
-    where, along, deep = clustered(places, normals, np.array([1e-4, 3e-4, 2e-4]), 5e-3)
+    where, along, deep = cluster_contacts(places, normals, np.array([1e-4, 3e-4, 2e-4]), 5e-3)
     assert len(deep) == 2
     assert where[0] == pytest.approx([1.5e-3, 0.0, 0.0])
     mean = 1e-4 * UP + 3e-4 * np.array([0.6, 0.0, 0.8])
@@ -27,14 +27,14 @@ def test_a_contact_cut_into_many_pieces_is_one():
     rng = np.random.default_rng(0)
     for n in (1, 4, 16):
         places = 1e-3 * rng.uniform(-1, 1, (n, 3))
-        where, along, deep = clustered(places, np.tile(UP, (n, 1)), np.full(n, 2e-4), 5e-3)
+        where, along, deep = cluster_contacts(places, np.tile(UP, (n, 1)), np.full(n, 2e-4), 5e-3)
         assert deep == pytest.approx([2e-4])
         assert along == pytest.approx(UP[None])
         assert where[0] == pytest.approx(places.mean(axis=0))
 
 
 def test_opposite_pushes_are_not_mixed():
-    deep = clustered(np.zeros((2, 3)), np.array([UP, -UP]), np.array([1e-4, 1e-4]), 5e-3)[2]
+    deep = cluster_contacts(np.zeros((2, 3)), np.array([UP, -UP]), np.array([1e-4, 1e-4]), 5e-3)[2]
     assert len(deep) == 2
 
 

@@ -14,7 +14,7 @@ pytest.importorskip("fcl")
 
 
 def path(scene, height):
-    poses = stimuli.line(scene, 0.25)
+    poses = stimuli.straight_path(scene, 0.25)
     poses[:, 2] += height
     return poses
 

@@ -8,7 +8,7 @@ import pytest
 from asperity.contact.solver import ContactSolver
 from asperity.errors import AsperityError
 from asperity.scene.builtin import load_scene
-from asperity.studies.baselines import METHODS, chosen
+from asperity.studies.baselines import METHODS, choose_methods
 from asperity.studies.baselines.voxmap import VoxmapMethod
 from asperity.studies.comparison import stimuli
 
@@ -22,7 +22,7 @@ def test_the_same_poses_after_reset_give_the_same_wrenches(name):
     if method.can(scene):
         pytest.skip(method.can(scene))
     renderer = method.prepare(scene)
-    poses = stimuli.line(scene, 0.4)
+    poses = stimuli.straight_path(scene, 0.4)
     poses[:, 2] -= 3e-4
     laps = []
     for _ in range(2):
@@ -62,13 +62,16 @@ def test_a_law_of_one_point_refuses_meshes_in_one_line():
 
 def test_an_unknown_method_is_refused_with_the_valid_ones():
     with pytest.raises(AsperityError, match=r"unknown method 'minski' .did you mean 'minsky'"):
-        chosen(["minski"])
-    assert [method.name for method in chosen(["ho", "asperity", "ho"])] == ["asperity", "ho"]
+        choose_methods(["minski"])
+    assert [method.name for method in choose_methods(["ho", "asperity", "ho"])] == [
+        "asperity",
+        "ho",
+    ]
 
 
 def test_a_voxmap_feels_the_relief_that_its_voxels_resolve():
     scene = stimuli.ball_on_plate()
-    poses = stimuli.line(scene, 0.25)
+    poses = stimuli.straight_path(scene, 0.25)
     poses[:, 2] -= 2.5e-4
     along = []
     for smooth in (False, True):

@@ -108,7 +108,7 @@ def test_layers_count_from_the_surface_inwards():
 def test_a_box_closes_round_its_inside_textured_or_not(textured):
     texture = sinusoid(wavelength=2e-3, amplitude=1e-4) if textured else None
     body = Body("block", [Geom("box", (3e-3, 2e-3, 1e-3))], texture)
-    grid = voxmap.voxmap(body, 5e-5)
+    grid = voxmap.build_voxmap(body, 5e-5)
     room = np.count_nonzero(grid.codes) * grid.size**3
     # The surface's voxels count whole, half of them lies outside.
     room -= 0.5 * np.count_nonzero(grid.codes == 1) * grid.size**3
@@ -117,7 +117,7 @@ def test_a_box_closes_round_its_inside_textured_or_not(textured):
 
 def test_the_voxmap_of_a_plate_has_no_walls_between_its_boxes():
     one, nine = (stimuli.ball_on_plate(boxes=boxes).bodies for boxes in (1, 9))
-    maps = [voxmap.voxmap(next(b for b in bodies if b.name == "plate"), 1e-4)
+    maps = [voxmap.build_voxmap(next(b for b in bodies if b.name == "plate"), 1e-4)
             for bodies in (one, nine)]  # fmt: skip
     assert maps[0].codes.shape == maps[1].codes.shape
     # Samples lie elsewhere, so that voxels which the surface just grazes come and go (1.5 % differ,
@@ -147,6 +147,6 @@ def test_a_displaced_surface_has_the_area_and_the_height_of_its_texture():
 
 def test_a_sheet_without_inside_and_a_textured_plane_without_end_are_refused():
     with pytest.raises(AsperityError, match="encloses no voxel of 5 mm"):
-        voxmap.voxmap(Body("thin", [Geom("box", (5e-3, 5e-3, 1e-4))]), 5e-3)
+        voxmap.build_voxmap(Body("thin", [Geom("box", (5e-3, 5e-3, 1e-4))]), 5e-3)
     plane = Body("ground", [Geom("plane", (0.0, 0.0))], sinusoid(wavelength=2e-3, amplitude=1e-4))
     assert "textured unbounded plane" in str(voxmap.finite_reason(plane))

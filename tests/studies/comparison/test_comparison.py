@@ -12,11 +12,16 @@ import pytest
 from asperity.cli.main import main
 from asperity.errors import AsperityError
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.baselines import METHODS, MethodWrench, chosen
+from asperity.studies.baselines import METHODS, MethodWrench, choose_methods
 from asperity.studies.baselines.protocol import NOTHING
 from asperity.studies.comparison import stimuli
 from asperity.studies.comparison.compare import CompareSettings, compare
-from asperity.studies.comparison.drive import follow, mean_push, pressed_to, raised
+from asperity.studies.comparison.drive import (
+    find_pressing_height,
+    follow_path,
+    mean_push,
+    raise_path,
+)
 from asperity.studies.comparison.properties import (
     CRITERIA,
     _Bench,
@@ -57,23 +62,23 @@ def straight(count=100):
 def test_a_path_is_pressed_to_a_force_from_above_and_from_below(stiffness, begin):
     if 0.3 / stiffness > 7e-3:
         pytest.skip("deeper than is looked")
-    spring, poses = Spring(stiffness), raised(straight(), begin)
-    height = pressed_to(spring, poses, 0.3)
-    assert mean_push(spring, raised(poses, height)) == pytest.approx(0.3, rel=0.01)
+    spring, poses = Spring(stiffness), raise_path(straight(), begin)
+    height = find_pressing_height(spring, poses, 0.3)
+    assert mean_push(spring, raise_path(poses, height)) == pytest.approx(0.3, rel=0.01)
     assert spring.asked < 40 * 16
 
 
 def test_a_path_that_meets_nothing_is_refused():
     with pytest.raises(AsperityError, match="at no height within 8 mm"):
-        pressed_to(Spring(), raised(straight(), 0.1), 0.3)
+        find_pressing_height(Spring(), raise_path(straight(), 0.1), 0.3)
 
 
 def test_following_times_every_tick_and_stops_when_the_budget_is_spent():
     spring = Spring()
-    felt = follow(spring, straight(200))
+    felt = follow_path(spring, straight(200))
     assert felt.force.shape == (200, 3)
     assert (felt.seconds > 0.0).all()
-    assert len(follow(spring, straight(200), budget=0.0).force) == 64
+    assert len(follow_path(spring, straight(200), budget=0.0).force) == 64
 
 
 def test_the_tangential_rms_is_that_of_a_sine():
@@ -127,7 +132,7 @@ def result():
         trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
     )
     settings = CompareSettings(properties=False)
-    return compare(scene, chosen(["asperity", "minsky", "low-resolution"]), settings)
+    return compare(scene, choose_methods(["asperity", "minsky", "low-resolution"]), settings)
 
 
 def test_all_are_pressed_alike_and_timed(result):
@@ -166,7 +171,7 @@ def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
     scene = stimuli.foot_on_plate().changed(
         trajectory={"kind": "slide", "seconds": 0.05, "length": 3e-3, "start": [-1e-3, 0.0, 2e-3]}
     )
-    done = compare(scene, chosen(["offset-sphere"]), CompareSettings(properties=False))
+    done = compare(scene, choose_methods(["offset-sphere"]), CompareSettings(properties=False))
     assert done.rows[0].reason == "made for a smooth sphere, and probe is none"
     write_comparison(done, tmp_path, "asperity compare stimulus")
     assert "and probe is none" in (tmp_path / "comparison.md").read_text()
@@ -228,7 +233,7 @@ def test_trajectories_keep_their_own_motion():
         kind="press-and-slide", seconds=0.7, speed=0.02, length=3e-3, start=[-1e-3, 0.0, 2e-3]
     )
     settings = CompareSettings(motion=motion, properties=False)
-    done = compare(scene, chosen(["minsky"]), settings)
+    done = compare(scene, choose_methods(["minsky"]), settings)
     felt = done.rows[0].run
     assert felt.contacts[0] == 0
     assert felt.contacts[len(felt.contacts) // 2] == 1

@@ -8,7 +8,13 @@ from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.laboratory import Laboratory, Plan
 from asperity.studies.literature.measures import COLUMNS, PAPER, STILL
 from asperity.studies.literature.plates import Dots, Paper
-from asperity.studies.literature.table import as_csv, as_json, columns_of, counts, judge_all
+from asperity.studies.literature.table import (
+    as_csv,
+    as_json,
+    count_findings,
+    judge_all,
+    make_columns,
+)
 from asperity.studies.otaduy_lin_2004.claims import evaluate_claims
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import slope_table
 from asperity.studies.otaduy_lin_2004.studies import StudySettings, run_study
@@ -112,10 +118,10 @@ def test_a_finding_says_where_it_stands_and_how_sure_it_is():
 
 def test_a_table_counts_what_was_judged(lab):
     chosen = [f for f in FINDINGS if f.id in ("speed.small", "grit.measured")]
-    columns = columns_of((lab.hand, COLUMNS["band_rms"]))
+    columns = make_columns((lab.hand, COLUMNS["band_rms"]))
     rows, labs = judge_all(columns, findings=chosen, plan=Plan(spacings=8))
-    assert counts(rows, "max_acceleration") == (0, 1)
-    assert counts(rows, "chosen") == (1, 1)
+    assert count_findings(rows, "max_acceleration") == (0, 1)
+    assert count_findings(rows, "chosen") == (1, 1)
     assert labs["chosen"] is labs["band_rms"]
     lines = as_csv(rows, columns).splitlines()
     assert lines[0].endswith(

@@ -10,11 +10,11 @@ from asperity.drawing.pages import filled
 from asperity.errors import AsperityError
 from asperity.studies.literature import fit as fits
 from asperity.studies.literature.catalogue import FINDINGS, JUDGED_BY_METRIC
-from asperity.studies.literature.hand_search import HELD_OUT, hands_of, measures_tried
-from asperity.studies.literature.laboratory import Laboratory, Plan, judged
+from asperity.studies.literature.hand_search import HELD_OUT, candidate_measures, sample_hands
+from asperity.studies.literature.laboratory import Laboratory, Plan, judge_or_explain
 from asperity.studies.literature.measures import PAPER
 from asperity.studies.literature.page import FIGURES, value_text
-from asperity.studies.literature.table import MARKS, columns_of, judge_all
+from asperity.studies.literature.table import MARKS, judge_all, make_columns
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
@@ -49,17 +49,17 @@ def test_the_page_has_its_figures(page):
 
 
 def test_the_page_agrees_with_the_fit_that_is_shipped(page):
-    fit, words = fits.published(), " ".join(page.split())
+    fit, words = fits.read_published_fit(), " ".join(page.split())
     assert f"{fit['chosen']['name']} with a hand of" in words
     assert f"**{fit['got']} of {fit['counted']}**" in words
     assert f"{fit['hands_as_good']['hands']} of {fit['hands']} hands" in words
 
 
 def test_the_fit_that_is_shipped_is_of_this_code():
-    fit = fits.published()
-    hand, measure = fits.chosen_of(fit)
-    assert measure in measures_tried()
-    near = [np.isclose(h.mass, hand.mass) for h in hands_of(fit["hands"], fit["seed"])]
+    fit = fits.read_published_fit()
+    hand, measure = fits.chosen_design(fit)
+    assert measure in candidate_measures()
+    near = [np.isclose(h.mass, hand.mass) for h in sample_hands(fit["hands"], fit["seed"])]
     assert sum(near) == 1
     judged_ids = [f.id for f in JUDGED_BY_METRIC if f.id != "grit.measured"]
     assert list(fit["holds"]) == judged_ids
@@ -79,14 +79,14 @@ def test_what_cannot_be_simulated_is_said():
         raise AsperityError("the hand rests in a notch")
 
     finding = FINDINGS[0].__class__(**{**vars(FINDINGS[0]), "judge": judge})
-    verdict = judged(finding, Laboratory(), PAPER)
+    verdict = judge_or_explain(finding, Laboratory(), PAPER)
     assert verdict.holds is None
     assert "rests in a notch" in verdict.note
 
 
 @pytest.mark.slow
 def test_the_whole_table_comes_out_as_the_page_has_it(table):
-    columns = columns_of(fits.chosen_of(fits.published()))
+    columns = make_columns(fits.chosen_design(fits.read_published_fit()))
     without = [finding for finding in FINDINGS if finding.id != "grit.measured"]
     rows, _ = judge_all(columns, findings=without, plan=Plan())
     for finding, verdicts in rows:

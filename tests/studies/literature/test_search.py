@@ -15,14 +15,14 @@ from asperity.studies.literature.hand_search import (
     RANGES,
     SearchResult,
     bootstrap,
+    candidate_measures,
     choose,
-    hands_of,
-    measures_tried,
+    draw_conditions,
+    find_neighbours,
     most_findings,
-    neighbours,
-    other_conditions,
-    parameter,
-    profile,
+    parameter_values,
+    profile_counts,
+    sample_hands,
     search,
 )
 from asperity.studies.literature.laboratory import Plan
@@ -32,11 +32,11 @@ BAND = COLUMNS["band_rms"]
 
 
 def test_hands_fill_their_ranges_and_come_again():
-    hands = hands_of(32)
-    assert hands == hands_of(32)
-    assert hands != hands_of(32, seed=1)
+    hands = sample_hands(32)
+    assert hands == sample_hands(32)
+    assert hands != sample_hands(32, seed=1)
     for name, (low, high) in RANGES.items():
-        values = parameter(hands, name)
+        values = parameter_values(hands, name)
         assert low <= values.min() < 1.3 * low
         assert high / 1.3 < values.max() <= high
 
@@ -44,11 +44,11 @@ def test_hands_fill_their_ranges_and_come_again():
 @pytest.mark.parametrize("count", [0, 1, 3, 100])
 def test_a_design_wants_a_power_of_two(count):
     with pytest.raises(AsperityError, match="power of 2"):
-        hands_of(count)
+        sample_hands(count)
 
 
 def test_no_metric_is_tried_twice_and_the_studies_are_among_them():
-    tried = measures_tried()
+    tried = candidate_measures()
     assert len({m.name for m in tried}) == len(tried)
     assert set(COLUMNS.values()) <= set(tried)
 
@@ -68,7 +68,7 @@ def test_the_choice_gets_most_and_prefers_what_others_do_well_with():
 def test_neighbours_are_near_in_the_logarithm():
     hands = [Hand(0.02, 100.0, 1.0), Hand(0.4, 4000.0, 20.0), Hand(0.021, 100.0, 1.0)]
     hands += [Hand(0.03, 100.0 * 1.1**i, 1.0) for i in range(4)]
-    near = neighbours(hands)
+    near = find_neighbours(hands)
     assert near.shape == (7, 5)
     assert near[:, 0].tolist() == list(range(7))
     assert near[0, 1] == 2
@@ -94,7 +94,7 @@ def test_a_bootstrap_sees_a_choice_that_was_luck():
 
 
 def test_held_out_conditions_are_others_and_come_again():
-    one, again, two = other_conditions(1), other_conditions(1), other_conditions(2)
+    one, again, two = draw_conditions(1), draw_conditions(1), draw_conditions(2)
     assert one == again
     assert one.plan.diameters != two.plan.diameters
     for plan in (one.plan, two.plan):
@@ -104,7 +104,7 @@ def test_held_out_conditions_are_others_and_come_again():
 
 def test_a_profile_is_the_best_in_each_part():
     values, edges = np.array([1.0, 2.0, 20.0]), np.array([1.0, 10.0, 100.0, 1000.0])
-    assert profile(values, np.array([3, 5, 4]), edges) == [5, 4, None]
+    assert profile_counts(values, np.array([3, 5, 4]), edges) == [5, 4, None]
 
 
 @pytest.fixture(scope="module")
@@ -145,10 +145,10 @@ def test_a_fit_is_plain_json_and_gives_its_choice_back(searched):
     )
     fit = fits.summarise(searched, default, others=0)
     again = json.loads(json.dumps(fit, allow_nan=False))
-    hand, measure = fits.chosen_of(again)
+    hand, measure = fits.chosen_design(again)
     assert hand in searched.hands
     assert measure in searched.measures
     assert again["got"] == sum(again["holds"].values())
     peak = Measure(signal="force", power=np.inf)
     again["chosen"]["metric"] = json.loads(json.dumps(fits.as_json(peak)))
-    assert fits.chosen_of(again)[1] == peak
+    assert fits.chosen_design(again)[1] == peak

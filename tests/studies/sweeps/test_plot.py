@@ -10,7 +10,7 @@ from asperity.studies.sweeps.figures import draw
 from asperity.studies.sweeps.sensitivity import Groups, share
 from asperity.studies.sweeps.store import BlockResults, open_store, open_sweep
 from asperity.studies.sweeps.study import read_study
-from asperity.studies.sweeps.views import chosen
+from asperity.studies.sweeps.views import choose_views
 
 RANGE = {"from": 0.01, "to": 1.0, "scale": "log"}
 SPACING = {"from": 0.5e-3, "to": 3.5e-3, "count": 9, "scale": "log"}
@@ -44,14 +44,14 @@ def grid(tmp_path_factory):
 
 
 def test_a_grid_has_a_curve_a_map_and_effects(grid):
-    views = chosen(grid[1])
+    views = choose_views(grid[1])
     assert [v.kind for v in views] == ["curve", "map", "effects"]
     assert (views[0].x, views[0].colour) == ("spacing", "diameter")
     assert (views[1].x, views[1].y) == ("spacing", "diameter")
 
 
 def test_the_curve_has_the_quadratic_and_its_peak(grid):
-    view = chosen(grid[1], view="curve", colour="normal_force")[0]
+    view = choose_views(grid[1], view="curve", colour="normal_force")[0]
     axis = draw(grid[1], view).axes[0]
     labels = [text.get_text() for text in axis.get_legend().get_texts()]
     assert labels == [f"normal force {force} N  R² 1.00, peak 1.3 mm" for force in ("0.3", "0.6")]
@@ -62,7 +62,7 @@ def test_the_curve_has_the_quadratic_and_its_peak(grid):
 
 
 def test_the_map_has_the_values_at_their_places(grid):
-    figure = draw(grid[1], chosen(grid[1], view="map", x="spacing", y="normal_force")[0])
+    figure = draw(grid[1], choose_views(grid[1], view="map", x="spacing", y="normal_force")[0])
     heat = figure.axes[0].collections[0].get_array()
     expected = grid[1]["band_rms"].median("diameter").transpose("normal_force", "spacing")
     np.testing.assert_allclose(heat, expected)
@@ -75,7 +75,7 @@ def test_effects_find_what_explains_the_spread(tmp_path):
         return columns["hand.mass"] ** -2.0 * columns["normal_force"]
 
     data = made(tmp_path / "a.zarr", vary, number, {"kind": "sobol", "count": 512})
-    axis = draw(data, chosen(data, view="effects")[0]).axes[0]
+    axis = draw(data, choose_views(data, view="effects")[0]).axes[0]
     words = [text.get_text() for text in axis.get_yticklabels()]
     widths = [bar.get_width() for bar in axis.patches]
     # The variance of the logarithm is 4 parts of the mass, one of the force.
@@ -119,9 +119,9 @@ def test_what_a_store_does_not_hold_is_refused(grid, options, words, tmp_path, c
 def test_a_parameter_without_numbers_is_no_axis(tmp_path):
     vary = {"surface": ["sinusoid", "square"], "speed": [0.1, 0.2]}
     data = made(tmp_path / "a.zarr", vary, lambda c: c["speed"] * 1.0)
-    assert [v.kind for v in chosen(data)] == ["effects"]
+    assert [v.kind for v in choose_views(data)] == ["effects"]
     with pytest.raises(AsperityError, match="x must be a parameter with numbers"):
-        chosen(data, x="surface")
+        choose_views(data, x="surface")
     with pytest.raises(AsperityError, match=r"no parameter has 4 values .* --x"):
-        chosen(data, view="curve")
-    assert draw(data, chosen(data)[0]).axes
+        choose_views(data, view="curve")
+    assert draw(data, choose_views(data)[0]).axes

@@ -39,7 +39,7 @@ METHODS: dict[str, Method] = {
 """Name -> method, in the order of tables and figures; asperity's own is the first."""
 
 
-def chosen(names: Iterable[str]) -> list[Method]:
+def choose_methods(names: Iterable[str]) -> list[Method]:
     """Return the methods with these names, all if none are given, in the order of `METHODS`."""
     wanted = {require_choice("method", name, METHODS) for name in names}
     return [method for name, method in METHODS.items() if not wanted or name in wanted]

@@ -20,7 +20,7 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.scene.scene import Scene
 from asperity.simulation.tool_contact import announce_compiling
-from asperity.studies.baselines.placement import require
+from asperity.studies.baselines.placement import require_renderable
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 
@@ -75,7 +75,7 @@ class SolverMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> SolverRenderer:
         """Return a renderer with the scene's friction, stiffness and parameters of the law."""
-        require(self.can(scene), self.label, scene)
+        require_renderable(self.can(scene), self.label, scene)
         # The gradient setting of the scene's law does not apply to another law.
         changes = {} if scene.force.law == self.law else {"law": self.law, "gradient": None}
         return SolverRenderer(scene, scene.changed(force=changes).force, dt)

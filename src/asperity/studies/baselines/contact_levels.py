@@ -33,7 +33,7 @@ from asperity.scene.scene import Scene
 from asperity.studies.baselines import voxmap
 from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.displaced_surfaces import smooth_area
-from asperity.studies.baselines.placement import placed, require
+from asperity.studies.baselines.placement import place_bodies, require_renderable
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Level:
         return self.deviation * self.size**2 / area if area > 0.0 else math.inf
 
 
-def levels_of(scene: Scene) -> list[Level]:
+def build_levels(scene: Scene) -> list[Level]:
     """Return the levels of a scene, the finest first, the last without texture."""
     shortest = scene.shortest_wavelength
     found = [Level(0.0, 0.0, scene.bodies)]
@@ -105,9 +105,9 @@ class LevelsRenderer:
     """
 
     def __init__(self, scene: Scene, dt: float, tolerance: float) -> None:
-        self.levels = levels_of(scene)
+        self.levels = build_levels(scene)
         self._scene, self._dt, self._tolerance = scene, dt, tolerance
-        bodies = placed(scene)
+        bodies = place_bodies(scene)
         self._probe = voxmap.LOW.prepare(scene)
         self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
         names = [body.name for body in scene.bodies]
@@ -185,7 +185,7 @@ class LevelsMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LevelsRenderer:
         """Return a renderer of a scene."""
-        require(self.can(scene), self.label, scene)
+        require_renderable(self.can(scene), self.label, scene)
         return LevelsRenderer(scene, dt, self.tolerance)
 
 

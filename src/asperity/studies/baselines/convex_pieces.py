@@ -34,7 +34,7 @@ from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 Array = NDArray[np.float64]
 
 
-def clustered(
+def cluster_contacts(
     places: Array, normals: Array, depths: Array, size: float
 ) -> tuple[Array, Array, Array]:
     """Return contacts (n, 3), (n, 3), (n,) as clusters: places, unit normals, depths.
@@ -106,7 +106,7 @@ class ConvexRenderer:
         places, normals, depths = self.contacts(pose)
         if not len(depths):
             return NOTHING
-        places, normals, depths = clustered(places, normals, depths, self._size)
+        places, normals, depths = cluster_contacts(places, normals, depths, self._size)
         forces = self._stiffness * depths[:, None] * normals
         middle = pose[:3] + rotation_of(pose[3:]) @ self._centre
         torque = np.cross(places - middle, forces).sum(axis=0)

@@ -33,7 +33,7 @@ from asperity.studies.baselines.displaced_surfaces import (
     is_unbounded,
     spacing_for,
 )
-from asperity.studies.baselines.placement import Standing, placed, require
+from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
@@ -226,8 +226,8 @@ class FullMeshMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> FullMeshRenderer:
         """Return a renderer of a scene."""
-        require(self.can(scene), self.label, scene)
-        bodies = placed(scene)
+        require_renderable(self.can(scene), self.label, scene)
+        bodies = place_bodies(scene)
         others = [(self._meshes(there.body), there) for there in bodies.standing]
         tool = self._meshes(bodies.tool)
         stiffness = scene.force.stiffness

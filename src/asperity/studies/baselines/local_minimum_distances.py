@@ -35,7 +35,7 @@ from asperity.studies.baselines.displaced_surfaces import (
     spacing_for,
 )
 from asperity.studies.baselines.normal_cones import Tree, crossing, local_minima, tree_of
-from asperity.studies.baselines.placement import Standing, placed, require
+from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 
 Array = NDArray[np.float64]
@@ -167,8 +167,8 @@ class LmdMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LmdRenderer:
         """Return a renderer of a scene."""
-        require(self.can(scene), self.label, scene)
-        bodies = placed(scene)
+        require_renderable(self.can(scene), self.label, scene)
+        bodies = place_bodies(scene)
         others = [(self._tree(there.body), there) for there in bodies.standing]
         merged = max(self._spacing(there.body) for there in bodies.standing)
         return LmdRenderer(

@@ -35,7 +35,12 @@ from asperity.geometry.offsets import sphere_search
 from asperity.geometry.offsets.sampled import CERTIFIED_TO
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.studies.baselines.placement import Standing, only_one_target, placed, require
+from asperity.studies.baselines.placement import (
+    Standing,
+    only_one_target,
+    place_bodies,
+    require_renderable,
+)
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 from asperity.texture.bounds import Pyramid, pyramid_of
 from asperity.texture.spline import spline_coefficients
@@ -196,8 +201,8 @@ class OffsetMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> OffsetRenderer:
         """Return a renderer of a scene."""
-        require(self.can(scene), self.label, scene)
-        bodies = placed(scene)
+        require_renderable(self.can(scene), self.label, scene)
+        bodies = place_bodies(scene)
         sphere = _sphere_of(bodies.tool)
         assert sphere is not None
         return OffsetRenderer(sphere, bodies.standing[0], bodies.centre, scene.force.stiffness)

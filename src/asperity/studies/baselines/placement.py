@@ -34,7 +34,7 @@ class Placed(NamedTuple):
     standing: tuple[Standing, ...]
 
 
-def placed(scene: Scene) -> Placed:
+def place_bodies(scene: Scene) -> Placed:
     """Return the bodies of a scene and their poses."""
     data = mujoco.MjData(scene.model)
     mujoco.mj_kinematics(scene.model, data)
@@ -59,7 +59,7 @@ def only_one_target(scene: Scene) -> str | None:
     return f"made for one body beside the tool, this scene has {len(others)}"
 
 
-def require(reason: str | None, label: str, scene: Scene) -> None:
+def require_renderable(reason: str | None, label: str, scene: Scene) -> None:
     """Raise `AsperityError` if there is a reason why a method cannot render a scene."""
     if reason is not None:
         raise AsperityError(f"{label} cannot render scene {scene.name!r}: {reason}")

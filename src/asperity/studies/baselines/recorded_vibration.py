@@ -31,7 +31,7 @@ from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.baselines.asperity_laws import SolverRenderer
-from asperity.studies.baselines.placement import only_one_target, placed, require
+from asperity.studies.baselines.placement import only_one_target, place_bodies, require_renderable
 from asperity.studies.baselines.protocol import MethodWrench
 from asperity.vibrotactile.explore import explore
 from asperity.vibrotactile.fit import fit
@@ -146,22 +146,27 @@ class VibrationMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VibrationRenderer:
         """Return a renderer of a scene; without a model, it is fitted first."""
-        require(self.can(scene), self.label, scene)
+        require_renderable(self.can(scene), self.label, scene)
         smooth = tuple(replace(body, texture=None) for body in scene.bodies)
         base = SolverRenderer(replace(scene, bodies=smooth), scene.force, dt)
         model = self.model
         if model is None:
             runs = explore(
-                sample_of(scene), SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass
+                enlarge_sample(scene),
+                SPEEDS,
+                FORCES,
+                rate=1.0 / dt,
+                seconds=_SECONDS,
+                mass=self.mass,
             )
             model = fit(runs, name=scene.name).model
         return VibrationRenderer(
-            base, at_rate(model, 1.0 / dt), placed(scene).centre, mass=self.mass, dt=dt,
+            base, at_rate(model, 1.0 / dt), place_bodies(scene).centre, mass=self.mass, dt=dt,
             seed=self.seed,
         )  # fmt: skip
 
 
-def sample_of(scene: Scene) -> Scene:
+def enlarge_sample(scene: Scene) -> Scene:
     """Return the scene with a sample of its texture that is large enough to slide over.
 
     Recordings are made on samples as large as the strokes. A body of level boxes with a periodic

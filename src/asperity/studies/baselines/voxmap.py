@@ -42,7 +42,7 @@ from asperity.studies.baselines.displaced_surfaces import (
     points_between,
     spacing_for,
 )
-from asperity.studies.baselines.placement import Standing, placed, require
+from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench
 from asperity.studies.baselines.voxel_points import (
     Pointshell,
@@ -63,7 +63,7 @@ _EDGE = 2
 """Free voxels around a body."""
 
 
-def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
+def build_voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     """Return a body as voxels of side `size` [m].
 
     Raises
@@ -92,7 +92,7 @@ def voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     return Voxmap(codes, corner, size)
 
 
-def pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
+def build_pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
     """Return one point of a surface for each voxel of side `size` [m] that it meets."""
     cell = np.floor(surface.points / size)
     away = np.linalg.norm(surface.points - (cell + 0.5) * size, axis=1)
@@ -186,20 +186,22 @@ class VoxmapMethod:
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VoxmapRenderer:
         """Return a renderer of a scene; takes up to a minute at full detail."""
-        require(self.can(scene), self.label, scene)
-        bodies = placed(scene)
+        require_renderable(self.can(scene), self.label, scene)
+        bodies = place_bodies(scene)
         size = self.voxel_size(scene)
-        maps = [(voxmap(there.body, size, smooth=self.smooth), there) for there in bodies.standing]
+        maps = [
+            (build_voxmap(there.body, size, smooth=self.smooth), there) for there in bodies.standing
+        ]
         pitch = max(size, spacing_for(bodies.tool, self.points))
         surface = displaced_surface(bodies.tool, 0.5 * pitch, smooth=self.smooth)
-        shell = pointshell(surface, pitch)
+        shell = build_pointshell(surface, pitch)
         return VoxmapRenderer(shell, maps, bodies.centre, scene.force.stiffness)
 
     def voxel_size(self, scene: Scene) -> float:
         """Return the side of a voxel [m]: as fine as the textures need, or as the budget allows."""
         if self.size is not None:
             return self.size
-        bodies = placed(scene)
+        bodies = place_bodies(scene)
         room = 0.0
         for there in bodies.standing:
             if not is_unbounded(there.body):

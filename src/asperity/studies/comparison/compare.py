@@ -16,7 +16,13 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
 from asperity.simulation.simulation import Simulation
 from asperity.studies.baselines import METHODS, Method, Renderer
-from asperity.studies.comparison.drive import DrivenRun, follow, mean_push, pressed_to, raised
+from asperity.studies.comparison.drive import (
+    DrivenRun,
+    find_pressing_height,
+    follow_path,
+    mean_push,
+    raise_path,
+)
 from asperity.studies.comparison.properties import (
     STEPS,
     Properties,
@@ -123,7 +129,7 @@ class Comparison:
     rows: list[MethodResult]
 
 
-def rounded(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a number with three digits; values below a thousandth are noise and become 0."""
     if abs(value) < 1e-3:
         return "0"
@@ -156,7 +162,7 @@ def compare(
     settings = settings or CompareSettings()
     scene = scene.changed(force={"friction": 0.0})
     progress("asperity's path", 0)
-    poses = path_of(scene, settings)
+    poses = make_path(scene, settings)
     reference = REFERENCE.prepare(scene, dt=settings.dt)
     push = mean_push(reference, poses)
     if push <= 0.0:
@@ -170,7 +176,7 @@ def compare(
     return Comparison(scene, settings, poses, push, rows)
 
 
-def path_of(scene: Scene, settings: CompareSettings) -> Array:
+def make_path(scene: Scene, settings: CompareSettings) -> Array:
     """Return the poses (n, 7) of a motion, one a tick, pressed according to asperity's model."""
     simulation = Simulation(scene, dt=settings.dt)
     trajectory = simulation.trajectory(settings.motion)
@@ -209,15 +215,15 @@ def _row(
         renderer = method.prepare(scene, dt=settings.dt)
         preparing = time.perf_counter() - begun
         progress(f"{method.label}: pressing", 0)
-        height = 0.0 if method is REFERENCE else pressed_to(renderer, poses, push)
+        height = 0.0 if method is REFERENCE else find_pressing_height(renderer, poses, push)
         # Right before the run: preparing may take minutes, in which the machine's speed changes.
-        before = follow(reference, poses[_REFERENCE_TICKS]).seconds
-        run = follow(renderer, raised(poses, height), budget=settings.budget, on_tick=tick)
+        before = follow_path(reference, poses[_REFERENCE_TICKS]).seconds
+        run = follow_path(renderer, raise_path(poses, height), budget=settings.budget, on_tick=tick)
     except AsperityError as error:
         return failed._replace(reason=str(error))
     except MemoryError:  # the other methods must still run
         return failed._replace(reason="it needs more memory than there is")
-    after = follow(reference, poses[_REFERENCE_TICKS]).seconds
+    after = follow_path(reference, poses[_REFERENCE_TICKS]).seconds
     reference_tick = float(np.median(np.concatenate([before, after])))
     frequency, level = force_spectrum(run.force, settings.dt)
     spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))

@@ -44,7 +44,7 @@ class DrivenRun(NamedTuple):
     """Processor time of each tick [s], (n,)."""
 
 
-def raised(poses: Array, height: float) -> Array:
+def raise_path(poses: Array, height: float) -> Array:
     """Return poses (n, 7) moved up [m]."""
     out = np.array(poses)
     out[:, 2] += height
@@ -58,7 +58,7 @@ def mean_push(renderer: Renderer, poses: Array) -> float:
     return float(np.mean([renderer.wrench(pose).force[2] for pose in samples]))
 
 
-def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
+def find_pressing_height(renderer: Renderer, poses: Array, force: float) -> float:
     """Return how far to raise a path [m] so that its mean upward force is `force` [N].
 
     Raises
@@ -68,7 +68,7 @@ def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
     """
 
     def over(height: float) -> float:
-        return mean_push(renderer, raised(poses, height)) - force
+        return mean_push(renderer, raise_path(poses, height)) - force
 
     low, off_low = 0.0, over(0.0)
     sign, step = (1.0 if off_low > 0.0 else -1.0), _FIRST_STEP
@@ -96,7 +96,7 @@ def pressed_to(renderer: Renderer, poses: Array, force: float) -> float:
     return high
 
 
-def follow(
+def follow_path(
     renderer: Renderer,
     poses: Array,
     *,
@@ -139,7 +139,7 @@ def follow(
     )
 
 
-def held_still(
+def simulate_resting_hand(
     renderer: Renderer, pose: Array, centre: Array, force: float, *, ticks: int = 800
 ) -> Symptoms:
     """Return the symptoms of instability felt by a simulated hand that presses at one place.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from asperity.drawing.figure_style import COLOURS, style
 from asperity.runs.figures import across_mean
-from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, rounded
+from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, format_number
 
 _GREY = "#b5b5b0"
 _STRETCH = 0.15
@@ -129,7 +129,7 @@ def spectra_figure(result: Comparison) -> Figure:
             amplitude = np.maximum(row.spectrum.amplitude[1:], 1e-12)
             axis.plot(row.spectrum.frequency[1:], amplitude, color=COLOURS[1], lw=0.9)
             axis.set(yscale="log", ylim=(1e-5 * top, 3.0 * top), xlim=(0.0, 500.0))
-            axis.set_title(f"{row.method.label}: {rounded(1e3 * (row.band_rms or 0.0))} mN")
+            axis.set_title(f"{row.method.label}: {format_number(1e3 * (row.band_rms or 0.0))} mN")
         _label_axes(axes, len(rows), "frequency [Hz]", "force [N]")
         _lay_out(figure)
     return figure

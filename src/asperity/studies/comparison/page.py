@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from asperity import __version__
 from asperity.drawing.pages import data_uri, render
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, rounded
+from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, format_number
 from asperity.studies.comparison.properties import CRITERIA, Measured
 
 FIGURES = {
@@ -45,12 +45,12 @@ def cells_of(row: MethodResult) -> list[str]:
     if row.run is None or row.cost is None:
         return ["-"] * len(_COLUMNS)
     return [
-        rounded(1e6 * row.cost[0]),
-        rounded(1e6 * row.cost[1]),
-        rounded(row.ratio or 0.0),
-        rounded(1e3 * (row.tangential or 0.0)),
-        rounded(1e3 * (row.band_rms or 0.0)),
-        rounded(1e3 * float(row.run.torque.std(axis=0).max())),
+        format_number(1e6 * row.cost[0]),
+        format_number(1e6 * row.cost[1]),
+        format_number(row.ratio or 0.0),
+        format_number(1e3 * (row.tangential or 0.0)),
+        format_number(1e3 * (row.band_rms or 0.0)),
+        format_number(1e3 * float(row.run.torque.std(axis=0).max())),
         f"{len(row.run.force)}",
     ]
 
@@ -112,7 +112,7 @@ def _properties(result: Comparison) -> Section:
 def _cell(name: str, measured: Measured) -> str:
     if measured.value is None:
         return measured.detail
-    return f"**{verdict(measured)}**, {rounded(measured.value)} {CRITERIA[name].unit}"
+    return f"**{verdict(measured)}**, {format_number(measured.value)} {CRITERIA[name].unit}"
 
 
 def verdict(measured: Measured) -> str:
@@ -122,8 +122,8 @@ def verdict(measured: Measured) -> str:
 
 def _still_hand(result: Comparison) -> Section:
     rows = [
-        [row.method.label, rounded(1e3 * still.buzzing), rounded(1e3 * still.aliveness),
-         rounded(1e6 * still.motion)]
+        [row.method.label, format_number(1e3 * still.buzzing), format_number(1e3 * still.aliveness),
+         format_number(1e6 * still.motion)]
         for row in result.rows
         if row.properties is not None and (still := row.properties.still) is not None
     ]  # fmt: skip

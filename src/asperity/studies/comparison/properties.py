@@ -18,9 +18,15 @@ from asperity.errors import AsperityError
 from asperity.runs.figures import across_mean
 from asperity.scene.scene import Scene
 from asperity.studies.baselines import Method, Renderer
-from asperity.studies.baselines.placement import placed
+from asperity.studies.baselines.placement import place_bodies
 from asperity.studies.comparison import stimuli
-from asperity.studies.comparison.drive import DrivenRun, follow, held_still, pressed_to, raised
+from asperity.studies.comparison.drive import (
+    DrivenRun,
+    find_pressing_height,
+    follow_path,
+    raise_path,
+    simulate_resting_hand,
+)
 from asperity.studies.stability.measure import Symptoms
 
 Array = NDArray[np.float64]
@@ -155,8 +161,8 @@ class _Bench:
     def _slid(self, ready: tuple[Scene, Renderer], force: float) -> DrivenRun:
         """Slide along the path, pressed to a mean force."""
         scene, renderer = ready
-        path = stimuli.line(scene, stimuli.SPEED)
-        return follow(renderer, raised(path, pressed_to(renderer, path, force)))
+        path = stimuli.straight_path(scene, stimuli.SPEED)
+        return follow_path(renderer, raise_path(path, find_pressing_height(renderer, path, force)))
 
     def torque(self) -> tuple[float, str]:
         """Measure the torque that texture exerts on a sliding flat foot."""
@@ -191,13 +197,13 @@ class _Bench:
         """Compare two speeds, one four times the other, over equal times, to and fro."""
         ready = self._ball()
         scene, renderer = ready
-        path = stimuli.line(scene, stimuli.SPEED)
-        height = pressed_to(renderer, path, stimuli.FORCE)
+        path = stimuli.straight_path(scene, stimuli.SPEED)
+        height = find_pressing_height(renderer, path, stimuli.FORCE)
         sizes = []
         for share, passes in ((0.5, 2), (2.0, 8)):
-            there = raised(stimuli.line(scene, share * stimuli.SPEED), height)
+            there = raise_path(stimuli.straight_path(scene, share * stimuli.SPEED), height)
             poses = np.concatenate([there, there[::-1]] * (passes // 2))
-            sizes.append(tangential_rms(follow(renderer, poses).force))
+            sizes.append(tangential_rms(follow_path(renderer, poses).force))
         slow, fast = sizes
         value = 0.0 if slow <= 1e-6 else 100.0 * abs(fast / slow - 1.0)
         return value, f"{1e3 * slow:.3g} and {1e3 * fast:.3g} mN"
@@ -214,20 +220,20 @@ class _Bench:
     def meshing(self) -> tuple[float, str]:
         """Compare the forces on one plate made of 1, 4 and 16 boxes, along the same path."""
         scene, renderer = self._ball()
-        poses = stimuli.line(scene, stimuli.SPEED)
-        poses = raised(poses, pressed_to(renderer, poses, stimuli.FORCE))
-        one = follow(renderer, poses).force
-        others = [follow(self._ball(boxes=boxes)[1], poses).force for boxes in (4, 16)]
+        poses = stimuli.straight_path(scene, stimuli.SPEED)
+        poses = raise_path(poses, find_pressing_height(renderer, poses, stimuli.FORCE))
+        one = follow_path(renderer, poses).force
+        others = [follow_path(self._ball(boxes=boxes)[1], poses).force for boxes in (4, 16)]
         return _difference(one, others)
 
     def still(self) -> Symptoms:
         """Measure the symptoms of a hand that presses on the slope of a wave."""
         scene, renderer = self._ball()
-        poses = stimuli.line(scene, stimuli.SPEED)
-        height = pressed_to(renderer, poses, stimuli.FORCE)
-        pose = raised(poses, height)[len(poses) // 2].copy()
+        poses = stimuli.straight_path(scene, stimuli.SPEED)
+        height = find_pressing_height(renderer, poses, stimuli.FORCE)
+        pose = raise_path(poses, height)[len(poses) // 2].copy()
         pose[0] = 0.25 * stimuli.WAVELENGTH
-        return held_still(renderer, pose, placed(scene).centre, stimuli.FORCE)
+        return simulate_resting_hand(renderer, pose, place_bodies(scene).centre, stimuli.FORCE)
 
 
 def _smooth(scene: Scene) -> Scene:

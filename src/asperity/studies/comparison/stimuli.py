@@ -74,7 +74,7 @@ def _scene(tool: str, height: float, boxes: int) -> Scene:
     return scene_of(xml, document, name="stimulus")
 
 
-def line(scene: Scene, speed: float, dt: float = 1e-3) -> NDArray[np.float64]:
+def straight_path(scene: Scene, speed: float, dt: float = 1e-3) -> NDArray[np.float64]:
     """Return poses (n, 7) along the path at a speed [m/s], a tick apart."""
     count = round(PATH / (speed * dt)) + 1
     poses = np.tile(scene.start, (count, 1))

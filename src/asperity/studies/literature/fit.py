@@ -20,16 +20,16 @@ from asperity.studies.literature.hand_search import (
     SearchResult,
     bootstrap,
     choose,
-    hands_of,
-    interval,
+    draw_conditions,
+    find_neighbours,
     most_findings,
-    neighbours,
-    other_conditions,
-    parameter,
-    profile,
+    parameter_values,
+    percentile_interval,
+    profile_counts,
+    sample_hands,
     search,
 )
-from asperity.studies.literature.laboratory import Laboratory, Tables, judged
+from asperity.studies.literature.laboratory import Laboratory, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, Measure
 
 PUBLISHED = Path(__file__).with_name("published_fit.json")
@@ -49,7 +49,7 @@ def run_fit(
     count: int = 64, *, seed: int = 0, progress: Callable[[], None] | None = None
 ) -> dict[str, Any]:
     """Search `count` hands (a power of 2) and all metrics; return the fit, ready for JSON."""
-    searched = search(hands_of(count, seed), progress=progress)
+    searched = search(sample_hands(count, seed), progress=progress)
     default = search([Hand()], tuple(COLUMNS.values()))
     return summarise(searched, default, seed=seed, progress=progress)
 
@@ -67,7 +67,7 @@ def summarise(
     ids = [finding.id for finding in findings]
     counted = np.array([finding not in HELD_OUT for finding in ids])
     weights = counted.astype(np.float64)
-    best = choose(holds, weights, neighbours(hands))
+    best = choose(holds, weights, find_neighbours(hands))
     most = most_findings(holds, weights)
     row = holds[best.hand, best.measure]
     counts = holds[:, :, counted].sum(axis=2)
@@ -115,7 +115,7 @@ def summarise(
 def _as_good(hands: Sequence[Hand], good: NDArray[np.bool_]) -> dict[str, Any]:
     """Return how many hands are as good with the chosen metric, and their ranges."""
     kept = [hand for hand, is_good in zip(hands, good.tolist(), strict=True) if is_good]
-    spans = {name: parameter(kept, name) for name in RANGES}
+    spans = {name: parameter_values(kept, name) for name in RANGES}
     return {"hands": len(kept)} | {
         name: [float(values.min()), float(values.max())] for name, values in spans.items()
     }
@@ -141,7 +141,7 @@ def as_json(measure: Measure) -> dict[str, Any]:
     }
 
 
-def chosen_of(fit: dict[str, Any]) -> tuple[Hand, Measure]:
+def chosen_design(fit: dict[str, Any]) -> tuple[Hand, Measure]:
     """Return hand and metric of a fit."""
     best, metric = fit["chosen"], fit["chosen"]["metric"]
     hand = Hand(best["mass"], best["stiffness"], best["damping"])
@@ -150,7 +150,7 @@ def chosen_of(fit: dict[str, Any]) -> tuple[Hand, Measure]:
     return hand, Measure(metric["kind"], metric["signal"], band, power)
 
 
-def published() -> dict[str, Any]:
+def read_published_fit() -> dict[str, Any]:
     """Return the fit of the documentation."""
     fit: dict[str, Any] = json.loads(PUBLISHED.read_text("utf-8"))
     return fit
@@ -165,7 +165,7 @@ def _elsewhere(
     """Return in how many held-out sets of conditions each design gets each finding."""
     times = {name: {f.id: 0 for f in findings} for name in DESIGNS}
     for seed in range(1, others + 1):
-        plan, dots, sinusoids = other_conditions(seed)
+        plan, dots, sinusoids = draw_conditions(seed)
         tables: Tables = {}
         labs = {
             hand: Laboratory(hand, plan, dots=dots, sinusoids=sinusoids, tables=tables)
@@ -173,7 +173,9 @@ def _elsewhere(
         }
         for name, (hand, measure) in zip(DESIGNS, designs, strict=True):
             for finding in findings:
-                times[name][finding.id] += bool(judged(finding, labs[hand], measure).holds)
+                times[name][finding.id] += bool(
+                    judge_or_explain(finding, labs[hand], measure).holds
+                )
         if progress:
             progress()
     return times
@@ -188,7 +190,7 @@ def _resampled(
     """Return the bootstrap over the counted findings."""
     found = bootstrap(
         searched.holds[:, :, counted],
-        neighbours(searched.hands),
+        find_neighbours(searched.hands),
         seed=seed,
         fixed={name: row[counted] for name, row in fixed.items()},
     )
@@ -199,12 +201,12 @@ def _resampled(
     bands = [m.band for m in norms if m.band]
     return {
         "rounds": rounds,
-        **{name: interval(parameter(hands, name)) for name in RANGES},
+        **{name: percentile_interval(parameter_values(hands, name)) for name in RANGES},
         "metric": _shares([m.name for m in metrics], rounds),
         "signal": _shares([m.signal if m.kind == "norm" else m.name for m in metrics], rounds),
         "norm": _shares([f"{m.power:g}" for m in norms], rounds),
-        "low_edge": interval(np.array([band[0] for band in bands])) if bands else None,
-        "high_edge": interval(np.array([band[1] for band in bands])) if bands else None,
+        "low_edge": percentile_interval(np.array([band[0] for band in bands])) if bands else None,
+        "high_edge": percentile_interval(np.array([band[1] for band in bands])) if bands else None,
         "drawn": float(np.mean(found.drawn)),
         "left_out": float(np.mean(found.left_out)),
         "left_out_lucky": float(np.mean(found.left_out_lucky)),
@@ -223,11 +225,11 @@ def _profiles(
     profiles = {}
     for name, (low, high) in RANGES.items():
         edges = np.geomspace(low, high, _PARTS + 1)
-        values = parameter(hands, name)
+        values = parameter_values(hands, name)
         profiles[name] = {
             "edges": edges.tolist(),
-            "any_metric": profile(values, counts.max(axis=1), edges),
-            "chosen_metric": profile(values, counts[:, measure], edges),
+            "any_metric": profile_counts(values, counts.max(axis=1), edges),
+            "chosen_metric": profile_counts(values, counts[:, measure], edges),
         }
     return profiles
 

@@ -54,7 +54,7 @@ class Conditions(NamedTuple):
     sinusoids: Sinusoids
 
 
-def other_conditions(seed: int) -> Conditions:
+def draw_conditions(seed: int) -> Conditions:
     """Return probes, forces, speeds and plates drawn at random around those of the findings."""
     rng = np.random.default_rng(seed)
 
@@ -78,7 +78,7 @@ def other_conditions(seed: int) -> Conditions:
     return Conditions(plan, dots, Sinusoids(float(rng.uniform(0.05e-3, 0.15e-3))))
 
 
-def measures_tried() -> tuple[Measure, ...]:
+def candidate_measures() -> tuple[Measure, ...]:
     """Return the metrics to try: the studies' four, and norms of signals in bands."""
     bands = [None, *((low, high) for low in LOWS for high in HIGHS if high >= 2.5 * low)]
     tried = [(band, 2.0) for band in bands]
@@ -92,7 +92,7 @@ def measures_tried() -> tuple[Measure, ...]:
     return tuple(dict.fromkeys([*COLUMNS.values(), *norms, *others]))
 
 
-def hands_of(count: int, seed: int = 0) -> list[Hand]:
+def sample_hands(count: int, seed: int = 0) -> list[Hand]:
     """Return the hands of a scrambled Sobol design over `RANGES`; `count` is a power of 2."""
     from scipy.stats import qmc  # slow to import
 
@@ -124,7 +124,7 @@ def search(
     progress: Callable[[], None] | None = None,
 ) -> SearchResult:
     """Judge findings for every hand and metric; by default all except the measured papers."""
-    measures = measures or measures_tried()
+    measures = measures or candidate_measures()
     findings = tuple(findings or (f for f in JUDGED_BY_METRIC if f.id != "grit.measured"))
     tables: Tables = {}
     holds = np.zeros((len(hands), len(measures), len(findings)), dtype=bool)
@@ -161,7 +161,7 @@ def choose(
     weights : (findings,) array
         How often each finding counts.
     near : (hands, n) array
-        As `neighbours` returns it.
+        As `find_neighbours` returns it.
     """
     counts = holds @ weights
     measure = int(np.lexsort((counts.max(axis=0), counts.mean(axis=0)))[-1])
@@ -179,7 +179,7 @@ def most_findings(holds: NDArray[np.bool_], weights: NDArray[np.float64]) -> Han
     return HandChoice(hand, measure, round(float(counts[hand, measure])))
 
 
-def neighbours(hands: Sequence[Hand]) -> NDArray[np.int64]:
+def find_neighbours(hands: Sequence[Hand]) -> NDArray[np.int64]:
     """Return the indices of the hands nearest to each in log parameters, itself first."""
     low, high = np.log(list(RANGES.values())).T
     place = np.log([[getattr(hand, name) for name in RANGES] for hand in hands])
@@ -235,7 +235,7 @@ def bootstrap(
     return found
 
 
-def profile(
+def profile_counts(
     values: NDArray[np.float64], counts: NDArray[np.int64], edges: NDArray[np.float64]
 ) -> list[int | None]:
     """Return the largest count among the hands in each part of a parameter's range."""
@@ -245,12 +245,12 @@ def profile(
     ]
 
 
-def parameter(hands: Sequence[Hand], name: str) -> NDArray[np.float64]:
+def parameter_values(hands: Sequence[Hand], name: str) -> NDArray[np.float64]:
     """Return one parameter of all hands, SI."""
     return np.array([getattr(hand, name) for hand in hands])
 
 
-def interval(values: NDArray[np.float64]) -> dict[str, Any]:
+def percentile_interval(values: NDArray[np.float64]) -> dict[str, Any]:
     """Return median and the central 90 % of bootstrapped values."""
     low, middle, high = np.percentile(values, [5.0, 50.0, 95.0])
     return {"low": float(low), "median": float(middle), "high": float(high)}

@@ -161,7 +161,7 @@ class Laboratory:
         return self.tables[key]
 
 
-def judged(finding: Finding, lab: Laboratory, measure: Measure) -> Verdict:
+def judge_or_explain(finding: Finding, lab: Laboratory, measure: Measure) -> Verdict:
     """Return the verdict; if the hand cannot be dragged, a verdict without result, and why."""
     try:
         return finding.judge(lab, measure)

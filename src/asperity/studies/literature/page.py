@@ -8,7 +8,7 @@ from typing import Any
 from asperity.drawing.pages import render
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding
-from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, counts
+from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, count_findings
 
 FIGURES = ("findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit")
 _UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
@@ -32,7 +32,7 @@ def page(
         "findings.md",
         rows=rows, columns=columns, fit=fit, images=images, count=len(FINDINGS),
         heads=[_head(column) for column in columns],
-        tallies=["{} of {}".format(*counts(rows, column.name)) for column in columns],
+        tallies=["{} of {}".format(*count_findings(rows, column.name)) for column in columns],
         nowhere=[r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())],
         held_out=_held_out(fit), uncertainty=_uncertainty(fit), gained=_gained(fit),
         result=lambda row: _result(row, columns), sources=_sources,

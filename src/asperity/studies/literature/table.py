@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding, Verdict
-from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judged
+from asperity.studies.literature.laboratory import Laboratory, Plan, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, Measure
 
 MARKS = {True: "yes", False: "no", None: "skipped"}
@@ -42,7 +42,7 @@ class FindingResult(NamedTuple):
     verdicts: dict[str, Verdict]
 
 
-def columns_of(chosen: tuple[Hand, Measure] | None = None) -> list[Column]:
+def make_columns(chosen: tuple[Hand, Measure] | None = None) -> list[Column]:
     """Return the studies' metrics with the default hand, and the chosen pair."""
     columns = [Column(name, Hand(), measure) for name, measure in COLUMNS.items()]
     return [*columns, Column(CHOSEN, *chosen)] if chosen else columns
@@ -69,7 +69,7 @@ def judge_all(
             lab = labs[column.hand]
             # Some verdicts depend on the hand alone.
             if not finding.any_metric or column.hand not in known:
-                known[column.hand] = judged(finding, lab, column.measure)
+                known[column.hand] = judge_or_explain(finding, lab, column.measure)
             row.verdicts[column.name] = known[column.hand]
         rows.append(row)
         if progress:
@@ -77,7 +77,7 @@ def judge_all(
     return rows, {column.name: labs[column.hand] for column in columns}
 
 
-def counts(rows: Sequence[FindingResult], column: str) -> tuple[int, int]:
+def count_findings(rows: Sequence[FindingResult], column: str) -> tuple[int, int]:
     """Return how many findings come out in a column, and how many could be judged."""
     verdicts = [row.verdicts[column].holds for row in rows]
     return sum(bool(holds) for holds in verdicts), sum(holds is not None for holds in verdicts)
@@ -114,7 +114,7 @@ def as_csv(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
 
 
 def _column(column: Column, rows: Sequence[FindingResult]) -> dict[str, Any]:
-    hold, judged = counts(rows, column.name)
+    hold, total = count_findings(rows, column.name)
     return {
         "name": column.name,
         "metric": column.measure.name,
@@ -126,7 +126,7 @@ def _column(column: Column, rows: Sequence[FindingResult]) -> dict[str, Any]:
             "damping": column.hand.damping,
         },
         "hold": hold,
-        "judged": judged,
+        "judged": total,
     }
 
 

@@ -20,7 +20,7 @@ from asperity.studies.literature.table import (
     FindingResult,
     as_csv,
     as_json,
-    counts,
+    count_findings,
 )
 
 _STYLES = {True: "bold green", False: "red", None: "dim"}
@@ -47,7 +47,7 @@ def print_table(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Non
             *(f"[{_STYLES[mark]}]{MARKS[mark]}[/]" for mark in marks),
         )
     table.add_section()
-    tally = ["{} of {}".format(*counts(rows, column.name)) for column in columns]
+    tally = ["{} of {}".format(*count_findings(rows, column.name)) for column in columns]
     table.add_row("come out", "", "", *tally)
     console = Console()
     if not console.is_terminal:

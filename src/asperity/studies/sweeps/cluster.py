@@ -23,14 +23,14 @@ _LEAN = {
 """Services switched off in local workers: they manage graphs and data, which a sweep lacks."""
 
 
-def local_workers() -> int:
+def count_local_cores() -> int:
     """Return how many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @contextmanager
-def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
+def connect(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Give a client that is connected to a Dask cluster.
 
     Parameters
@@ -56,7 +56,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     with _quiet(), dask.config.set(_LEAN):
         try:
             cluster = LocalCluster(
-                n_workers=workers or local_workers(), threads_per_worker=1, processes=True,
+                n_workers=workers or count_local_cores(), threads_per_worker=1, processes=True,
                 dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
                 preload=["asperity.studies.sweeps.ignore_interrupts"],
             )  # fmt: skip
@@ -118,6 +118,6 @@ def _quiet() -> Iterator[None]:
         loud.setLevel(before)
 
 
-def cores(client: Any) -> int:
+def count_cores(client: Any) -> int:
     """Return how many combinations the cluster runs at once, at least one."""
     return max(sum(client.nthreads().values()), 1)

@@ -11,7 +11,7 @@ from typing import Any
 _SEEDS = 2**31 - 1
 
 
-def digest(*parts: Any) -> str:
+def hash_content(*parts: Any) -> str:
     """Return the SHA-256 of numbers, texts, lists and tables, regardless of the order of keys."""
     text = json.dumps(parts, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -19,18 +19,18 @@ def digest(*parts: Any) -> str:
 
 def seed_of(*parts: Any) -> int:
     """Return a seed, 0 to 2^31 - 2, that depends on the content of `parts` alone."""
-    return int(digest(*parts)[:16], 16) % _SEEDS
+    return int(hash_content(*parts)[:16], 16) % _SEEDS
 
 
-def file_digest(path: Path) -> str:
+def hash_file(path: Path) -> str:
     """Return the SHA-256 of a file, or of the names and contents of all files in a folder."""
     if not path.is_dir():
         return hashlib.sha256(path.read_bytes()).hexdigest()
     files = sorted(file for file in path.rglob("*") if file.is_file())
-    return digest([[file.relative_to(path).as_posix(), file_digest(file)] for file in files])
+    return hash_content([[file.relative_to(path).as_posix(), hash_file(file)] for file in files])
 
 
-def flat(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") -> dict[str, Any]:
+def flatten(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") -> dict[str, Any]:
     """Return nested tables as one with dotted keys.
 
     A table with one of the keys `leaf` is kept as a value.
@@ -40,13 +40,13 @@ def flat(table: Mapping[str, Any], leaf: Iterable[str] = (), where: str = "") ->
     for name, value in table.items():
         key = f"{where}.{name}" if where else name
         if isinstance(value, Mapping) and value and not words & set(value):
-            out |= flat(value, words, key)
+            out |= flatten(value, words, key)
         else:
             out[key] = value
     return out
 
 
-def nested(table: Mapping[str, Any]) -> dict[str, Any]:
+def nest(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table with dotted keys as nested tables."""
     out: dict[str, Any] = {}
     for key, value in table.items():

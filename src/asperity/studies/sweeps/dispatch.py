@@ -30,7 +30,7 @@ from asperity.studies.sweeps.batch import (
     warm_up,
 )
 from asperity.studies.sweeps.blocks import SweepBlock
-from asperity.studies.sweeps.cluster import cores
+from asperity.studies.sweeps.cluster import count_cores
 from asperity.studies.sweeps.study import SweepStudy
 
 _QUEUED_PER_CORE = 3
@@ -94,7 +94,7 @@ def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[
 
     run = uuid.uuid4().hex[:12]
     completed = as_completed(with_results=True, raise_errors=False)
-    parts = _cut(jobs, study.least, lambda: cores(client))
+    parts = _cut(jobs, study.least, lambda: count_cores(client))
     running: dict[str, Job] = {}
     suspects: list[Job] = []
 
@@ -108,7 +108,7 @@ def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[
             future = submit(job)
             running[future.key] = job
             completed.add(future)
-            if len(running) >= _QUEUED_PER_CORE * cores(client):
+            if len(running) >= _QUEUED_PER_CORE * count_cores(client):
                 return
 
     refill()

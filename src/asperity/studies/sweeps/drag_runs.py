@@ -13,7 +13,7 @@ from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
 from asperity.scene.document import arguments, beside, require_keys
 from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
-from asperity.studies.sweeps.content import nested, seed_of
+from asperity.studies.sweeps.content import nest, seed_of
 
 _RANGES = {
     "spacing": (5e-5, 2e-2, "m"),
@@ -78,7 +78,7 @@ KEYS = (
 
 def drag_of(values: Mapping[str, Any]) -> DragCombination:
     """Return the drag described by checked values with dotted keys."""
-    parts = {name: value for name, value in nested(values).items() if name not in _PARTS}
+    parts = {name: value for name, value in nest(values).items() if name not in _PARTS}
     for part, makes in _PARTS.items():
         parts[part] = makes(
             **{k.partition(".")[2]: v for k, v in values.items() if k.startswith(f"{part}.")}

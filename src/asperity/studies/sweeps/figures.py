@@ -16,7 +16,7 @@ from asperity.drawing.figure_style import COLOURS, MARKERS, style
 from asperity.errors import AsperityError
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 from asperity.studies.sweeps.sensitivity import Groups, share
-from asperity.studies.sweeps.views import SweepView, is_number, table
+from asperity.studies.sweeps.views import SweepView, completed_table, is_number
 
 _SHOWN = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "m^2": (1e6, "mm²")}
 _MOST_POINTS = 4000
@@ -25,7 +25,7 @@ Values = NDArray[Any]
 
 def draw(data: xr.Dataset, view: SweepView) -> Figure:
     """Return the figure of a view of a dataset from `open_sweep`."""
-    columns, results = table(data, view.metric)
+    columns, results = completed_table(data, view.metric)
     if results.size < 2:
         raise AsperityError(
             f"the store has {results.size} completed combinations; run the sweep first"

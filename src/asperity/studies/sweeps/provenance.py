@@ -12,7 +12,7 @@ from asperity import __version__
 from asperity.studies.sweeps.batch import machine, program, version_of
 
 
-def facts() -> dict[str, Any]:
+def session_facts() -> dict[str, Any]:
     """Return the facts of a run that begins now, without names of people or machines."""
     return {
         "started": now(),

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from asperity._core.kernels import is_compiled
 from asperity.errors import AsperityError
 from asperity.studies.sweeps.batch import DONE, FAILED, WAITING, BatchOutcome, run_batch
-from asperity.studies.sweeps.cluster import connected
+from asperity.studies.sweeps.cluster import connect
 from asperity.studies.sweeps.dispatch import Job, check_workers, make_batch, run_on_cluster
-from asperity.studies.sweeps.provenance import facts, now
+from asperity.studies.sweeps.provenance import now, session_facts
 from asperity.studies.sweeps.store import BlockResults, SweepStore, open_store, require_packages
 from asperity.studies.sweeps.study import SweepStudy, read_study
 
@@ -135,7 +135,7 @@ def run_sweep(
         if jobs:
             outcomes = _start(study, stack, workers, scheduler, jobs, states, progress)
             where = "scheduler" if scheduler else "local"
-            session = results.add_session(facts() | {"where": where, "ended": None})
+            session = results.add_session(session_facts() | {"where": where, "ended": None})
             begun = time.perf_counter()
             machines = _write_outcomes(results, outcomes, states, progress)
             results.update_session(
@@ -168,7 +168,7 @@ def _start(
     note = "starting workers" if scheduler is None else "connecting to the scheduler"
     progress(_progress_of(states, note))
     wanted = None if workers is None else min(workers, len(jobs))
-    client = stack.enter_context(connected(wanted, scheduler))
+    client = stack.enter_context(connect(wanted, scheduler))
     check_workers(client, make_batch(study, [0]) if study.kind == "drag" else None)
     return run_on_cluster(client, study, jobs)
 

@@ -20,7 +20,7 @@ from asperity.scene.document import arguments, at, beside, require_keys
 from asperity.scene.scene import ANTI_ALIAS_MODES, Scene
 from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
-from asperity.studies.sweeps.content import digest, flat, nested, seed_of
+from asperity.studies.sweeps.content import flatten, hash_content, nest, seed_of
 
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
@@ -194,7 +194,7 @@ def _check_bodies(
 ) -> None:
     """Check the textures of one combination by building those that the study changes."""
     values = fixed | dict(varied)
-    bodies = nested({k: v for k, v in values.items() if k.startswith("bodies.")}).get("bodies", {})
+    bodies = nest({k: v for k, v in values.items() if k.startswith("bodies.")}).get("bodies", {})
     known = scene.document.get("bodies", {})
     names = [body.name for body in scene.bodies]
     require_keys(bodies, "fixed.bodies" if where == "fixed" else "vary.bodies", names)
@@ -266,7 +266,7 @@ class SceneRuns:
         values = {"dt": 1e-3} | self.fixed | dict(varied)
         scene = self._scene_of(values)
         run = run_scene(scene, None, dt=values["dt"], hand=_hand(values))
-        found = {"coupling.tool_put_back": 0} | flat(run.summary) | _force_numbers(run)
+        found = {"coupling.tool_put_back": 0} | flatten(run.summary) | _force_numbers(run)
         out = []
         for name in keep:
             if name not in found:
@@ -276,10 +276,10 @@ class SceneRuns:
 
     def _scene_of(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of a combination; equal bodies are reused from the one before."""
-        changes = nested({k: v for k, v in values.items() if k not in _OWN})
+        changes = nest({k: v for k, v in values.items() if k not in _OWN})
         bodies = {k: v for k, v in values.items() if k in ("scene", PROBE)}
         bodies |= {k: v for k, v in changes.items() if k == "bodies"}
-        key = digest(bodies, values.get("repeat", 0), values.get("seeds"))
+        key = hash_content(bodies, values.get("repeat", 0), values.get("seeds"))
         if key not in self._scenes:
             self._scenes = {key: self._with_bodies(values, changes.get("bodies", {}))}
         scene = self._scenes[key]

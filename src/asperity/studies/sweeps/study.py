@@ -28,7 +28,7 @@ from typing import Any, Protocol, cast
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene.document import at, read_toml, require_keys, require_table, write_toml
-from asperity.studies.sweeps.content import digest, file_digest, flat
+from asperity.studies.sweeps.content import flatten, hash_content, hash_file
 from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_design, read_variation
 
 SCHEMA = 1
@@ -130,7 +130,7 @@ class SweepStudy:
         """Hash of everything that determines the results, except the program."""
         axes = [[axis.name, axis.columns] for axis in self.design.axes]
         seed = self.design.seed
-        return digest(self.kind, self.keep, dict(self.fixed), axes, seed, dict(self.files))
+        return hash_content(self.kind, self.keep, dict(self.fixed), axes, seed, dict(self.files))
 
     @property
     def block(self) -> int:
@@ -200,8 +200,8 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
         require_table(document.get(section, {}), section)
     of = _kind_of(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
-    fixed = of.checked(flat(document.get("fixed", {})), "fixed", folder)
-    varied = flat(document.get("vary", {}), LEAF)
+    fixed = of.checked(flatten(document.get("fixed", {})), "fixed", folder)
+    varied = flatten(document.get("vary", {}), LEAF)
     if not varied:
         raise AsperityError("vary is empty: name at least one parameter with several values")
     for key in varied:
@@ -214,7 +214,7 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     of.check_together(keep, fixed, {v.key: v.extremes for v in variations}, folder)
     design = read_design(document.get("design", {}), variations, of.INNER)
     named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
-    files = {name: file_digest(path) for name, path in of.files_of(named, folder).items()}
+    files = {name: hash_file(path) for name, path in of.files_of(named, folder).items()}
     return SweepStudy(title, kind, keep, fixed, design, folder, text, files)
 
 

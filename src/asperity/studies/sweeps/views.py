@@ -30,7 +30,7 @@ class SweepView:
     colour: str = ""
 
 
-def parameters(data: xr.Dataset) -> list[str]:
+def parameter_names(data: xr.Dataset) -> list[str]:
     """Return the parameters that vary: all coordinates except the numbers of samples."""
     return [
         str(name)
@@ -44,7 +44,7 @@ def is_number(data: xr.Dataset, name: str) -> bool:
     return bool(data[name].dtype.kind in "fiu")
 
 
-def chosen(
+def choose_views(
     data: xr.Dataset,
     *,
     view: str | None = None,
@@ -68,7 +68,7 @@ def chosen(
     x, y, colour : str, optional
         Parameters.
     """
-    names = parameters(data)
+    names = parameter_names(data)
     if view is not None:
         require_choice("view", view, VIEWS)
     for metric in metrics:
@@ -116,7 +116,7 @@ def _colour(data: xr.Dataset, names: Sequence[str], across: str | None) -> str |
     return max(few, key=lambda n: data.sizes[n], default=None)
 
 
-def table(
+def completed_table(
     data: xr.Dataset, metric: str
 ) -> tuple[dict[str, NDArray[np.generic]], NDArray[np.float64]]:
     """Return the values of parameters and metric, a row for each combination that is done."""
@@ -127,6 +127,6 @@ def table(
             np.asarray(data[name].values).reshape([-1 if d in data[name].dims else 1
                                                    for d in whole.dims]), whole.shape
         ).ravel()[done]
-        for name in parameters(data)
+        for name in parameter_names(data)
     }  # fmt: skip
     return columns, np.asarray(whole.values, np.float64).ravel()[done]
