@@ -164,7 +164,7 @@ def test_ctrl_c_says_how_far_it_is_and_leaves_no_process(tmp_path):
     lines = errors.strip().splitlines()
     assert len(lines) == 1, errors
     assert lines[0].startswith("asperity: interrupted; ")
-    assert "of 12000 are in" in lines[0]
+    assert "of 12000 combinations are in" in lines[0]
     assert said == ""
     wait_for(lambda: not any(child.is_running() for child in family), 30.0)
 
