@@ -10,12 +10,12 @@ from asperity.drawing.renderer.contact import (
     contact_width,
     whole_picture,
 )
-from asperity.drawing.renderer.geom_grids import body_sheets
-from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.parts import scene_parts
 from asperity.drawing.renderer.render import Lamp, camera_at, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, ViewBall, coarsened
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.displaced.geoms import body_sheets
+from asperity.geometry.displaced.meshes import mesh_sheets
+from asperity.geometry.displaced.view import Camera, ViewBall, coarsened
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.runs.figures import contact_figure
 from asperity.scene.builtin import load_scene

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from asperity.drawing.renderer.mesh_displacement import MeshRelief
+from asperity.geometry.displaced.relief import MeshRelief
 from asperity.scene.builtin import load_scene
 from asperity.viewer.drawables.atlas import Atlas
 from asperity.viewer.drawables.colours import height_colours

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from asperity.baking.nearest import Nearest
 from asperity.drawing.figure_style import style
-from asperity.drawing.renderer.mesh_patches import mesh_sheets
 from asperity.drawing.renderer.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.meshes import mesh_sheets
+from asperity.geometry.displaced.sheet import Sheet
+from asperity.geometry.displaced.view import Camera, ViewBall
 from asperity.geometry.mesh.topology import crosses
 
 Array = NDArray[np.float64]

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from asperity.drawing.renderer.parts import Part, scene_parts
 from asperity.drawing.renderer.render import Lamp, camera_at, halved, hollows, look, shade
-from asperity.drawing.renderer.view import Camera, Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.sheet import Sheet
+from asperity.geometry.displaced.view import Camera, ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 

@@ -1,4 +1,4 @@
-"""What a picture shows of a scene: its bodies by colour, where they are, and what is the tool."""
+"""The bodies of a scene as a picture shows them: by colour, at their poses."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.geom_grids import body_sheets
-from asperity.drawing.renderer.mesh_patches import mesh_sheets
-from asperity.drawing.renderer.view import Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.geoms import body_sheets
+from asperity.geometry.displaced.sheet import Sheet
+from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.mjcf import touchable_geoms
 from asperity.scene.scene import Scene
 
 Array = NDArray[np.float64]
 _GROUND, _TOOL = (0.80, 0.74, 0.63), (0.42, 0.55, 0.72)
-_NOT_SAID = (0.5, 0.5, 0.5)
-"""MuJoCo's colour of a geom that has none."""
+_MUJOCO_DEFAULT = (0.5, 0.5, 0.5)
+"""MuJoCo's colour of a geom for which the scene gives none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +29,20 @@ class Part:
 
     body: Body
     faces: NDArray[np.bool_] | None
+    """Triangles of the mesh, (m,); None: the whole body."""
     colour: tuple[float, ...]
     """Red, green, blue, 0 to 1."""
     pose: Array
-    """(7,)."""
+    """Of the body's frame, (7,)."""
     is_tool: bool
 
     def sheets(self, view: ViewBall) -> Iterator[Sheet]:
         """Yield its displaced surface."""
-        if self.body.mesh is not None:
-            yield from mesh_sheets(self.body, self.pose, view, self.faces)
-        else:
-            yield from body_sheets(self.body, self.pose, view)
+        yield from body_sheets(self.body, self.pose, view, self.faces)
 
 
 def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
-    """Return what there is to draw, the tool at a pose (7,)."""
+    """Return the parts of a scene with the tool at a pose (7,)."""
     data = mujoco.MjData(scene.model)
     mujoco.mj_kinematics(scene.model, data)
     owned = touchable_geoms(scene.model)
@@ -65,15 +63,15 @@ def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
 
 
 def _colour(model: mujoco.MjModel, geom: int, is_tool: bool) -> tuple[float, ...]:
-    """Return the colour of a geom, or ours where the scene names none."""
+    """Return the colour of a geom, or a default where the scene gives none."""
     material = int(model.geom_matid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
     colour = tuple(round(float(value), 4) for value in rgba[:3])
-    return colour if colour != _NOT_SAID else _TOOL if is_tool else _GROUND
+    return colour if colour != _MUJOCO_DEFAULT else _TOOL if is_tool else _GROUND
 
 
 def _nearest_geom(body: Body) -> NDArray[np.int64]:
-    """Return in or nearest to which of a body's pieces each triangle of its mesh lies, (m,)."""
+    """Return the convex piece that contains, or is nearest to, each triangle of the mesh, (m,)."""
     assert body.mesh is not None
     middles = body.mesh.vertices[body.mesh.faces].mean(axis=1)
     away = [

@@ -1,4 +1,4 @@
-"""Compiled parts of the renderer: displacement of sheets, rasterisation, and lighting."""
+"""Compiled parts of the renderer: projection, rasterisation, and lighting."""
 
 from __future__ import annotations
 
@@ -20,17 +20,6 @@ class Buffers(NamedTuple):
     """Its interpolated normal, not of unit length, (rows, columns, 3)."""
     number: NDArray[np.int64]
     """Its number, -1 without one, (rows, columns)."""
-
-
-class Projection(NamedTuple):
-    """An orthographic camera, as kernels need it."""
-
-    frame: NDArray[np.float64]
-    """Centre [m], and unit vectors to the right, up and towards the eye, in rows, (4, 3)."""
-    pixel: float
-    """Size of a pixel [m]."""
-    columns: int
-    rows: int
 
 
 @inner_kernel
@@ -141,59 +130,6 @@ def draw_patches(places, normals, corners, slack, number, buffers):
                 (normals[i, a], normals[i, b], normals[i, c]),
                 slack, number, buffers,
             )  # fmt: skip
-
-
-@kernel
-def displace(base, w, height, rotation, position, points, normals):
-    """Displace a sheet and bring it into world axes; the normals follow from its neighbours.
-
-    Parameters
-    ----------
-    base, w : (a, b, 3) arrays
-        Base points and their unit normals in the body's frame.
-    height : (a, b) array
-    rotation : (3, 3) array
-    position : (3,) array
-        Of the body's frame.
-    points, normals : (a, b, 3) arrays
-        Filled.
-    """
-    rows, columns = height.shape
-    for i in range(rows):
-        for j in range(columns):
-            for k in range(3):
-                total = position[k]
-                for m in range(3):
-                    total += rotation[k, m] * (base[i, j, m] + height[i, j] * w[i, j, m])
-                points[i, j, k] = total
-    out = np.empty(3)
-    for i in range(rows):
-        up, down = min(i + 1, rows - 1), max(i - 1, 0)
-        for j in range(columns):
-            right, left = min(j + 1, columns - 1), max(j - 1, 0)
-            ax = points[up, j, 0] - points[down, j, 0]
-            ay = points[up, j, 1] - points[down, j, 1]
-            az = points[up, j, 2] - points[down, j, 2]
-            bx = points[i, right, 0] - points[i, left, 0]
-            by = points[i, right, 1] - points[i, left, 1]
-            bz = points[i, right, 2] - points[i, left, 2]
-            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            for k in range(3):
-                out[k] = (
-                    rotation[k, 0] * w[i, j, 0]
-                    + rotation[k, 1] * w[i, j, 1]
-                    + rotation[k, 2] * w[i, j, 2]
-                )
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            side = nx * out[0] + ny * out[1] + nz * out[2]
-            if length < 1e-30 or side == 0.0:  # the pole of a ball
-                nx, ny, nz, length, side = out[0], out[1], out[2], 1.0, 1.0
-            scale = np.sign(side) / length
-            normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = (
-                nx * scale,
-                ny * scale,
-                nz * scale,
-            )
 
 
 @kernel

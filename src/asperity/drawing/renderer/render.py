@@ -20,7 +20,8 @@ from asperity.drawing.renderer.raster import (
     light_pixels,
     project,
 )
-from asperity.drawing.renderer.view import Camera, Sheet
+from asperity.geometry.displaced.sheet import Sheet
+from asperity.geometry.displaced.view import Camera
 
 Array = NDArray[np.float64]
 _LIGHT = np.array([-0.62, 0.3, 0.55])

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.geom_grids import Chart, body_charts
-from asperity.drawing.renderer.mesh_patches import mesh_sheets
-from asperity.drawing.renderer.raster import displace
-from asperity.drawing.renderer.view import ViewBall
 from asperity.geometry.bodies import Body, Geom, covers
+from asperity.geometry.displaced.geoms import GeomFace, geom_faces
+from asperity.geometry.displaced.meshes import mesh_sheets
+from asperity.geometry.displaced.sheet import displace, facing_outwards, grid_triangles
+from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 
 Array = NDArray[np.float64]
@@ -65,25 +65,25 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
     if body.texture is None:
         # The renderer samples smooth faces with a third of the points.
         view = view._replace(samples=3 * view.samples)
-    for chart in body_charts(body, _STILL, view):
-        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
+    for face in geom_faces(body, _STILL, view):
+        points, normals = np.empty(face.base.shape), np.empty(face.base.shape)
         displace(
-            chart.base, chart.normals, chart.heights, np.eye(3), np.zeros(3), points, normals
+            face.base, face.normals, face.heights, np.eye(3), np.zeros(3), points, normals
         )  # fmt: skip
-        shown = np.ones(chart.base.shape[:2], bool)
+        shown = np.ones(face.base.shape[:2], bool)
         for other in body.geoms:
-            if other is not chart.geom:
-                shown &= ~covers(other, chart.base + _INSIDE * chart.normals)
+            if other is not face.geom:
+                shown &= ~covers(other, face.base + _INSIDE * face.normals)
         # Normals of `displace` may have either sign; those of the base point outward.
-        sign = np.sign(np.sum(normals * chart.normals, axis=-1, keepdims=True))
+        sign = np.sign(np.sum(normals * face.normals, axis=-1, keepdims=True))
         parts.append(_of_grid(points, normals * np.where(sign == 0.0, 1.0, sign), shown))
         if body.texture is not None:
-            parts += _skirts(body, chart, points, shown)
+            parts += _skirts(body, face, points, shown)
     return _joined(parts)
 
 
 def _skirts(
-    body: Body, chart: Chart, points: Array, shown: NDArray[np.bool_]
+    body: Body, face: GeomFace, points: Array, shown: NDArray[np.bool_]
 ) -> Iterator[DisplacedSurface]:  # fmt: skip
     """Yield strips from the borders of a displaced face down to its base.
 
@@ -91,7 +91,7 @@ def _skirts(
     Their bases meet, so these strips close it. A face that another geom continues, or that is
     periodic, is not open there.
     """
-    base, w = chart.base, chart.normals
+    base, w = face.base, face.normals
     sides = [(base[i], base[j], points[i], w[i], shown[i]) for i, j in ((0, 1), (-1, -2))]
     sides += [
         (base[:, i], base[:, j], points[:, i], w[:, i], shown[:, i]) for i, j in ((0, 1), (-1, -2))
@@ -105,7 +105,7 @@ def _skirts(
         near = low + _BESIDE * (beyond - out)
         open_here = there.copy()
         for other in body.geoms:
-            if other is not chart.geom:
+            if other is not face.geom:
                 open_here &= ~covers(other, near)
         strip = np.stack([low, high])
         surface = _of_grid(strip, np.broadcast_to(beyond, strip.shape), np.stack([open_here] * 2))
@@ -115,15 +115,8 @@ def _skirts(
 
 def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> DisplacedSurface:
     """Return a grid of points (a, b, 3) as triangles, without those that are hidden."""
-    rows, columns = shown.shape
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = (i * columns + j).ravel()
-    b, c, d = a + 1, a + columns, a + columns + 1
-    faces = np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)])
     flat, outwards = points.reshape(-1, 3), normals.reshape(-1, 3)
-    p, q, r = np.moveaxis(flat[faces], 1, 0)
-    inside_out = np.sum(np.cross(q - p, r - p) * outwards[faces].sum(axis=1), axis=1) < 0.0
-    faces[inside_out] = faces[inside_out][:, ::-1]
+    faces = facing_outwards(flat, outwards, grid_triangles(*shown.shape))
     keep = shown.ravel()
     faces = faces[keep[faces].any(axis=1)]
     used = np.zeros(keep.size, bool)
@@ -135,13 +128,8 @@ def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Displac
 def _of_mesh(body: Body, view: ViewBall) -> DisplacedSurface:
     parts = []
     for sheet in mesh_sheets(body, _STILL, view):
-        assert sheet.corners is not None
-        patches, each = sheet.points.shape[:2]
-        first = each * np.arange(patches)[:, None, None]
-        faces = (sheet.corners[None] + first).reshape(-1, 3).astype(np.int64)
-        parts.append(
-            DisplacedSurface(sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), faces)
-        )
+        points, normals = sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3)
+        parts.append(DisplacedSurface(points, normals, sheet.triangles()))
     return _joined(parts)
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.mesh_displacement import MeshRelief
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.relief import MeshRelief
 from asperity.viewer.drawables.colours import height_colours
 
 Array = NDArray[np.float64]

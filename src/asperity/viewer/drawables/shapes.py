@@ -1,21 +1,20 @@
-"""What is drawn of a scene in the page: displaced surfaces as meshes, coloured by height.
+"""Displaced surfaces of a scene as meshes for the page, coloured by height.
 
-All bodies together stay within a number of triangles. Surfaces are sampled evenly, as finely as
-that allows, meshes only round the place where the tool touches first; of a grid, rows and columns
-that a straight line between others shows as well are left out first, so that ridges are drawn much
-finer than dots.
+All bodies together stay within a budget of triangles. Surfaces are sampled evenly, as finely as the
+budget allows; meshes only near the first contact. Rows and columns of a grid that lie on straight
+lines between others are omitted first, so ridges are drawn much finer than dots.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.drawing.renderer.parts import Part, scene_parts
-from asperity.drawing.renderer.view import Sheet, ViewBall
+from asperity.geometry.displaced.sheet import Sheet, facing_outwards, grid_triangles
+from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.atlas import Atlas
@@ -23,33 +22,48 @@ from asperity.viewer.drawables.colours import height_colours
 
 Array = NDArray[np.float64]
 TRIANGLES = 50_000
-"""Of all bodies together, at most, if nothing else is said."""
+"""Default budget of all bodies together."""
 FEWEST, MOST = 1_000, 2_000_000
+"""Smallest and largest budget."""
 _STRAIGHT = 0.03
-"""Points that are off a line by less than this times the relief are left out."""
+"""Points closer to a straight line than this times the relief are omitted."""
 _FINEST = 2e-5
-"""No surface is sampled more finely [m]."""
+"""Smallest spacing of samples [m]."""
 _WIDE = 2.5
-"""A plane without end is shown so many times as far as the rest of the scene."""
+"""Radius of the shown part of an unbounded plane, in radii of the rest of the scene."""
 _ROUNDS, _MOST_ROUNDS = 6, 14
-"""In which the budget is to be met closely; in which it is to be met at all."""
+"""Rounds in which the budget should be met closely, and in which it must be met."""
 _COARSER = 1.2
-"""So many times as coarse is each of the rounds after those."""
+"""Factor by which the spacing grows in each round after the first `_ROUNDS`."""
 _SPREAD, _NEAR = 6000, 3e-3
-"""Points of each mesh by which that place is found, and how near to the nearest counts [m]."""
+"""Random points on each mesh for `first_contact`; those this close to the nearest count [m]."""
 _FINE = 0.028
-"""Meshes show their relief so far round the place where the tool touches first [m]."""
+"""Radius around the first contact in which meshes show their relief [m]."""
 _TOOL_COARSER = 1.6
-"""The tool hides most of its own relief."""
+"""Factor on the spacing of the tool, which hides most of its own relief."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drawable:
     """A mesh to be shown.
 
-    `vertices`, `normals`, `colours` (n, 3): [m], in the frame of the tool or of the world; unit
-    length; sRGB, 0 to 1. `faces` (m, 3). `lowest`, `highest`: of the relief [m]. `places` (n, 2):
-    in the image of its `atlas`, where it has one instead of the colours.
+    Attributes
+    ----------
+    name : str
+    is_tool : bool
+    vertices : (n, 3) array
+        [m], in the frame of the tool or of the world.
+    normals : (n, 3) array
+        Unit length.
+    colours : (n, 3) array
+        sRGB, 0 to 1.
+    faces : (m, 3) array
+    lowest, highest : float
+        Of the relief [m].
+    places : (n, 2) array or None
+        Texture coordinates in the image of the atlas.
+    atlas : Atlas or None
+        Replaces the colours where present.
     """
 
     name: str
@@ -65,9 +79,9 @@ class Drawable:
 
 
 def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
-    """Return what to show of a scene with at most so many triangles.
+    """Return the surfaces of a scene with at most `triangles` triangles.
 
-    Raises nothing; a budget that is too small for the undisplaced shapes is exceeded by them.
+    A budget that is too small for the undisplaced shapes is exceeded.
     """
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
@@ -102,7 +116,7 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
 
 
 def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
-    """Return the middle and the reach of all that has an end, the tool where it is drawn [m]."""
+    """Return the middle (3,) and the radius of all bounded bodies, the tool at its start [m]."""
     boxes = []
     for part in parts:
         place = scene.start if part.is_tool else part.pose
@@ -124,7 +138,7 @@ def _extent(scene: Scene, parts: list[Part]) -> tuple[Array, float]:
 
 
 def first_contact(scene: Scene) -> Array:
-    """Return about where the tool, as it is drawn, is nearest to another mesh [m]."""
+    """Return approximately where the tool at its start is nearest to another mesh (3,) [m]."""
     from scipy.spatial import cKDTree
 
     meshes = {body.name: body.mesh for body in scene.bodies if body.mesh is not None}
@@ -141,7 +155,7 @@ def first_contact(scene: Scene) -> Array:
 
 
 def _spread(triangles: Array, pose: Array) -> Array:
-    """Return points (n, 3) spread over triangles (m, 3, 3), in the world."""
+    """Return random points (n, 3) on triangles (m, 3, 3), in the world [m]."""
     area = np.linalg.norm(
         np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
     )
@@ -153,7 +167,7 @@ def _spread(triangles: Array, pose: Array) -> Array:
 
 
 def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array) -> ViewBall:
-    """Return which ball of a part is drawn finely, in its frame if it is the tool."""
+    """Return the ball in which a part is drawn finely, in its frame if it is the tool."""
     if part.body.mesh is not None:
         if part.is_tool:
             contact = rotation_of(start[3:]).T @ (contact - start[:3])
@@ -171,30 +185,28 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int) -> Drawable:
     if part.body.texture is None and part.body.mesh is None:
         spacing = max(spacing, _rounding(part))
     view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
-    points, normals, heights, faces, count = [], [], [], [], 0
+    surfaces, faces, count = [], [], 0
     atlas, places = _atlas(part), []
     for sheet in part.sheets(view):
         if atlas is not None and sheet.face is not None and sheet.weights is not None:
             places.append(atlas.places(sheet.face, sheet.weights).reshape(-1, 2))
-        for patch in _patches(sheet):
-            points.append(patch[0])
-            normals.append(patch[1])
-            heights.append(patch[2])
-            faces.append(patch[3] + count)
-            count += len(patch[0])
+        *surface, triangles = _thinned(sheet)
+        surfaces.append(surface)
+        faces.append(triangles + count)
+        count += len(surface[0])
     if not count:
         empty = np.zeros((0, 3))
         return Drawable(
             f"{part.body.name}-{number}", part.is_tool, empty, empty, empty,
             np.zeros((0, 3), np.int64), 0.0, 0.0,
         )  # fmt: skip
-    height = np.concatenate(heights)
+    points, normals, height = (np.concatenate(parts) for parts in zip(*surfaces, strict=True))
     field = part.body.texture
     low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)
     return Drawable(
-        f"{part.body.name}-{number}", part.is_tool, np.concatenate(points),
-        np.concatenate(normals), height_colours(height, low, high, part.colour),
-        _outwards(np.concatenate(points), np.concatenate(normals), np.concatenate(faces)),
+        f"{part.body.name}-{number}", part.is_tool, points, normals,
+        height_colours(height, low, high, part.colour),
+        facing_outwards(points, normals, _with_area(points, np.concatenate(faces))),
         low, high, np.concatenate(places) if places else None, atlas,
     )  # fmt: skip
 
@@ -208,32 +220,29 @@ def _atlas(part: Part) -> Atlas | None:
 
 
 def _rounding(part: Part) -> float:
-    """Return how coarsely a smooth solid may be drawn: its thinnest, over 5 [m]."""
+    """Return the largest spacing for a smooth solid: a fifth of its smallest dimension [m]."""
     return min(geom.smallest if geom.kind != "plane" else 1.0 for geom in part.body.geoms) / 5.0
 
 
-def _patches(
-    sheet: Sheet,
-) -> Iterator[tuple[Array, Array, Array, NDArray[np.int64]]]:
-    """Yield points, normals, heights and triangles of a sheet."""
+def _thinned(sheet: Sheet) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Return points, normals, heights and triangles of a sheet; grids without redundant rows."""
+    points, normals, height = sheet.points, sheet.normals, sheet.height
+    if height is None:
+        height = np.full(points.shape[:2], np.nan)
     if sheet.corners is None:
         rows, columns = (_kept(sheet, axis) for axis in (0, 1))
         grid = np.ix_(rows, columns)
-        points, normals = sheet.points[grid], sheet.normals[grid]
-        height = np.full(points.shape[:2], np.nan) if sheet.height is None else sheet.height[grid]
-        faces = _grid_faces(len(rows), len(columns))
-        yield points.reshape(-1, 3), normals.reshape(-1, 3), height.reshape(-1), faces
-        return
-    n, k = sheet.points.shape[:2]
-    height = np.full((n, k), np.nan) if sheet.height is None else sheet.height
-    triangles = (sheet.corners[None] + k * np.arange(n)[:, None, None]).reshape(-1, 3)
-    yield sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), height.reshape(-1), triangles
+        points, normals, height = points[grid], normals[grid], height[grid]
+        faces = grid_triangles(len(rows), len(columns))
+    else:
+        faces = sheet.triangles()
+    return points.reshape(-1, 3), normals.reshape(-1, 3), height.reshape(-1), faces
 
 
 def _kept(sheet: Sheet, axis: int) -> NDArray[np.int64]:
-    """Return which rows or columns of a grid show it as well as all of them."""
+    """Return the rows (axis 0) or columns (axis 1) of a grid that represent it without loss."""
     points = np.moveaxis(sheet.points, axis, 0)
-    # Few lines across are enough to judge by, if the coarsest relief is seen in them.
+    # A few lines across suffice if they contain the coarsest relief.
     points = points[:, :: max(points.shape[1] // 64, 1)]
     relief = 0.0 if sheet.height is None else float(np.ptp(sheet.height))
     size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
@@ -255,24 +264,13 @@ def _kept(sheet: Sheet, axis: int) -> NDArray[np.int64]:
 
 
 def _is_straight(points: Array, slack: float) -> bool:
-    """Return whether what lies between the first and the last row lies on lines between them."""
+    """Return whether the inner rows lie on straight lines between the first and the last."""
     share = np.linspace(0.0, 1.0, len(points))[:, None, None]
     off = points - ((1.0 - share) * points[0] + share * points[-1])
     return bool(np.abs(off).max() <= slack)
 
 
-def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
-    a = i * columns + j
-    b, c, d = a + columns, a + columns + 1, a + 1
-    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-
-
-def _outwards(points: Array, normals: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return triangles turned so that they face where their normals do; none without area."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
-    faces = faces[np.einsum("ij,ij->i", area, area) > 0.0]
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[faces].sum(axis=1))
-    return np.where(facing[:, None] < 0.0, faces[:, ::-1], faces)
+def _with_area(points: Array, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the triangles that have an area."""
+    a, b, c = np.moveaxis(points[faces], 1, 0)
+    return faces[np.cross(b - a, c - a).any(axis=1)]

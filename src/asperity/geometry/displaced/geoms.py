@@ -1,6 +1,7 @@
-"""Displaced simple geoms as sheets: grids of points with normals, fine near what is looked at.
+"""Displaced surfaces of bodies as sheets, fine in the region in view.
 
-A sheet follows `p = base + t w`: base point, height of the texture there, unit normal of the base.
+The faces of simple geoms are grids of points `p = base + t w`: base point, height of the texture
+there, unit normal of the base. Meshes are patches of triangles (`meshes`).
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.mesh_patches import mesh_sheets
-from asperity.drawing.renderer.raster import displace
-from asperity.drawing.renderer.view import Sheet, ViewBall, coarsened
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.displaced.meshes import mesh_sheets
+from asperity.geometry.displaced.sheet import Sheet, displace
+from asperity.geometry.displaced.view import ViewBall, coarsened
 from asperity.geometry.poses import rotation_of
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
 
 
-class Chart(NamedTuple):
+class GeomFace(NamedTuple):
     """A face of a geom as a grid of points."""
 
     geom: Geom
@@ -34,28 +35,32 @@ class Chart(NamedTuple):
     """Of the texture [m], (a, b)."""
 
 
-def body_sheets(body: Body, pose: Array, view: ViewBall) -> Iterator[Sheet]:
-    """Yield the displaced surface of a body, as far as it lies in the view.
+def body_sheets(
+    body: Body, pose: Array, view: ViewBall, faces: NDArray[np.bool_] | None = None
+) -> Iterator[Sheet]:
+    """Yield the displaced surface of a body, in world axes, where it is in view.
 
     Parameters
     ----------
     body : Body
     pose : (7,) array
         Of the body's frame.
-    view : View
+    view : ViewBall
+    faces : (m,) array of bool, optional
+        Triangles of the body's mesh to include; by default all.
     """
     if body.mesh is not None:
-        yield from mesh_sheets(body, pose, view)
+        yield from mesh_sheets(body, pose, view, faces)
         return
     rotation = rotation_of(pose[3:])
-    for chart in body_charts(body, pose, view):
-        points, normals = np.empty(chart.base.shape), np.empty(chart.base.shape)
-        displace(chart.base, chart.normals, chart.heights, rotation, pose[:3], points, normals)
-        yield Sheet(points, normals, height=None if body.texture is None else chart.heights)
+    for face in geom_faces(body, pose, view):
+        points, normals = np.empty(face.base.shape), np.empty(face.base.shape)
+        displace(face.base, face.normals, face.heights, rotation, pose[:3], points, normals)
+        yield Sheet(points, normals, height=None if body.texture is None else face.heights)
 
 
-def body_charts(body: Body, pose: Array, view: ViewBall) -> Iterator[Chart]:
-    """Yield the faces of a body of simple geoms as grids in its frame, as far as in the view."""
+def geom_faces(body: Body, pose: Array, view: ViewBall) -> Iterator[GeomFace]:
+    """Yield the faces of a body of simple geoms as grids in its frame, where they are in view."""
     rotation = rotation_of(pose[3:])
     field = None if body.texture is None else coarsened(body.texture, view.spacing)
     if field is None:
@@ -67,16 +72,18 @@ def body_charts(body: Body, pose: Array, view: ViewBall) -> Iterator[Chart]:
         if geom.kind == "plane":
             middle = _ahead(view, pose[:3] + rotation @ place, rotation @ turn[:, 2])
         centre = turn.T @ (rotation.T @ (middle - pose[:3]) - place)
-        for base, w in _charts(geom, centre, view):
+        for base, w in _grids(geom, centre, view):
             if min(base.shape[:2]) < 2:
                 continue
             in_body = base @ turn.T + place
             w_body = w @ turn.T
-            yield Chart(geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body))
+            yield GeomFace(
+                geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body)
+            )
 
 
 def _ahead(view: ViewBall, place: Array, normal: Array) -> Array:
-    """Return what a camera's middle shows of a plane, or what lies under the view's without one."""
+    """Return the point of a plane in the middle of the image; without a camera, below the view."""
     towards = normal if view.camera is None else view.camera.towards
     slope = float(towards @ normal)
     if abs(slope) < 0.05:
@@ -87,7 +94,7 @@ def _ahead(view: ViewBall, place: Array, normal: Array) -> Array:
 def _heights(
     body: Body, field: HeightField | None, geom: Geom, base: Array, in_body: Array, w: Array
 ) -> Array:
-    """Return the texture's height [m] at base points given in the geom's and the body's frame."""
+    """Return the texture's height [m] at base points, given in the geom's and the body's frame."""
     if field is None or body.texture is None:
         return np.zeros(base.shape[:2])
     shift = np.zeros(2) if field.border == "wrap" else 0.5 * np.asarray(body.texture.size)
@@ -111,11 +118,11 @@ def _heights(
     return weights[..., 0] * at(y, z) + weights[..., 1] * at(z, x) + weights[..., 2] * at(x, y)
 
 
-def _charts(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
-    """Yield base points and unit normals of a geom, in its frame; `centre` is the view's there."""
+def _grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
+    """Yield base points and unit normals of a geom's faces, all in its frame like `centre`."""
     size, reach = geom.size, view.radius
     if geom.kind in ("plane", "box"):
-        yield from _flat_charts(geom, centre, view)
+        yield from _flat_grids(geom, centre, view)
     elif geom.kind == "sphere":
         yield _ball(np.array([size[0]] * 3), -0.5, 0.5, view)
     elif geom.kind == "ellipsoid":
@@ -137,10 +144,10 @@ def _charts(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, 
                 base, w = _ball(np.array([radius] * 3), *turns, view)
                 yield base + np.array([0.0, 0.0, sign * half]), w
             else:
-                yield _lid(radius, sign * half, sign, view)
+                yield _end_cap(radius, sign * half, sign, view)
 
 
-def _flat_charts(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
+def _flat_grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
     half = [s if s > 0.0 else math.inf for s in geom.size]
     faces = [(2, 1.0)] if geom.kind == "plane" else [(i, s) for i in range(3) for s in (-1.0, 1.0)]
     for axis, sign in faces:
@@ -178,8 +185,8 @@ def _ball(axes: Array, low: float, high: float, view: ViewBall) -> tuple[Array, 
     return unit * axes, w / np.linalg.norm(w, axis=-1, keepdims=True)
 
 
-def _lid(radius: float, z: float, sign: float, view: ViewBall) -> tuple[Array, Array]:
-    """Return a cylinder's end."""
+def _end_cap(radius: float, z: float, sign: float, view: ViewBall) -> tuple[Array, Array]:
+    """Return the flat end of a cylinder."""
     r, angle = np.meshgrid(
         np.linspace(0.0, radius, _count(radius, view)),
         np.linspace(0.0, 2.0 * np.pi, _round(radius, view)),

@@ -1,4 +1,4 @@
-"""A mesh with its texture displaced: points and normals at places given by triangle and weights."""
+"""A mesh displaced by its texture: points and normals at barycentric coordinates of triangles."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.view import coarsened
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.view import coarsened
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 _ROUND = float(np.cos(np.radians(35.0)))
-"""A corner's normal within this angle of its triangle's stands for a surface that is round there:
-the triangle is lit as if it were. Beyond, the corner is one."""
+"""A corner normal within this angle of its triangle's normal is used for lighting, as on a round
+surface; otherwise the triangle's own normal is, as at an edge."""
 
 
 class MeshRelief:
-    """A body's mesh and the relief on it, in the body's frame.
+    """A body's mesh displaced by its texture, in the body's frame.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class MeshRelief:
         self.triangles = mesh.vertices[mesh.faces]
         """Corners of the triangles [m], (m, 3, 3)."""
         self.normals = mesh.normals
-        """Unit normals that carry the texture, at the corners, (m, 3, 3)."""
+        """Unit normals along which the texture displaces, at the corners, (m, 3, 3)."""
         self._places = places_on_texture(body)
         self._lit = self._lit_normals()
         self._field = body.texture
@@ -46,7 +46,7 @@ class MeshRelief:
             self._origin = self._origin - 0.5 * np.asarray(body.texture.size)
         if self._places is not None:
             self._slopes = self._place_slopes(self._places)
-            # How far a place on the texture moves with one on the body.
+            # Length on the texture per length on the body.
             scale = np.linalg.norm(np.cross(self._slopes[:, 0], self._slopes[:, 1]), axis=1)
             spacing *= float(np.sqrt(np.median(scale)))
         self._field = coarsened(body.texture, spacing)
@@ -59,7 +59,7 @@ class MeshRelief:
         return np.where(near[:, :, None], self.normals, facet[:, None])
 
     def _place_slopes(self, places: Array) -> Array:
-        """Return the gradients of places (m, 3, 2) on the texture over each triangle, (m, 2, 3)."""
+        """Return gradients (m, 2, 3) of texture coordinates (m, 3, 2) [m] on each triangle."""
         p, q = (self.triangles[:, i] - self.triangles[:, 0] for i in (1, 2))
         normal = np.cross(p, q)
         square = np.maximum(np.sum(normal**2, axis=1), 1e-300)[:, None]
@@ -68,14 +68,14 @@ class MeshRelief:
         return np.asarray(np.swapaxes(steps, 1, 2) @ dual)
 
     def displaced(self, face: Whole, weights: Array) -> tuple[Array, Array, Array | None]:
-        """Return displaced points and unit normals to be lit by, (n, k, 3), and heights (n, k).
+        """Return displaced points and unit normals for lighting, (n, k, 3), and heights (n, k) [m].
 
         Parameters
         ----------
         face : (n,) array
             Triangles.
         weights : (n, k, 3) array
-            Of their corners.
+            Weights of their corners at the points.
         """
         points = weights @ self.triangles[face]
         w, lit = _unit(weights @ self.normals[face]), _unit(weights @ self._lit[face])
@@ -92,9 +92,9 @@ class MeshRelief:
         return points + height[..., None] * w, _unit(lit), height
 
     def heights(self, face: Whole, weights: Array) -> tuple[Array, Array]:
-        """Return heights (n, k) [m] at places of triangles, and cosines by which slopes turn.
+        """Return heights (n, k) [m], and the cosine between displaced and smooth normal (n, k).
 
-        What `displaced` takes; the cosine is 1 where the relief is level.
+        Parameters are those of `displaced`; the cosine is 1 where the relief is level.
         """
         _, lit, height = self.displaced(face, weights)
         if height is None:
@@ -103,11 +103,11 @@ class MeshRelief:
         return height, np.asarray(np.einsum("ijk,ijk->ij", lit, smooth))
 
     def smooth_normals(self, face: Whole, weights: Array) -> Array:
-        """Return unit normals (n, k, 3) to be lit by, without the relief's slopes."""
+        """Return unit normals (n, k, 3) for lighting without the slopes of the relief."""
         return _unit(weights @ self._lit[face])
 
     def _triplanar(self, points: Array, w: Array) -> tuple[Array, Array]:
-        """Return heights and their gradients at points with unit normals w."""
+        """Return triplanar heights and their gradients at points with unit normals w."""
         assert self._field is not None
         share = np.abs(w) ** 4
         share /= share.sum(axis=-1, keepdims=True)
@@ -124,10 +124,10 @@ class MeshRelief:
         return height, slope
 
     @cached_property
-    def torn(self) -> Whole:
+    def open_edges(self) -> Whole:
         """Edges along which the displaced surface may open, (n, 2, 3).
 
-        For both sides of each: triangle, and its corners at the edge's two ends.
+        For each of the two sides: the triangle, and its corners at the edge's two ends.
         """
         places = np.unique(self.triangles.reshape(-1, 3), axis=0, return_inverse=True)[1]
         at = places.reshape(-1, 3)
@@ -138,7 +138,7 @@ class MeshRelief:
         order = np.lexsort((ends[:, 1], ends[:, 0]))
         pair = np.flatnonzero((ends[order][1:] == ends[order][:-1]).all(axis=1))
         one, two = order[pair], order[pair + 1]
-        # On the other side the ends may stand the other way round.
+        # On the other side the ends may be in the opposite order.
         alike = at[face[one], start[one]] == at[face[two], start[two]]
         first, last = np.where(alike, start[two], stop[two]), np.where(alike, stop[two], start[two])
         out = np.stack(
@@ -151,7 +151,7 @@ class MeshRelief:
         return out[self._differs(out)]
 
     def _differs(self, edges: Whole) -> NDArray[np.bool_]:
-        """Return at which edges normals or places on the texture differ from side to side."""
+        """Return at which edges normals or texture coordinates differ between the sides."""
         differs = np.zeros(len(edges), bool)
         for of_corner in (self.normals, self._places):
             if of_corner is None:

@@ -1,9 +1,9 @@
-"""A body's mesh as patches of triangles, displaced, fine where it is looked at.
+"""The displaced surface of a mesh as patches of triangles, fine in the region in view.
 
 A triangle in view is halved along its longest side until it is a few points of a sheet long, and
-then divided evenly. What is out of view, or faces away from the eye, stays coarse: it is drawn
-only for its shadow. Where the texture or the normals are torn, along an edge, the displaced surface
-opens; a strip closes it, or one would see through.
+then subdivided evenly. Triangles out of view or facing away from the eye stay coarse: they only
+cast shadows. Along edges where texture coordinates or normals are discontinuous the displaced
+surface opens; strips close the gap.
 """
 
 from __future__ import annotations
@@ -14,48 +14,49 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.mesh_displacement import MeshRelief
-from asperity.drawing.renderer.view import Sheet, ViewBall
 from asperity.geometry.bodies import Body
+from asperity.geometry.displaced.relief import MeshRelief
+from asperity.geometry.displaced.sheet import Sheet
+from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 _DIVISIONS = 16
-"""A triangle is divided into this many along each side, at most."""
+"""Largest number of divisions of a triangle's side."""
 _AT_ONCE = 100_000
-"""Points that are displaced at once."""
+"""Points displaced in one NumPy call."""
 _FACES_AWAY = -0.25
-"""Cosine of the angle between normal and eye below which a triangle is hidden by others."""
+"""Cosine of the angle between normal and eye below which a triangle is treated as hidden."""
 
 
 class _Parts(NamedTuple):
-    """Parts of a mesh's triangles."""
+    """Parts of a mesh's triangles, made by halving."""
 
     face: Whole
-    """Which triangle each is a part of, (n,)."""
+    """Triangle to which each part belongs, (n,)."""
     corners: Array
-    """Weights of the triangle's corners at those of the part, (n, 3, 3)."""
+    """Weights of the triangle's corners at the corners of the part, (n, 3, 3)."""
     divisions: Whole
-    """Of each side, (n,)."""
+    """Divisions of each side, (n,)."""
     fine: NDArray[np.bool_]
-    """Which are in view, (n,)."""
+    """Which parts are in view, (n,)."""
 
 
 def mesh_sheets(
     body: Body, pose: Array, view: ViewBall, faces: NDArray[np.bool_] | None = None,
     *, closed: bool = True,
 ) -> Iterator[Sheet]:  # fmt: skip
-    """Yield the displaced surface of a body with a mesh as sheets of patches.
+    """Yield the displaced surface of a body with a mesh as sheets of patches, in world axes.
 
     Parameters
     ----------
     body : Body
     pose : (7,) array
         Of the body's frame.
-    view : View
+    view : ViewBall
     faces : (m,) array of bool, optional
-        Which triangles to draw; by default all.
+        Triangles to include; by default all.
     closed : bool
         Whether strips close the edges at which the surface opens.
     """
@@ -65,7 +66,7 @@ def mesh_sheets(
     relief = MeshRelief(body, view.spacing)
     view = view._replace(
         centre=(view.centre - pose[:3]) @ rotation,
-        camera=None if view.camera is None else view.camera.turned(rotation, pose[:3]),
+        camera=None if view.camera is None else view.camera.in_frame(rotation, pose[:3]),
     )
     sheets = [*_patches(relief, view, np.flatnonzero(chosen))]
     if closed:
@@ -86,14 +87,14 @@ def _patches(relief: MeshRelief, view: ViewBall, faces: Whole) -> Iterator[Sheet
             weights = template @ parts.corners[some]
             points, normals, height = relief.displaced(parts.face[some], weights)
             if view.camera is None:
-                # Points far apart say nothing of the slopes between them.
+                # Slopes of the texture between points far apart would alias.
                 coarse = ~parts.fine[some]
                 normals[coarse] = relief.smooth_normals(parts.face[some][coarse], weights[coarse])
             yield Sheet(points, normals, corners, height, parts.face[some], weights)
 
 
 def _parts(relief: MeshRelief, view: ViewBall, face: Whole) -> _Parts:
-    """Return what each of some triangles is divided into."""
+    """Return the parts into which triangles are divided."""
     triangles = relief.triangles
     hidden = np.zeros(len(triangles), bool)
     if view.camera is not None:
@@ -114,7 +115,7 @@ def _parts(relief: MeshRelief, view: ViewBall, face: Whole) -> _Parts:
 
 
 def _in_view(points: Array, view: ViewBall) -> NDArray[np.bool_]:
-    """Return whether triangles (n, 3, 3) may reach into the view."""
+    """Return which triangles (n, 3, 3) may reach into the view."""
     if view.camera is not None:
         return view.camera.sees(points)
     middle = points.mean(axis=1)
@@ -124,7 +125,7 @@ def _in_view(points: Array, view: ViewBall) -> NDArray[np.bool_]:
 
 
 def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
-    """Return the two halves of triangles that are cut across their longest sides."""
+    """Return both halves of triangles bisected at their longest sides."""
     turn = (np.argmax(sides, axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(corners, turn[:, :, None], axis=1), 1, 0)
     middle = 0.5 * (a + b)
@@ -133,7 +134,7 @@ def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
 
 
 def _template(divisions: int) -> tuple[Array, Whole]:
-    """Return the points (k, 3) of an evenly divided triangle, by weights, and its triangles."""
+    """Return the weights (k, 3) of the points of an evenly divided triangle, and its triangles."""
     n = divisions
     number: dict[tuple[int, int], int] = {}
     for i in range(n + 1):
@@ -150,17 +151,17 @@ def _template(divisions: int) -> tuple[Array, Whole]:
 
 
 def _strips(relief: MeshRelief, view: ViewBall, faces: NDArray[np.bool_]) -> Iterator[Sheet]:
-    """Yield strips between the two sides of torn edges in view, in the body's frame."""
-    torn = relief.torn
-    torn = torn[faces[torn[:, 0, 0]]]
-    ends = [relief.triangles[torn[:, 0, 0], torn[:, 0, k]] for k in (1, 2)]
+    """Yield strips between the two sides of open edges in view, in the body's frame."""
+    edges = relief.open_edges
+    edges = edges[faces[edges[:, 0, 0]]]
+    ends = [relief.triangles[edges[:, 0, 0], edges[:, 0, k]] for k in (1, 2)]
     seen = _in_view(np.stack([*ends, ends[0]], axis=1), view)
     lengths = np.linalg.norm(ends[1] - ends[0], axis=1)
     wanted = np.ceil(np.where(seen, lengths / view.spacing, 1.0))
-    # Few sizes, so that there are few sheets.
+    # Powers of two, so that there are few sheets.
     divisions = 2 ** np.ceil(np.log2(np.maximum(wanted, 1.0))).astype(np.int64)
     for n in np.unique(divisions):
-        some = torn[divisions == n]
+        some = edges[divisions == n]
         share = np.linspace(0.0, 1.0, n + 1)
         weights = [
             np.eye(3)[some[:, side, 1]][:, None] * (1.0 - share[:, None])
@@ -174,5 +175,5 @@ def _strips(relief: MeshRelief, view: ViewBall, faces: NDArray[np.bool_]) -> Ite
         corners = np.stack([i, i + 1, i + n + 1, i + 1, i + n + 2, i + n + 1], axis=1)
         yield Sheet(
             points, normals, corners.reshape(-1, 3), height, some[:, 0, 0],
-            np.tile(weights[0], (1, 2, 1)),  # one side's, or it would lie across the whole texture
+            np.tile(weights[0], (1, 2, 1)),  # of one side, or it would span the whole texture
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is looked at, and what is drawn of it: sheets and patches of points, no finer than seen."""
+"""The region in view, the camera, and textures no finer than a picture resolves."""
 
 from __future__ import annotations
 
@@ -8,44 +8,36 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.raster import Projection
 from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
 
 
-class Sheet(NamedTuple):
-    """Points (a, b, 3) [m] with unit normals (a, b, 3), in world axes.
+class Projection(NamedTuple):
+    """An orthographic camera, as kernels need it."""
 
-    Without `corners` they are a grid. With `corners` (n, 3) each row of points is a patch of n
-    triangles, whose corners are these points.
-    """
-
-    points: Array
-    normals: Array
-    corners: NDArray[np.int64] | None = None
-    height: Array | None = None
-    """Of the texture at the points [m]; None: there is none."""
-    face: NDArray[np.int64] | None = None
-    weights: Array | None = None
-    """Of a mesh: which triangle each row of points lies on, (n,), and the weights of its corners at
-    them, (n, k, 3)."""
+    frame: NDArray[np.float64]
+    """Centre [m], and unit vectors to the right, up and towards the eye, in rows, (4, 3)."""
+    pixel: float
+    """Size of a pixel [m]."""
+    columns: int
+    rows: int
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """An eye at infinity.
+    """An orthographic camera.
 
     Parameters
     ----------
     centre : (3,) array
-        What is in the middle of the image [m].
+        Point in the middle of the image [m].
     right, up, towards : (3,) arrays
-        Unit vectors of the image, and towards the eye; a right-handed frame.
+        Unit vectors along the image and towards the eye; a right-handed frame.
     width : float
         Of the image [m].
     columns, rows : int
-        Of the image [pixels].
+        Size of the image [pixels].
     """
 
     centre: Array
@@ -67,25 +59,25 @@ class Camera:
         frame = np.array([self.centre, self.right, self.up, self.towards])
         return Projection(frame, self.pixel, self.columns, self.rows)
 
-    def turned(self, rotation: Array, position: Array) -> Camera:
-        """Return the camera in the frame that has this pose: columns of `rotation` its axes."""
+    def in_frame(self, rotation: Array, position: Array) -> Camera:
+        """Return the camera as seen from the frame with these axes (columns) and this position."""
         return Camera(
             (self.centre - position) @ rotation, self.right @ rotation, self.up @ rotation,
             self.towards @ rotation, self.width, self.columns, self.rows,
         )  # fmt: skip
 
     def sees(self, points: Array) -> NDArray[np.bool_]:
-        """Return which triangles (n, 3, 3) may reach into the image, whatever stands before."""
+        """Return which triangles (n, 3, 3) may reach into the image, occluded or not."""
         away = points - self.centre
         seen = np.ones(len(points), bool)
         for axis, size in ((self.right, self.width), (self.up, self.rows * self.pixel)):
-            # A little more: the texture moves them.
+            # Slightly more than half, since the texture displaces them.
             across, half = away @ axis, 0.53 * size
             seen &= (across.min(axis=1) <= half) & (across.max(axis=1) >= -half)
         return seen
 
     def place(self, point: Array) -> tuple[float, float]:
-        """Return column and row (from the top) of a point (3,)."""
+        """Return the column and the row (from the top) of a point (3,) [pixels]."""
         away = point - self.centre
         column = away @ self.right / self.pixel + 0.5 * (self.columns - 1)
         row = 0.5 * (self.rows - 1) - away @ self.up / self.pixel
@@ -93,26 +85,27 @@ class Camera:
 
 
 class ViewBall(NamedTuple):
-    """What is looked at: a ball."""
+    """A ball in which surfaces are sampled finely."""
 
     centre: Array
+    """[m], (3,)."""
     radius: float
     """[m]."""
     samples: int
     """Points of a sheet across the ball."""
     camera: Camera | None = None
-    """If what lies before and behind the ball is seen, too."""
+    """With a camera, surfaces before and behind the ball are in view too."""
 
     @property
     def spacing(self) -> float:
-        """From point to point of a sheet [m]."""
+        """Distance between neighbouring points of a sheet [m]."""
         return 2.0 * self.radius / self.samples
 
 
 def coarsened(field: HeightField, spacing: float) -> HeightField:
-    """Return a field averaged over blocks of about `spacing` [m], or as it is if that is finer.
+    """Return a field averaged over blocks of about `spacing` [m], if its pixels are smaller.
 
-    Relief finer than a pixel would be seen as patterns that are not there.
+    Relief finer than the sampling would alias.
     """
     sizes = field.pixel_size[::-1]
     blocks = [
@@ -128,7 +121,7 @@ def coarsened(field: HeightField, spacing: float) -> HeightField:
 
 
 def _block(samples: int, wanted: float, border: str) -> int:
-    """Return how many samples to average: a divisor of all, so that a map still repeats."""
+    """Return the number of samples to average; it divides those of a wrapped map."""
     largest = min(int(wanted), samples // 4)
     if border == "clamp":
         return max(largest, 1)

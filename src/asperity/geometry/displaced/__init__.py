@@ -1,0 +1,1 @@
+"""Displaced surfaces of bodies as points and triangles: for pictures, the viewer and baselines."""
