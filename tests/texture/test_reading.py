@@ -324,7 +324,7 @@ def test_npz_names_its_units(tmp_path: Path) -> None:
     assert read.notes == ("array 'height_um', in um", "pixel size 10 um, from the file")
     other = read_heights(tmp_path / "a.npz", pixel_size=3e-5)
     assert other.pixel_size == 3e-5
-    assert any("the file says 10 um" in note for note in other.notes)
+    assert any("the file has 10 um" in note for note in other.notes)
 
 
 def test_npz_of_several_arrays_asks_which(tmp_path: Path) -> None:

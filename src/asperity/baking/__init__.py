@@ -1,1 +1,1 @@
-"""From a scan to a haptic object: a mesh of few triangles, and a texture with all the rest."""
+"""Baking: a scan becomes a mesh of few triangles with a height texture for the detail."""

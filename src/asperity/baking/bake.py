@@ -1,11 +1,11 @@
-"""From a scan to a haptic object: `bake`.
+"""Baking: from a scan to a haptic object.
 
     mesh --> simplify --> unwrap --> cast rays --> heights --> scene
     (full)   (low-res)    (UV)       (low -> full)  (texture)   (folder)
 
-The low-resolution mesh is written and read again before rays are cast, so that heights are those
-over the very surface that the renderer will displace. When all is written the scene is read, too:
-a folder that could not be loaded is never left behind.
+The low-resolution mesh is written and read back before rays are cast, so heights refer to exactly
+the surface that the renderer will displace. Finally the scene is read back as well: no folder that
+cannot be loaded is left behind.
 """
 
 from __future__ import annotations
@@ -50,22 +50,22 @@ from asperity.texture.height_field import HeightField
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 SMALLEST, LARGEST = 32, 8192
-"""Textures [texels a side]."""
+"""Smallest and largest texture [texels a side]."""
 FEWEST = 4
 _SHARES = {"read": 0.03, "simplify": 0.06, "unwrap": 0.05, "rays": 0.35, "error": 0.15,
            "pieces": 0.2, "scene": 0.04, "picture": 0.12}  # fmt: skip
-"""Of the time, roughly, by stage: for the progress bar."""
+"""Approximate share of the time of each stage, for the progress bar."""
 
 
 @dataclass(frozen=True, eq=False)
 class BakeResult:
-    """What a baking left.
+    """Result of `bake`.
 
     Attributes
     ----------
     folder : Path
     report : dict
-        What `bake.json` holds.
+        Contents of `bake.json`.
     scene : Scene
     """
 
@@ -91,9 +91,10 @@ def bake(
 ) -> BakeResult:
     """Make a haptic object of a scan: a mesh of few triangles and a texture of heights.
 
-    A mesh is simplified, laid flat, and compared with itself along the interpolated unit vertex
-    normals of the simple one, which is how the renderer displaces it. A height map becomes a
-    plate that carries it as it is; points of one side of something become a height map first.
+    A mesh is simplified, unwrapped, and compared with the original along the interpolated unit
+    vertex normals of the simplified mesh, along which the renderer displaces it. A height map
+    becomes a plate that carries it unchanged; points that cover one side of an object are first
+    converted to a height map.
 
     Parameters
     ----------
@@ -101,28 +102,28 @@ def bake(
         A mesh (OBJ, GLB, glTF, PLY, STL), points (PLY without faces, XYZ), or a height map (an
         image, an array, an instrument's file).
     out : path
-        The folder to make.
+        Folder to create.
     faces : int
-        Triangles of the simple mesh, 4 to the mesh's own number. If fewer would open it, it
-        has more, and the notes say so.
+        Triangles of the simplified mesh, from 4 to the number in the source. It has more if fewer
+        would open it; the notes report that.
     size : int
         Texels along each side of the texture, 32 to 8192.
     unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}, optional
-        What one unit of length in the file is. If it is not given it is guessed, and noted.
+        Unit of length of the file. By default it is guessed, and the guess is noted.
     up : {"x", "y", "z"}, optional
-        The axis of a mesh's file that points upwards, where the probe comes from; by default z,
-        for glTF y. The baked object has it along z.
+        Axis of the file that points upwards, towards the probe; by default z, for glTF y. In the
+        baked object it is z.
     base : path, optional
-        A low-resolution mesh to bake onto, in the same unit and frame, in the place of
-        simplification. Its texture coordinates are kept if no place of the texture is used twice.
+        Low-resolution mesh to use instead of simplification, in the same unit and frame. Its
+        texture coordinates are kept if they do not overlap.
     pixel_size, height_range : float, optional
-        Of height maps that do not hold them [m], as for `HeightField.from_file`.
+        Of height maps whose file does not contain them [m], as for `HeightField.from_file`.
     picture : bool
         Whether to draw `picture.png`.
     overwrite : bool
         Whether files in `out` may be replaced.
     on_progress : callable, optional
-        Is told the stage and the share of all that is done.
+        Called with the name of the stage and the share of the whole work that is done, 0 to 1.
 
     Returns
     -------
@@ -132,7 +133,7 @@ def bake(
     ------
     AsperityError
         Input that cannot be baked, a value out of range, a package that is not installed, a
-        folder that cannot be written. One line.
+        folder that cannot be written; one line.
 
     Examples
     --------
@@ -173,7 +174,7 @@ def bake(
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """What is ready before the pieces are made."""
+    """State of the work before the convex pieces are made."""
 
     full: Array
     low: Mesh
@@ -181,14 +182,14 @@ class _Work:
     report: dict[str, Any]
     hard_angle: float | None = None
     rough: NDArray[np.bool_] | None = None
-    """Which triangles of `low` stand for `full`, if not all."""
+    """Triangles of `low` that represent `full`; None: all."""
 
 
 class _Stages:
-    """The share of all that is done, stage by stage."""
+    """Progress over all stages, reported to a callback."""
 
-    def __init__(self, told: Progress | None) -> None:
-        self._told, self._stage, self._before = told, "", 0.0
+    def __init__(self, on_progress: Progress | None) -> None:
+        self._report, self._stage, self._before = on_progress, "", 0.0
 
     def at(self, stage: str) -> None:
         """Begin a stage."""
@@ -197,10 +198,10 @@ class _Stages:
         self.done(0.0)
 
     def done(self, share: float) -> None:
-        """Tell how much of this stage is done."""
-        if self._told is not None:
+        """Report the share of this stage that is done, 0 to 1."""
+        if self._report is not None:
             whole = self._before + share * _SHARES.get(self._stage, 0.0)
-            self._told(self._stage, 1.0 if self._stage == "done" else min(whole, 1.0))
+            self._report(self._stage, 1.0 if self._stage == "done" else min(whole, 1.0))
 
 
 def _check(faces: int, size: int, unit: str | None) -> None:
@@ -218,14 +219,14 @@ def _mesh(
 ) -> _Work:  # fmt: skip
     """Bake a mesh."""
     stages.at("read")
-    mesh, unit, told = mesh_to_bake(source, unit, up)
+    mesh, unit, guesses = mesh_to_bake(source, unit, up)
     full = mesh.vertices[mesh.faces]
     if base is None and faces > len(mesh.faces):
         raise AsperityError(
             f"{source}: faces = {faces}, but the mesh has {len(mesh.faces)} triangles; "
             f"valid: {FEWEST} to {len(mesh.faces)}"
         )
-    FullSurface(full[:1])  # refuses what is not installed before the long work
+    FullSurface(full[:1])  # fails early if embreex is not installed
     stages.at("simplify")
     if base is None:
         low = simplified(mesh, faces)
@@ -244,7 +245,7 @@ def _mesh(
     stages.at("error")
     field = HeightField(baked.heights, span / size)
     error = bake_error(low, field, full)
-    notes = [*told, *(f"full mesh: {note}" for note in mesh.notes), *laid.notes]
+    notes = [*guesses, *(f"full mesh: {note}" for note in mesh.notes), *laid.notes]
     if baked.mended:
         notes.append(f"{baked.mended} texels stood out of all round them and were mended")
     report = _report(source, "mesh", len(mesh.faces), low, texture, notes) | {
@@ -257,7 +258,7 @@ def _mesh(
 
 
 def _base(path: Path, mesh: Mesh, unit: str, up: str | None) -> Mesh:
-    """Return the low-resolution mesh that was given, in the unit of the full one."""
+    """Return the given low-resolution mesh, in metres."""
     low, _, _ = mesh_to_bake(path, unit, up)
     size = float(np.ptp(mesh.vertices, axis=0).max())
     for end in (np.min, np.max):
@@ -272,14 +273,14 @@ def _plate(
     source: Path, kind: str, size: int, unit: str | None, pixel_size: float | None,
     height_range: float | None, folder: Path, stages: _Stages,
 ) -> _Work:  # fmt: skip
-    """Make a plate of a height map or of points."""
+    """Bake a height map or points to a plate."""
     stages.at("read")
     notes: list[str] = []
     if kind == "points":
         points = read_points(source)
         if unit is None:
-            unit, told = guessed_unit(np.ptp(points, axis=0))
-            notes += told
+            unit, guesses = guessed_unit(np.ptp(points, axis=0))
+            notes += guesses
         field = map_of_points(points * UNITS[unit], size=size)
     else:
         if unit is not None:
@@ -291,7 +292,7 @@ def _plate(
     mesh, texture = plate_of(field, source.stem)
     low = write_mesh(mesh, folder, HARD_ANGLE)
     write_heights(texture, folder)
-    # The map itself, as triangles from sample to sample, for the picture.
+    # The map as triangles between samples, for the picture.
     full = _map_triangles(field)
     report = _report(source, "plate", len(full), low, texture, notes) | {
         "coverage": 1.0,
@@ -303,7 +304,7 @@ def _plate(
 
 
 def _map_triangles(field: HeightField) -> Array:
-    """Return a height map's samples as triangles, where the plate has them."""
+    """Return the samples of a height map as triangles, in the plate's frame."""
     step = max(1, int(np.ceil(max(field.samples.shape) / 700)))
     heights = field.samples[::step, ::step] - field.lowest
     u, v = (

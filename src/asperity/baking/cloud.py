@@ -1,10 +1,10 @@
-"""A height map from points: one side of something, as scanners give it.
+"""Conversion of points that cover one side of an object, as from a scanner, to a height map.
 
-The plane that fits the points best is the map's. At each of its samples a plane is fitted to the
-points round it, the nearer the more they count (moving least squares: Levin, Math. Comp. 67, 1517
-(1998)), which averages noise and does not care how the points are spread. It needs no normals and
-invents no surface where there are no points; but it has one height at a place. Points all round
-a body are refused: a surface through them is what meshing programs are for, and meshes are baked.
+The plane of the map is the one that fits the points best. At each sample a plane is fitted to the
+surrounding points with weights that decrease with distance (moving least squares: Levin, Math.
+Comp. 67, 1517 (1998)), which averages noise and accepts unevenly distributed points. It needs no
+normals and leaves gaps where there are no points. A map has one height at each position, so points
+all around a body are refused: make a mesh of them with another program and bake that.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from asperity.texture.height_field import HeightField
 Array = NDArray[np.float64]
 _NEIGHBOURS = 16
 _REACH = 1.2
-"""Of a point's weight, in distances between points."""
+"""Length scale of a point's weight [mean distances between points]."""
 _FARTHEST = 3.0
-"""A sample without points within this many of their distances is filled from others."""
+"""A sample with no points within this distance is filled from others [mean distances]."""
 _ASTRAY = 4.0
-"""A point farther from the fit round it than this many distances is on no such sheet."""
+"""A point farther from the local fit than this is not part of a sheet [mean distances]."""
 _FEW = 0.02
 _SAMPLES = 1.2
-"""Samples between two points."""
+"""Samples per distance between points."""
 
 
 def map_of_points(points: Array, *, size: int) -> HeightField:
@@ -40,17 +40,17 @@ def map_of_points(points: Array, *, size: int) -> HeightField:
     points : (n, 3) array
         [m].
     size : int
-        Samples along the longer side, at most. There are no more than the points can tell.
+        Largest number of samples along the longer side. The density of the points limits it too.
 
     Returns
     -------
     HeightField
-        Clamped; its notes say what the plane is and how much was filled.
+        Clamped; its notes give the plane and the share that was filled.
 
     Raises
     ------
     AsperityError
-        Points that are not one sheet as seen from the side of that plane. One line.
+        Points that are not a single sheet as seen along the normal of that plane; one line.
     """
     axes = _axes(points)
     flat = (points - points.mean(axis=0)) @ axes.T
@@ -81,13 +81,13 @@ def map_of_points(points: Array, *, size: int) -> HeightField:
 
 
 def _axes(points: Array) -> Array:
-    """Return u, v and the normal (3, 3) of the plane that fits best, n upwards.
+    """Return u, v and the upward normal (3, 3), in rows, of the plane that fits best.
 
-    u runs along a side of the smallest rectangle round the points, that which is nearest to x.
+    u runs along the side of the smallest bounding rectangle that is nearest to x.
     """
     away = points - points.mean(axis=0)
     normal = np.linalg.eigh(away.T @ away)[1][:, 0]
-    # Points have no sides: the one upwards, or else towards +y or +x.
+    # The sign of the normal is free: upwards, or else towards +y or +x.
     sign = next((np.sign(normal[k]) for k in (2, 1, 0) if abs(normal[k]) > 0.1), 1.0)
     normal = normal * sign
     first = np.eye(3)[0 if abs(normal[0]) < 0.9 else 1]
@@ -100,7 +100,7 @@ def _axes(points: Array) -> Array:
 
 
 def _smallest_rectangle(flat: Array) -> float:
-    """Return the direction of the smallest rectangle round points (n, 2), -45 to 45 degrees."""
+    """Return the angle of the smallest rectangle around points (n, 2), -45 to 45 degrees [rad]."""
     try:
         corners = flat[ConvexHull(flat).vertices]
     except QhullError:
@@ -117,7 +117,7 @@ def _smallest_rectangle(flat: Array) -> float:
 
 
 def _fitted(flat: Array, tree: KDTree, places: Array, apart: float) -> Array:
-    """Return the heights at places (k, 2) of planes fitted to the points round each; or NaN."""
+    """Return the heights (k,) of planes fitted to the points around positions (k, 2), or NaN."""
     out = np.full(len(places), np.nan)
     count = min(_NEIGHBOURS, len(flat))
     for start in range(0, len(places), 100_000):

@@ -1,8 +1,9 @@
-"""How far a baked surface is from the full one: both ways, as Metro does.
+"""Distances between a baked surface and the full one, in both directions, as in Metro.
 
-Distances from places of the baked surface say what is felt that is not there; distances from places
-of the full one, what is there and not felt (Cignoni, Rocchini, Scopigno, Computer Graphics Forum
-17, 167 (1998)). Of rms, 99th percentile and maximum the larger of the two is told.
+Distances from points of the baked surface measure what is rendered but not present; distances from
+points of the full surface measure what is present but not rendered (Cignoni, Rocchini & Scopigno,
+Computer Graphics Forum 17, 167 (1998)). Rms, 99th percentile and maximum are each the larger of the
+two directions.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from asperity.texture.height_field import HeightField
 Array = NDArray[np.float64]
 _SAMPLES = 60_000
 _MOST = 500_000
-"""Triangles of which the baked surface is made for the way back, about, at most."""
+"""Largest number of triangles, approximately, by which the baked surface is represented."""
 
 
 class BakeError(NamedTuple):
-    """Distances between two surfaces [m]: of the worse of the two ways."""
+    """Distances between two surfaces [m]; of the two directions the larger."""
 
     rms: float
     p99: float
@@ -35,7 +36,7 @@ class BakeError(NamedTuple):
 
 
 def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> BakeError:
-    """Return how far the low-resolution mesh with its texture is from the full surface.
+    """Return the distance between the textured low-resolution mesh and the full surface.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> 
     full : (m, 3, 3) array
         Corners of the full surface's triangles [m].
     seed : int
-        Of the 60,000 places on either surface, spread evenly over its area.
+        Of the 60,000 random points on either surface, uniform over its area.
     """
     rng = np.random.default_rng(seed)
     face, weights = scattered(low.vertices[low.faces], _SAMPLES, rng)
@@ -61,19 +62,19 @@ def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> 
 def plate_error(
     low: Mesh, heights: Path, texture: Texture, field: HeightField, *, seed: int = 0
 ) -> BakeError:
-    """Return how far the top of a plate, as it was written, is from a height map [m].
+    """Return the distance of the top of a plate, as written, from a height map.
 
     Parameters
     ----------
     low : Mesh
-        The slab, whose first two triangles are its top, in the middle of which the map lies.
+        The slab, whose first two triangles are its top; the map is in the middle of it.
     heights : Path
-        The file of its texture.
+        File of its texture.
     texture : Texture
     field : HeightField
-        The map; its lowest sample lies in the slab's plane.
+        The map; its lowest sample is in the slab's plane.
     seed : int
-        Of the 60,000 places.
+        Of the 60,000 random points.
     """
     written = HeightField.from_file(heights, size=texture.size, unit="m")
     rng = np.random.default_rng(seed)
@@ -89,7 +90,7 @@ def plate_error(
 def scattered(
     triangles: Array, count: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], Array]:
-    """Return triangles (k,) and weights of their corners (k, 3): places spread evenly by area."""
+    """Return random points, uniform by area: triangles (k,) and weights of their corners (k, 3)."""
     area = np.linalg.norm(crosses(triangles), axis=1)
     face = np.sort(rng.choice(len(triangles), count, p=area / area.sum()))
     r, s = np.sqrt(rng.random(count)), rng.random(count)
@@ -97,7 +98,7 @@ def scattered(
 
 
 def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: Array) -> Array:
-    """Return points of the textured surface [m], (n, 3), at places of the mesh."""
+    """Return points of the textured surface [m], (n, 3), at points of the mesh."""
     assert mesh.uv is not None
     points, along = places(mesh, face, weights)
     u, v = (np.einsum("ij,ijk->ik", weights, mesh.uv[face]) * np.asarray(field.size)).T
@@ -107,13 +108,13 @@ def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: 
 def _as_triangles(low: Mesh, field: HeightField) -> Array:
     """Return the baked surface as triangles about as wide as a texel.
 
-    Those of the low-resolution mesh are divided evenly, so its edges are met as sharp as they are.
+    The triangles of the low-resolution mesh are subdivided evenly, so its edges stay sharp.
     """
     triangles = low.vertices[low.faces]
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     whole = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
     wide = max(field.pixel_size[0], float(np.sqrt(2.0 * whole / _MOST)))
-    # Few numbers of divisions, so that many triangles share one.
+    # Few different numbers of divisions, so that many triangles share one.
     divisions = np.ceil(2.0 ** (np.ceil(2.0 * np.log2(np.maximum(sides / wide, 1.0))) / 2.0))
     parts = []
     for n in np.unique(divisions.astype(np.int64)):
@@ -126,7 +127,7 @@ def _as_triangles(low: Mesh, field: HeightField) -> Array:
 
 
 def divided(divisions: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return the points of an evenly divided triangle, as weights (k, 3), and its parts (m, 3)."""
+    """Return weights (k, 3) of the points of an evenly divided triangle, and its parts (m, 3)."""
     n = divisions
     i, j = (a.ravel() for a in np.indices((n + 1, n + 1)))
     i, j = i[i + j <= n], j[i + j <= n]

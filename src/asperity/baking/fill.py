@@ -1,4 +1,4 @@
-"""Gaps in a map, filled smoothly and in no time, however large they are."""
+"""Smooth filling of gaps in a map, at a cost independent of their size."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from scipy import ndimage
 
 Array = NDArray[np.float64]
 _ROUNDS = 8
-"""Of smoothing at each scale."""
+"""Smoothing passes at each scale."""
 
 
 def filled(grid: Array) -> Array:
-    """Return a map with its NaNs replaced by a smooth continuation of what is round them.
+    """Return a map with its NaNs replaced by a smooth continuation of their surroundings.
 
-    Coarser and coarser means of what is known, filled from the coarsest down, and then smoothed.
+    Means of the known values are computed on coarser and coarser grids; the gaps are filled from
+    the coarsest grid down and smoothed on each.
     """
     known = np.isfinite(grid)
     if not known.any():
@@ -36,7 +37,7 @@ def filled(grid: Array) -> Array:
 
 
 def _summed(array: Array) -> Array:
-    """Return sums over blocks of two by two; an odd row or column stands alone."""
+    """Return sums over blocks of two by two; an odd last row or column is a block by itself."""
     rows, columns = array.shape
     even = np.pad(array, ((0, rows % 2), (0, columns % 2)))
     return np.asarray(even.reshape(even.shape[0] // 2, 2, -1, 2).sum(axis=(1, 3)))

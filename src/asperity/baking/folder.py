@@ -1,8 +1,8 @@
-"""What baking leaves: a folder that is a scene, and opens in any other tool, too.
+"""The folder that baking writes: a scene, readable by other programs too.
 
 `object.obj` with texture coordinates, `heights.tiff` in metres (32-bit floats), and the scene:
-`scene.xml` for MuJoCo and `scene.toml`. The object stands still in its own frame, z upwards; a
-probe slides over it.
+`scene.xml` for MuJoCo and `scene.toml`. The object is at rest in its own frame, z upwards; a probe
+slides over it.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from asperity.scene.mjcf import mesh_assets, mesh_geoms
 Array = NDArray[np.float64]
 OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"
 STIFFNESS = 400.0
-"""Of the contact [N/m]: what a Touch can do."""
+"""Contact stiffness [N/m], which a 3D Systems Touch can render."""
 FORCE = 0.58
-"""Normal force with which the probe begins, at most [N]."""
+"""Largest normal force with which the motion begins [N]."""
 MAX_NODES = 50_000
-"""Of a search. Heights that also hold the shape that the mesh lost reach far, and far reach makes
-bounds loose: with the usual 4000 a contact may be lost that is there."""
+"""Limit of the contact search. Heights that include the shape lost by simplification are large, and
+large heights make bounds loose: with the usual 4000 nodes a contact may be missed."""
 _COLOUR = "0.8 0.74 0.63 1"
 
 _XML = """<mujoco model="{name}">
-  <!-- Metres and kilograms. Geoms in group 2 are the shape, only seen; those in group 3 the convex
-       pieces that may touch. The probe's frame is the centre of its tip; texture, force and motion
-       stand in scene.toml. -->
+  <!-- Metres and kilograms. Geoms in group 2 are the shape, for display; group 3 holds the convex
+       pieces that collide. The probe's frame is the centre of its tip; texture, force and motion
+       are in scene.toml. -->
   <compiler angle="radian"/>
   <visual>
     <map znear="0.001"/>
@@ -62,16 +62,16 @@ _XML = """<mujoco model="{name}">
 
 
 class Texture(NamedTuple):
-    """Heights [m] (n, m), [iv, iu], row 0 at v = 0, and what they cover along u and v [m]."""
+    """Heights [m] (n, m), [iv, iu], row 0 at v = 0, and the size that they cover (u, v) [m]."""
 
     heights: NDArray[np.float32]
     size: tuple[float, float]
 
 
 def write_mesh(mesh: Mesh, folder: Path, hard_angle: float | None = None) -> Mesh:
-    """Write the mesh and return it as it is read again: this is what is baked to.
+    """Write the mesh and return it as read back; heights are baked over the result.
 
-    Nine digits are kept; the normals that carry the texture follow from them.
+    Nine digits are kept; the normals along which the texture displaces follow from them.
     """
     assert mesh.uv is not None
     lines = ["# metres; texture coordinates over heights.tiff, v upwards"]
@@ -87,19 +87,19 @@ def write_mesh(mesh: Mesh, folder: Path, hard_angle: float | None = None) -> Mes
 
 
 def write_heights(texture: Texture, folder: Path) -> None:
-    """Write the heights, the top of the picture being v = 1."""
+    """Write the heights, with v = 1 at the top of the image."""
     import tifffile
 
     pixels = np.ascontiguousarray(texture.heights[::-1], dtype=np.float32)
-    told = "heights in metres along the interpolated unit vertex normals; bottom row: v = 0"
-    tifffile.imwrite(folder / HEIGHTS, pixels, description=told, compression="zlib")
+    description = "heights in metres along the interpolated unit vertex normals; bottom row: v = 0"
+    tifffile.imwrite(folder / HEIGHTS, pixels, description=description, compression="zlib")
 
 
 def write_scene(
     name: str, mesh: Mesh, pieces: Sequence[Array], texture: Texture, stroke: Stroke, folder: Path,
     hard_angle: float | None = None,
 ) -> None:  # fmt: skip
-    """Write `scene.xml` and `scene.toml` for the mesh and heights that lie in the folder."""
+    """Write `scene.xml` and `scene.toml` for the mesh and heights in the folder."""
     (folder / "scene.xml").write_text(_xml(name, mesh, pieces, stroke), "utf-8")
     table: dict[str, Any] = {"file": MESH, "unit": "m"}
     if hard_angle is not None:
@@ -129,19 +129,19 @@ def _xml(name: str, mesh: Mesh, pieces: Sequence[Array], stroke: Stroke) -> str:
     extent = float(np.linalg.norm(high - low))
     radius = stroke.radius
 
-    def told(values: Any) -> str:
+    def numbers(values: Any) -> str:
         return " ".join(f"{value:.9g}" for value in values)
 
     return _XML.format(
         name=name.replace("&", "and").replace('"', "").replace("<", ""),
         extent=extent,
-        centre=told(0.5 * (low + high)),
-        light=told(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
+        centre=numbers(0.5 * (low + high)),
+        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
         assets=mesh_assets(OBJECT, mesh, pieces),
         geoms=mesh_geoms(
             OBJECT, mesh, density=[1000.0] * len(pieces), rgba=[_COLOUR] * len(pieces)
         ),
-        start=told(stroke.start),
+        start=numbers(stroke.start),
         radius=radius,
         shaft=0.5 * radius,
         neck=radius * 80.0 / 3.0,

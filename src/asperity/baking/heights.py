@@ -1,10 +1,9 @@
-"""The heights of a full surface over a low-resolution one, as a texture.
+"""Heights of a full surface over a low-resolution one, as a texture.
 
-Every texel that shows a place of the low-resolution surface gets the distance to the full one
-along the unit normal that is interpolated there, which is where the renderer will put it. Texels
-that no line finds, and those that stand out of all their surroundings because their line found
-another part of the body, are filled from their neighbours. What lies between the charts is
-filled smoothly: it is never seen, but bounds of heights reach over it.
+Each texel inside a chart holds the distance to the full surface along the unit normal interpolated
+there, along which the renderer displaces it. Texels whose ray finds no surface, and outliers whose
+ray found another part of the body, are filled from their neighbours. The space between charts is
+filled smoothly: it is never touched, but bounds of heights extend over it.
 """
 
 from __future__ import annotations
@@ -26,19 +25,18 @@ from asperity.geometry.mesh.mesh import Mesh
 
 Array = NDArray[np.float64]
 _CAGE = 1.6
-"""Lines look this many times as far as the two surfaces are apart near there."""
+"""Range of the rays, in local distances between the two surfaces."""
 _SAMPLED = 50_000
-"""Triangles of the full surface that tell how far that is, about, at most."""
+"""Largest number of triangles of the full surface used to estimate that distance, approximately."""
 _SLACK = 2e-3
-"""And this much farther, in sizes of the mesh."""
+"""Addition to the range, in sizes of the mesh."""
 _OUTLIER = 0.1, 8.0
-"""A texel is doubted that stands out of those round it by this share of the cage, and by this many
-texels' width."""
+"""Least deviation of an outlier from its surroundings, in cages and in texel widths."""
 _ROWS = 64
 
 
 class Baked(NamedTuple):
-    """A texture of heights, and how much of it was found.
+    """A texture of heights and statistics of its making.
 
     Attributes
     ----------
@@ -46,11 +44,11 @@ class Baked(NamedTuple):
         [m], [iv, iu], row 0 at v = 0.
     texels : Texels
     coverage : float
-        Share of the texels in charts whose line found the full surface.
+        Share of the texels in charts whose ray found the full surface.
     mended : int
-        Texels in charts that were found, doubted, and filled from their neighbours.
+        Outliers in charts that were replaced from their neighbours.
     cage : float
-        The farthest that any line looked [m].
+        Longest range of any ray [m].
     """
 
     heights: NDArray[np.float32]
@@ -74,7 +72,7 @@ def bake_heights(
     size : int
         Texels along each side.
     on_progress : callable, optional
-        Is told the share of the lines that are done.
+        Called with the share of the rays that are done, 0 to 1.
     """
     texels = texels_of(low, size)
     surface = FullSurface(full)
@@ -104,7 +102,7 @@ def bake_heights(
 
 
 def places(mesh: Mesh, face: NDArray[np.int64], weights: Array) -> tuple[Array, Array]:
-    """Return points of a mesh [m] and the unit normals that carry its texture there, (n, 3)."""
+    """Return points of a mesh [m] and the unit normals for displacement there, (n, 3)."""
     points = np.einsum("ij,ijk->ik", weights, mesh.vertices[mesh.faces[face]])
     along = np.einsum("ij,ijk->ik", weights, mesh.normals[face])
     lengths = np.linalg.norm(along, axis=1, keepdims=True)
@@ -112,17 +110,17 @@ def places(mesh: Mesh, face: NDArray[np.int64], weights: Array) -> tuple[Array, 
 
 
 def _cages(low: Mesh, full: Array) -> Array:
-    """Return how far lines from each vertex of a mesh should look [m], (n,).
+    """Return the range of rays from each vertex of a mesh [m], (n,).
 
-    The full surface's corners and middles are each nearest to some place of the mesh; how far they
-    are from it is how far a line from there has to look, and from the vertices of its triangle.
+    Each corner and centre of a full triangle is nearest to some triangle of the mesh; the rays of
+    that triangle's vertices must reach at least as far.
     """
     every = max(1, len(full) // _SAMPLED)
     samples = np.concatenate([full[::every].reshape(-1, 3), full[::every].mean(axis=1)])
     face, away = Nearest(low.vertices[low.faces]).to(samples)
     of_face = np.zeros(len(low.faces))
     np.maximum.at(of_face, face, away)
-    # And the other way round: of a triangle that nothing is nearest to, how far away all is.
+    # Conversely, a triangle nearest to none gets its own distance from the full surface.
     middles = low.vertices[low.faces].mean(axis=1)
     of_face = np.maximum(of_face, KDTree(samples).query(middles)[0])
     out = np.zeros(len(low.vertices))
@@ -133,7 +131,7 @@ def _cages(low: Mesh, full: Array) -> Array:
 
 
 def _outliers(grid: Array, limit: float) -> NDArray[np.bool_]:
-    """Return which heights are farther from the median round them than `limit`, in small specks."""
+    """Return which heights differ from the local median by more than `limit`, in small clusters."""
     known = np.isfinite(grid)
     if not known.any():
         return np.zeros(grid.shape, dtype=bool)

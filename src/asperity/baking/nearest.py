@@ -1,4 +1,4 @@
-"""The nearest place of a surface of triangles, and how far away it is."""
+"""Nearest triangle of a surface, and the distance to it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from asperity.geometry.mesh.topology import crosses
 Array = NDArray[np.float64]
 _SAMPLES = 200_000
 _AT_ONCE = 100_000
-_LOOKS, _MORE_LOOKS = 6, 48
-_DOUBTED = 0.02
-"""Of the longest part of a triangle: distances above it are looked at again."""
+_CANDIDATES, _MORE_CANDIDATES = 6, 48
+_UNCERTAIN = 0.02
+"""Distances above this share of the sample spacing are computed again with more candidates."""
 
 
 class Nearest:
-    """A surface that is asked for its nearest places.
+    """Nearest-triangle queries to a surface.
 
-    Looked at are the triangles with the nearest of samples spread over all of them. A distance may
-    come out too large, by a small part of the distance between samples, never too small.
+    Candidates are the triangles with the nearest samples of points spread over all of them. A
+    distance may be too large by a small fraction of the distance between samples, never too small.
 
     Parameters
     ----------
@@ -39,30 +39,32 @@ class Nearest:
         self._tree = KDTree(spread)
 
     def to(self, points: Array) -> tuple[NDArray[np.int64], Array]:
-        """Return the nearest triangle to each point (n, 3), and its distance [m]."""
+        """Return the nearest triangle to each point (n, 3) and its distance [m]."""
         best, away = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
         for start in range(0, len(points), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
-            self._look(points[part], _LOOKS, best[part], away[part])
-            # Where needles crowd, the nearest triangle may not be among the first few.
-            doubt = np.flatnonzero(away[part] > _DOUBTED * self._wide)
-            face, again = np.zeros(len(doubt), dtype=np.int64), np.zeros(len(doubt))
-            self._look(points[part][doubt], _MORE_LOOKS, face, again)
-            best[part][doubt], away[part][doubt] = face, again
+            self._fill_nearest(points[part], _CANDIDATES, best[part], away[part])
+            # Among crowded slivers the nearest triangle may not be among the first few candidates.
+            uncertain = np.flatnonzero(away[part] > _UNCERTAIN * self._wide)
+            face, again = np.zeros(len(uncertain), dtype=np.int64), np.zeros(len(uncertain))
+            self._fill_nearest(points[part][uncertain], _MORE_CANDIDATES, face, again)
+            best[part][uncertain], away[part][uncertain] = face, again
         return best, away
 
-    def _look(
-        self, points: Array, looks: int, face_out: NDArray[np.int64], away_out: Array
+    def _fill_nearest(
+        self, points: Array, candidates: int, face_out: NDArray[np.int64], away_out: Array
     ) -> None:
-        """Fill in the nearest of the triangles with the samples nearest to each point."""
-        looks = min(looks, len(self._owner))
-        found = np.asarray(self._tree.query(points, k=looks)[1]).reshape(len(points), looks)
+        """Fill the nearest of the triangles whose samples are nearest to each point."""
+        candidates = min(candidates, len(self._owner))
+        found = np.asarray(self._tree.query(points, k=candidates)[1]).reshape(
+            len(points), candidates
+        )
         _nearest(self._triangles, points, self._owner[found], face_out, away_out)
 
 
 @kernel
 def _nearest(triangles, points, near, face_out, away_out):
-    """Fill in the nearest of the triangles in `near` (n, k) to each point, and its distance."""
+    """Fill the nearest of the triangles in `near` (n, k) to each point, and its distance."""
     for i in range(len(points)):
         least, best = np.inf, near[i, 0]
         for j in range(near.shape[1]):
@@ -74,7 +76,7 @@ def _nearest(triangles, points, near, face_out, away_out):
 
 @kernel
 def _square_distance(triangle, point):
-    """Return the squared distance of a point from a triangle: its inside, or the nearest side."""
+    """Return the squared distance of a point from a triangle."""
     a, b = triangle[1] - triangle[0], triangle[2] - triangle[0]
     p = point - triangle[0]
     aa, ab, bb = np.sum(a * a), np.sum(a * b), np.sum(b * b)
@@ -94,9 +96,9 @@ def _square_distance(triangle, point):
 
 
 def _spread(triangles: Array, wide: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return the middles of the triangles' parts, none longer than `wide`, and whose part each is.
+    """Return the centres of parts of the triangles, none longer than `wide`, and their triangles.
 
-    A triangle is halved across its longest side: parts of a needle are short needles.
+    A triangle is bisected at its longest side, so parts of a sliver are short slivers.
     """
     owner = np.arange(len(triangles))
     points, owners = [], []

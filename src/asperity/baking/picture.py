@@ -1,7 +1,7 @@
-"""The picture of a baking: the full mesh, the low-resolution one, the baked one, and the error.
+"""The picture of a bake: full mesh, low-resolution mesh, baked mesh, and error.
 
-The first three are drawn in one light from one place. The fourth shows, on the baked surface, how
-far each of its places is from the full mesh: red outside of it, blue inside.
+The first three are drawn with the same camera and light. The fourth shows, on the baked surface,
+the signed distance from the full mesh: red outside of it, blue inside.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from asperity.geometry.mesh.topology import crosses
 Array = NDArray[np.float64]
 _COLUMNS, _ROWS = 640, 520
 _FOOT = 30.0
-"""Below each picture [pixels], for scales."""
+"""Space below each picture for scale bars [pixels]."""
 _AZIMUTHS = tuple(float(np.radians(a)) for a in (-35.0, 35.0, -60.0, 60.0))
 _ELEVATION = float(np.radians(28.0))
 _STONE, _PALE = (0.80, 0.74, 0.63), (0.90, 0.90, 0.90)
@@ -44,19 +44,19 @@ def draw_bake(
     full: Array, body: Body, report: dict[str, Any], path: Path,
     *, rough: NDArray[np.bool_] | None = None,
 ) -> None:  # fmt: skip
-    """Draw a baking to a PNG file.
+    """Draw a bake to a PNG file.
 
     Parameters
     ----------
     full : (m, 3, 3) array
         Corners of the full mesh's triangles [m].
     body : Body
-        The baked one: a mesh and its texture.
+        The baked mesh with its texture.
     report : dict
-        What `bake.json` will hold.
+        Contents of `bake.json`.
     path : Path
     rough : (m,) array of bool, optional
-        Which triangles of the body stand for the full mesh; by default all.
+        Triangles of the body that represent the full mesh; by default all.
     """
     assert body.mesh is not None
     low = body.mesh.vertices[body.mesh.faces]
@@ -115,7 +115,7 @@ def _length(micrometres: float) -> str:
 
 
 def _camera(full: Array) -> Camera:
-    """Return a camera that sees all of the mesh, from the side from which it shows most."""
+    """Return a camera that sees the whole mesh, from the side that shows the largest area."""
     corners = full.reshape(-1, 3)[:: max(1, len(full) // 50_000)]
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     best: tuple[float, Camera] | None = None
@@ -126,7 +126,7 @@ def _camera(full: Array) -> Camera:
         )  # fmt: skip
         across, up = (corners @ axis for axis in (eye.right, eye.up))
         width = 1.08 * max(np.ptp(across), np.ptp(up) * _COLUMNS / _ROWS)
-        # Where the box round what is seen has its middle.
+        # The middle of the bounding box in the image.
         shift = [0.5 * (a.min() + a.max()) - middle @ b for a, b in
                  ((across, eye.right), (up, eye.up))]  # fmt: skip
         centre = middle + shift[0] * eye.right + shift[1] * eye.up
@@ -138,7 +138,7 @@ def _camera(full: Array) -> Camera:
 
 
 def _patches(triangles: Array) -> list[Sheet]:
-    """Return triangles as they are, each with its own normal."""
+    """Return triangles as a sheet, each with its own normal."""
     normal = crosses(triangles)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     normals = np.ascontiguousarray(np.repeat(normal[:, None], 3, axis=1))
@@ -154,7 +154,7 @@ def _baked(
 
 
 def _as_it_is(sheet: Sheet) -> Sheet:
-    """Return a sheet with the normals of its points' own triangles: relief may be high here."""
+    """Return a sheet with the normals of its triangles, since relief may be steep here."""
     if sheet.corners is None:
         return sheet
     triangles = sheet.points[:, sheet.corners]
@@ -164,13 +164,13 @@ def _as_it_is(sheet: Sheet) -> Sheet:
         for k, point in enumerate(corner):
             normals[:, point] += normal[:, k]
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-300)
-    # Strips along seams are too thin for normals of their own.
+    # Strips along seams are too thin to have normals.
     own = np.einsum("ijk,ijk->ij", normals, sheet.normals) > _ALIKE
     return sheet._replace(normals=np.where(own[..., None], normals, sheet.normals))
 
 
 def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequence[float]) -> Array:
-    """Return the image, half as large as it was drawn, on white."""
+    """Return the image at half the size at which it was drawn, on white."""
     numbered = [(0, sheet) for sheet in sheets]
     lamp = Lamp.over(numbered, camera, _UP, _LAMP)
     image = halved(shade(seen, camera, lamp, [colour], hollows(seen, camera)))
@@ -179,24 +179,24 @@ def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequenc
 
 
 def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | None) -> Array:
-    """Return the signed distance from the full mesh [m] of what each pixel shows.
+    """Return the signed distance from the full mesh of the surface in each pixel [m].
 
-    NaN where nothing is seen, or a triangle that is not `rough`. Distances are those of the sheets'
-    points: a pixel's own place is not known to a fraction of a pixel.
+    NaN where there is no surface, or one outside `rough`. Distances are those of the nearest point
+    of a sheet, since the position of a pixel is known only to about a pixel.
     """
     coarse = replace(camera, columns=_COLUMNS, rows=_ROWS)
     every = np.ones(len(body.mesh.faces), dtype=bool) if body.mesh is not None else None
     rough = every if rough is None else rough
     surface, sheets = Nearest(full), []
-    # The skirt of a plate is not of the full mesh, nor are the strips that close it.
+    # The skirt of a plate and the strips along seams have no counterpart on the full mesh.
     for sheet in _baked(body, coarse, rough, closed=rough is None or bool(rough.all())):
         face, away = surface.to(sheet.points.reshape(-1, 3))
         ahead = np.einsum(
             "ij,ij->i", crosses(full[face]), sheet.points.reshape(-1, 3) - full[face, 0]
         )
-        told = np.zeros_like(sheet.points)
-        told[..., 0] = np.where(ahead > 0.0, away, -away).reshape(told.shape[:2])
-        sheets.append((0, sheet._replace(normals=told)))
+        distances = np.zeros_like(sheet.points)
+        distances[..., 0] = np.where(ahead > 0.0, away, -away).reshape(distances.shape[:2])
+        sheets.append((0, sheet._replace(normals=distances)))
     if rough is not None and not rough.all():
         sheets += [(1, sheet) for sheet in _baked(body, coarse, ~rough)]
     seen = look(sheets, coarse)
@@ -207,7 +207,7 @@ def _error_panel(
     figure: Figure, axis: Axes, error: Array, seen: Buffers, sheets: Sequence[Sheet],
     camera: Camera,
 ) -> None:  # fmt: skip
-    """Show the errors in colour, lightly shaded, with their scale and numbers."""
+    """Show the errors in colour, lightly shaded, with a scale and their numbers."""
     import matplotlib as mpl
 
     known = np.abs(error[np.isfinite(error)]) * 1e6
@@ -237,7 +237,7 @@ def _round_up(value: float) -> float:
 
 
 def _edges(axis: Axes, triangles: Array, seen: Buffers, camera: Camera) -> None:
-    """Draw the sides of triangles that are not hidden."""
+    """Draw the sides of visible triangles."""
     sides = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(np.round(sides / (1e-9 + 1e-6 * np.ptp(triangles, axis=(0, 1)).max())), axis=1)
     _, first = np.unique(key.reshape(len(sides), -1), axis=0, return_index=True)
@@ -250,7 +250,7 @@ def _edges(axis: Axes, triangles: Array, seen: Buffers, camera: Camera) -> None:
     depth = -(away @ camera.towards)
     columns = np.clip(np.round(x), 0, camera.columns - 1).astype(int)
     rows = np.clip(np.round(y), 0, camera.rows - 1).astype(int)
-    # The nearest surface beside a pixel may be a pixel's slope away.
+    # The nearest surface in a neighbouring pixel may differ by a pixel's slope.
     open_ = depth <= seen.depth[rows, columns] + 4.0 * camera.pixel
     whole = open_[:, :-1] & open_[:, 1:]
     k, i = np.nonzero(whole)

@@ -1,7 +1,7 @@
-"""Where a probe can slide over an object that nothing is known of but its surface.
+"""Choice of a stroke for a probe over an arbitrary surface.
 
-Seen from above the object is a height map; the probe goes straight and level. So a line is looked
-for along which that map changes little: the longest of those on which the probe stays pressed.
+Seen from above the object is a height map, and the probe moves straight and level. The stroke is
+the longest line over which the map changes so little that the probe stays in contact.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from asperity.baking.rays import FullSurface
 
 Array = NDArray[np.float64]
 DIAMETER = 3e-3
-"""Of the probe's tip [m], on objects that are not smaller than ten times that."""
+"""Radius of the probe's tip on objects of ten times that size or more [m]."""
 _SHARE = 0.1
 PRESSED = 0.5
-"""How deep the probe begins, in radii of its tip: with more it would reach round edges."""
+"""Initial depth of the probe, in radii of its tip; a deeper one would reach around edges."""
 _LEVEL = 0.4
-"""How much the height may change along the line, of that depth."""
+"""Largest change of height along the line, in that depth."""
 _SAMPLES = 256
 _LENGTHS = (0.6, 0.45, 0.3, 0.2, 0.12, 0.08, 0.05, 0.03, 0.02)
-"""Of the line, in extents of the object, longest first."""
+"""Lengths of the line, in extents of the object, longest first."""
 _LONGEST = 0.06
 """[m]."""
 _CLEARANCE = 2e-4
 
 
 class Stroke(NamedTuple):
-    """Where a probe begins (its centre) [m], and its line: direction [rad], length [m]."""
+    """Start of the probe's centre [m], and its line: direction [rad], length [m]."""
 
     start: Array
     direction: float
@@ -40,7 +40,7 @@ class Stroke(NamedTuple):
 
 
 def stroke_over(surface: FullSurface, triangles: Array) -> Stroke:
-    """Return a level line over the top of a surface, and where the probe begins.
+    """Return a level line over the top of a surface, and the probe's start.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def stroke_over(surface: FullSurface, triangles: Array) -> Stroke:
     x, y = (np.arange(low[k] + 0.5 * step, high[k] + 0.5 * step, step) for k in (0, 1))
     points = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), high[2])], axis=-1)
     fallen = surface.seen(points.reshape(-1, 3), np.array([0.0, 0.0, -1.0]))
-    top = high[2] - fallen.reshape(points.shape[:2])  # NaN where there is nothing
+    top = high[2] - fallen.reshape(points.shape[:2])  # NaN: no surface
     best: tuple[float, Array, float, float] | None = None
     for share in _LENGTHS:
         length = min(share * extent, _LONGEST)
@@ -69,7 +69,7 @@ def stroke_over(surface: FullSurface, triangles: Array) -> Stroke:
                 best = (change, place, direction, length)
         if best is not None and best[0] < level:
             break
-    if best is None:  # nothing is seen from above: the probe begins over the middle
+    if best is None:  # no surface from above: the probe begins over the middle
         middle = 0.5 * (low + high)
         best = (0.0, np.array([middle[0], middle[1], high[2]]), 0.0, 0.1 * extent)
     _, place, direction, length = best
@@ -78,9 +78,9 @@ def stroke_over(surface: FullSurface, triangles: Array) -> Stroke:
 
 
 def _flattest(top: Array, count: int, axis: int, level: float) -> tuple[float, int, int] | None:
-    """Return how much a map changes along the best line of `count` samples, and where it begins.
+    """Return the range of a map along the best line of `count` samples, and its first sample.
 
-    Of lines that are level enough, the one that is farthest from edges beside it.
+    Of the lines that are level enough it is the one farthest from edges beside it.
     """
     if top.shape[axis] <= count:
         return None
@@ -98,7 +98,7 @@ def _flattest(top: Array, count: int, axis: int, level: float) -> tuple[float, i
 
 
 def _highest(top: Array, row: int, column: int, reach: float) -> float:
-    """Return the highest place within some samples of one."""
+    """Return the highest position within some samples of another."""
     r = int(np.ceil(reach)) + 1
     part = top[max(row - r, 0) : row + r + 1, max(column - r, 0) : column + r + 1]
     return float(np.nanmax(part))

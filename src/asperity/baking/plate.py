@@ -1,9 +1,9 @@
-"""A height map as a plate: a slab whose top carries the map as it is.
+"""A height map as a plate: a slab whose top carries the map unchanged.
 
-Only the top is rough. Its normals are the plane's, so the edges round it are declared hard, and
-the map's lowest place lies on the slab's own plane, so that no side stands up round the rim. The
-sides and the bottom show a strip of zeros that is put beside the map; between the two lies the
-map's mirror image, which leaves the spline on the map as it was, and a few texels of passage.
+Only the top is rough. Its normals are the plane's, so its edges are declared hard, and the lowest
+sample of the map is in the slab's plane, so that no step stands around the rim. The sides and the
+bottom show a strip of zeros beside the map. In between are the map's mirror image, which leaves the
+spline on the map unchanged, and a few texels of transition.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from asperity.texture.height_field import HeightField
 
 Array = NDArray[np.float64]
 HARD_ANGLE = 45.0
-"""[degrees]."""
+"""Angle beyond which edges are hard [degrees]."""
 THICKNESS = 0.1
-"""Of the longer side."""
+"""Thickness, in longer sides of the map."""
 _MIRRORED, _PASSAGE, _ZERO = 14, 6, 8
-"""Rows. A spline forgets what is 14 samples away to 1e-8."""
+"""Rows of each strip; the influence of a sample on the spline falls to 1e-8 over 14 samples."""
 
 
 def plate_of(field: HeightField, name: str) -> tuple[Mesh, Texture]:
@@ -30,7 +30,7 @@ def plate_of(field: HeightField, name: str) -> tuple[Mesh, Texture]:
     Parameters
     ----------
     field : HeightField
-        Its border is taken to be "clamp".
+        Treated as clamped.
     name : str
     """
     rows = len(field.samples)
@@ -45,7 +45,7 @@ def plate_of(field: HeightField, name: str) -> tuple[Mesh, Texture]:
 
 
 def _slab(size: tuple[float, float], top: float, zero: float, name: str) -> Mesh:
-    """Return the slab: its top, at z = 0, shows v from 0 to `top`, all else v = `zero`."""
+    """Return the slab: its top, at z = 0, shows v from 0 to `top`, all other faces v = `zero`."""
     x, y = 0.5 * size[0], 0.5 * size[1]
     thick = THICKNESS * max(size)
     corners = [(sx * x, sy * y, z) for z in (0.0, -thick) for sy in (-1, 1) for sx in (-1, 1)]

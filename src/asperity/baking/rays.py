@@ -1,10 +1,9 @@
-"""The full surface as the renderer will look for it: along lines through the low-resolution one.
+"""Ray casting from the low-resolution surface to the full one.
 
-A line through a point of the low-resolution surface may meet the full one several times: the far
-side of a thin wall, the opposite side of a slot, an overhang. The one that is meant faces the way
-the line goes (its normal has a positive part along it) and is the nearest of those within a
-bound, the cage. Embree finds triangles in single precision; the distance to their planes is then
-computed in double precision, so it is not the worse for it.
+A ray along the normal of the low-resolution surface may meet the full surface several times: the
+far side of a thin wall, the opposite side of a slot, an overhang. The relevant hit is the nearest
+within a range, the cage, whose normal has a positive component along the ray. Embree finds
+triangles in single precision; the distances to their planes are then computed in double precision.
 """
 
 from __future__ import annotations
@@ -18,16 +17,17 @@ from asperity.errors import AsperityError
 
 Array = NDArray[np.float64]
 LEAST_FACING = 0.05
-"""Cosine between a hit's normal and the line below which it does not count: slopes of 20."""
+"""Least cosine between a hit's normal and the ray: slopes up to 20."""
 _MOST_PASSED = 12
-"""Triangles that a ray passes through, at most, on its way to one that counts."""
+"""Largest number of triangles that a ray passes on its way to a valid hit."""
 _SKIN = 2e-6
-"""How far behind a triangle a ray goes on, in sizes of the mesh: a few roundings of Embree's."""
+"""Distance behind a triangle at which a ray continues, in sizes of the mesh: a few roundings of
+Embree."""
 _AT_ONCE = 250_000
 
 
 class FullSurface:
-    """A mesh to be looked for along lines.
+    """A mesh for ray casting.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class FullSurface:
     Raises
     ------
     AsperityError
-        embreex not installed (`pip install 'asperity[bake]'`). One line.
+        embreex is not installed (`pip install 'asperity[bake]'`); one line.
     """
 
     def __init__(self, triangles: Array) -> None:
@@ -54,14 +54,14 @@ class FullSurface:
         meshes.TriangleMesh(scene=self._scene, vertices=corners, indices=indices)
 
     def heights(self, points: Array, along: Array, cage: Array | float) -> Array:
-        """Return how far away the full surface is along lines [m]; NaN where it is not found.
+        """Return the signed distance of the surface along rays [m], (n,); NaN where there is none.
 
         Parameters
         ----------
         points, along : (n, 3) arrays
-            Where the lines begin [m], and their unit directions, outwards.
+            Origins of the rays [m], and their unit directions, outwards.
         cage : float or (n,) array
-            How far away it is looked for, either way [m].
+            Range in either direction [m].
         """
         out = np.full(len(points), np.nan)
         cage = np.broadcast_to(np.asarray(cage, dtype=np.float64), len(points))
@@ -78,7 +78,7 @@ class FullSurface:
         return out
 
     def seen(self, points: Array, way: Array) -> Array:
-        """Return how far away the surface is that is seen from points along `way`; NaN: none.
+        """Return the distance of the surface seen from points in a direction [m]; NaN: none.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class FullSurface:
         way : (3,) array
             Unit direction.
         """
-        # From farther away: Embree might miss a surface in the point itself.
+        # From farther away: Embree might miss a surface at the point itself.
         start = (points - self._origin) / self._size - 0.1 * way
         ways = np.tile(way.astype(np.float32), (len(points), 1))
         face = np.asarray(self._scene.run(start.astype(np.float32), ways))
@@ -98,10 +98,10 @@ class FullSurface:
         return np.where(face >= 0, away * self._size, np.nan)
 
     def _first(self, origin: Array, along: Array, cage: Array, sense: float) -> Array:
-        """Return the signed distance of the first hit that counts on one side of each point."""
+        """Return the signed distance of the first valid hit on one side of each point."""
         found = np.full(len(origin), np.nan)
         live = np.arange(len(origin))
-        # From a little behind the point: a surface through the point itself is met, too.
+        # From slightly behind the point, to include a surface at the point itself.
         gone = np.full(len(origin), -_SKIN)
         for _ in range(_MOST_PASSED):
             way = sense * along[live]
@@ -118,7 +118,7 @@ class FullSurface:
             counts = near & (facing > LEAST_FACING)
             found[live[counts]] = sense * away[counts]
             on = near & ~counts
-            # A triangle seen edge-on has no distance worth its name: past it in any case.
+            # A triangle seen edge-on gives no useful distance: pass it.
             gone[live[on]] = np.maximum(away[on], gone[live[on]]) + _SKIN
             live = live[on]
             if not len(live):

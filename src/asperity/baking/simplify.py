@@ -1,12 +1,12 @@
-"""A mesh with fewer triangles, as sound as it was.
+"""Simplification of a mesh to a given number of triangles without loss of soundness.
 
-`asperity.baking.collapse` keeps what is closed closed and folds nothing, so it may not reach the
-number that is wanted. Its limits are then eased. Of the results the soundest is taken, of those
-that are as sound the one nearest to the number, of those the one that is least folded.
+`asperity.baking.collapse` preserves topology and folds nothing, so it may stop before it reaches
+the number. Its limits are then relaxed step by step. The result with the fewest defects is
+returned; among equals the one nearest to the number, then the one with the fewest folded corners.
 
-Why not fast-simplification: it takes edges below a rising threshold in the order in which they
-stand in the file, not the cheapest first. From 444,000 displaced triangles of a hammer it came to
-984, 0.40 mm (rms) away, or 2,000 and 2 mm, never to 518; the cheapest first give 518 and 0.17 mm.
+The package fast-simplification collapses the edges below a rising threshold in the order of the
+file, not the cheapest first. From 444,000 displaced triangles of a hammer it reached 984 with an
+error of 0.40 mm (rms), or 2,000 with 2 mm, never 518; cheapest first gives 518 with 0.17 mm.
 """
 
 from __future__ import annotations
@@ -26,44 +26,44 @@ from asperity.geometry.mesh.topology import crosses, edges_of
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 _LIMITS = ((0.2, 0.03), (0.2, 0.0), (0.1, 0.0))
-"""Least cosine between normals, and quality of triangles: strict first."""
+"""Least cosine between normals, and least quality of triangles; strict first."""
 LEAST_FACING = 0.2
-"""Cosine, as for facets that a contact may lie on."""
+"""Least cosine, as for facets on which contact is searched."""
 _FEW_FOLDED = 5e-3
-"""Share of corners that need no second try."""
+"""Share of folded corners below which no second try is made."""
 _NEAR_ENOUGH = 1.03
-"""Times the number wanted; a closed mesh has an even number."""
+"""Accepted number of triangles, in the number wanted; a closed mesh has an even number."""
 
 
 class Soundness(NamedTuple):
-    """What is wrong with a surface; less is better, compared in this order."""
+    """Defects of a surface, compared in this order; fewer is better."""
 
     borders: int
-    """Sides of triangles that no other meets."""
+    """Edges with one triangle."""
     crowded: int
-    """Edges that more than two triangles meet."""
+    """Edges with more than two triangles."""
     crossing: int
-    """Triangles that cross another; 0 where there are too many to look."""
+    """Triangles that cross another; 0 where there are too many to check."""
     folded: int = 0
-    """Corners whose smooth normal is 78 degrees or more off the triangle's: it would be displaced
-    sideways, and no contact is looked for on it."""
+    """Corners whose smooth normal deviates from the triangle's by 78 degrees or more: the texture
+    would displace them sideways, and contact is not searched on them."""
 
 
 def simplified(mesh: Mesh, faces: int) -> Mesh:
-    """Return a mesh with about `faces` triangles, or as few as it can have and stay as sound.
+    """Return a mesh with about `faces` triangles, or more if fewer would add defects.
 
     Parameters
     ----------
     mesh : Mesh
     faces : int
-        4 to the mesh's own number; with that the mesh is returned as it is, vertices at one place
-        made one.
+        From 4 to the number of the mesh, for which the mesh is returned with coincident vertices
+        merged.
 
     Returns
     -------
     Mesh
-        With smooth normals and without texture coordinates. Its notes say how many triangles it
-        has if these are not as many as wanted, and whether it opened.
+        With smooth normals and without texture coordinates. Its notes give the number of triangles
+        if it is not about `faces`, and whether the mesh opened.
     """
     points, at = joined_places(mesh)
     if faces >= len(at):
@@ -76,7 +76,7 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
     for facing, quality in _LIMITS:
         found = collapsed(scaled, at, faces, facing=facing, quality=quality)
         now = soundness(*found)
-        # As sound as the mesh was is sound; the rest is compared by what is worse.
+        # Defects that the mesh already had do not count.
         worse = tuple(max(a - b, 0) for a, b in zip(now[:3], before[:3], strict=True))
         reached = max(len(found[1]), int(_NEAR_ENOUGH * faces))
         rank = (worse, reached, now.folded)
@@ -93,7 +93,7 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
 
 
 def joined_places(mesh: Mesh) -> tuple[Array, Indices]:
-    """Return the places of a mesh's vertices (n, 3), each once, and those of its corners."""
+    """Return the distinct positions of a mesh's vertices (n, 3), and those of its triangles."""
     size = float(np.ptp(mesh.vertices, axis=0).max())
     places = same_places(mesh.vertices, SAME_PLACE * size)
     _, first = np.unique(places, return_index=True)
@@ -101,7 +101,7 @@ def joined_places(mesh: Mesh) -> tuple[Array, Indices]:
 
 
 def soundness(points: Array, faces: Indices) -> Soundness:
-    """Return what is wrong with triangles of places that are each there once."""
+    """Return the defects of triangles of distinct positions."""
     edges = edges_of(faces)
     crossing = crossing_triangles(np.asarray(points, dtype=np.float64)[faces], faces)
     return Soundness(
@@ -111,7 +111,7 @@ def soundness(points: Array, faces: Indices) -> Soundness:
 
 
 def _folded(points: Array, faces: Indices) -> int:
-    """Return how many corners have smooth normals that are nearly in the plane of the triangle."""
+    """Return the number of corners whose smooth normal is nearly in the plane of the triangle."""
     triangles = np.asarray(points, dtype=np.float64)[faces]
     facet = crosses(triangles)
     facet /= np.maximum(np.linalg.norm(facet, axis=1, keepdims=True), 1e-300)

@@ -1,8 +1,7 @@
-"""What is to be baked, read from a file: a mesh, a height map, or points; and its unit.
+"""Input of baking: a mesh, a height map or points from a file, and the unit of length.
 
-Most files do not say what their unit of length is. It is asked for; where it is not given, the
-first unit is taken with which the largest extent is one of things that are held in a hand, and the
-notes say so first.
+Most files do not state their unit. If none is given, the first unit is chosen that makes the
+largest extent that of a hand-held object, and the first note reports it.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from asperity.texture.files.images import IMAGE_SUFFIXES
 
 Array = NDArray[np.float64]
 HAND = (5e-3, 0.5)
-"""Largest extents of things that are held in a hand [m]; ours."""
+"""Smallest and largest extent of a hand-held object [m], for guessing the unit."""
 _GUESSES = ("m", "mm", "cm", "in", "um", "dm")
 POINTS = (".xyz", ".pts")
 
 
 def kind_of(path: Path) -> str:
-    """Return what a file is, "mesh", "points" or "heights", or refuse it."""
+    """Return "mesh", "points" or "heights", the kind of a file; refuse others."""
     suffix = path.suffix.lower()
     if not path.exists():
         raise AsperityError(f"{path}: there is no such file")
@@ -51,7 +50,7 @@ def kind_of(path: Path) -> str:
 
 
 def _ply_counts(path: Path) -> dict[str, int]:
-    """Return how many of each element the head of a PLY file announces."""
+    """Return the number of each element announced in the header of a PLY file."""
     counts: dict[str, int] = {}
     with path.open("rb") as file:
         for _ in range(500):
@@ -66,15 +65,15 @@ def _ply_counts(path: Path) -> dict[str, int]:
 def mesh_to_bake(
     path: Path, unit: str | None, up: str | None = None
 ) -> tuple[Mesh, str, tuple[str, ...]]:
-    """Return the mesh in a file, in metres and upright, its unit, and what was guessed.
+    """Return the mesh in a file, in metres and upright, its unit, and notes on guesses.
 
     Parameters
     ----------
     path : Path
     unit : str or None
-        One of `UNITS`; None guesses, but for glTF, which is in metres.
+        One of `UNITS`; None: guessed, except that glTF is in metres.
     up : {"x", "y", "z"} or None
-        The file's axis that points upwards; None is z, for glTF y.
+        Axis of the file that points upwards; None: z, for glTF y.
     """
     if unit is not None:
         require_choice("unit", unit, UNITS)
@@ -89,27 +88,27 @@ def mesh_to_bake(
 
 
 def upright(mesh: Mesh, up: str) -> Mesh:
-    """Return a mesh turned so that its axis `up` points along z: its axes move on by one or two."""
+    """Return a mesh rotated so that its axis `up` is along z; axes are permuted cyclically."""
     order = np.roll(np.arange(3), 2 - "xyz".index(up))
     return replace(mesh, vertices=mesh.vertices[:, order], normals=mesh.normals[:, :, order])
 
 
 def _extents(path: Path) -> Array:
-    """Return the extents of a file's mesh, in its own unit."""
+    """Return the extents (3,) of the mesh in a file, in its own unit."""
     for unit in UNITS:
         try:
             mesh = read_mesh(path, unit=unit, hard_angle=180.0)
         except AsperityError as error:
-            told = error
+            refusal = error
             if "unit=" not in str(error):
                 raise
             continue
         return np.asarray(np.ptp(mesh.vertices, axis=0) / UNITS[unit])
-    raise told
+    raise refusal
 
 
 def guessed_unit(extents: Any) -> tuple[str, tuple[str, ...]]:
-    """Return a unit that makes extents (3,) those of a thing for a hand, and a note."""
+    """Return a unit that makes extents (3,) those of a hand-held object, and a note."""
     largest = float(np.max(extents))
     fit = [u for u in _GUESSES if HAND[0] <= largest * UNITS[u] <= HAND[1]]
     fit += [u for u in _GUESSES if SMALLEST <= largest * UNITS[u] <= LARGEST]
@@ -137,7 +136,7 @@ def read_points(path: str | os.PathLike[str]) -> Array:
             points = np.loadtxt(path, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2)
     except MemoryError:
         raise
-    except Exception as error:  # whatever a reader makes of a damaged file
+    except Exception as error:  # any exception of a reader on a damaged file
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise AsperityError(f"{path}: cannot be read as points: {reason}") from None
     points = points[np.isfinite(points).all(axis=1)]

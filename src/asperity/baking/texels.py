@@ -1,10 +1,10 @@
-"""Which place of a mesh each texel shows, also beyond the borders of the charts.
+"""Points of a mesh that the texels of its texture represent, including those beside the charts.
 
-A texel whose centre lies in a chart shows the place with these texture coordinates. The spline
-through the texels also needs those around a chart. Filled with anything else than the surface as
-it goes on, they would bend the spline inside the chart, and the two sides of a seam would
-disagree. So a texel beyond a border shows where one comes to that goes straight on over the edge,
-over the neighbouring triangles as if all were laid flat.
+A texel whose centre is in a chart represents the point with its texture coordinates. The spline
+through the texels also depends on those around a chart. If these did not continue the surface, they
+would distort the spline inside the chart, and both sides of a seam would disagree. So a texel
+outside represents the point reached by crossing the chart's border and continuing straight over the
+neighbouring triangles, unfolded into one plane.
 """
 
 from __future__ import annotations
@@ -23,25 +23,26 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 OUTSIDE, INSIDE, GUTTER = 0, 1, 2
 GUTTER_WIDTH = 3.0
-"""How far beyond the charts' borders the surface goes on [texels]; the spline reaches two."""
+"""Margin around charts in which the surface continues [texels]; the spline uses two."""
 _SAME_UV = 1e-9
 _MOST_CROSSED = 200
-"""Triangles that a way beyond a border crosses at most."""
+"""Largest number of triangles crossed beyond a border."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texels:
-    """The places that the texels of a square texture show.
+    """Points of a mesh represented by the texels of a square texture.
 
     Attributes
     ----------
     kind : (n, n) uint8 array
-        OUTSIDE, INSIDE (the centre lies in a chart) or GUTTER, [iv, iu], row 0 at v = 0.
+        OUTSIDE, INSIDE (the centre is in a chart) or GUTTER, [iv, iu], row 0 at v = 0.
     where : (k, 2) array
         Row and column of those that are not OUTSIDE.
     face : (k,) array
+        Triangle of each.
     weights : (k, 3) array
-        Triangles and weights of their corners: the places.
+        Weights of its corners.
     """
 
     kind: NDArray[np.uint8]
@@ -51,12 +52,12 @@ class Texels:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """(k,): which have their centre in a chart."""
+        """Which texels have their centre in a chart, (k,)."""
         return np.asarray(self.kind[tuple(self.where.T)] == INSIDE)
 
 
 def texels_of(mesh: Mesh, size: int) -> Texels:
-    """Return what the texels of a texture over a mesh's charts show.
+    """Return the points represented by the texels of a texture.
 
     Parameters
     ----------
@@ -85,13 +86,13 @@ def texels_of(mesh: Mesh, size: int) -> Texels:
 
 
 def _neighbours(mesh: Mesh) -> tuple[Indices, NDArray[np.bool_]]:
-    """Return the half-edge across each one, -1 for none; and which are borders of charts."""
+    """Return the opposite half-edges (-1: none), and which half-edges are borders of charts."""
     assert mesh.uv is not None
     extent = float(np.ptp(mesh.vertices, axis=0).max())
     at = same_places(mesh.vertices, SAME_PLACE * extent)[mesh.faces]
     edges = edges_of(at)
     h, g = edges.pairs[edges.size[edges.of_half[edges.pairs[:, 0]]] == 2].T
-    ways = at.ravel()[h] != at.ravel()[g]  # wound alike: run in opposite ways
+    ways = at.ravel()[h] != at.ravel()[g]  # consistently oriented: they run in opposite directions
     h, g = h[ways], g[ways]
     opposite = np.full(at.size, -1, dtype=np.int64)
     opposite[h], opposite[g] = g, h
@@ -105,7 +106,7 @@ def _neighbours(mesh: Mesh) -> tuple[Indices, NDArray[np.bool_]]:
 
 @kernel
 def _fill(places, face_out, weights_out):
-    """Give each texel the triangle that its centre lies in, and its weights there."""
+    """Fill the triangle that contains each texel's centre, and its weights there."""
     rows, columns = face_out.shape
     for f in range(len(places)):
         (x0, y0), (x1, y1), (x2, y2) = places[f, 0], places[f, 1], places[f, 2]
@@ -129,7 +130,7 @@ def _fill(places, face_out, weights_out):
 
 @kernel
 def _near_borders(places, borders, reach, kind, nearest_out, half_out):
-    """Give each texel outside the charts the half-edge of a border that is nearest."""
+    """Fill the nearest border half-edge of each texel outside the charts."""
     rows, columns = kind.shape
     for h in borders:
         f, c = h // 3, h % 3
@@ -157,7 +158,7 @@ def _near_borders(places, borders, reach, kind, nearest_out, half_out):
 
 @kernel
 def _go_on(triangles, places, opposite, half, face_out, weights_out):
-    """Give each texel beyond a border the place one comes to that goes on over the edge."""
+    """Fill the point reached beyond a border for each texel in the gutter."""
     rows, columns = half.shape
     start, way = np.empty(3), np.empty(3)
     for iv in range(rows):
@@ -173,7 +174,7 @@ def _go_on(triangles, places, opposite, half, face_out, weights_out):
             s = ((iu - x0) * dx + (iv - y0) * dy) / max(dx * dx + dy * dy, 1e-300)
             s = min(max(s, 0.0), 1.0)
             px, py = iu - (x0 + s * dx), iv - (y0 + s * dy)
-            # The way on the texture, by the sides of the triangle, and so in space.
+            # The displacement on the texture, in sides of the triangle, gives that in space.
             twice = dx * (y2 - y0) - dy * (x2 - x0)
             p0, p1, p2 = triangles[f, c], triangles[f, (c + 1) % 3], triangles[f, (c + 2) % 3]
             for k in range(3):
@@ -191,16 +192,17 @@ def _go_on(triangles, places, opposite, half, face_out, weights_out):
 
 @kernel
 def _walk(triangles, opposite, h, start, way):
-    """Go from a place on half-edge h over it, by `way` as laid flat; return where one is.
+    """Move from a point on half-edge h across it by a displacement; return the final triangle.
 
-    `way` lies in the plane of h's triangle. `start` is moved to the end.
+    `way` is the displacement in the plane of h's triangle; triangles are unfolded into one plane.
+    `start` is moved to the end.
     """
     f = h // 3
     for _ in range(_MOST_CROSSED):
         g = opposite[h]
         if g < 0:
             return f  # an open border: the surface ends
-        # The edge, and inwards from it in either triangle.
+        # The edge, and the inward direction of either triangle.
         c = h % 3
         p0, p1, p2 = triangles[f, c], triangles[f, (c + 1) % 3], triangles[f, (c + 2) % 3]
         other, d = g // 3, g % 3
@@ -219,7 +221,7 @@ def _walk(triangles, opposite, h, start, way):
             return f
         way[:] = straight * edge + on / beyond * there
         f = other
-        # Where the way leaves this triangle: over the first of its two other sides.
+        # Where the path leaves this triangle: across the first of its two other sides.
         best, leave = 1.0, -1
         t = triangles[f]
         for k in (1, 2):
@@ -241,7 +243,7 @@ def _walk(triangles, opposite, h, start, way):
 
 @kernel
 def _weights(triangle, point, weights_out):
-    """Fill in the weights of a triangle's corners at a point in its plane, 0 to 1 each."""
+    """Fill the weights of a triangle's corners at a point in its plane, clamped to 0..1."""
     a, b, p = triangle[1] - triangle[0], triangle[2] - triangle[0], point - triangle[0]
     aa, ab, bb = np.sum(a * a), np.sum(a * b), np.sum(b * b)
     pa, pb = np.sum(p * a), np.sum(p * b)

@@ -1,4 +1,4 @@
-"""Texture coordinates with room round every chart for the texture's spline."""
+"""Texture coordinates with a margin around every chart for the texture's spline."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from asperity.geometry.mesh.topology import crosses
 from asperity.geometry.mesh.uv import overlap
 
 _SHARE = 0.72
-"""Of the texture's side that a square of the mesh's area would take; charts leave gaps."""
+"""Side of a square with the mesh's area, in sides of the texture; charts leave gaps."""
 _BETWEEN = 2
-"""Texels between the gutters of two charts, over which one goes over into the other."""
+"""Texels of transition between the gutters of two charts."""
 _MOST_SHARED = 1e-3
 
 
 def unwrapped(mesh: Mesh, size: int) -> Mesh:
     """Return the mesh with texture coordinates for a texture of `size` by `size` texels.
 
-    Its own are kept where they can be baked to: within 0..1, and no place used twice. Others are
-    made anew by xatlas.
+    Existing texture coordinates are kept if they are within 0..1 and do not overlap; otherwise
+    xatlas makes new ones.
     """
     if mesh.uv is not None and usable(mesh):
         return mesh
@@ -32,7 +32,7 @@ def unwrapped(mesh: Mesh, size: int) -> Mesh:
     texels = max(int(_SHARE * size), 8)
     made = with_atlas(dataclasses.replace(mesh, uv=None), texels=texels, padding=margin)
     assert made.uv is not None
-    # The spline is mirrored at the texture's border: charts keep away from it, too.
+    # The spline is mirrored at the texture's border, so charts keep a distance from it too.
     room = (GUTTER_WIDTH + _BETWEEN) / size
     low, high = made.uv.min(axis=(0, 1)), made.uv.max(axis=(0, 1))
     uv = room + (made.uv - low) * ((1.0 - 2.0 * room) / (high - low).max())
@@ -45,7 +45,7 @@ def unwrapped(mesh: Mesh, size: int) -> Mesh:
 
 
 def usable(mesh: Mesh) -> bool:
-    """Return whether a mesh's own texture coordinates have one place for each of its places."""
+    """Return whether texture coordinates are within 0..1 and do not overlap."""
     assert mesh.uv is not None
     if mesh.uv.min() < 0.0 or mesh.uv.max() > 1.0:
         return False
@@ -55,7 +55,7 @@ def usable(mesh: Mesh) -> bool:
 
 
 def texture_span(mesh: Mesh) -> float:
-    """Return how far one unit of a mesh's texture coordinates reaches [m], over all its area."""
+    """Return the length that one unit of texture coordinates spans [m], averaged over the area."""
     assert mesh.uv is not None
     flat = np.concatenate([mesh.uv, np.zeros((*mesh.uv.shape[:2], 1))], axis=2)
     area = np.linalg.norm(crosses(mesh.vertices[mesh.faces]), axis=1).sum()

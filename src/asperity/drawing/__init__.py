@@ -1,1 +1,1 @@
-"""The style of figures and pages, and a software renderer."""
+"""Style of figures, templates of pages, and a software renderer."""

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-# Okabe & Ito (2008): told apart by colour-blind readers, and in grey by the markers.
+# Okabe & Ito (2008): distinguishable by colour-blind readers, and in grey by the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 _STYLE = {
@@ -56,9 +56,9 @@ def save(
 
 
 def spectrum_limits(amplitude: NDArray[np.floating[Any]]) -> tuple[float, float]:
-    """Return the limits of a logarithmic axis on which the lines of a spectrum fill the room.
+    """Return the limits of a logarithmic axis that is filled by the lines of a spectrum.
 
-    At most four decades; a hundredth of the lines may lie below.
+    At most four decades; up to a hundredth of the lines may be below.
     """
     top = float(np.max(amplitude, initial=0.0))
     if not top > 0.0:

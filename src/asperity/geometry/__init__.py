@@ -1,1 +1,1 @@
-"""Surfaces, and the offset surfaces that a probe traces on them."""
+"""Geometry of bodies: primitives, meshes, facets, convex pieces, displaced and offset surfaces."""

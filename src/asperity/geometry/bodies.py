@@ -1,8 +1,8 @@
-"""Bodies made of simple geoms, with a texture on all of them.
+"""Rigid bodies of simple geoms or a mesh, with one texture on all of them.
 
-A geom has one of MuJoCo's kinds and sizes (half sizes). The texture belongs to the body: a plate
-is the same plate whether it is modelled as one box or as sixty-four. A surface is displaced
-along the unit normal of its base, `p = base + t w`, with t the texture's height there.
+A geom has one of MuJoCo's kinds and sizes (half sizes). The texture belongs to the body, so a plate
+feels the same whether it is modelled as one box or as sixty-four. A surface is displaced along the
+unit normal of its base: `p = base + t w`, with the texture's height t.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 MAPPINGS = ("planar", "cylindrical", "triplanar", "uv")
 _SIZES = {"plane": 2, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3, "mesh": 3}
-"""How many sizes count: half sides; radius; radius and half length; semi-axes; half extents."""
+"""Number of sizes of each kind: half sides; radius; radius and half length; semi-axes."""
 
 
 @dataclass(frozen=True)
 class Geom:
-    """One simple solid, placed in its body's frame.
+    """A simple solid, placed in its body's frame.
 
     Parameters
     ----------
     kind : {"plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"}
-        *mesh*: a convex piece of a body that has a `Mesh`. It says where the body may touch; its
-        surface is the mesh's.
+        *mesh*: a convex piece of a body that has a `Mesh`. It bounds where the body may touch; the
+        surface is that of the mesh.
     size : sequence of float
         MuJoCo's sizes [m]: radius (sphere); radius, half length (capsule, cylinder; along z);
         semi-axes (ellipsoid); half sides (box; mesh; plane, where 0 is unbounded).
@@ -70,7 +70,7 @@ class Geom:
 
     @property
     def smallest(self) -> float:
-        """Smallest extent from its centre outwards [m]; infinite for a plane."""
+        """Smallest distance from its centre to its surface [m]; infinite for a plane."""
         return math.inf if self.kind == "plane" else min(self.size[: _SIZES[self.kind]])
 
 
@@ -82,19 +82,19 @@ class Body:
     ----------
     name : str
     geoms : sequence of Geom
-        One at least; their surfaces count as one.
+        At least one; their union is one surface.
     texture : HeightField, optional
-        None is a smooth body.
+        None: smooth.
     mapping : {"planar", "cylindrical", "triplanar", "uv"}
-        How the texture lies on the body. *planar*: (u, v) are x and y in the body's frame, on
-        every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), mixed by the fourth
+        Mapping of the texture to the body. *planar*: (u, v) are x and y in the body's frame, on
+        every face. *triplanar*: three planar maps, (y, z), (z, x) and (x, y), blended by the fourth
         powers of the normal's components. *cylindrical*: on the sides of cylinders and capsules,
-        u round the axis and v along it; their ends stay smooth. On a mesh: u round its z axis.
-        *uv*: as the mesh's texture coordinates say, 1 being the texture's whole extent.
+        u around the axis and v along it; their ends are smooth. On a mesh: u around its z axis.
+        *uv*: the mesh's texture coordinates, where 1 is the texture's whole extent.
     offset : (2,)
-        Where on the body the map lies [m]: its corner if it wraps, its middle if it is clamped.
+        Position of the map on the body [m]: of its corner if it wraps, of its middle if clamped.
     mesh : Mesh, optional
-        The surface of a body of convex pieces; then all its geoms are of kind "mesh".
+        Surface of a body of convex pieces; all its geoms are then of kind "mesh".
     """
 
     name: str
@@ -129,7 +129,7 @@ class Body:
         if self.mesh is not None and not all(of_mesh):
             raise AsperityError(
                 f"body {self.name!r} has a mesh, so its geoms are convex pieces of kind mesh; "
-                "put its other geoms into a body of their own"
+                "put its other geoms into another body"
             )
         if self.mapping == "uv" and (self.mesh is None or self.mesh.uv is None):
             raise AsperityError(
@@ -151,7 +151,7 @@ class Body:
 
 
 def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
-    """Return `quaternion` (wxyz) with its length, which must be 1 to 1e-6, made exactly 1."""
+    """Return `quaternion` (wxyz), whose length must be 1 to 1e-6, normalised."""
     values = require_finite("quaternion", quaternion, 4)
     length = math.hypot(*values)
     if abs(length - 1.0) > 1e-6:
@@ -160,7 +160,7 @@ def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
 
 
 def covers(geom: Geom, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which `points` (..., 3) [m], in the body's frame, lie in `geom` or on it."""
+    """Return which `points` (..., 3) [m], in the body's frame, are inside or on `geom`."""
     x = (points - geom.position) @ rotation_of(geom.quaternion)
     size = np.asarray(geom.size, dtype=np.float64) + 1e-12
     across = np.hypot(x[..., 0], x[..., 1])
@@ -177,7 +177,7 @@ def covers(geom: Geom, points: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def origin_of_map(body: Body) -> NDArray[np.float64]:
-    """Return where (u, v) = (0, 0) of the texture lies on the body [m]."""
+    """Return the position of (u, v) = (0, 0) of the texture on the body (2,) [m]."""
     origin, field = np.array(body.offset, dtype=np.float64), body.texture
     if field is not None and field.border == "clamp":
         origin -= 0.5 * np.asarray(field.size)

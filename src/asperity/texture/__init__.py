@@ -1,1 +1,1 @@
-"""Height textures: spline interpolation, bounds, procedural textures, reading of files."""
+"""Height textures: spline surfaces, bounds, procedural patterns, readers of files."""

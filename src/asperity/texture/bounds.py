@@ -1,9 +1,9 @@
-"""Upper bounds of a spline surface, and of its curvature, over blocks of cells.
+"""Upper bounds of a spline surface and its derivatives over blocks of cells.
 
-A B-spline lies in the convex hull of its coefficients, so the largest of the coefficients that a
-cell depends on bounds the surface over that cell from above. Its second derivatives are B-splines
-too, of the coefficients' second differences. Pyramids of such maxima let a search discard whole
-regions, and what it finds is then certified, not merely likely.
+A B-spline lies in the convex hull of its coefficients, so the largest coefficient on which a cell
+depends bounds the surface over that cell. Its second derivatives are B-splines of the second
+differences of the coefficients. Pyramids of such maxima let a search prune whole regions with a
+certificate.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 
 class Pyramid(NamedTuple):
-    """Bounds over blocks of `2**level` cells a side, all levels in one flat array."""
+    """Bounds over blocks of `2**level` cells a side, all levels in flat arrays."""
 
     heights: NDArray[np.float64]
-    """No point of the block lies higher; level after level, each row-major."""
+    """Upper bound of the surface; level after level, each row-major."""
     curvatures: NDArray[np.float64]
-    """No second derivative in any direction is larger in the block (per sample squared)."""
+    """Upper bound of the second derivative in any direction [per sample squared]."""
     changes: NDArray[np.float64]
-    """No third derivative is larger in size in the block (per sample cubed)."""
+    """Upper bound of the absolute third derivative [per sample cubed]."""
     offsets: NDArray[np.int64]
-    """Where each level begins in the three arrays, shape (levels,)."""
+    """Index of the first entry of each level, (levels,)."""
     shapes: NDArray[np.int64]
-    """Rows and columns of each level, shape (levels, 2); a 1-D spline has one row."""
+    """Rows and columns of each level, (levels, 2); a 1-D spline has one row."""
 
 
 def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
@@ -35,8 +35,8 @@ def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
     Parameters
     ----------
     coefficients : (n,) or (nv, nu) array
-        As `asperity.texture.spline.spline_coefficients` returns them: cell `i` depends on
-        entries `i .. i + 3`.
+        As from `asperity.texture.spline.spline_coefficients`: cell `i` depends on entries
+        `i .. i + 3`.
     """
     c = np.atleast_2d(coefficients)
     if coefficients.ndim == 2:
@@ -64,10 +64,10 @@ def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
 def _derivative(
     c: NDArray[np.float64], order_u: int, order_v: int, size: bool = False
 ) -> NDArray[np.float64]:
-    """Return for every cell the highest coefficient (or its size) of a partial derivative.
+    """Return the largest (or largest absolute) coefficient of a partial derivative for every cell.
 
-    The derivative of order m of a cubic B-spline is a B-spline of the m-th differences, of which
-    a cell depends on 4 - m.
+    The derivative of order m of a cubic B-spline is a B-spline of the m-th differences, of which a
+    cell depends on 4 - m.
     """
     differences = np.diff(np.diff(c, order_u, axis=1), order_v, axis=0)
     values = np.abs(differences) if size else differences
@@ -81,7 +81,7 @@ def _running(values: NDArray[np.float64], width: int, axis: int) -> NDArray[np.f
 
 
 def _halve(level: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    """Return the maxima of neighbouring pairs along `axis`; an odd one at the end stays."""
+    """Return the maxima of neighbouring pairs along `axis`; an odd last entry is kept."""
     if level.shape[axis] == 1:
         return level
     return np.maximum.reduceat(level, np.arange(0, level.shape[axis], 2), axis=axis)

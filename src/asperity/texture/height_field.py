@@ -1,10 +1,10 @@
-"""Height maps as surfaces: metres, a physical size, a border, exact first and second derivatives.
+"""Height maps as smooth surfaces with a physical size, borders, and exact derivatives.
 
-A map of samples says nothing about what lies between and beyond them. A `HeightField` does: between
-the samples runs the cubic B-spline through them (`asperity.texture.spline`), twice continuously
-differentiable; beyond its borders the map is repeated ("wrap") or goes on as its border
-("clamp"). The clamped spline is that of the mirrored map, whose slope across the border is zero, so
-the surface that goes on outside is continuous in slope too.
+Samples alone define nothing between and beyond them; a `HeightField` does. Between the samples it
+is the interpolating cubic B-spline (`asperity.texture.spline`), twice continuously differentiable;
+beyond its borders the map repeats ("wrap") or continues at the height of its border ("clamp"). The
+clamped spline is that of the mirrored map, whose slope across the border is zero, so the surface
+outside continues with continuous slope.
 """
 
 from __future__ import annotations
@@ -55,20 +55,20 @@ class HeightField:
     Parameters
     ----------
     samples : (nv, nu) array
-        Heights [m] at `(i + 1/2) * pixel_size`, row 0 at v = 0; 4 samples or more along each axis,
-        2**27 at most in all, finite, no higher than 10 m, nowhere steeper than 100 from sample
-        to sample. A copy is kept, which cannot be written to.
+        Heights [m] at `(i + 1/2) * pixel_size`, row 0 at v = 0; at least 4 samples along each axis,
+        at most 2**27 in all, finite, within 10 m of 0, with slopes of at most 100 between
+        neighbours. A read-only copy is kept.
     pixel_size : float or (pu, pv)
-        Distance between samples along u and v [m], 1e-9 to 1; kept as a pair.
+        Distance between samples along u and v [m], 1e-9 to 1; stored as a pair.
     border : {"clamp", "wrap"}
-        Beyond its borders the surface goes on as its border, or repeats after n pixels.
+        Beyond its borders the surface continues at the height of its border, or repeats.
     notes : tuple of str
-        What was chosen or changed on the way here, one line each; to be shown to the user.
+        Choices and changes made on the way here, one line each, to be shown to the user.
 
     Raises
     ------
     SurfaceError
-        Samples, a pixel size or a border that are none; one line.
+        Invalid samples, pixel size or border; one line.
     """
 
     samples: NDArray[np.float64] = field(repr=False)
@@ -115,20 +115,20 @@ class HeightField:
         ----------
         path : str or path
             An image, an array, text or an instrument's file: see
-            `asperity.texture.files.reading.read_heights`. Of a single line of heights a surface
-            is made that is the same all along v.
+            `asperity.texture.files.reading.read_heights`. A single line of heights becomes a
+            surface that is constant along v.
         pixel_size, height_range, invert, missing, array, quantised, unit
-            As for `read_heights`. A normal map needs `pixel_size` alone: its heights follow from
-            its slopes, unless `height_range` is given.
+            As for `read_heights`. A normal map needs only `pixel_size`: its heights follow from its
+            slopes, unless `height_range` is given.
         size : (lu, lv), optional
-            What the whole map covers [m], in the place of `pixel_size`; its pixels need not be
-            square. This is how a map for UV coordinates is laid: (lu, lv) is what the unit square
-            of UV covers on the body. Not for normal maps.
+            Size of the whole map [m], instead of `pixel_size`; its pixels need not be square. For
+            UV mapping this is the size on the body of the unit square of texture coordinates. Not
+            for normal maps.
         border : {"clamp", "wrap"}
-            See `HeightField`. Maps that do not tile get a step at the seam if wrapped; the notes
-            say so.
+            See `HeightField`. A map that does not tile gets a step at the seam if wrapped; a note
+            gives its height.
         kind : {"height", "normal-opengl", "normal-directx"}
-            What the file holds: heights, or normals with green up or green down
+            Contents of the file: heights, or normals with green up or green down
             (`asperity.texture.files.normal_maps.read_normal_map`).
 
         Raises
@@ -177,12 +177,12 @@ class HeightField:
 
     @cached_property
     def lowest(self) -> float:
-        """The lowest sample [m]; between samples the surface may lie a little lower."""
+        """Lowest sample [m]; between samples the surface may be slightly lower."""
         return float(self.samples.min())
 
     @cached_property
     def highest(self) -> float:
-        """The highest sample [m]; between samples the surface may lie a little higher."""
+        """Highest sample [m]; between samples the surface may be slightly higher."""
         return float(self.samples.max())
 
     @property
@@ -205,10 +205,10 @@ class HeightField:
 
     @cached_property
     def shortest_wavelength(self) -> float:
-        """The shortest wavelength present [m]; infinite for a constant map.
+        """Shortest wavelength present [m]; infinite for a constant map.
 
-        Waves shorter than this hold 0.1 % of the variance of the slope or less. The waves are
-        those of the samples, over a period ("wrap") or over the mirrored map ("clamp").
+        Shorter waves contribute at most 0.1 % of the variance of the slope. The waves are those of
+        the samples over a period ("wrap") or over the mirrored map ("clamp").
         """
         return self._spectrum().shortest() if self._is_rough else math.inf
 
@@ -217,11 +217,11 @@ class HeightField:
 
     @property
     def _is_rough(self) -> bool:
-        """Whether there is more to the map than the rounding of its heights."""
+        """Whether the relief exceeds the rounding of the heights."""
         return self.relief > max(1e-30, 1e-13 * max(abs(self.lowest), abs(self.highest)))
 
     def heights(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
-        """Return the heights [m] at places `u`, `v` [m], which are broadcast."""
+        """Return the heights [m] at positions `u`, `v` [m], which are broadcast."""
         return self.derivatives(u, v).h
 
     def derivatives(self, u: ArrayLike, v: ArrayLike) -> Derivatives:
@@ -230,8 +230,8 @@ class HeightField:
         Parameters
         ----------
         u, v : array_like
-            Places [m], anywhere within 1e6 m, broadcast against each other. Outside a clamped
-            map the derivatives across the border are zero.
+            Positions [m], within 1e6 m of 0, broadcast against each other. Outside a clamped map
+            the derivatives across the border are zero.
 
         Returns
         -------
@@ -250,8 +250,8 @@ class HeightField:
     def low_passed(self, shortest: float) -> HeightField:
         """Return the surface without its waves shorter than `shortest`.
 
-        Waves longer than 1.25 times `shortest` are kept as they are; in between they fade, by
-        a raised cosine of the wavenumber, so that edges do not ring for long.
+        Waves longer than 1.25 times `shortest` are unchanged; in between they are attenuated by a
+        raised cosine of the wavenumber, which limits ringing at edges.
 
         Parameters
         ----------
@@ -297,7 +297,7 @@ def _evaluate(
         if wraps:
             x -= math.floor(x / columns) * columns
             y -= math.floor(y / rows) * rows
-        # Rounding may leave a wrapped place just outside, too.
+        # Rounding may leave a wrapped position slightly outside.
         x, y = min(max(x, 0.0), columns), min(max(y, 0.0), rows)
         column, row = int(x + 0.5), int(y + 0.5)
         h, h_u, h_v, h_uu, h_uv, h_vv = evaluate_2d(
@@ -319,7 +319,7 @@ def _from_normals(
     unused: tuple[str, str | None, str, str | None],
     scale: dict[str, Any],
 ) -> Heights:
-    """Return the heights of a normal map; what only height maps need has to be left as it is."""
+    """Return the heights of a normal map; options for height maps must have their defaults."""
     from asperity.texture.files.normal_maps import read_normal_map
 
     if unused != ("refuse", None, "smooth", None):
@@ -333,7 +333,7 @@ def _from_normals(
 def _as_map(
     samples: NDArray[np.float64], notes: tuple[str, ...]
 ) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Return a line of heights as a map that is the same all along v."""
+    """Return a line of heights as a map that is constant along v."""
     if samples.ndim == 2 and min(samples.shape) > 1:
         return samples, notes
     note = "a single line of heights: the surface is the same all along v"

@@ -1,4 +1,4 @@
-"""Waves of a height map: what wavelengths are present, and how to take some of them out."""
+"""Fourier or cosine waves of a height map: the wavelengths present, and their attenuation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNSEEN = 1e-3
-"""Share of the slope's variance that waves below `Spectrum.shortest` may hold."""
+"""Share of the slope's variance in waves shorter than `Spectrum.shortest`, at most."""
 
 
 class Spectrum(NamedTuple):
-    """Waves of a map, with its mean; each of them counts `weights` times."""
+    """Waves of a map, including its mean; each counts `weights` times."""
 
     waves: NDArray[Any]
     wavenumbers: NDArray[np.float64]
@@ -47,11 +47,11 @@ class Spectrum(NamedTuple):
 
     @property
     def slope_power(self) -> NDArray[np.float64]:
-        """What each wave adds to the variance of the slope, up to a factor."""
+        """Contribution of each wave to the variance of the slope, up to a factor."""
         return np.abs(self.waves) ** 2 * self.wavenumbers**2 * self.weights
 
     def heights(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the map whose waves are `factors` times these."""
+        """Return the map with its waves multiplied by `factors`."""
         from scipy import fft
 
         if self.wraps:
@@ -62,7 +62,7 @@ class Spectrum(NamedTuple):
         """Return the wavelength [m] below which lies at most `UNSEEN` of the slope's variance."""
         power, k = self.slope_power.ravel(), self.wavenumbers.ravel()
         allowed = UNSEEN * power.sum()
-        # Sorting all waves of a large map is slow: find their ring first, then sort that.
+        # Sorting all waves of a large map is slow: find the wavenumber band first, then sort that.
         rings = (k * (1023.0 / k.max())).astype(np.int64)
         beyond = np.cumsum(np.bincount(rings, power, 1025)[::-1])[::-1]
         ring = int(np.flatnonzero(beyond > allowed)[-1])

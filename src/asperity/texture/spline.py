@@ -1,17 +1,17 @@
 r"""Cubic B-spline interpolation of sampled heights, in one and two dimensions.
 
-Heights stand at `(i + 1/2) * pixel_size`. Between them the surface is the cubic B-spline that
-passes through every sample: twice continuously differentiable, so that a contact's slope has no
-texel-frequency buzz. In units of samples,
+Samples are at `(i + 1/2) * pixel_size`. Between them the surface is the interpolating cubic
+B-spline: twice continuously differentiable, so that the slope at a contact has no ripple at the
+texel frequency. In units of samples,
 
     s(t) = sum_{a=0..3} B_a(t) c[i + a]
 
-with `t` the position inside cell `i`, the stretch from sample `i - 1` to sample `i`. The
-coefficients come padded, so that a kernel may index cell `i` with `c[i .. i+3]` and never tests
+with `t` the position inside cell `i`, the interval from sample `i - 1` to sample `i`. The
+coefficients are padded, so that a kernel can index cell `i` with `c[i .. i+3]` without testing for
 a border.
 
 Beyond its ends a height map either *wraps* (period n) or *mirrors* (period 2 n, half-sample
-symmetric); the mirrored map is what a clamped map looks like from the inside.
+symmetric); inside, a clamped map equals the mirrored one. The prefilter is exact at both ends.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from asperity._core.kernels import kernel
 BORDERS = ("wrap", "mirror")
 _POLE = math.sqrt(3.0) - 2.0
 _REACH = 40
-"""Samples after which what a height does to the coefficients is gone: `_POLE`**40 is 1e-23."""
+"""Reach of a height's influence on the coefficients [samples]: `_POLE`**40 is 1e-23."""
 _PAD = {"wrap": "wrap", "mirror": "symmetric"}
 
 
@@ -40,41 +40,41 @@ def spline_coefficients(
     heights : (n,) or (nv, nu) array
         Heights at the centres of the samples.
     border : {"wrap", "mirror"}
-        How the surface goes on beyond its ends.
+        Continuation of the surface beyond its ends.
     margin : int
-        How many cells beyond each end are wanted, at most one period.
+        Number of cells beyond each end, at most one period.
 
     Returns
     -------
     (n + 4 + 2 margin,) or (nv + 4 + 2 margin, nu + 4 + 2 margin) array
         Cell `i`, `-margin <= i <= n + margin`, uses entries `i + margin .. i + margin + 3`.
     """
-    # What lies beyond the ends is taken from the pattern itself, so both ends are exact.
+    # The padding repeats the map itself, so both ends are exact.
     values = np.asarray(heights, dtype=np.float64)
     values = np.pad(values, _REACH, mode=_PAD[border])  # type: ignore[call-overload]
     for _ in range(values.ndim):
-        values = np.ascontiguousarray(values.T)  # the axes take turns, and are in order again
+        values = np.ascontiguousarray(values.T)  # the axes alternate; both are in order at the end
         _filter(values)
     inside = tuple(slice(_REACH, -_REACH) for _ in range(values.ndim))
     return np.pad(values[inside], margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
 
 
 def _filter(values: NDArray[np.float64]) -> None:
-    """Turn heights into coefficients along the first axis, in place, but for `_REACH` at its ends.
+    """Convert heights to coefficients along the first axis, in place, except `_REACH` at its ends.
 
-    The filter of Unser, Aldroubi & Eden (1993), forwards and backwards, a row at a time.
+    The filter of Unser, Aldroubi & Eden (1993), forwards and backwards, row by row.
     """
     values *= 6.0
     for i in range(1, len(values)):
         values[i] += _POLE * values[i - 1]
-    values[-1] *= -_POLE  # as if all beyond were zero: `_REACH` samples on, that is forgotten
+    values[-1] *= -_POLE  # as if all beyond were zero: `_REACH` samples on, the error is negligible
     for i in range(len(values) - 2, -1, -1):
         values[i] = _POLE * (values[i + 1] - values[i])
 
 
 @kernel
 def evaluate_1d(coefficients, cell, t):
-    """Return value, slope and curvature, per sample, of the spline at `t` in `cell`."""
+    """Return value, slope and curvature of the spline at `t` in `cell`, per sample."""
     s = 1.0 - t
     c0, c1 = coefficients[cell], coefficients[cell + 1]
     c2, c3 = coefficients[cell + 2], coefficients[cell + 3]
@@ -120,7 +120,7 @@ def evaluate_2d(coefficients, row, column, tv, tu):
     cv = (rv, 3.0 * tv - 2.0, 3.0 * rv - 2.0, tv)
     s = s_u = s_v = s_uu = s_uv = s_vv = 0.0
     for a in range(4):
-        # Indexed one by one: a row taken out as an array would be reference-counted each time.
+        # Indexed singly: a row sliced as an array would be reference-counted each time.
         c0, c1 = coefficients[row + a, column], coefficients[row + a, column + 1]
         c2, c3 = coefficients[row + a, column + 2], coefficients[row + a, column + 3]
         value = wu0 * c0 + wu1 * c1 + wu2 * c2 + wu3 * c3

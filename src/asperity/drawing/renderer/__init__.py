@@ -1,1 +1,1 @@
-"""Pictures of a scene with its texture really displaced, drawn in memory: no display, no driver."""
+"""Software renderer of scenes with displaced textures; needs no display and no driver."""

@@ -1,7 +1,7 @@
-"""A picture of the tool on the scene at one moment: close to the contact, and as a whole.
+"""Pictures of the tool on the scene at one instant: close to the contact, and as a whole.
 
-The tool is drawn where it touches: raised by its depth. Penetration stands for force here, not
-for a place where a stiff tool could be.
+The tool is drawn touching the surface, raised by its penetration depth: penetration represents
+force here, not a position that a stiff tool could have.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from asperity.scene.scene import Scene
 
 Array = NDArray[np.float64]
 _ONE_PLACE = 1e-6
-"""Contacts nearer than about this are drawn as one [m]."""
+"""Contacts closer than about this are drawn as one [m]."""
 _SHADOW = 900
-"""Of the light's view [pixels]."""
+"""Size of the lamp's image for shadows [pixels]."""
 _SHADOW_COARSER = 3
-"""By how much surfaces are coarser that only throw shadows."""
+"""Factor on the spacing of surfaces that only cast shadows."""
 _CLOSE = (float(np.radians(-24.0)), float(np.radians(27.0)))
 """Azimuth and elevation of the close picture [rad]."""
 _AZIMUTHS = tuple(float(np.radians(angle)) for angle in (-35.0, -50.0, -62.0))
 _ELEVATION = float(np.radians(22.0))
-"""Of the whole picture [rad]."""
+"""Elevation of the whole picture [rad]."""
 _CLEAREST = 0.3
 """Opacity of the tool in the close picture where it faces the eye."""
 
@@ -49,7 +49,7 @@ class ContactMoment:
 
     @classmethod
     def of(cls, time: float, pose: Array, contacts: Any) -> ContactMoment:
-        """Return a copy of what the engine's `contacts` hold now; those at one place are one."""
+        """Return a copy of the solver's present `contacts`; those at one point are merged."""
         n = int(contacts.count[0])
         _, first, one = np.unique(
             np.round(contacts.point[:n] / _ONE_PLACE), axis=0, return_index=True,
@@ -68,7 +68,7 @@ class ContactMoment:
 
     @property
     def pushed(self) -> Array:
-        """Force-weighted mean of the normals times the largest depth: how the tool is raised."""
+        """Displacement that raises the tool: depth-weighted mean normal times the largest depth."""
         if not len(self.depth):
             return np.zeros(3)
         normal = (self.normal * np.maximum(self.depth, 1e-12)[:, None]).sum(axis=0)
@@ -77,14 +77,14 @@ class ContactMoment:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """An image (rows, columns, 4) and the camera that took it, in pixels of that image."""
+    """An image (rows, columns, 4) and its camera, in pixels of that image."""
 
     image: Array
     camera: Camera
 
 
 def contact_width(scene: Scene, moment: ContactMoment) -> float:
-    """Return how wide a close picture should be [m]: some of the tool, and all contacts."""
+    """Return the width of a close picture [m]: part of the tool, and all contacts."""
     tool = _tool(scene)
     if tool.mesh is None:
         width = float(np.clip(6.0 * min(geom.smallest for geom in tool.geoms[:1]), 2e-3, 4e-2))
@@ -102,7 +102,7 @@ def _tool(scene: Scene) -> Body:
 def close_picture(
     scene: Scene, moment: ContactMoment, *, columns: int = 760, rows: int = 620
 ) -> Picture:
-    """Return the surroundings of the contact; the tool is drawn like tinted glass."""
+    """Return a picture of the contact; the tool is drawn like tinted glass."""
     width = contact_width(scene, moment)
     vertical, along = _frame(moment, moment.force.sum(axis=0))
     camera = camera_at(
@@ -115,7 +115,7 @@ def close_picture(
 def whole_picture(
     scene: Scene, moment: ContactMoment, *, columns: int = 380, rows: int = 620
 ) -> Picture:
-    """Return the whole tool on the scene, from the side from which it fits the picture best."""
+    """Return a picture of the whole tool on the scene, from the side where it fits best."""
     vertical, along = _frame(moment, np.array([1.0, 0.0, 0.0]))
     corners = _corners(_tool(scene), moment)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
@@ -144,8 +144,8 @@ def _picture(
     *,
     glass: bool,
 ) -> Picture:
-    """Draw the scene at twice the size, and halve it."""
-    # Level ground has to fill the image.
+    """Draw the scene at twice the size and downsample it."""
+    # Level ground must fill the image.
     tall = camera.rows * camera.pixel / np.sin(elevation)
     radius = 0.5 * float(np.hypot(camera.width, tall))
     view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
@@ -162,7 +162,7 @@ def _picture(
     over = shade(above, camera, lamps[0], colours)
     opacity = np.where(above.depth < below.depth, 1.0, 0.0)
     if glass:
-        # Its shadow is light; it is clear where it faces the eye, opaque at its outline.
+        # The tool's shadow is light; the tool is clear where it faces the eye, opaque at its rim.
         image = 0.35 * image + 0.65 * shade(below, camera, lamps[1], colours, hollow)
         facing = np.clip(above.normal @ camera.towards, 0.0, 1.0)
         opacity *= _CLEAREST + (1.0 - _CLEAREST) * (1.0 - facing) ** 2
@@ -174,21 +174,21 @@ def _picture(
 
 
 def _sheets(parts: list[Part], view: ViewBall, *, is_tool: bool) -> list[tuple[int, Sheet]]:
-    """Return the sheets of the tool or of all else, with the numbers of their parts."""
+    """Return the sheets of the tool or of everything else, with the indices of their parts."""
     sheets = []
     for number, part in enumerate(parts):
         if part.is_tool != is_tool:
             continue
         wide = view
         if is_tool and part.body.mesh is None:
-            # Also what is nearer to the eye than the ground in view: else one sees into it.
+            # Including what is nearer than the visible ground, or the eye would look into it.
             wide = view._replace(radius=2.0 * view.radius, samples=2 * view.samples)
         sheets += [(number, sheet) for sheet in part.sheets(wide)]
     return sheets
 
 
 def _lamps(parts: list[Part], view: ViewBall, camera: Camera, vertical: Array) -> tuple[Lamp, Lamp]:
-    """Return light in which all throws shadows, and light in which the tool does not."""
+    """Return a lamp for which everything casts shadows, and one for which the tool does not."""
     view = view._replace(samples=max(view.samples, 60))
     ground, tool = (_sheets(parts, view, is_tool=which) for which in (False, True))
     return (
@@ -198,7 +198,7 @@ def _lamps(parts: list[Part], view: ViewBall, camera: Camera, vertical: Array) -
 
 
 def _frame(moment: ContactMoment, along: Array) -> tuple[Array, Array]:
-    """Return the vertical of the picture, and what runs to the right in it, like `along`."""
+    """Return the vertical of the picture, and its horizontal direction nearest to `along`."""
     pushed = moment.pushed
     size = float(np.linalg.norm(pushed))
     vertical = pushed / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
@@ -218,7 +218,7 @@ def _middle(moment: ContactMoment) -> Array:
 
 
 def _corners(body: Body, moment: ContactMoment) -> Array:
-    """Return the corners (n, 3) of a body's mesh or of boxes round its geoms, where it is drawn."""
+    """Return the corners (n, 3) of a body's mesh, or of boxes around its geoms, as drawn."""
     rotation = rotation_of(moment.pose[3:])
     if body.mesh is not None:
         return body.mesh.vertices @ rotation.T + moment.pose[:3] + moment.pushed

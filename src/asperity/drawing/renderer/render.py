@@ -1,7 +1,7 @@
-"""From bodies to a shaded image, seen from afar without perspective: a millimetre is a millimetre.
+"""Shaded orthographic images of sheets.
 
-Light from the upper left with a shadow (the same sheets, drawn once more as the light sees them),
-light from all over that hollows get less of, and a dull gloss.
+The light is a lamp at the upper left with shadows (the sheets are drawn once more as seen from the
+lamp), ambient light that is weaker in hollows, and a dull gloss.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ _LIGHT = np.array([-0.62, 0.3, 0.55])
 """Direction towards the light: to the right, towards the eye, upwards."""
 
 _STEEPEST = 4.0
-"""How steeply a surface may fall away from the eye within one body."""
+"""Steepest descent away from the eye within one body."""
 _SLACK = 0.3
-"""How far patches are drawn beyond their sides [pixels]."""
+"""Distance by which patches are extended beyond their sides [pixels]."""
 
 
 def camera_at(
     centre: Array, vertical: Array, along: Array, *, azimuth: float, elevation: float,
     width: float, columns: int, rows: int,
 ) -> Camera:  # fmt: skip
-    """Return a camera that sees `vertical` upright and `along` towards the right.
+    """Return a camera that shows `vertical` upright and `along` towards the right.
 
     Parameters
     ----------
     centre, vertical, along : (3,) arrays
         `along` is perpendicular to `vertical`, both of unit length.
     azimuth, elevation : float
-        How far the eye is turned round the vertical and raised over the horizon [rad].
+        Rotation of the eye around the vertical, and its elevation over the horizon [rad].
     width, columns, rows
         As for `Camera`.
     """
@@ -57,7 +57,7 @@ def camera_at(
 
 
 def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
-    """Return what the camera sees of numbered sheets."""
+    """Return the camera's view of numbered sheets."""
     shape = (camera.rows, camera.columns)
     out = Buffers(np.full(shape, np.inf), np.zeros((*shape, 3)), np.full(shape, -1))
     for number, sheet in sheets:
@@ -72,7 +72,7 @@ def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """Light from one direction, and how far it reaches."""
+    """A directional lamp, and the distances of the surfaces that it illuminates."""
 
     camera: Camera
     reach: Array
@@ -81,7 +81,7 @@ class Lamp:
     def over(
         cls, sheets: Sequence[tuple[int, Sheet]], camera: Camera, vertical: Array, fine: int
     ) -> Lamp:
-        """Return a lamp at the upper left of what the camera sees, with `fine` pixels a side."""
+        """Return a lamp at the upper left of the camera's view, with `fine` pixels a side."""
         level = np.cross(camera.right, vertical)
         light = _LIGHT[0] * camera.right + _LIGHT[1] * level + _LIGHT[2] * vertical
         light /= np.linalg.norm(light)
@@ -93,10 +93,10 @@ class Lamp:
 
 
 def hollows(seen: Buffers, camera: Camera) -> Array:
-    """Return how open each pixel lies to light from all over, about 0.35 to 1.
+    """Return the share of ambient light that reaches each pixel, about 0.35 to 1.
 
-    Judged by the image: what lies farther away than the middle between places on either side of
-    it is a hollow. Where one of these is much nearer or farther, another body begins.
+    It is estimated in the image: a point farther away than the mean of two points on opposite sides
+    is in a hollow. A point much nearer or farther than its neighbours belongs to another body.
     """
     from scipy.ndimage import gaussian_filter, zoom
 
@@ -121,7 +121,7 @@ def hollows(seen: Buffers, camera: Camera) -> Array:
 
 
 def _moved(values: Array, rows: int, columns: int) -> Array:
-    """Return values moved in the image; nan where there are none."""
+    """Return values shifted in the image; NaN where there are none."""
     height, width = values.shape
     out = np.full(values.shape, np.nan)
     i, j = (slice(max(n, 0), max(size + n, 0)) for n, size in ((rows, height), (columns, width)))
@@ -139,7 +139,7 @@ def shade(
 ) -> Array:
     """Return the image (rows, columns, 4): red, green, blue and opacity, 0 to 1.
 
-    `open_to` are the `hollows`, if they are known; `colours` are those of the numbered sheets.
+    `open_to` are the `hollows`, if already computed; `colours` are those of the numbered sheets.
     """
     if open_to is None:
         open_to = hollows(seen, camera)

@@ -1,4 +1,4 @@
-"""Convex pieces on disk: made once for a mesh, the settings and the version of CoACD."""
+"""Disk cache of convex pieces, keyed by mesh, settings and version of CoACD."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def cache_file(
     settings: dict[str, Any],
     folder: str | os.PathLike[str] | None,
 ) -> Path:
-    """Return the file for the pieces of a mesh, named by all that they depend on."""
+    """Return the cache file of a mesh, named by a hash of all inputs."""
     try:
         tool = version("coacd")
     except ImportError:
@@ -32,24 +32,24 @@ def cache_file(
     digest = hashlib.sha256(f"{tool} {sorted(settings.items())}".encode())
     digest.update(points.tobytes())
     digest.update(faces.tobytes())
-    # Beside the compiled kernels' folders, which are named by the sources: pieces outlive edits.
+    # Beside the compiled kernels' folders, which are named by sources: pieces outlive edits.
     root = kernels.cache_folder().parent / "convex-pieces" if folder is None else Path(folder)
     return root / f"{digest.hexdigest()[:32]}.npz"
 
 
 def read_pieces(file: Path) -> list[Array] | None:
-    """Return the pieces in a file, None if it is not there or damaged."""
+    """Return the pieces in a file; None if it is missing or damaged."""
     try:
         with np.load(file, allow_pickle=False) as archive:
             pieces = [archive[f"arr_{k}"] for k in range(len(archive.files))]
-    except Exception:  # whatever a damaged file makes of it: the pieces are made anew
+    except Exception:  # any exception on a damaged file: the pieces are computed again
         return None
     good = [p.ndim == 2 and p.shape[1] == 3 and p.dtype == float for p in pieces]
     return pieces if pieces and all(good) and np.isfinite(np.concatenate(pieces)).all() else None
 
 
 def write_pieces(file: Path, pieces: list[Array]) -> None:
-    """Write pieces so that no other process ever sees half a file."""
+    """Write pieces atomically, so that no other process reads a partial file."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")

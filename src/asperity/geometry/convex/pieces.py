@@ -1,8 +1,8 @@
-"""Convex pieces of a mesh, where MuJoCo looks for contacts.
+"""Convex decomposition of a mesh for MuJoCo's collision detection.
 
 MuJoCo collides a mesh as its convex hull, which would fill every hole. So a concave mesh is cut
-into convex pieces by CoACD (Wei et al., ACM Trans. Graph. 41, 42 (2022)), once: the pieces are kept
-on disk. They only say where the body may touch; its surface remains the mesh's.
+into convex pieces by CoACD (Wei et al., ACM Trans. Graph. 41, 42 (2022)); the result is cached on
+disk. The pieces only bound where the body may touch; its surface is that of the mesh.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from asperity.geometry.mesh.topology import Edges, edges_of
 _CONVEX = 1e-6
 _HAIR = 1e-4
 _MAX_CORNERS = 4000
-"""Of a solid that has more, the farthest along these many directions are kept."""
+"""Directions in which the farthest corners of a solid with more corners are kept."""
 _CHUNK = 4_000_000
 # CoACD's defaults took 106 s and made 92 pieces of one CAD part; these 11 to 16 s and 8 to 16.
 _SETTINGS: dict[str, Any] = {"mcts_iterations": 50, "seed": 0}
@@ -33,33 +33,33 @@ _MAX_PIECES = 16
 def convex_pieces(
     mesh: Mesh, *, threshold: float = 0.1, cache_folder: str | os.PathLike[str] | None = None
 ) -> tuple[Array, ...]:
-    """Return the convex solids that a mesh is made of, or nearly.
+    """Return convex solids whose union is, or approximates, a mesh.
 
     A closed convex mesh is its own hull, and so is each closed convex part of a mesh. Any other is
-    cut up by CoACD, in up to 16 pieces (of several parts, 4 at least for each); that takes
-    seconds, for round surfaces a minute, so the result is kept on disk, by the mesh and the
-    settings. A sheet gets a thickness of 1e-4 of its size, because MuJoCo refuses solids without
-    volume; even so compile the pieces with `inertia="shell"`.
+    cut by CoACD into up to 16 pieces (of several parts, at least 4 each); that takes seconds, for
+    round surfaces a minute, so the result is cached on disk by the mesh and the settings. A sheet
+    gets a thickness of 1e-4 of its size, because MuJoCo refuses solids without volume; its pieces
+    still need `inertia="shell"`.
 
     Parameters
     ----------
     mesh : Mesh
     threshold : float
-        How concave a piece may stay, 0.01 (many pieces) to 1 (few), CoACD's measure: about the
-        distance between the piece and its hull in parts of the mesh's size.
+        Largest concavity of a piece by CoACD's measure, 0.01 (many pieces) to 1 (few): about the
+        distance between the piece and its hull in sizes of the mesh.
     cache_folder : str or path, optional
-        Where results are kept; `asperity/convex-pieces` in the user's cache folder otherwise.
+        By default `asperity/convex-pieces` in the user's cache folder.
 
     Returns
     -------
     tuple of (k, 3) arrays
-        The corners of each solid [m], in the mesh's frame: 4 to 4000, not coplanar. A convex
-        mesh with more corners keeps some of them, spread over all directions.
+        Corners of each solid [m], in the mesh's frame: 4 to 4000, not coplanar. Of a convex mesh
+        with more corners some are kept, spread over all directions.
 
     Raises
     ------
     AsperityError
-        CoACD not installed (`pip install 'asperity[bake]'`), or unable to cut the mesh. One line.
+        CoACD is not installed (`pip install 'asperity[bake]'`), or fails on the mesh; one line.
     """
     require_between("threshold", threshold, 0.01, 1.0)
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -86,9 +86,9 @@ def convex_pieces(
 
 
 def _closed_parts(points: Array, faces: Indices) -> list[tuple[Array, Indices]]:
-    """Return a surface as its parts if these are solids for themselves, else as it is.
+    """Return the connected parts of a surface if each is a solid by itself, else the whole surface.
 
-    A part that is open, or a cavity in another, says nothing without the others.
+    A part that is open, or a cavity in another, is meaningless without the others.
     """
     edges = edges_of(faces)
     part = joined(len(faces), *edges.pairs.T // 3)
@@ -111,16 +111,16 @@ def _volume(points: Array, faces: Indices) -> float:
 
 
 def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
-    """Return how far the mesh reaches out of all the pieces [m], at most: 0 if nowhere.
+    """Return the largest distance by which the mesh extends beyond the pieces [m]; 0 if nowhere.
 
-    Looked at are the vertices of the mesh, and the middles of its triangles and their sides. The
-    distance is that to the nearest piece; as a margin of the pieces it makes them hold the mesh.
+    It is measured at the vertices of the mesh and the middles of its triangles and their sides, to
+    the nearest piece; as a collision margin of the pieces it makes them contain the mesh.
 
     Parameters
     ----------
     mesh : Mesh
     pieces : tuple of (k, 3) arrays
-        As of `convex_pieces`.
+        As from `convex_pieces`.
     """
     points = _samples(mesh.vertices, mesh.faces)
     hulls = [ConvexHull(piece) for piece in pieces]
@@ -141,7 +141,7 @@ def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
 
 
 def _samples(vertices: Array, faces: Indices) -> Array:
-    """Return the vertices of triangles, the middles of their sides, and their own."""
+    """Return the vertices of triangles, the middles of their sides, and their centres."""
     triangles = vertices[faces]
     sides = 0.5 * (triangles + np.roll(triangles, -1, axis=1))
     samples = np.concatenate([vertices, sides.reshape(-1, 3), triangles.mean(axis=1)])
@@ -149,13 +149,13 @@ def _samples(vertices: Array, faces: Indices) -> Array:
 
 
 def _axes(points: Array) -> Array:
-    """Return the principal axes of points as rows, the thinnest last."""
+    """Return the principal axes of points in rows, that of the smallest extent last."""
     middle = points - points.mean(axis=0)
     return np.asarray(np.linalg.eigh(middle.T @ middle)[1].T[::-1])
 
 
 def _is_convex(points: Array, faces: Indices, edges: Edges, size: float) -> bool:
-    """Return whether a surface is closed and lies everywhere on its hull, or is a convex sheet."""
+    """Return whether a surface is closed and lies entirely on its hull, or is a convex sheet."""
     axes = _axes(points)
     if np.ptp(points @ axes[2]) < _HAIR * size:
         return _is_convex_sheet(points @ axes[:2].T, faces)
@@ -170,8 +170,8 @@ def _is_convex(points: Array, faces: Indices, edges: Edges, size: float) -> bool
 def _all_on(points: Array, hull: Any, tolerance: float) -> bool:
     """Return whether points within a hull all lie on its surface.
 
-    The facet that a point lies on is nearly always one of the nearest; all are tried for the
-    few others, since all facets for all points of a fine mesh would take hours.
+    The facet of a point is nearly always one of the nearest; all are tried only for the remaining
+    points, since all facets for all points of a fine mesh would take hours.
     """
     middles = hull.points[hull.simplices].mean(axis=1)
     near = KDTree(middles).query(points, k=min(8, len(middles)))[1].reshape(len(points), -1)
@@ -186,19 +186,19 @@ def _chunks(points: Array, rows: int) -> Iterator[Array]:
 
 
 def _is_convex_sheet(flat: Array, faces: Indices) -> bool:
-    """Return whether triangles in a plane fill the hull of their corners, on one side or two."""
+    """Return whether coplanar triangles fill the hull of their corners, on one side or two."""
     a, b, c = flat[faces].swapaxes(0, 1)
     (x, y), (s, t) = (b - a).T, (c - a).T
     covered = 0.5 * np.abs(x * t - y * s).sum()
     try:
         whole = ConvexHull(flat).volume
-    except QhullError:  # a needle
+    except QhullError:  # a sliver
         return True
     return bool(min(abs(covered - whole), abs(covered - 2.0 * whole)) <= _CONVEX * whole)
 
 
 def _outside(points: Array, hull: Any) -> Array:
-    """Return how far points lie above the highest plane of a hull [m]; below 0 inside."""
+    """Return the signed distance of points above the highest plane of a hull [m]."""
     planes = np.unique(hull.equations, axis=0)
     some = _chunks(points, max(1, _CHUNK // len(planes)))
     return np.concatenate([(p @ planes[:, :3].T + planes[:, 3]).max(axis=1) for p in some])
@@ -221,14 +221,14 @@ def _distances(points: Array, hull: Any) -> Array:
 
 
 def _solid(points: Array, size: float) -> Array:
-    """Return the corners of the hull of points, thickened where they have no volume."""
+    """Return the corners of the hull of points, thickened if they have no volume."""
     hair = _HAIR * size
     for axis in _axes(points):
         if np.ptp(points @ axis) < hair:
             points = np.concatenate([points - 0.5 * hair * axis, points + 0.5 * hair * axis])
     corners = points[np.sort(ConvexHull(points).vertices)]
     if len(corners) > _MAX_CORNERS:
-        # Those farthest along directions spread over the sphere (Fibonacci's spiral).
+        # The farthest along directions spread over the sphere (Fibonacci's spiral).
         up = np.linspace(-1.0, 1.0, _MAX_CORNERS)
         turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(_MAX_CORNERS)
         level = np.sqrt(1.0 - up**2)
@@ -238,7 +238,7 @@ def _solid(points: Array, size: float) -> Array:
 
 
 def _cut(name: str, points: Array, faces: Indices, settings: dict[str, Any]) -> list[Array]:
-    """Return the pieces that CoACD cuts a mesh into."""
+    """Return the pieces into which CoACD cuts a mesh."""
     try:
         import coacd
     except ImportError:

@@ -2,5 +2,5 @@
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Until now this was a module; its contents are one level deeper.
 __getattr__ = forwarded(__name__, "asperity.geometry.facets.facets")

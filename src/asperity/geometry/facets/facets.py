@@ -1,12 +1,12 @@
-"""Facets: a mesh's triangles, those that make one plane piece put together to convex polygons.
+"""Convex facets of a mesh: coplanar triangles merged into polygons.
 
-How a flat face was cut into triangles says nothing about its shape. So triangles that lie in one
-plane, are displaced along its normal, and see the texture through one map, are joined into
-convex polygons of at most `MOST_SIDES` sides: contact then costs the same, and is the same,
-however finely the face was meshed. All other triangles are facets as they are.
+The triangulation of a flat face has no influence on its shape. So triangles that lie in one plane,
+are displaced along its normal, and share one affine texture map are merged into convex polygons of
+at most `MOST_SIDES` sides: contact then has the same cost and the same result however finely the
+face was meshed. All other triangles are facets by themselves.
 
-A facet's place is `a = (x, y)` in its own plane. Over it the normal that carries the
-displacement is `w = (w0 + w1 x + w2 y) / |...|`, and the place on the texture is linear in a.
+Positions on a facet are `a = (x, y)` in its plane. The displacement direction over it is
+`w = (w0 + w1 x + w2 y) / |...|`, and the texture coordinates are linear in a.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from asperity.geometry.mesh import checks as mesh_checks
 
 MOST_SIDES = 8
 _SAME = 1e-9
-_LEAST_LENGTH = 0.2  # of w before it is made a unit vector: opposite corner normals have no middle
+_LEAST_LENGTH = 0.2  # of w before normalisation: opposite corner normals have no mean direction
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Facets:
-    """Convex plane pieces of a body's surface; rows are facets.
+    """Convex planar pieces of a body's surface, one per row.
 
     Attributes
     ----------
     origin : (n, 3) array
-        Where a = (0, 0), in the body's frame [m]: the middle of its bounding rectangle.
+        Position of a = (0, 0) in the body's frame [m]: the middle of the bounding rectangle.
     axes : (n, 3, 3) array
         x, y and the outward normal of its plane, in rows.
     sides : (n,) int64 array
-        How many corners it has.
+        Number of corners.
     corners : (n, 8, 2) array
         In its plane, counter-clockwise [m].
     hard : (n, 8) array
-        1 for each side (from its corner to the next) that is an edge; 0 where the same plane goes
-        on beyond it.
+        1 for each side (from its corner to the next) that is an edge of the surface; 0 where the
+        same plane continues beyond it.
     half : (n, 2) array
         Half sides of the bounding rectangle [m].
     w : (n, 3, 3) array
         w0 [-], w1 and w2 [1/m] in rows.
     uv : (n, 2, 3) array
-        u and v [m] at a = 0, and by x and by y; zeros without texture.
+        u and v at a = 0 [m], and their derivatives by x and by y [-]; zeros without texture.
     """
 
     origin: Array
@@ -66,29 +66,29 @@ class Facets:
 
     @property
     def points(self) -> Array:
-        """The corners in the body's frame [m], (n, 8, 3); those beyond `sides` repeat the last."""
+        """Corners in the body's frame [m], (n, 8, 3); those beyond `sides` repeat the last."""
         return self.origin[:, None] + self.corners @ self.axes[:, :2]
 
     @property
     def least(self) -> Array:
-        """Least length of w before it is made a unit vector, over the rectangle; (n,)."""
+        """Smallest length of w before normalisation over the rectangle, (n,)."""
         w0, slopes = self.w[:, 0], self.w[:, 1:]
         middle = w0 / np.linalg.norm(w0, axis=1)[:, None]
-        # Along its middle direction w is linear: least in a corner of the rectangle.
+        # The component along the middle direction is linear: least at a corner of the rectangle.
         least = np.einsum("ij,ij->i", w0, middle)
         least -= np.sum(np.abs(np.einsum("ijk,ik->ij", slopes, middle)) * self.half, axis=1)
         return np.maximum(least, _LEAST_LENGTH)
 
     @property
     def bends(self) -> Array:
-        """Bounds of the first [1/m] and second [1/m^2] derivatives of w, (n, 2)."""
+        """Bounds of the first [1/m] and second [1/m^2] derivatives of the unit vector w, (n, 2)."""
         size = np.linalg.norm(self.w[:, 1:], axis=2)
         first = np.hypot(size[:, 0], size[:, 1]) / self.least
         return np.stack([first, 3.0 * first**2], axis=1)
 
 
 def joined(parts: list[Facets]) -> Facets:
-    """Return the facets of several sets as one."""
+    """Return several sets of facets as one."""
     return Facets(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facets)}
     )
@@ -104,11 +104,11 @@ def mesh_facets(
     vertices : (n, 3) array
         [m]
     faces : (m, 3) int array
-        Triangles of an area above zero, counter-clockwise.
+        Triangles with an area, counter-clockwise.
     normals : (m, 3, 3) array
         Unit normals at the corners.
     uv : (m, 3, 2) array or None
-        Places of the corners on the texture [m].
+        Texture coordinates of the corners [m].
     """
     points = vertices[faces]
     if uv is None:
@@ -143,7 +143,7 @@ def _triangles(points: Array, normals: Array, uv: Array) -> Facets:
     middle = 0.5 * (low + high)
     corners = flat - middle[:, None]
     origin = points[:, 0] + np.einsum("ij,ijk->ik", middle, axes[:, :2])
-    # Linear functions of a that take the corners' values.
+    # Linear functions of a that interpolate the corners' values.
     ones = np.concatenate([np.ones_like(corners[:, :, :1]), corners], axis=2)
     linear = np.linalg.solve(ones, np.concatenate([normals, uv], axis=2))
     w = linear[:, :, :3].copy()
@@ -164,14 +164,14 @@ def _padded(corners: Array) -> Array:
 
 
 def taken(facets: Facets, which: NDArray) -> Facets:
-    """Return some of the facets, or all in another order."""
+    """Return the facets of a mask, or those with given indices, in that order."""
     return Facets(**{f.name: getattr(facets, f.name)[which] for f in fields(Facets)})
 
 
 def _plane_groups(
     faces: NDArray[np.int64], points: Array, normals: Array, single: Facets
 ) -> NDArray[np.int64]:
-    """Return a number for each triangle, the same for those that make one plane piece."""
+    """Return an index for each triangle, equal for those that form one planar piece."""
     corners = _merged_places(points.reshape(-1, 3)).reshape(-1, 3)
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
@@ -193,7 +193,7 @@ def _plane_groups(
 
 
 def _merged_places(places: Array) -> NDArray[np.int64]:
-    """Return a number for each place, the same for places that are equal (to rounding)."""
+    """Return an index for each position, equal for positions that coincide (to rounding)."""
     span = max(float(np.max(np.ptp(places, axis=0))), 1e-300)
     _, number = np.unique(np.round(places / (1e-9 * span)), axis=0, return_inverse=True)
     return np.asarray(number, dtype=np.int64).ravel()
@@ -205,13 +205,13 @@ def _in_space(facets: Facets, which: NDArray) -> Array:
 
 
 def _at_origin(facets: Facets, which: NDArray) -> Array:
-    """Return (u, v) of the map, continued to the origin of the body's frame, (k, 2)."""
+    """Return (u, v) of the affine map extrapolated to the origin of the body's frame, (k, 2)."""
     slope = _in_space(facets, which)
     return facets.uv[which, :, 0] - np.einsum("ijk,ik->ij", slope, facets.origin[which])
 
 
 def _polygons(single: Facets, one: int, points: Array) -> Facets:
-    """Return the convex facets of triangles that make one plane piece with facet `one`."""
+    """Return the convex facets of triangles that form one planar piece with facet `one`."""
     axes, origin = single.axes[one], single.origin[one]
     flat = (points - origin) @ axes[:2].T
     parts = convex_parts(flat, MOST_SIDES)
@@ -220,7 +220,7 @@ def _polygons(single: Facets, one: int, points: Array) -> Facets:
 
 
 def _polygon(single: Facets, one: int, corners: Array, hard: Array) -> Facets:
-    """Return a facet of corners given in the plane of facet `one`, x along its longest side."""
+    """Return a facet with corners given in the plane of facet `one`, x along its longest side."""
     sides = np.roll(corners, -1, axis=0) - corners
     along = sides[np.argmax(np.hypot(sides[:, 0], sides[:, 1]))]
     along = along / math.hypot(*along)

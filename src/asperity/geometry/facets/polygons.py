@@ -1,4 +1,4 @@
-"""Plane pieces cut into convex polygons of few sides."""
+"""Decomposition of planar pieces into convex polygons of few sides."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _STRAIGHT = 1e-9
-"""A corner that turns by less (sine of its angle) is none."""
+"""A corner whose turn (sine of its angle) is smaller is not one."""
 
 
 def convex_parts(triangles: Array, most: int) -> list[tuple[Array, Array]]:
-    """Return convex polygons that together are the same piece of plane as some triangles.
+    """Return convex polygons whose union is that of some triangles.
 
     Parameters
     ----------
     triangles : (m, 3, 2) array
-        Counter-clockwise, joined along their sides.
+        Counter-clockwise, joined at their sides.
     most : int
-        Most corners of a polygon.
+        Largest number of corners of a polygon.
 
     Returns
     -------
     list of (corners (k, 2), hard (k,))
-        `hard` is 1 for each side that is on the border of the piece and 0 for a cut.
+        `hard` is 1 for each side on the border of the piece and 0 for a cut.
     """
     from scipy.spatial import ConvexHull  # slow to import
 
@@ -38,7 +38,7 @@ def convex_parts(triangles: Array, most: int) -> list[tuple[Array, Array]]:
 
 
 def fan_parts(corners: Array, most: int) -> list[tuple[Array, Array]]:
-    """Return a convex polygon cut into fans of at most `most` corners round its first."""
+    """Return a convex polygon cut into fans of at most `most` corners around its first."""
     count, parts, first = len(corners), [], 1
     while first < count - 1:
         last = min(first + most - 2, count - 1)
@@ -51,7 +51,7 @@ def fan_parts(corners: Array, most: int) -> list[tuple[Array, Array]]:
 
 
 def without_straight(corners: Array) -> Array:
-    """Return a convex polygon without corners at which it does not turn."""
+    """Return a convex polygon without collinear corners."""
     before = corners - np.roll(corners, 1, axis=0)
     after = np.roll(corners, -1, axis=0) - corners
     sizes = np.hypot(before[:, 0], before[:, 1]) * np.hypot(after[:, 0], after[:, 1])
@@ -63,9 +63,9 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _greedy(triangles: Array, most: int) -> list[tuple[Array, Array]]:
-    """Join neighbours across their longest common side while the polygon stays convex.
+    """Merge neighbours across their longest common side while the polygon stays convex.
 
-    After Hertel & Mehlhorn (1983), who cross the cuts in any order.
+    After Hertel & Mehlhorn (1983), who remove the cuts in arbitrary order.
     """
     places, number = _numbered(triangles)
     polygons: dict[int, list[int]] = {i: list(t) for i, t in enumerate(number)}
@@ -89,7 +89,7 @@ def _greedy(triangles: Array, most: int) -> list[tuple[Array, Array]]:
 
 
 def _cut_out(places: Array, polygon: list[int], sides: set[tuple[int, int]]) -> tuple[Array, Array]:
-    """Return corners of a polygon and which of its sides no triangle goes on beyond."""
+    """Return the corners of a polygon, and which of its sides border no other triangle."""
     kept = _turning(places, polygon) or polygon
     hard = np.zeros(len(kept))
     k = -1
@@ -103,7 +103,7 @@ def _cut_out(places: Array, polygon: list[int], sides: set[tuple[int, int]]) -> 
 
 
 def _numbered(triangles: Array) -> tuple[Array, list[tuple[int, ...]]]:
-    """Return the places of the corners, each once, and the triangles as their numbers."""
+    """Return the distinct positions of the corners, and the triangles as indices of them."""
     flat = triangles.reshape(-1, 2)
     span = float(np.max(np.ptp(flat, axis=0)))
     _, first, number = np.unique(
@@ -113,7 +113,7 @@ def _numbered(triangles: Array) -> tuple[Array, list[tuple[int, ...]]]:
 
 
 def _joined(one: list[int], two: list[int], side: tuple[int, int]) -> list[int]:
-    """Return the polygon of two that share `side`, which `one` runs along and `two` against."""
+    """Return the union of two polygons that share `side`, in the direction of `one`."""
     start, turn = one.index(side[1]), two.index(side[0])
     around, beyond = one[start:] + one[:start], two[turn:] + two[:turn]
     return around + beyond[1:-1]

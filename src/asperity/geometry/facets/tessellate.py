@@ -1,7 +1,7 @@
-"""Geoms as triangles, in the geom's frame.
+"""Triangulation of geoms, in the geom's frame.
 
-Boxes and planes are exact. Round geoms are approximated from within; how far their triangles lie
-below the surface is returned with them.
+Boxes and planes are exact. Round geoms are approximated from within; the largest distance of their
+triangles below the surface is returned with them.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 Triangles = tuple[Array, NDArray[np.int64], Array, float]
 
 _ROUND = 16
-"""Triangles round a circle."""
+"""Triangles around a circle."""
 _UNBOUNDED = 100.0
 """Half side of an unbounded plane [m]."""
 
 
 def is_round(geom: Geom) -> bool:
-    """Return whether a geom's surface is curved anywhere."""
+    """Return whether any part of a geom's surface is curved."""
     return geom.kind in ("sphere", "capsule", "ellipsoid", "cylinder")
 
 
@@ -45,7 +45,7 @@ def geom_triangles(geom: Geom) -> Triangles:
     kept = np.linalg.norm(f, axis=1) > 1e-12 * radius * radius
     faces, f = faces[kept], f[kept]
     f /= np.linalg.norm(f, axis=1)[:, None]
-    # Twice the sagitta of one step: triangles bulge in both directions.
+    # Twice the sagitta of one step, since triangles deviate in both directions.
     slack = 2.0 * radius * (1.0 - math.cos(math.pi / _ROUND))
     return vertices, faces, np.repeat(f[:, None], 3, axis=1), slack
 
@@ -57,7 +57,7 @@ def _box(half: Array) -> tuple[Array, NDArray[np.int64], Array]:
         one, two = (axis + 1) % 3, (axis + 2) % 3
         for sign in (-1.0, 1.0):
             mine = np.flatnonzero(signs[:, axis] == sign)
-            # Round the face, counter-clockwise as seen from outside.
+            # Around the face, counter-clockwise as seen from outside.
             turn = np.arctan2(signs[mine, two], signs[mine, one]) * sign
             a, b, c, d = mine[np.argsort(turn)]
             faces += [[a, b, c], [a, c, d]]
@@ -68,7 +68,7 @@ def _box(half: Array) -> tuple[Array, NDArray[np.int64], Array]:
 
 
 def _profile(geom: Geom) -> Array:
-    """Return (distance from the axis, height) from the bottom up."""
+    """Return the profile from the bottom up: (distance from the axis, height)."""
     steps = np.linspace(-0.5 * math.pi, 0.5 * math.pi, _ROUND // 2 + 1)
     arc = np.stack([np.cos(steps), np.sin(steps)], axis=1)
     arc[[0, -1], 0] = 0.0
@@ -86,7 +86,7 @@ def _profile(geom: Geom) -> Array:
 
 
 def _turned(profile: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return a profile turned round z, as triangles."""
+    """Return a surface of revolution around z, as triangles."""
     angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     vertices = np.concatenate([np.column_stack([r * ring, np.full(_ROUND, z)]) for r, z in profile])

@@ -1,6 +1,6 @@
-"""Triangle meshes: read, checked, repaired, with normals and texture coordinates."""
+"""Triangle meshes: reading, checks, repairs, normals and texture coordinates."""
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Until now this was a module; its contents are one level deeper.
 __getattr__ = forwarded(__name__, "asperity.geometry.mesh.mesh")

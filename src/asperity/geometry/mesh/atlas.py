@@ -1,4 +1,4 @@
-"""Texture coordinates for meshes that have none, by xatlas."""
+"""Texture coordinates by xatlas for meshes that have none."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _PADDING = 4
 
 
 def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) -> Mesh:
-    """Return the mesh with texture coordinates: cut into charts, laid flat and packed by xatlas.
+    """Return the mesh with texture coordinates: cut into charts, unwrapped and packed by xatlas.
 
-    One scale serves all charts and both directions; the notes say how many metres one unit of
-    texture coordinates spans, which is the size to give a texture for it to come out undistorted.
-    Within a chart lengths are kept as well as a curved surface can be laid flat.
+    All charts have the same scale in both directions. The notes give the length that one unit of
+    texture coordinates spans; a texture of that size appears undistorted. Within a chart lengths
+    are preserved as far as a curved surface can be flattened.
 
     Parameters
     ----------
     mesh : Mesh
-        Without texture coordinates (`dataclasses.replace(mesh, uv=None)` takes them away).
+        Without texture coordinates (`dataclasses.replace(mesh, uv=None)` removes them).
     texels : int
-        How many a square of the mesh's area is wide while charts are packed; the whole texture is
-        a little wider.
+        Width in texels of a square with the mesh's area while charts are packed; the whole texture
+        is a little wider.
     padding : int
-        Of these between charts, so that the splines of one do not reach the next.
+        Texels between charts, so that the spline of one does not reach the next.
 
     Returns
     -------
@@ -42,8 +42,8 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
     Raises
     ------
     AsperityError
-        A mesh with texture coordinates; xatlas not installed (`pip install 'asperity[bake]'`). One
-        line.
+        A mesh with texture coordinates; xatlas is not installed (`pip install 'asperity[bake]'`);
+        one line.
     """
     if mesh.uv is not None:
         refuse(mesh.name, "it has texture coordinates; valid: a mesh with uv=None")
@@ -55,15 +55,15 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
             "valid: pip install 'asperity[bake]'"
         ) from None
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    # Where vertices are split, as STL splits all, xatlas would make each triangle a chart.
+    # With split vertices, as in STL, xatlas would make each triangle a chart.
     places = same_places(mesh.vertices, SAME_PLACE * size)
     _, first = np.unique(places, return_index=True)
-    # In units of the size: xatlas drops triangles of an area below a fixed number.
+    # In units of the size, since xatlas drops triangles below an absolute area.
     points = ((mesh.vertices[first] - mesh.vertices.mean(axis=0)) / size).astype(np.float32)
     at = places[mesh.faces]
     area = 0.5 * np.linalg.norm(crosses(points[at].astype(np.float64)), axis=1).sum()
     charts, packing = xatlas.ChartOptions(), xatlas.PackOptions()
-    # Both of these mirror charts if they are left alone, and mirrored grain is felt as such.
+    # By default both may mirror charts, and mirrored grain feels different.
     charts.fix_winding, packing.rotate_charts = True, False
     packing.texels_per_unit, packing.padding = texels / np.sqrt(area), padding
     atlas = xatlas.Atlas()
@@ -72,7 +72,7 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
     origin, faces, coordinates = atlas[0]
     if not np.array_equal(origin[faces], at) or atlas.atlas_count != 1:
         refuse(mesh.name, "xatlas did not lay all its triangles on one texture")
-    # Both are in parts of the atlas, whose sides differ: one scale for both.
+    # Both are fractions of the atlas, whose sides differ: one scale for both.
     sides = np.array([atlas.width, atlas.height], dtype=np.float64)
     uv = coordinates[faces].astype(np.float64) * (sides / sides.max())
     note = _scale_note(mesh, uv, at)

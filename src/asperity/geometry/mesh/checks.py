@@ -1,7 +1,7 @@
-"""Checks of the arrays that a mesh is made from, before anything is computed from them.
+"""Checks and repairs of the arrays of which a mesh is made.
 
-What cannot be a mesh is refused with one line; what can be put right (a triangle without area, one
-that is there twice, a vertex that nothing uses) is put right and noted.
+Invalid arrays are refused with one line. Harmless defects (a triangle without area, a repeated
+triangle, an unused vertex) are repaired and noted.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-"""Metres in each unit of length that a file of a mesh may be in."""
+"""Metres per unit of length of a mesh file."""
 SMALLEST, LARGEST = 1e-4, 2.0
-"""Least and largest extent of a mesh [m]: what a hand holds or touches."""
+"""Smallest and largest extent of a mesh [m]: objects that a hand holds or touches."""
 MAX_FACES = 2_000_000
 SAME_PLACE = 1e-7
-"""Vertices nearer than this, in parts of the mesh's size, are one place: float32 keeps no more."""
+"""Vertices closer than this, in sizes of the mesh, coincide: float32 resolves no less."""
 _THIN = 1e-9
 _LARGEST_UV = 1e6
 
 
 class Corners(NamedTuple):
-    """A mesh on its way: vertices, and what is known at the corners of its triangles.
+    """A mesh under construction: vertices, and attributes of the corners of its triangles.
 
     Attributes
     ----------
@@ -45,12 +45,12 @@ class Corners(NamedTuple):
     normals: Array | None = None
 
     def kept(self, which: NDArray[Any]) -> Corners:
-        """Return the same with only some of the triangles: a mask, or their numbers."""
+        """Return the mesh with only some of the triangles, given as a mask or as indices."""
         uv, normals = (None if a is None else a[which] for a in (self.uv, self.normals))
         return Corners(self.vertices, self.faces[which], uv, normals)
 
     def turned(self, which: NDArray[np.bool_]) -> Corners:
-        """Return the same with the triangles of a mask wound the other way round."""
+        """Return the mesh with the triangles of a mask wound the other way round."""
         order = np.where(which[:, None], (0, 2, 1), (0, 1, 2))
         rows = np.arange(len(order))[:, None]
         uv, normals = (None if a is None else a[rows, order] for a in (self.uv, self.normals))
@@ -58,12 +58,12 @@ class Corners(NamedTuple):
 
 
 def refuse(name: str, reason: str) -> NoReturn:
-    """Raise `AsperityError`: one line that names the mesh."""
+    """Raise `AsperityError` with one line that names the mesh."""
     raise AsperityError(f"mesh {name!r}: {reason}") from None
 
 
 def checked_corners(vertices: Any, faces: Any, uv: Any, normals: Any, name: str) -> Corners:
-    """Return the four arrays as `Corners`, or raise `AsperityError` saying what is wrong."""
+    """Return the four arrays as `Corners`, or raise `AsperityError` naming the invalid value."""
     points = _numbers(name, "vertices", vertices)
     if points.ndim != 2 or points.shape[1] != 3:
         refuse(name, f"vertices have shape {points.shape}; valid: (n, 3)")
@@ -97,7 +97,7 @@ def _numbers(name: str, what: str, values: Any) -> Array:
         refuse(name, f"it has no {what}; valid: one triangle or more")
     if array.dtype.kind not in "iuf":
         refuse(name, f"{what} hold {array.dtype} values; valid: real numbers")
-    # Adding 0 turns -0 into 0, so that equal places have equal bytes.
+    # Adding 0 turns -0 into 0, so that equal positions have equal bytes.
     with np.errstate(over="ignore"):
         return array.astype(np.float64) + 0.0
 
@@ -151,7 +151,7 @@ def _at_corners(name: str, what: str, values: Array, corners: Corners, width: in
 
 
 def check_size(name: str, vertices: Array, unit: str = "m", *, of_file: bool = False) -> None:
-    """Raise `AsperityError`, asking for the unit, if a mesh is no size that a hand could feel.
+    """Raise `AsperityError` if the extent of a mesh is out of range; suggest units that fit.
 
     Parameters
     ----------
@@ -182,14 +182,14 @@ def check_size(name: str, vertices: Array, unit: str = "m", *, of_file: bool = F
 
 
 def length(metres: float) -> str:
-    """Return a length as a person reads it."""
+    """Return a length as text, in um, mm or m."""
     if metres < 1e-3:
         return f"{metres * 1e6:.3g} um"
     return f"{metres * 1e3:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
 
 
 def same_places(vertices: Array, tolerance: float) -> Indices:
-    """Return, for each vertex, the number of its place; vertices nearer than a tolerance share it.
+    """Return the place of each vertex: an index shared by all vertices within a tolerance.
 
     Files split a vertex where texture coordinates or normals differ, and STL splits all of them.
     """
@@ -204,7 +204,7 @@ def same_places(vertices: Array, tolerance: float) -> Indices:
 
 
 def joined(count: int, first: NDArray[Any], second: NDArray[Any]) -> Indices:
-    """Return the number of the connected set of each of `count` things, joined in pairs."""
+    """Return the index of the connected component of each of `count` items, joined in pairs."""
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
@@ -213,10 +213,9 @@ def joined(count: int, first: NDArray[Any], second: NDArray[Any]) -> Indices:
 
 
 def cleaned(corners: Corners, name: str, notes: list[str]) -> tuple[Corners, Indices]:
-    """Return a mesh without what is of no use, and the places of its vertices.
+    """Return a mesh without useless elements, and the places of its vertices.
 
-    Triangles without area and those that are there twice are dropped, then vertices that no
-    triangle uses.
+    Triangles without area, repeated triangles and unused vertices are dropped.
     """
     used = np.unique(corners.faces)
     points = corners.vertices[used]
@@ -249,7 +248,7 @@ def cleaned(corners: Corners, name: str, notes: list[str]) -> tuple[Corners, Ind
 
 
 def facet_heights(triangles: Array) -> Array:
-    """Return the least height of each triangle [m], (m, 3, 3) -> (m,)."""
+    """Return the smallest height of each triangle [m], (m, 3, 3) -> (m,)."""
     sides = np.roll(triangles, -1, axis=1) - triangles
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
     twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -257,6 +256,6 @@ def facet_heights(triangles: Array) -> Array:
 
 
 def count_of(count: SupportsInt, one: str, many: str = "") -> str:
-    """Return a number with its noun."""
+    """Return a count with its noun."""
     count = int(count)
     return f"{count} {one if count == 1 else many or one + 's'}"

@@ -1,8 +1,8 @@
-"""Triangles of a surface that run through each other.
+"""Detection of triangles of a surface that intersect each other.
 
-Two triangles cross where a side of one pierces the other. Pairs are found by sweeping their
-bounding boxes along one axis. Triangles that share a place are left out: they meet there anyway.
-So are those that only touch, and coplanar ones that overlap.
+Two triangles cross where a side of one pierces the other. Candidates are found by sweeping their
+bounding boxes along one axis. Triangles that share a vertex, only touch, or are coplanar are not
+counted.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from asperity.geometry.mesh.checks import Array, Indices
 
 MAX_FACES = 20_000
-"""Of larger meshes crossings are not looked for."""
+"""Largest number of triangles for which crossings are searched."""
 _MAX_PAIRS = 40_000_000
 _CHUNK = 500_000
 _TOUCH = 1e-6
 
 
 def crossing_triangles(triangles: Array, at: Indices) -> int | None:
-    """Return how many triangles (m, 3, 3) cross another; None if that would take too long.
+    """Return the number of triangles (m, 3, 3) that cross another; None for too large a mesh.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def crossing_triangles(triangles: Array, at: Indices) -> int | None:
     if len(triangles) > MAX_FACES:
         return None
     low, high = triangles.min(axis=1), triangles.max(axis=1)
-    # Along the axis where the boxes are shortest for the mesh, the sweep meets fewest pairs.
+    # The sweep along the axis with the relatively shortest boxes finds the fewest pairs.
     spread = np.maximum(np.ptp(triangles.reshape(-1, 3), axis=0), 1e-300)
     axis = int(np.argmin((high - low).mean(axis=0) / spread))
     order = np.argsort(low[:, axis], kind="stable")
@@ -74,7 +74,7 @@ def _cross(a: Array, b: Array, touch: float) -> NDArray[np.bool_]:
 
 
 def _above(plane: Array, points: Array) -> Array:
-    """Return how far corners (n, 3, 3) lie above the planes of triangles (n, 3, 3)."""
+    """Return the signed distances of corners (n, 3, 3) from the planes of triangles (n, 3, 3)."""
     normal = np.cross(plane[:, 1] - plane[:, 0], plane[:, 2] - plane[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.where(length > 0.0, length, 1.0)
@@ -82,7 +82,7 @@ def _above(plane: Array, points: Array) -> Array:
 
 
 def _pierces(lines: Array, over: Array, plane: Array, touch: float) -> NDArray[np.bool_]:
-    """Return whether a side of `lines` runs through the inside of `plane`; `over` as `_above`."""
+    """Return whether a side of `lines` passes through the inside of `plane`; `over` as `_above`."""
     found = np.zeros(len(lines), dtype=bool)
     normal = np.cross(plane[:, 1] - plane[:, 0], plane[:, 2] - plane[:, 0])
     for k in range(3):

@@ -1,11 +1,10 @@
-"""Meshes from files, read by trimesh, with what trimesh would lose on the way.
+"""Meshes from files, read by trimesh, without its losses.
 
-What is looked after here: no vertices are merged or put into another order, so texture coordinates
-stay with their corners; normals are the file's or none, never those that trimesh computes; parts
-of a scene stand where their transforms put them. And four traps of the formats: OBJ counts
-negative indices from the line they stand in; PLY with texture coordinates is split into new
-vertices, its normals are not; texture coordinates in glTF without a material are left out;
-compressed glTF is read as zeros.
+Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
+are those of the file, never computed by trimesh; parts of a scene are placed by their transforms.
+Also handled: negative indices in OBJ count back from their own line; trimesh splits the vertices of
+a PLY with texture coordinates but not its normals, drops texture coordinates in glTF without a
+material, and reads compressed glTF as zeros.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
 
 
 class _Part(NamedTuple):
-    """One geometry of a file: vertices, faces, and per corner texture coordinates and normals."""
+    """One geometry of a file: vertices, faces, texture coordinates and normals of corners."""
 
     vertices: Array
     faces: Indices
@@ -47,32 +46,32 @@ def read_mesh(
 ) -> Mesh:
     """Return the mesh in a file: OBJ, GLB, glTF, PLY or STL.
 
-    All geometries of a scene are put together where their transforms put them; polygons are split
-    into triangles as fans. Texture coordinates are taken if every geometry has them. Normals (OBJ
-    vn, glTF NORMAL, PLY nx, ny, nz) are taken if every geometry has them and `hard_angle` is not
-    given; the facet normals in STL never are.
+    All geometries of a scene are joined, placed by their transforms; polygons are split into fans
+    of triangles. Texture coordinates are used if every geometry has them. Normals (OBJ vn, glTF
+    NORMAL, PLY nx, ny, nz) are used if every geometry has them and `hard_angle` is not given; the
+    facet normals in STL never are.
 
     Parameters
     ----------
     path : str or path
         The file.
     unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}
-        What one unit of length in the file is. Most formats do not say; glTF is in metres.
+        Unit of length of the file. Most formats do not define it; glTF is in metres.
     hard_angle : float, optional
         As for `mesh_from_arrays` [degrees], 0 to 180. 180 ignores the file's normals.
     name : str, optional
-        The file's name without its suffix if it is not given.
+        By default the file's name without its suffix.
 
     Returns
     -------
     Mesh
-        Its `notes` say what was found in the file.
+        Its `notes` list what was found in the file.
 
     Raises
     ------
     AsperityError
-        A file that is missing, damaged, of an unknown kind, or without triangles; a size that
-        calls for another unit; what `mesh_from_arrays` refuses. One line.
+        A file that is missing, damaged, of an unknown kind, or without triangles; a size that needs
+        another unit; what `mesh_from_arrays` refuses; one line.
     """
     path = Path(os.path.expanduser(path))
     require_choice("unit", unit, UNITS)
@@ -95,7 +94,7 @@ def read_mesh(
 
 
 def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
-    """Refuse a size that calls for another unit; what is worse `mesh_from_arrays` refuses."""
+    """Raise `AsperityError` for a size that needs another unit."""
     if faces.min() < 0 or faces.max() >= len(vertices):
         return
     used = vertices[faces.ravel()]
@@ -104,20 +103,20 @@ def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
 
 
 def _of_all(parts: list[_Part], what: str, notes: list[str]) -> Array | None:
-    """Return what all parts have at their corners, or None if some have not."""
+    """Return an attribute of the corners of all parts, or None if some parts lack it."""
     values = [getattr(part, what) for part in parts]
     having = [value for value in values if value is not None]
     if len(having) == len(values):
         return np.concatenate(having)
     if having:
-        told = "texture coordinates" if what == "uv" else "normals"
+        what = "texture coordinates" if what == "uv" else "normals"
         lack = count_of(len(values) - len(having), "geometry", "geometries")
-        notes.append(f"{lack} of {len(values)} without {told}: those of the others are left out")
+        notes.append(f"{lack} of {len(values)} without {what}: those of the others are left out")
     return None
 
 
 def _load(path: Path) -> list[_Part]:
-    """Return the parts of the file at `path`, one at least."""
+    """Return the parts of the file at `path`, at least one."""
     suffix = path.suffix.lower()
     try:
         if not path.exists():
@@ -135,7 +134,7 @@ def _load(path: Path) -> list[_Part]:
         raise
     except MemoryError:
         _refuse(path, "too large for this computer's memory")
-    except Exception as error:  # whatever a reader makes of a damaged file
+    except Exception as error:  # any exception of a reader on a damaged file
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         _refuse(path, f"cannot be read as a {suffix} file: {reason}")
     if not parts:
@@ -148,7 +147,7 @@ def _refuse(path: Path, reason: str) -> Any:
 
 
 def _refuse_cut_short(path: Path) -> None:
-    """Refuse a binary STL file that ends before its last triangle: 84 bytes, and 50 for each."""
+    """Refuse a binary STL file that ends before its last triangle: 84 bytes and 50 for each."""
     data = path.read_bytes()
     if data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000]:
         return  # text
@@ -163,7 +162,7 @@ def _refuse_cut_short(path: Path) -> None:
 
 
 def _parts(path: Path, suffix: str) -> Iterator[_Part]:
-    """Yield the parts of a file, placed in the frame of the whole."""
+    """Yield the parts of a file in the frame of the whole."""
     scene = _scene(path, suffix)
     for node in scene.graph.nodes_geometry:
         transform, key = scene.graph[node]
@@ -186,12 +185,12 @@ def _parts(path: Path, suffix: str) -> Iterator[_Part]:
 
 
 def _scene(path: Path, suffix: str, **options: Any) -> Any:
-    """Return the file as a trimesh scene, nothing merged."""
-    import trimesh  # a second to import: only where a mesh is read
+    """Return the file as a trimesh scene without merged vertices."""
+    import trimesh  # takes a second to import
 
     if suffix == ".obj":
         text = _absolute(path.read_text(encoding="utf-8", errors="replace"))
-        # `maintain_order=True` would keep one texture coordinate a vertex and break the seams.
+        # `maintain_order=True` would keep one texture coordinate per vertex and break the seams.
         options |= {"skip_materials": True}
         file: Any = io.BytesIO(text.encode())
     elif suffix in (".glb", ".gltf"):
@@ -203,13 +202,13 @@ def _scene(path: Path, suffix: str, **options: Any) -> Any:
 
 
 def _normals(path: Path, suffix: str, geometry: Any) -> Array | None:
-    """Return the normals at the corners that are in the file, not computed by trimesh."""
+    """Return the normals of the corners that the file contains, not computed by trimesh."""
     if suffix == ".stl":
         return None
     if suffix == ".ply":
-        # Vertices split at seams of the texture come in another order than their normals.
+        # Vertices split at texture seams are in another order than their normals.
         (geometry,) = _scene(path, suffix, fix_texture=False).geometry.values()
-    # Computed ones come into this cache too, but only when they are asked for.
+    # Computed normals enter this cache too, but only on access.
     if "vertex_normals" not in geometry._cache:
         return None
     return np.asarray(geometry.vertex_normals, dtype=np.float64)[np.asarray(geometry.faces)]
@@ -221,7 +220,7 @@ def _placed(part: _Part, transform: Array) -> _Part:
         return part
     matrix = transform[:3, :3]
     vertices = part.vertices @ matrix.T + transform[:3, 3]
-    # The cofactors are the inverse transposed but for a factor, and exist without an inverse.
+    # The cofactor matrix is the inverse transpose up to a factor, and needs no inverse.
     cofactors = np.cross(np.roll(matrix, -1, axis=0), np.roll(matrix, -2, axis=0))
     mirrored = np.linalg.det(matrix) < 0.0
     faces, uv, normals = part.faces, part.uv, part.normals
@@ -235,7 +234,7 @@ def _placed(part: _Part, transform: Array) -> _Part:
 
 
 def _absolute(text: str) -> str:
-    """Return the text of an OBJ with the indices that count backwards made absolute."""
+    """Return the text of an OBJ file with relative indices made absolute."""
     if not re.search(r"^f[^\n]*[ /]-\d", text, flags=re.MULTILINE):
         return text
     seen = {"v": 0, "vt": 0, "vn": 0}
@@ -256,9 +255,9 @@ def _absolute(text: str) -> str:
 
 
 def _with_materials(path: Path, data: bytes) -> bytes:
-    """Return a GLB or glTF file in which every primitive has a material, or refuse it.
+    """Return a GLB or glTF file in which every primitive has a material; refuse compressed ones.
 
-    trimesh takes the texture coordinates with the material alone.
+    trimesh reads texture coordinates only with a material.
     """
     binary = data[:4] == b"glTF"
     if binary:

@@ -1,9 +1,8 @@
-"""Triangle meshes: low-resolution bodies whose detail is in their texture.
+"""Triangle meshes: low-resolution surfaces whose detail is in a texture.
 
-A mesh knows three things at each corner of each triangle: where it is, the unit normal along
-which the texture displaces it, and where it lies on the texture. Corners that share a vertex
-share the normal unless an edge between them is declared hard; so a displaced surface does not
-tear at its creases.
+Each corner of each triangle has a position, a unit normal along which the texture displaces it, and
+texture coordinates. Corners at one vertex share the normal unless an edge between them is declared
+hard, so a displaced surface stays closed at its creases.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A surface of triangles, checked; `mesh_from_arrays` makes it.
+    """A checked surface of triangles; made by `mesh_from_arrays`.
 
     Attributes
     ----------
@@ -35,12 +34,12 @@ class Mesh:
     faces : (m, 3) int64 array
         Vertices of each triangle, counter-clockwise as seen from outside.
     normals : (m, 3, 3) array
-        Unit normals at the corners of each triangle; the texture moves the surface along them.
+        Unit normals at the corners of each triangle, along which the texture displaces the surface.
     uv : (m, 3, 2) array or None
         Texture coordinates of the corners [-], 0 to 1 over the texture's whole extent, v upwards.
     name : str
     notes : tuple of str
-        What was found or changed when it was made: mirrored charts, open borders, and so on.
+        Findings and repairs: mirrored charts, open borders, and so on.
     """
 
     vertices: Array
@@ -60,11 +59,11 @@ def mesh_from_arrays(
     hard_angle: float | None = None,
     name: str = "mesh",
 ) -> Mesh:
-    """Return a mesh of triangles, checked and put right where that can be done.
+    """Return a checked mesh of triangles, repaired where possible.
 
-    Put right, with a note: triangles without area or there twice are dropped; neighbours are
-    wound alike; a closed mesh that is inside out is turned round. Only noted: borders, edges of
-    more than two triangles, triangles that cross (looked for in up to 20,000), and texture
+    Repaired, with a note: triangles without area and repeated triangles are dropped; neighbours are
+    wound consistently; a closed mesh that is inside out is inverted. Only noted: borders, edges of
+    more than two triangles, triangles that cross (checked for up to 20,000), and texture
     coordinates that are mirrored, overlap, leave 0..1 or have no area.
 
     Parameters
@@ -73,32 +72,31 @@ def mesh_from_arrays(
         [m]; the largest extent from 0.1 mm to 2 m.
     faces : (m, 3) array of int
         Vertices of each triangle, counter-clockwise as seen from outside; at most 2,000,000.
-        Vertices at one place (to 1e-7 of the size) count as one, as files split them at seams.
+        Vertices that coincide (to 1e-7 of the size) count as one, since files split them at seams.
     uv : (m, 3, 2) or (n, 2) array, optional
         Texture coordinates of the triangles' corners or of the vertices [-], v upwards, within
         1e6.
     normals : (m, 3, 3) or (n, 3) array, optional
-        Directions along which the texture displaces the surface, of any length; they are turned
-        to the side that the triangles face. Where they differ at one place the displaced surface
-        opens.
+        Directions along which the texture displaces the surface, of any length; they are reversed
+        where they point inwards. Where they differ at one vertex the displaced surface opens.
     hard_angle : float, optional
-        Computes the normals even where some are given; edges at which the normals of two triangles
-        differ by more than this are hard [degrees], 0 to 180. None: no edge is hard.
+        Angle [degrees], 0 to 180, between the normals of two triangles beyond which their edge is
+        hard; given normals are then ignored. None: no edge is hard.
     name : str
         For messages.
 
     Returns
     -------
     Mesh
-        Its arrays are copies that cannot be written to. Without given normals all triangles
-        round a place share one, weighted by their angles there (Thuermer and Wuethrich, J.
-        Graphics Tools 3, 43 (1998)); round a place in a plane, exactly the plane's.
+        Its arrays are read-only copies. Without given normals all triangles around a vertex share
+        one, weighted by their angles there (Thuermer and Wuethrich, J. Graphics Tools 3, 43
+        (1998)); around a vertex within a plane it is exactly the plane's.
 
     Raises
     ------
     AsperityError
         Arrays that are empty, of another shape or type, not finite; indices out of range;
-        triangles all without area; a size outside the range. One line.
+        triangles all without area; a size outside the range; one line.
     """
     if hard_angle is not None:
         require_between("hard_angle", hard_angle, 0.0, 180.0, "degrees")

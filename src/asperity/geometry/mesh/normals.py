@@ -1,10 +1,10 @@
 """Unit normals at the corners of triangles, along which a texture displaces them.
 
-A displaced surface tears wherever the corners that meet at a place have different normals. So all
-triangles round a place share one normal, weighted by their angles there (Thuermer and Wuethrich,
-J. Graphics Tools 3, 43 (1998)), except across edges that are declared hard. Which corners share
-is decided fan by fan: round a place, corners are joined from triangle to triangle over edges that
-are not hard, so a crease that ends half way over a surface separates nothing at its end.
+A displaced surface opens wherever corners at one vertex have different normals. So all triangles
+around a vertex share one normal, weighted by their angles there (Thuermer and Wuethrich, J.
+Graphics Tools 3, 43 (1998)), except across hard edges. Sharing is decided fan by fan: around a
+vertex, corners are joined from triangle to triangle over edges that are not hard, so a crease that
+ends within a surface separates nothing at its end.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from asperity.geometry.mesh.checks import Array, Indices, count_of, facet_height
 from asperity.geometry.mesh.topology import Edges, crosses, edges_of, next_corner
 
 FLAT = 1e-6
-"""Facets whose unit normals differ by less are coplanar [rad]: float32 files are no better."""
+"""Facets whose unit normals differ by less are coplanar [rad]: the accuracy of float32 files."""
 _SLIVER = 1e-6
 _CROWD = 64
 
 
 def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, NDArray[np.bool_]]:
-    """Return the normals of facets, exactly equal within a plane, their planes, and the slivers.
+    """Return the normals of facets, exactly equal within a plane; their planes; and the slivers.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, NDArra
     -------
     normals : (m, 3) array
     plane : (m,) array
-        The number of the connected coplanar set of each facet.
+        Index of the connected coplanar set of each facet.
     sliver : (m,) array
-        Facets too thin for their normals to be more than the rounding of their vertices.
+        Facets so thin that their normals are dominated by rounding of their vertices.
     """
     product = crosses(triangles)
     area = np.linalg.norm(product, axis=1)
@@ -57,7 +57,7 @@ def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, NDArra
 def smooth_normals(
     vertices: Array, faces: Indices, at: Indices, hard_angle: float | None, notes: list[str]
 ) -> Array:
-    """Return the corners' normals (m, 3, 3) computed from the triangles themselves.
+    """Return the corners' normals (m, 3, 3), computed from the triangles.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def smooth_normals(
     at : (m, 3) array
         Places of the corners.
     hard_angle : float or None
-        Edges whose normals differ by more are hard [rad]; None is none.
+        Edges whose normals differ by more are hard [rad]; None: no edge is hard.
     notes : list of str
-        Is added to.
+        Extended.
     """
     triangles = vertices[faces]
     edges = edges_of(at)
@@ -76,7 +76,7 @@ def smooth_normals(
     limit = -2.0 if hard_angle is None else np.cos(hard_angle)
     group = _fans(at, edges, facets, sliver, limit, notes)
     weights = _angles(triangles)
-    # The middle corner of a sliver has half a turn of angle and a normal made of rounding.
+    # The middle corner of a sliver has an angle of nearly pi and a normal made of rounding.
     alone = _sums(group, np.where(sliver[:, None], 0.0, weights).ravel(), group.max() + 1) == 0.0
     weights = np.where(sliver[:, None] & ~alone[group].reshape(-1, 3), 0.0, weights)
     weighted = (weights[:, :, None] * facets[:, None]).reshape(-1, 3)
@@ -88,13 +88,13 @@ def smooth_normals(
     corners = normals[group].reshape(-1, 3, 3)
     lost_corners = lost[group].reshape(-1, 3)
     if lost.any():
-        told = count_of(lost.sum(), "place")
-        notes.append(f"at {told} the triangles' normals cancel: each keeps its own there")
+        places = count_of(lost.sum(), "place")
+        notes.append(f"at {places} the triangles' normals cancel: each keeps its own there")
     return np.where(lost_corners[:, :, None], facets[:, None], snapped(corners, facets))
 
 
 def snapped(corners: Array, facets: Array) -> Array:
-    """Return corner normals (m, 3, 3), those of a plane exactly equal to the plane's (m, 3)."""
+    """Return corner normals (m, 3, 3); those within a plane exactly equal to the plane's (m, 3)."""
     near = np.linalg.norm(corners - facets[:, None], axis=2) < FLAT
     return np.where(near[:, :, None], facets[:, None], corners)
 
@@ -102,7 +102,7 @@ def snapped(corners: Array, facets: Array) -> Array:
 def _level(
     normals: Array, group: Indices, plane: Indices, counts: NDArray[np.bool_], facets: Array
 ) -> None:
-    """Give fans that lie in one plane exactly the plane's normal, slivers in them too."""
+    """Give fans within one plane exactly the plane's normal, slivers included."""
     low, high = (np.full(len(normals), k) for k in (np.iinfo(np.int64).max, -1))
     np.minimum.at(low, group[counts], plane[counts])
     np.maximum.at(high, group[counts], plane[counts])
@@ -118,7 +118,7 @@ def _fans(
     limit: float,
     notes: list[str],
 ) -> Indices:
-    """Return the number of the fan of each corner (3 m,); the corners of one share a normal."""
+    """Return the index of the fan of each corner (3 m,); the corners of one share a normal."""
     h, g = edges.pairs.T
     cosine = np.einsum("ij,ij->i", facets[h // 3], facets[g // 3])
     soft = (cosine >= limit - 1e-12) | sliver[h // 3] | sliver[g // 3]
@@ -127,14 +127,14 @@ def _fans(
         notes.append(f"the displaced surface opens at {hard}")
     start, end = _meeting(at.ravel(), h, g)
     over = np.concatenate([start[soft], end[soft]])
-    # A fan that ends at borders may be the rest of another: cracks and T-junctions split them.
+    # Cracks and T-junctions split fans: one that ends at borders may continue another.
     whole = joined(at.size, *np.concatenate([start, end]).T)
     over = np.concatenate([over, _over_borders(at.ravel(), edges, facets, whole, limit)])
     return joined(at.size, over[:, 0], over[:, 1])
 
 
 def _meeting(places: Indices, h: Indices, g: Indices) -> tuple[Indices, Indices]:
-    """Return the pairs of corners that meet at both ends of pairs of half-edges."""
+    """Return the pairs of corners at both ends of pairs of half-edges."""
     to_h, to_g = next_corner(h), next_corner(g)
     same_way = places[h] == places[g]
     start = np.stack([h, np.where(same_way, g, to_g)], axis=1)
@@ -144,7 +144,7 @@ def _meeting(places: Indices, h: Indices, g: Indices) -> tuple[Indices, Indices]
 def _over_borders(
     places: Indices, edges: Edges, facets: Array, whole: Indices, limit: float
 ) -> Indices:
-    """Return pairs of corners at borders that meet at a place, but over no edge."""
+    """Return pairs of corners at borders that meet at a vertex but share no edge."""
     half = np.flatnonzero(edges.borders)
     corners = np.unique(np.concatenate([half, next_corner(half)]))
     corners = corners[np.argsort(places[corners], kind="stable")]
@@ -183,7 +183,7 @@ def _unit(vectors: Array) -> Array:
 def given_normals(
     vertices: Array, faces: Indices, at: Indices, normals: Array, notes: list[str]
 ) -> Array:
-    """Return normals that were given, of unit length, on the side that their triangles face."""
+    """Return given normals at unit length, pointing to the side that their triangles face."""
     edges = edges_of(at)
     facets, _, sliver = flat_normals(vertices[faces], edges)
     largest = np.abs(normals).max(axis=2, keepdims=True)

@@ -1,4 +1,4 @@
-"""Where the corners of a mesh lie on its texture."""
+"""Texture coordinates [m] of the corners of a body's mesh, by its mapping."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 
 
 def places_on_texture(body: Body) -> Array | None:
-    """Return the place on the texture of every corner of a body's mesh [m], (m, 3, 2).
+    """Return the texture coordinates of every corner of a body's mesh [m], (m, 3, 2).
 
-    None without texture, and for triplanar maps, which are no one place.
+    None without texture, and for triplanar maps, which have three.
     """
     mesh, texture = body.mesh, body.texture
     if mesh is None or texture is None or body.mapping == "triplanar":
@@ -33,14 +33,14 @@ def places_on_texture(body: Body) -> Array | None:
 
 
 def _round_z(points: Array, vertices: Array, length: float, wraps: bool) -> Array:
-    """Return u round the z axis, at the mean distance from it, and v along it [m].
+    """Return u around the z axis, at the mean distance from it, and v along it [m].
 
-    Where the texture wraps, u is stretched so that it goes round a whole number of times.
+    If the texture wraps, u is scaled to a whole number of periods around the axis.
     """
     round_by = 2.0 * math.pi * float(np.mean(np.hypot(vertices[:, 0], vertices[:, 1])))
     if wraps:
         round_by = max(round(round_by / length), 1) * length
     angle = np.arctan2(points[:, :, 1], points[:, :, 0])
-    # The corners of a triangle within half a turn of its first.
+    # Corners of a triangle within half a turn of its first.
     angle -= 2.0 * math.pi * np.round((angle - angle[:, :1]) / (2.0 * math.pi))
     return np.stack([angle / (2.0 * math.pi) * round_by, points[:, :, 2]], axis=2)

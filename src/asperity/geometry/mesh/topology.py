@@ -1,8 +1,8 @@
-"""Which triangles meet at which edges; which way round they are wound; what is inside.
+"""Edges of triangle meshes, consistent winding, and orientation of closed parts.
 
-Everything here works on *places*, not vertices: a vertex that was split at a seam of the texture,
-or as STL splits all of them, is one place. A *half-edge* h = 3 f + c runs from corner c of
-triangle f to the next; an edge is met by one half-edge (a border), two, or more.
+All functions work on *places*, not vertices: coincident vertices, as at the seams of a texture or
+everywhere in STL, are one place. A *half-edge* h = 3 f + c runs from corner c of triangle f to the
+next; an edge has one half-edge (a border), two, or more.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class Edges(NamedTuple):
     Attributes
     ----------
     of_half : (3 m,) array
-        The edge of each half-edge.
+        Edge of each half-edge.
     size : (e,) array
-        How many half-edges meet in each edge.
+        Number of half-edges of each edge.
     pairs : (p, 2) array
-        Half-edges that meet; of an edge of more than two, all their pairs.
+        Half-edges that share an edge; of an edge with more than two, all their pairs.
     """
 
     of_half: Indices
@@ -35,12 +35,12 @@ class Edges(NamedTuple):
 
     @property
     def borders(self) -> NDArray[np.bool_]:
-        """(3 m,): whether a half-edge is alone in its edge."""
+        """Which half-edges are the only one of their edge, (3 m,)."""
         return self.size[self.of_half] == 1
 
 
 def edges_of(at: Indices) -> Edges:
-    """Return the edges of triangles whose corners are `at` the places (m, 3)."""
+    """Return the edges of triangles whose corners are at the places `at` (m, 3)."""
     start, end = at.ravel(), np.roll(at, -1, axis=1).ravel()
     keys = np.minimum(start, end) * (int(at.max()) + 1) + np.maximum(start, end)
     _, of_half, count = np.unique(keys, return_inverse=True, return_counts=True)
@@ -49,22 +49,22 @@ def edges_of(at: Indices) -> Edges:
     pairs = [np.stack([order[begin[count == 2] + k] for k in (0, 1)], axis=1)]
     for edge in np.flatnonzero(count > 2):
         halves = order[begin[edge] : begin[edge] + count[edge]]
-        # All pairs of a book's pages would be too many; of a thick one the neighbours do.
+        # An edge of very many triangles has too many pairs; consecutive ones suffice.
         few = combinations(halves, 2) if count[edge] <= 16 else pairwise(halves)
         pairs.append(np.array(list(few)))
     return Edges(of_half.astype(np.int64), count.astype(np.int64), np.concatenate(pairs))
 
 
 def next_corner(half: Indices) -> Indices:
-    """Return the corner that a half-edge runs to; it starts at the corner of its own number."""
+    """Return the half-edge that starts where half-edges end."""
     return half - half % 3 + (half + 1) % 3
 
 
 def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
-    """Return the mesh with neighbouring triangles wound alike, and closed ones facing outwards.
+    """Return the mesh with neighbouring triangles wound alike and closed parts facing outwards.
 
-    Where triangles disagree the smaller area is turned. A closed part with a negative volume is
-    turned round, unless it is a cavity in another.
+    Where triangles disagree the smaller area is flipped. A closed part with a negative volume is
+    inverted unless it is a cavity in another.
     """
     at = places[corners.faces]
     edges = edges_of(at)
@@ -90,12 +90,12 @@ def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
 def _disagreeing(
     corners: Corners, at: Indices, pairs: Indices, part: Indices, notes: list[str]
 ) -> NDArray[np.bool_]:
-    """Return which triangles to turn so that all of a part are wound alike."""
+    """Return which triangles to flip so that all triangles of a part are wound consistently."""
     m = len(at)
     start = at.ravel()
     same_way = start[pairs[:, 0]] == start[pairs[:, 1]]
     f, g = pairs[:, 0] // 3, pairs[:, 1] // 3
-    # A triangle as it is has the number f, turned round f + m: those that agree are joined.
+    # Node f is triangle f as it is, node f + m the flipped one: consistent ones are joined.
     first = np.concatenate([f, f + m])
     second = np.concatenate([np.where(same_way, g + m, g), np.where(same_way, g, g + m)])
     label = joined(2 * m, first, second)
@@ -106,7 +106,7 @@ def _disagreeing(
     area = np.linalg.norm(crosses(corners.vertices[corners.faces]), axis=1)
     total = np.bincount(label[:m], area, label.max() + 1)
     turn = (total[label[:m]] < total[label[m:]]) & ~one_sided
-    # Of two equal halves the one with the lower label stays, which is that of the first triangle.
+    # Of two equal halves the one with the first triangle stays.
     equal = (total[label[:m]] == total[label[m:]]) & ~one_sided
     turn |= equal & (label[:m] > label[m:])
     if turn.any():
@@ -115,7 +115,7 @@ def _disagreeing(
 
 
 def crosses(triangles: Array) -> Array:
-    """Return the cross products of the sides of triangles: twice their area along their normal."""
+    """Return the cross products of the sides of triangles: their normals, twice their area long."""
     a, b, c = triangles.swapaxes(0, 1)
     return np.cross(b - a, c - a)
 
@@ -126,7 +126,7 @@ def _inside_out(corners: Corners, part: Indices, closed: NDArray[np.bool_]) -> N
     triangles = triangles - corners.vertices.mean(axis=0)
     sixfold = np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2]))
     volume = np.where(closed, np.bincount(part, sixfold, len(closed)), 0.0)
-    # Noise of a part without volume is no sign: compare with its bounding box.
+    # The sign of a negligible volume is rounding: compare with the bounding box.
     low, high = (np.full((len(closed), 3), s * np.inf) for s in (1, -1))
     np.minimum.at(low, part, triangles.min(axis=1))
     np.maximum.at(high, part, triangles.max(axis=1))
@@ -144,9 +144,9 @@ def _inside_out(corners: Corners, part: Indices, closed: NDArray[np.bool_]) -> N
 
 
 def _winding_number(point: Array, triangles: Array) -> float:
-    """Return how often closed triangles enclose a point.
+    """Return the winding number of closed triangles around a point.
 
-    Their solid angles by van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30, 125 (1983).
+    Solid angles by van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30, 125 (1983).
     """
     a, b, c = (triangles - point).swapaxes(0, 1)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))

@@ -1,8 +1,8 @@
-"""What is unusual about the texture coordinates of a mesh, as notes with shares of its area.
+"""Notes on unusual texture coordinates of a mesh, with shares of its area.
 
-Nothing here is an error: a mirrored chart shows the texture mirrored, two charts in one place show
-the same piece of it twice, and a triangle whose corners lie on one line of the texture has no
-slope along its other direction. But a user who does not know will look for the fault elsewhere.
+None of these is an error: a mirrored chart shows the texture mirrored, overlapping charts show the
+same piece of it twice, and a triangle whose corners are collinear on the texture has no slope along
+one direction. The notes save a user from searching for the cause elsewhere.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str
         some, all_of = len(np.unique(charts[mirrored])), charts.max() + 1
         notes.append(f"texture mirrored on {share(mirrored)}, in {some} of {all_of} charts")
     if flat.any():
-        told = count_of(flat.sum(), "triangle")
-        notes.append(f"texture coordinates of {told} have no area: smooth there, {share(flat)}")
+        count = count_of(flat.sum(), "triangle")
+        notes.append(f"texture coordinates of {count} have no area: smooth there, {share(flat)}")
     if outside.any():
         notes.append(f"texture coordinates leave 0..1 on {share(outside)}: the texture repeats")
     if not flat.all():
@@ -53,7 +53,7 @@ def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str
 
 
 def charts_of(uv: Array, at: Indices, edges: Edges) -> Indices:
-    """Return the number of the chart of each triangle: those with the same uv along an edge."""
+    """Return the chart of each triangle; neighbours with equal uv along their edge share one."""
     h, g = edges.pairs.T
     places, flat = at.ravel(), uv.reshape(-1, 2)
     same_way = (places[h] == places[g])[:, None]
@@ -66,10 +66,10 @@ def charts_of(uv: Array, at: Indices, edges: Edges) -> Indices:
 
 
 def overlap(uv: Array) -> float:
-    """Return the share of the texture in use that several triangles use, repeats counted as one.
+    """Return the share of the used texture that several triangles use, counted modulo repeats.
 
-    Counted on a grid of 512 x 512, or coarser where triangles span many repeats: a sample is
-    used by the triangles that it lies inside.
+    Counted on a grid of 512 x 512, or coarser where triangles span many repeats: a triangle uses
+    the samples inside it.
     """
     texels = _TEXELS
     while texels > 4 and _cells(uv * texels)[2].sum() > _MAX_CELLS:
@@ -88,7 +88,7 @@ def overlap(uv: Array) -> float:
     for c in range(3):
         du, dv = u + 0.5 - places[which, c, 0], v + 0.5 - places[which, c, 1]
         left = sides[which, c, 0] * dv - sides[which, c, 1] * du
-        # Samples on a side belong to neither of its triangles.
+        # Samples on a side belong to neither triangle.
         inside &= sign[which] * left > 1e-6 * np.linalg.norm(sides, axis=2)[which, c]
     texel = (v[inside] % texels).astype(np.int64) * texels + (u[inside] % texels).astype(np.int64)
     used = np.bincount(texel, minlength=texels * texels)

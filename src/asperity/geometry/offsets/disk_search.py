@@ -1,17 +1,17 @@
-r"""The highest contact of a disk on a sampled profile, certified.
+r"""The highest contact of a disk on a sampled profile, certified by branch and bound.
 
-The problem: over a cubic spline `s(x)`, find the maximum of
+Over a cubic spline `s(x)`, find the maximum of
 
     f(x) = s(x) + sqrt(r^2 - (x - u)^2) - r,     |x - u| <= r,
 
-for a disk of radius `r` above `u`. Its value is the offset profile at `u`. All lengths here are
-in samples. Local maxima are many, so a descent alone proves nothing.
+for a disk of radius `r` above `u`. Its value is the offset profile at `u`. All lengths are in
+samples. There are many local maxima, so an ascent alone proves nothing.
 
-The idea: depth-first branch and bound. A block of cells is bounded by the pyramid plus the
-disk's lowest point over the block. Inside a cell, whose curvature is linear and so bounded by
-its ends, `f` is either concave, and then the tangent at any point bounds it, or bounded by
-`f(c) + |f'(c)| h + kappa h^2 / 2` from its middle. An interval is closed only by such a bound;
-what cannot be closed is halved.
+The search is depth-first. A block of cells is bounded by the pyramid plus the disk's height over
+the nearest point of the block. Inside a cell, whose curvature is linear and so bounded by its ends,
+`f` is either concave, and the tangent at any point bounds it, or bounded by
+`f(c) + |f'(c)| h + kappa h^2 / 2` from its middle. An interval is pruned only by such a bound; all
+others are halved.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ import numpy as np
 from asperity._core.kernels import kernel
 from asperity.texture.spline import evaluate_1d
 
-_STACK = 256
+_STACK_SIZE = 256
 _MAX_HALVINGS = 40
 _NEWTON_STEPS = 30
 
 
 @kernel
 def cap(distance_squared, radius):
-    """Return the height of a disk's or sphere's surface below its equator plane, minus r."""
+    """Return the height of a disk's or sphere's surface above its equator plane, minus r."""
     inside = radius * radius - distance_squared
     return math.sqrt(inside) - radius if inside > 0.0 else -np.inf
 
@@ -52,7 +52,7 @@ def _evaluate(coefficients, x, u, radius):
 
 
 @kernel
-def _climb(coefficients, low, high, x, u, radius):
+def _newton_ascent(coefficients, low, high, x, u, radius):
     """Return the maximiser of a concave f over [low, high] by safeguarded Newton from x."""
     for _ in range(_NEWTON_STEPS):
         _, slope, curvature = _evaluate(coefficients, x, u, radius)
@@ -72,7 +72,7 @@ def _climb(coefficients, low, high, x, u, radius):
 
 @kernel
 def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
-    """Search one cell; return the best value and place, given those known so far."""
+    """Search one cell; return the highest value and its position, given those known so far."""
     left = coefficients[cell] - 2.0 * coefficients[cell + 1] + coefficients[cell + 2]
     right = coefficients[cell + 1] - 2.0 * coefficients[cell + 2] + coefficients[cell + 3]
     edge = radius * (1.0 - 1e-12)
@@ -86,7 +86,7 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
         ends = left + (right - left) * (low - cell), left + (right - left) * (high - cell)
         ceiling = max(ends[0], ends[1]) - 1.0 / radius
         if ceiling < 0.0:
-            middle = _climb(coefficients, low, high, middle, u, radius)
+            middle = _newton_ascent(coefficients, low, high, middle, u, radius)
         value, slope, _ = _evaluate(coefficients, middle, u, radius)
         if value > best:
             best, best_x = value, middle
@@ -102,10 +102,10 @@ def _search_cell(coefficients, cell, u, radius, tolerance, best, best_x, spans):
 
 @kernel
 def _polish(coefficients, x, u, radius):
-    """Return (value, place) of the local maximum next to `x`, by Newton steps that never descend.
+    """Return (value, position) of the local maximum next to `x`, by ascending Newton steps.
 
     The search stops once the height is certified; the contact, and so the slope, would then be
-    known only to the square root of that.
+    known only to the square root of that tolerance.
     """
     value, slope, curvature = _evaluate(coefficients, x, u, radius)
     for _ in range(_NEWTON_STEPS):
@@ -124,20 +124,20 @@ def _polish(coefficients, x, u, radius):
 
 @kernel
 def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
-    """Return (offset height, place of contact), both in samples, for a disk above `u`.
+    """Return (offset height, position of the contact), both in samples, for a disk above `u`.
 
     Parameters
     ----------
     coefficients : (n + 4 + 2 margin,) array
         Spline coefficients, padded by at least `radius + 1` cells; divided by the pixel size.
     pyramid : Pyramid
-        Of those coefficients.
+        Bounds of those coefficients.
     u : float
-        Place of the disk's centre [samples], counted from the first cell's start.
+        Position of the disk's centre [samples], counted from the start of the first cell.
     tolerance : float
         The result is at most this far below the true maximum [samples].
     guess : float
-        A place to start from; the last contact, say.
+        Starting point, for example the previous contact.
     nodes, spans : (>= 256, 2) int64 and (>= 64, 2) float64 arrays
         Working memory.
     """
@@ -166,7 +166,7 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
             continue
         first = index << 1
         second = first + 1
-        # The child nearer to the contact known so far is searched first (pushed last).
+        # The child nearer to the best contact so far is searched first (pushed last).
         if second < pyramid.shapes[level - 1, 1]:
             middle = float(second << (level - 1))
             if best_x < middle:
@@ -183,8 +183,8 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
 
 @kernel
 def search_many(coefficients, pyramid, places, radius, tolerance, heights_out, contacts_out):
-    """Fill the offset height and place of contact for every place; see `search`."""
-    nodes = np.empty((_STACK, 2), dtype=np.int64)
+    """Fill the offset height and the position of the contact above every place; see `search`."""
+    nodes = np.empty((_STACK_SIZE, 2), dtype=np.int64)
     spans = np.empty((_MAX_HALVINGS + 4, 2))
     shift = 0.0
     for i in range(places.size):

@@ -77,7 +77,7 @@ class DotPlate:
     """A plate of raised dots (truncated cones) on a jittered square lattice.
 
     The tile of `rows` x `columns` dots repeats; a probe is dragged along `v = line`. The defaults
-    of height, diameter and jitter are asperity's: the seed paper gives none.
+    of height, diameter and jitter were chosen for this package; Otaduy & Lin (2004) give none.
 
     Parameters
     ----------

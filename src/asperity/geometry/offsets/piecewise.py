@@ -1,13 +1,12 @@
-r"""Piecewise cubics: a fast, compiled stand-in for a periodic function with kinks and jumps.
+r"""Piecewise cubics: a fast, compiled approximation of a periodic function with kinks and jumps.
 
-The problem: a hand that is dragged for seconds asks for the texture force a million times, and
-an exact offset costs microseconds each time. The force has jumps, where the probe's contact
-leaps from one asperity to the next; a table that smooths over them has an error that no step
-size removes.
+A dragged hand evaluates the texture force a million times in seconds, and an exact offset costs
+microseconds. The force jumps where the probe's contact switches from one asperity to the next; a
+table that smooths the jumps has an error that no step size removes.
 
-The idea: find the jumps first, by quartering on the exact function, and put an edge of the table
-on each. Between jumps the function is smooth, and the intervals are halved until the cubic
-through four Chebyshev nodes agrees with the exact function at four other places.
+So the jumps are located first, by subdivision on the exact function, and each becomes an edge of
+the table. Between jumps the function is smooth, and intervals are halved until the cubic through
+four Chebyshev nodes agrees with the exact function at four other points.
 """
 
 from __future__ import annotations
@@ -23,27 +22,27 @@ Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
 _CHECKS = np.array([0.01, 0.35, 0.8, 0.99])
 _FIRST_CHECKS = np.array([1e-8, 0.35, 0.8, 1.0 - 1e-8])
-"""While jumps are looked for: one that hides beside an edge would be put on that edge."""
+"""Used while jumps are located: a jump beside an edge would be placed on that edge."""
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
 _MAX_HALVINGS = 8
 _QUARTERS = np.linspace(0.0, 1.0, 5)
 _LEAST_JUMP = 1e-4
-"""A step of less than this part of the largest value is not counted as a jump."""
+"""Smallest jump, relative to the largest value."""
 _JUMP_WIDTH = 1e-3
-"""A jump is bracketed to this times the tolerance, in cells."""
+"""Width to which a jump is bracketed, in tolerances and cells."""
 
 
 class PiecewiseCubic(NamedTuple):
-    """A periodic function made of cubics; passes into compiled kernels as it is."""
+    """A periodic function of cubics that compiled kernels accept."""
 
     edges: NDArray[np.float64]
-    """Where the cubics begin, then the period; shape (n + 1,), from 0."""
+    """Starts of the cubics, then the period; shape (n + 1,), from 0."""
     coefficients: NDArray[np.float64]
-    """Of 1, t, t^2, t^3 with t in [0, 1] over the interval; shape (n, 4)."""
+    """Coefficients of 1, t, t^2, t^3 with t in [0, 1] over the interval; shape (n, 4)."""
     jumps: NDArray[np.float64]
-    """Where the function jumps, rising, each one an edge; may be empty."""
+    """Positions of the jumps, increasing, each an edge; may be empty."""
     error: float
-    """Largest difference seen from the function at the places of the check."""
+    """Largest deviation from the function at the check points."""
 
     @property
     def period(self) -> float:
@@ -92,7 +91,7 @@ def tabulate(
         jumps = _bracket_jumps(function, bad, width, least)
         low, high = _split(bad, jumps, 100.0 * width)
         more = _refine(function, low, high, limit, _MAX_HALVINGS, _CHECKS)
-        # What is still bad then is kept: it is too narrow to matter, and `error` tells.
+        # Intervals still inaccurate are kept: they are too narrow to matter; see `error`.
         rest = _cubics(function, more[2][:, 0], more[2][:, 1], _CHECKS) if more[2].size else None
         for extra in (more, rest):
             if extra is not None:
@@ -101,7 +100,7 @@ def tabulate(
                 error = max(error, extra[3])
     order = np.argsort(edges)
     edges, coefficients = edges[order], coefficients[order]
-    # A jump that happened to lie on an edge was never inside a bad interval: ask the table.
+    # A jump exactly on an edge was never inside an interval: the table shows it.
     leaps = np.abs(coefficients[:, 0] - np.roll(np.sum(coefficients, axis=1), 1))
     return PiecewiseCubic(np.append(edges, period), coefficients, edges[leaps > least], error)
 
@@ -134,7 +133,7 @@ def _cubics(
     high: NDArray[np.float64],
     checks: NDArray[np.float64],
 ) -> _Cubics:
-    """Return starts, coefficients, errors and the worst error of one cubic an interval."""
+    """Return starts, coefficients, errors and the largest error of one cubic per interval."""
     width = (high - low)[:, None]
     samples = function(low[:, None] + width * np.concatenate([_NODES, checks]))
     powers = samples[:, :4] @ _TO_POWERS.T
@@ -151,7 +150,7 @@ def _refine(
     halvings: int,
     checks: NDArray[np.float64],
 ) -> _Cubics:
-    """Return starts and coefficients of good cubics, the bad intervals (k, 2), the worst error."""
+    """Return starts and coefficients of accurate cubics, the others (k, 2), the largest error."""
     starts, cubics, worst = [np.empty(0)], [np.empty((0, 4))], 0.0
     for level in range(halvings + 1):
         _, powers, error, _ = _cubics(function, low, high, checks)
@@ -170,7 +169,7 @@ def _refine(
 def _split(
     intervals: NDArray[np.float64], jumps: NDArray[np.float64], sliver: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return beginnings and ends of the intervals, cut at jumps that leave more than a sliver."""
+    """Return starts and ends of the intervals, cut at jumps that leave more than a sliver."""
     low, high = [], []
     for start, stop in intervals[np.argsort(intervals[:, 0])]:
         inside = jumps[(jumps > start + sliver) & (jumps < stop - sliver)]
@@ -183,14 +182,14 @@ def _split(
 def _bracket_jumps(
     function: Function, suspects: NDArray[np.float64], width: float, least: float
 ) -> NDArray[np.float64]:
-    """Return the places inside the suspect intervals where the function jumps by over `least`."""
+    """Return the positions in the given intervals where the function jumps by over `least`."""
     low, high = suspects[:, 0], suspects[:, 1]
     at_low, at_high = function(low), function(high)
     row = np.arange(low.size)
     while np.max(high - low) > width:
         places = low[:, None] + (high - low)[:, None] * _QUARTERS
         values = np.column_stack([at_low, function(places[:, 1:4]), at_high])
-        # Smooth change is shared by all quarters: the one unlike the others holds the jump,
+        # All quarters share a smooth change: the outlier contains the jump,
         # also where the function falls steeply towards an upward jump.
         changes = np.diff(values, axis=1)
         odd = np.argmax(np.abs(changes - np.median(changes, axis=1, keepdims=True)), axis=1)

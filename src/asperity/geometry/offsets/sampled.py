@@ -1,4 +1,4 @@
-"""Measured or synthesised heights, in one or two dimensions, as surfaces a probe can trace."""
+"""Measured or synthesised heights, in one or two dimensions, as surfaces for a probe to trace."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _Search = Callable[
 ]
 
 CERTIFIED_TO = 1e-12
-"""An offset height lies at most this far below the true maximum [m]."""
+"""An offset height is at most this far below the true maximum [m]."""
 
 STEEPEST = 50.0
-"""Largest slope between samples that is taken for a surface: 89 degrees."""
+"""Largest slope between samples accepted as a surface: 89 degrees."""
 
 
 def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> NDArray[np.float64]:
-    """Return `heights` as a float array, or raise `SurfaceError` saying what is wrong with it."""
+    """Return `heights` as a float array, or raise `SurfaceError` naming the invalid value."""
     try:
         array = np.asarray(heights, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -44,7 +44,7 @@ def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> N
 
 
 def check_steepness(samples: NDArray[np.float64], pixel_size: float) -> None:
-    """Raise `SurfaceError` if neighbouring samples are steeper than any probe can follow."""
+    """Raise `SurfaceError` if neighbouring samples are steeper than a probe can follow."""
     for axis in range(samples.ndim):
         slope = float(np.max(np.abs(np.diff(samples, axis=axis)))) / pixel_size
         if slope > STEEPEST:
@@ -67,7 +67,7 @@ def _radius_of(diameter: float, extent: float) -> float:
 def _fold(
     u: NDArray[np.float64], length: float, border: str
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return `u` brought into [0, length], and -1 where that runs the map backwards."""
+    """Return `u` folded into [0, length], and -1 where the map is reversed there, else 1."""
     if border == "wrap":
         return np.mod(u, length), np.ones_like(u)
     place = np.mod(u, 2.0 * length)
@@ -77,7 +77,7 @@ def _fold(
 
 @dataclass(frozen=True)
 class _Sampled:
-    """What a line of samples and a grid of them have in common: how they lie along u."""
+    """Properties along u that a profile and a map of samples share."""
 
     samples: NDArray[np.float64]
     pixel_size: float

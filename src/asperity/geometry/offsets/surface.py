@@ -1,4 +1,4 @@
-r"""Offset surfaces: what the lowest point of a probe traces when it is dragged over a surface.
+r"""Offset surfaces: the path of the lowest point of a probe dragged over a surface.
 
 A sphere (in one dimension a disk) of diameter D = 2 R above `u` rests on the surface `h` with
 its lowest point at
@@ -7,7 +7,7 @@ its lowest point at
 
 For a probe whose lowest point moves along the height zero this is the directional penetration
 depth delta of Otaduy & Lin (2004, section 3.2). By the envelope theorem its slope is that of
-the term in brackets at the maximiser `x*`, the place of contact:
+the term in brackets at the maximiser `x*`, the point of contact:
 
     dH/du = (x* - u) / sqrt(R^2 - (x* - u)^2) .
 """
@@ -25,22 +25,22 @@ from asperity.errors import AsperityError, require_positive
 
 
 class OffsetTrace(NamedTuple):
-    """What a probe meets above each of the places that were asked for."""
+    """Offset heights, slopes and contacts at given positions."""
 
     height: NDArray[np.float64]
     """Height H of the probe's lowest point [m]."""
     slope: NDArray[np.float64]
     """dH/du, one-sided where two contacts tie."""
     contact: NDArray[np.float64]
-    """Where along u the probe touches [m]."""
+    """Position of the contact along u [m]."""
 
 
 Tracer = Callable[[ArrayLike], OffsetTrace]
-"""Places u [m] in, `OffsetTrace` of the same shape out."""
+"""Function from positions u [m] to an `OffsetTrace` of the same shape."""
 
 
 class Surface(Protocol):
-    """What a probe can be dragged over along a straight line."""
+    """A surface over which a probe can be dragged along a straight line."""
 
     @property
     def period(self) -> float:
@@ -48,11 +48,11 @@ class Surface(Protocol):
 
     @property
     def spacing(self) -> float:
-        """Distance between neighbouring elements [m]: what the studies vary."""
+        """Distance between neighbouring elements [m], the variable of the studies."""
 
     @property
     def mirrored(self) -> bool:
-        """Whether the second half of the period is the first, run backwards."""
+        """Whether the second half of the period is the first, reversed."""
 
     @property
     def cells(self) -> int:

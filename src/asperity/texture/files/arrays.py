@@ -1,7 +1,7 @@
 """Heights from arrays, text and the files of measuring instruments.
 
-Every loader returns what its file holds, as `Stored`: values in metres with a pixel size where the
-file gives them, or grey levels that still need a scale.
+Every loader returns the contents of its file as `Stored`: values in metres, with a pixel size where
+the file gives one, or grey levels without a scale.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _INSTRUMENTS = """
     vk3 vk4 vk6 vk7 x3p xlsx xyz zmg zon
 """
 INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
-"""What SurfaceTopography reads and the other readers do not."""
+"""Extensions that SurfaceTopography reads and the other readers do not."""
 UNITS = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0}
 """Of heights [m]."""
 _PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
@@ -35,7 +35,7 @@ _MISSING_WORDS = ("", "na", "n/a", "null", "none", "-")
 
 
 class Stored(NamedTuple):
-    """What a file holds: values in metres, or grey levels without a scale."""
+    """Contents of a file: values in metres, or grey levels without a scale."""
 
     values: NDArray[Any]
     notes: tuple[str, ...] = ()
@@ -45,7 +45,7 @@ class Stored(NamedTuple):
 
 
 def refuse(path: Path, reason: str) -> NoReturn:
-    """Raise `SurfaceError`: one line that names the file."""
+    """Raise `SurfaceError` with one line that names the file."""
     raise SurfaceError(f"{path}: {reason}") from None
 
 
@@ -55,7 +55,7 @@ def load_npy(path: Path) -> Stored:
 
 
 def _numbers(values: Any, unit: float = 1.0, notes: tuple[str, ...] = ()) -> Stored:
-    """Return an array as heights if it holds fractions, as grey levels if whole numbers."""
+    """Return an array as heights if its type is a float, as grey levels if an integer."""
     if values.dtype.kind in "ui":
         notes = (*notes, "whole numbers are read as grey levels")
         return Stored(values, notes, in_metres=False, step=level_step(values))
@@ -65,7 +65,7 @@ def _numbers(values: Any, unit: float = 1.0, notes: tuple[str, ...] = ()) -> Sto
 
 
 def load_npz(path: Path, array: str | None = None) -> Stored:
-    """Return one array of an archive, in metres, and the pixel size if it is there too."""
+    """Return one array of an archive, in metres, and the pixel size if the archive has it."""
     with zipfile.ZipFile(path) as members:
         check_size(path, sum(member.file_size for member in members.infolist()) // 8)
     with np.load(path, allow_pickle=False) as archive:
@@ -87,7 +87,7 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
 
 
 def _unit_of(name: str) -> str:
-    """Return the unit that the name of some heights ends in, metres if none."""
+    """Return the unit by which the name of some heights ends, by default metres."""
     match = _HEIGHT_KEY.fullmatch(name)
     return match.group(1) if match else "m"
 
@@ -131,7 +131,7 @@ def load_text(path: Path) -> Stored:
     notes: tuple[str, ...] = ()
     unit = "m"
     for number, line in numbered:
-        # Where semicolons part the columns, a comma is a decimal mark.
+        # Where semicolons separate the columns, a comma is a decimal mark.
         words = line.replace(",", ".") if separator == ";" else line
         try:
             rows.append([_number(word) for word in words.split(separator)])
@@ -176,6 +176,6 @@ def load_instrument(path: Path) -> Stored:
         notes = (*notes, f"heights in the file's unit, {topography.unit}, are turned into m")
         topography = topography.to_unit("m")
         heights, pixel_size = topography.heights(), _square(path, topography.pixel_size)
-    # There the first index runs along u.
+    # Its first index runs along u.
     values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan).T
     return Stored(values, notes, pixel_size, topography.unit is not None)

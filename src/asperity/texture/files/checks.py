@@ -1,4 +1,4 @@
-"""What samples, pixel sizes and places of a height field may be, and refusal of the rest."""
+"""Valid samples, pixel sizes and positions of a height field, and refusal of others."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from asperity.errors import AsperityError, SurfaceError
 from asperity.texture.files.images import MAX_SAMPLES
 
 MAX_SLOPE = 100.0
-"""Steeper than this (89.4 degrees) is taken for a scale in the wrong unit, and refused."""
+"""Largest slope (89.4 degrees); steeper maps have a scale in the wrong unit."""
 MAX_HEIGHT = 10.0
-"""The highest or lowest sample [m]: heights are a texture's, not a landscape's."""
+"""Largest absolute height [m]: of a texture, not of a landscape."""
 MAX_PLACE = 1e6
-"""The farthest place that is evaluated [m]."""
+"""Largest coordinate that is evaluated [m]."""
 PIXEL_SIZES = (1e-9, 1.0)
-"""The smallest and the largest pixel size [m]."""
+"""Smallest and largest pixel size [m]."""
 
 
 def checked_pixel_size(pixel_size: float | Sequence[float]) -> tuple[float, float]:
@@ -36,7 +36,7 @@ def checked_pixel_size(pixel_size: float | Sequence[float]) -> tuple[float, floa
 
 
 def checked_samples(samples: ArrayLike) -> NDArray[np.float64]:
-    """Return a copy of `samples` if heights can be what they are, or raise `SurfaceError`."""
+    """Return a copy of `samples` if they are valid heights, or raise `SurfaceError`."""
     try:
         given = np.asarray(samples)
         if given.dtype.kind not in "iuf":
@@ -75,7 +75,7 @@ def check_steepness(
 
 
 def checked_places(name: str, places: ArrayLike) -> NDArray[np.float64]:
-    """Return places [m] as an array if they are finite and not too far, or raise."""
+    """Return positions [m] as an array if they are finite and not too far, or raise."""
     values = np.asarray(places, dtype=np.float64)
     if not np.all(np.abs(values) <= MAX_PLACE):  # NaN compares false
         raise AsperityError(f"{name} must be finite and within {MAX_PLACE:g} m of 0")

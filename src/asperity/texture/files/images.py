@@ -1,9 +1,9 @@
-"""Grey values of image files, with all their bits, and the smoothing of coarse grey levels.
+"""Grey values of image files at full bit depth, and smoothing of coarse grey levels.
 
-Three things go wrong silently when a height map is read as if it were a picture: 16-bit colour
-and 16-bit grey-alpha PNG come back with 8 bits, a palette file comes back as indices, and the
-256 steps of an 8-bit map stay in the surface, where a probe feels them. Here 16 bits stay 16, a
-palette is looked up, and `smooth_levels` takes the steps out without contradicting the file.
+Reading a height map like a picture fails silently in three ways: 16-bit colour and 16-bit
+grey-alpha PNG are reduced to 8 bits, a palette file yields indices, and the 256 levels of an 8-bit
+map remain as steps that a probe feels. Here 16 bits stay 16, palettes are applied, and
+`smooth_levels` removes the steps within the file's rounding.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from asperity.errors import SurfaceError
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr")
 MAX_SAMPLES = 2**27
-"""The largest map that is read, in samples: 8192 x 16384, 1 GiB as heights."""
+"""Largest map that is read [samples]: 8192 x 16384, 1 GiB as heights."""
 
 _LUMINANCE = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 _SMOOTHING_STEPS = 40
@@ -37,9 +37,9 @@ class GreyImage(NamedTuple):
     values : (rows, columns) array
         Grey values, the first row at the top of the picture.
     step : float
-        Difference between neighbouring grey levels; 0 where the values are not in levels.
+        Difference between neighbouring grey levels; 0 for values that are not quantised.
     notes : tuple of str
-        What was done to the file's values.
+        Conversions of the file's values.
     """
 
     values: NDArray[np.float64]
@@ -59,14 +59,14 @@ def read_image(path: Path) -> GreyImage:
 
 
 def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
-    """Return the pixels of an image with all their bits, and notes; for `_grey` or as normals.
+    """Return the pixels of an image at full bit depth, and notes.
 
     Returns
     -------
     pixels : (rows, columns) or (rows, columns, channels) array
-        As stored, palettes looked up, the first row at the top of the picture.
+        As stored, palettes applied, the first row at the top of the picture.
     notes : tuple of str
-        What was done to get them.
+        Conversions made.
     """
     suffix = path.suffix.lower()
     if suffix == ".exr":
@@ -95,7 +95,7 @@ def check_size(path: Path, *shape: int) -> None:
 def level_step(values: NDArray[Any]) -> float:
     """Return the difference between neighbouring grey levels of integer values.
 
-    Values of 16 bits that are all multiples of 257 or of 256 are 8-bit values in a wider file.
+    Values of 16 bits that are all multiples of 257 or of 256 are 8-bit values in a wider type.
     """
     if values.dtype.kind not in "ui":
         return 0.0
@@ -126,10 +126,10 @@ def _grey(pixels: NDArray[Any], notes: tuple[str, ...] = ()) -> GreyImage:
 
 
 def unit_vectors(pixels: NDArray[Any]) -> tuple[NDArray[np.float64], bool]:
-    """Return colours as vectors, -1 to 1, and whether they are unit normals, blue along them.
+    """Return colours as vectors, -1 to 1, and whether they are unit normals with blue along z.
 
-    Whole numbers are taken from 0 to the largest of their type, fractions from 0 to 1, or as they
-    are where some are negative.
+    Integers are scaled from 0 to the largest of their type, floats from 0 to 1, or unscaled if some
+    are negative.
     """
     if pixels.dtype.kind == "u":
         vectors = pixels[..., :3] * (2.0 / np.iinfo(pixels.dtype).max) - 1.0
@@ -142,7 +142,7 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[NDArray[np.float64], bool]:
 
 
 def _refuse_normal_map(pixels: NDArray[Any]) -> None:
-    """Raise if the colours are unit vectors, with blue along the normal: no heights are there."""
+    """Raise if the colours are unit vectors: the image is a normal map, not a height map."""
     if pixels.dtype.kind == "u" and unit_vectors(pixels)[1]:
         raise ValueError(
             "its colours are unit vectors: a normal map; valid: a map of heights, or "
@@ -153,9 +153,9 @@ def _refuse_normal_map(pixels: NDArray[Any]) -> None:
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
     """Return the pixels of a 16-bit PNG of several channels.
 
-    Pillow opens these files with 8 bits a channel. Its zip decoder gives all of them when it is
-    asked twice, for the upper and for the lower byte, or, with two channels, when the four bytes
-    of a pixel are called RGBA.
+    Pillow opens these files with 8 bits a channel. Its zip decoder yields all bits in two passes,
+    for the upper and for the lower byte, or, with two channels, when the four bytes of a pixel are
+    declared as RGBA.
     """
     from PIL import Image
 
@@ -220,7 +220,7 @@ def _read_tiff(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
         try:
             pixels = page.asarray()
         except ValueError as error:
-            # Some compressions need another package; Pillow knows them, but not with 16 bits.
+            # Some compressions need another package; Pillow reads them, but not with 16 bits.
             if "imagecodecs" not in str(error):
                 raise
             if page.samplesperpixel > 1 and page.bitspersample > 8:
@@ -264,15 +264,15 @@ def _read_exr(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
 def smooth_levels(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     r"""Return the smoothest surface that rounds to the same grey levels as `values`.
 
-    Rounding to levels turns a slope into a staircase; a cubic spline follows every stair. Of all
-    surfaces within half a level of the file this takes the one of least curvature,
+    Rounding to levels turns a slope into a staircase, and a cubic spline follows every step. Of all
+    surfaces within half a level of the file this is the one of least curvature,
 
         minimise  sum (laplacian h)^2    with  |h - values| <= step / 2,
 
-    by 40 steps of the accelerated projected gradient method. So no height moves by more than
-    half a level, and edges stay where they are. On waves 25 to 250 samples long that fill 8
-    bits, the noise in the slope falls by 8 to 15 dB; on surfaces whose detail is only a few
-    samples wide there is nothing to gain (1 to 2 dB are lost): keep such levels.
+    by 40 steps of the accelerated projected gradient method. So no height changes by more than half
+    a level, and edges are preserved. On waves 25 to 250 samples long that fill 8 bits, the noise in
+    the slope falls by 8 to 15 dB; on surfaces whose detail is only a few samples wide it rises by 1
+    to 2 dB: keep the levels of those.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def smooth_levels(values: NDArray[np.float64], step: float) -> NDArray[np.float6
 
 @kernel
 def _laplacian(h: NDArray[np.float64], laplacian_out: NDArray[np.float64]) -> None:
-    """Five-point Laplacian of `h`, mirrored at its borders."""
+    """Return the five-point Laplacian of `h`, mirrored at its borders."""
     rows, columns = h.shape
     for i in range(rows):
         above, below = max(i - 1, 0), min(i + 1, rows - 1)

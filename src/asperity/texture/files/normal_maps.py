@@ -1,20 +1,20 @@
 r"""Heights from normal maps.
 
 A normal map stores, for every pixel, the unit normal of a surface as a colour. Its slopes are
-`h_u = -n_u / n_z` and `h_v = -n_v / n_z`; the heights are those whose slopes come nearest to them
-in the sense of least squares. So the vertical scale follows from the pixel size: a normal map,
-unlike an image of heights, holds the ratio of the two.
+`h_u = -n_u / n_z` and `h_v = -n_v / n_z`; the heights are those whose slopes fit them best in the
+least-squares sense. So the vertical scale follows from the pixel size: unlike an image of heights,
+a normal map contains the ratio of the two.
 
 *Wrap.* Each wave of the heights follows from the same wave of both slopes (Frankot & Chellappa
 1988), exactly where the slopes are those of a periodic surface.
 
-*Clamp.* The rise from a sample to the next is the integral of the slope, taken from the cubic
-spline through the slopes (exact for slopes of the third degree; the usual mean of two neighbours
-loses 5 % of a wave of 8 pixels). Heights that fit all rises best solve Poisson's equation with
-free borders, which the cosine transform diagonalises (Simchony, Chellappa & Shao 1990).
+*Clamp.* The rise from a sample to the next is the integral of the slope, from the cubic spline
+through the slopes (exact for slopes of the third degree; the mean of two neighbours would lose 5 %
+of a wave of 8 pixels). The heights that fit all rises best solve Poisson's equation with free
+borders, which the cosine transform diagonalises (Simchony, Chellappa & Shao 1990).
 
-What a normal map does not hold: its mean height, and steps so steep that they fall between two
-pixels. Its mean slope is taken for a tilt of the camera or of the base and left out.
+A normal map does not contain the mean height, nor steps so steep that they fall between two pixels.
+Its mean slope is attributed to a tilt of the camera or of the base and removed.
 
 References
 ----------
@@ -43,7 +43,7 @@ from asperity.texture.files.reading import Heights
 
 CONVENTIONS = ("opengl", "directx")
 STEEPEST = 20.0
-"""Normals that lean further than this slope (87 degrees), or point down, are set to it."""
+"""Normals with a larger slope (87 degrees), or that point down, are limited to it."""
 _TILT = 1e-3
 
 
@@ -56,7 +56,7 @@ def read_normal_map(
     height_range: float | None = None,
     invert: bool = False,
 ) -> Heights:
-    """Return the heights of the surface whose normals an image holds.
+    """Return the heights of the surface whose normals an image contains.
 
     Parameters
     ----------
@@ -66,13 +66,13 @@ def read_normal_map(
     pixel_size : float
         Distance between samples [m], above 0. The heights are proportional to it.
     convention : {"opengl", "directx"}
-        Green up the picture, or down. With the wrong one, hills lit from above look like valleys.
+        Green points up the picture, or down. The wrong one inverts hills and valleys along v.
     border : {"clamp", "wrap"}
-        Whether the surface ends at the borders or repeats there.
+        Whether the surface ends at the borders or repeats.
     height_range : float, optional
-        Height from the lowest to the highest sample [m]; scales what the slopes give.
+        Height from the lowest to the highest sample [m], to which the heights are scaled.
     invert : bool
-        Turns hills into valleys.
+        Exchanges hills and valleys.
 
     Returns
     -------
@@ -123,11 +123,11 @@ def integrate_slopes(
     Parameters
     ----------
     h_u, h_v : (nv, nu) array
-        Slopes at the samples, finite; 4 samples or more along each axis. Their means are left out.
+        Slopes at the samples, finite; 4 samples or more along each axis. Their means are removed.
     pixel_size : float or (pu, pv)
         Distance between samples [m].
     border : {"clamp", "wrap"}
-        Whether the surface ends at the borders or repeats there.
+        Whether the surface ends at the borders or repeats.
 
     Returns
     -------
@@ -155,11 +155,11 @@ def integrate_slopes(
 def _repeating(
     h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Wave by wave: h = -i (k_u h_u + k_v h_v) / k^2."""
+    """Return the heights wave by wave: h = -i (k_u h_u + k_v h_v) / k^2."""
     rows, columns = h_u.shape
     k_u = 2.0 * np.pi * np.fft.rfftfreq(columns, pixel[0])[None, :]
     k_v = 2.0 * np.pi * np.fft.fftfreq(rows, pixel[1])[:, None]
-    # The slope of the shortest wave is zero at every sample: it says nothing about its height.
+    # The slope of the shortest wave is zero at every sample and does not determine its height.
     if columns % 2 == 0:
         k_u[0, -1] = 0.0
     if rows % 2 == 0:
@@ -173,10 +173,10 @@ def _repeating(
 def _ending(
     h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
 ) -> NDArray[np.float64]:
-    """Poisson's equation for the rises between samples, by the cosine transform."""
+    """Solve Poisson's equation for the rises between samples by the cosine transform."""
     rows, columns = h_u.shape
     source = np.zeros(h_u.shape)
-    rises = _rises(h_u, 1) / pixel[0]  # over the pixel squared, as the Laplacian below
+    rises = _rises(h_u, 1) / pixel[0]  # divided by the squared pixel, as the Laplacian below
     source[:, :-1] += rises
     source[:, 1:] -= rises
     rises = _rises(h_v, 0) / pixel[1]
@@ -190,7 +190,7 @@ def _ending(
 
 
 def _rises(slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    """Return the rise from each sample to the next along `axis`, over the pixel size."""
+    """Return the rise from each sample to the next along `axis`, in pixel sizes."""
     integral = interpolate.CubicSpline(np.arange(slopes.shape[axis]), slopes, axis).antiderivative()
     return np.diff(integral(np.arange(slopes.shape[axis])), axis=axis)
 
@@ -208,7 +208,7 @@ def _read_vectors(path: Path) -> tuple[NDArray[np.float64], list[str]]:
         raise
     except MemoryError:
         refuse(path, "too large for this computer's memory")
-    except Exception as error:  # whatever a reader makes of a damaged file
+    except Exception as error:  # any exception of a reader on a damaged file
         refuse(path, f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}")
 
 
@@ -228,7 +228,7 @@ def _checked_vectors(path: Path, pixels: NDArray[Any]) -> NDArray[np.float64]:
 def _slopes(
     vectors: NDArray[np.float64], convention: str, notes: list[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the slopes along u and v; normals that lean too far are counted in a note."""
+    """Return the slopes along u and v; normals limited to `STEEPEST` are counted in a note."""
     across = np.hypot(vectors[..., 0], vectors[..., 1])
     along = vectors[..., 2]
     leaning = int(np.count_nonzero(across > STEEPEST * along))
@@ -238,6 +238,6 @@ def _slopes(
             "point down, and are set to it"
         )
     up = 1.0 if convention == "opengl" else -1.0
-    # A normal that points straight down has no slope; it is set to none.
+    # A normal that points straight down has no slope direction; its slope is set to 0.
     along = np.maximum(np.maximum(along, across / STEEPEST), 1e-6)
     return -vectors[..., 0] / along, -up * vectors[..., 1] / along

@@ -1,8 +1,8 @@
-"""Reading of heights from files: images, arrays, text, and the formats of measuring instruments.
+"""Heights from files: images, arrays, text, and the formats of measuring instruments.
 
-Every reader ends in the same place: heights [m] on a square grid, row 0 at v = 0, and notes that
-say what was decided on the way. Nothing is guessed: an image has no scale, so the scale has to
-be given; missing values are refused unless they may be filled.
+Every reader returns heights [m] on a square grid, row 0 at v = 0, and notes on its decisions.
+Nothing is guessed: an image has no scale, so the scale must be given; missing values are refused
+unless filling is requested.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Heights(NamedTuple):
     pixel_size : float
         Distance between samples [m].
     notes : tuple of str
-        What was chosen, converted, filled or smoothed, one line each; to be shown to the user.
+        Choices, conversions, filling and smoothing, one line each, to be shown to the user.
     """
 
     samples: NDArray[np.float64]
@@ -67,36 +67,36 @@ def read_heights(
 ) -> Heights:
     """Return the heights in a file, in metres.
 
-    Images (PNG, TIFF, JPEG; OpenEXR where its reader is installed) are read as grey values with
-    all their bits, palettes looked up, colour as its luminance, and turned so that the bottom of
-    the picture is v = 0. Arrays (`.npy`, `.npz`) and text (`.csv`, `.txt`: one column, or a
-    matrix) hold metres, unless the name of the array in the `.npz` ends in `_mm`, `_um` or
-    `_nm`; whole numbers in `.npy` and `.npz` are grey levels. Files of instruments are read
-    through SurfaceTopography (`pip install 'asperity[surfaces]'`).
+    Images (PNG, TIFF, JPEG; OpenEXR where its reader is installed) are read as grey values at full
+    bit depth, palettes applied, colour converted to luminance, and flipped so that the bottom of
+    the picture is v = 0. Arrays (`.npy`, `.npz`) and text (`.csv`, `.txt`: one column, or a matrix)
+    are in metres, unless the name of the array in the `.npz` ends in `_mm`, `_um` or `_nm`;
+    integers in `.npy` and `.npz` are grey levels. Files of instruments are read by
+    SurfaceTopography (`pip install 'asperity[surfaces]'`).
 
     Parameters
     ----------
     path : str or path
         The file.
     pixel_size : float, optional
-        Distance between samples [m], above 0. Needed where the file does not hold it, as for
-        all images; where it does, this takes its place.
+        Distance between samples [m], above 0. Required where the file does not contain it, as for
+        all images; otherwise it overrides the file's.
     height_range : float, optional
-        Height from the lowest to the highest value in the file [m], above 0. Needed for images
-        and grey levels; heights in metres are rescaled by it. The result has zero mean.
+        Height from the lowest to the highest value in the file [m], above 0. Required for images
+        and grey levels; heights in metres are rescaled to it. The result has zero mean.
     invert : bool
-        For maps of depth: turns hills into valleys.
+        For maps of depth: exchanges hills and valleys.
     missing : {"refuse", "fill"}
-        What to do with values that are NaN or infinite: raise, or fill them with the harmonic
-        interpolation of their surroundings (a hole gets no new hills or valleys).
+        Treatment of values that are NaN or infinite: raise, or fill them by harmonic interpolation
+        of their surroundings (a hole gets no new hills or valleys).
     array : str, optional
-        Which array of an `.npz` file that holds several.
+        Name of the array, for an `.npz` file with several.
     quantised : {"smooth", "keep"}
-        What to do with maps of 256 grey levels or fewer: smooth them, within half a level
-        (`asperity.texture.files.images.smooth_levels`), or leave the stairs in.
+        Treatment of maps of 256 grey levels or fewer: smooth them within half a level
+        (`asperity.texture.files.images.smooth_levels`), or keep the steps.
     unit : {"m", "mm", "um", "nm"}, optional
-        What one unit of an image's values is, in the place of `height_range`, for images that hold
-        heights: 0 stays 0. Without it they are grey values.
+        Unit of an image's values, instead of `height_range`, for images that contain heights: 0
+        remains 0. Without it they are grey values.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def _require_length(path: Path, name: str, value: Any) -> None:
 
 
 def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) -> Stored:
-    """Return an image's values, which are in `unit`, in metres."""
+    """Return an image's values, given in `unit`, in metres."""
     require_choice("unit", unit, UNITS)
     if stored.in_metres:
         refuse(path, "its heights have a unit already; unit= is for images: leave it out")
@@ -161,7 +161,7 @@ def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) 
 
 
 def _load(path: Path, array: str | None) -> Stored:
-    """Return what the file at `path` holds, whatever its format."""
+    """Return the contents of the file at `path`, whatever its format."""
     suffix = path.suffix.lower()
     try:
         if not path.exists():
@@ -179,7 +179,7 @@ def _load(path: Path, array: str | None) -> Stored:
         raise
     except MemoryError:
         refuse(path, "too large for this computer's memory")
-    except Exception as error:  # whatever a reader makes of a damaged file
+    except Exception as error:  # any exception of a reader on a damaged file
         reason = " ".join(str(error).split()) or type(error).__name__
         refuse(path, f"cannot be read as a {suffix} file: {reason}")
 
@@ -216,7 +216,7 @@ def _pixel_size(
     height_range: float | None,
     notes: list[str],
 ) -> float:
-    """Return the pixel size [m], given or from the file, and note where the scale is from."""
+    """Return the pixel size [m], given or from the file, and note the source of the scale."""
     wanted = []
     if pixel_size is None and stored.pixel_size is None:
         wanted.append("pixel_size [m]")
@@ -231,7 +231,7 @@ def _pixel_size(
     if stored.pixel_size is not None and not math.isclose(pixel_size, stored.pixel_size):
         notes.append(
             f"pixel size {pixel_size * 1e6:.6g} um, as given; "
-            f"the file says {stored.pixel_size * 1e6:.6g} um"
+            f"the file has {stored.pixel_size * 1e6:.6g} um"
         )
     if height_range is not None:
         notes.append(f"height range {height_range * 1e6:.6g} um: chosen, not measured")
@@ -245,21 +245,21 @@ def _without_missing(
     count = int(np.count_nonzero(absent))
     if count == 0:
         return values
-    told = f"{count} of {values.size} values are missing (NaN or infinite)"
+    missing_values = f"{count} of {values.size} values are missing (NaN or infinite)"
     if count == values.size:
         refuse(path, f"all {count} values are missing (NaN or infinite)")
     if missing == "refuse":
-        refuse(path, f"{told}; valid: missing='fill', or a file without gaps")
-    notes.append(f"{told} and are filled from their surroundings")
+        refuse(path, f"{missing_values}; valid: missing='fill', or a file without gaps")
+    notes.append(f"{missing_values} and are filled from their surroundings")
     return _filled(values, absent)
 
 
 def _filled(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return `values` with the absent ones replaced by the solution of Laplace's equation.
+    """Return `values` with missing ones replaced by the solution of Laplace's equation.
 
-    The border is insulated, so gaps that reach it level out towards it.
+    The border is insulated, so gaps at it level out towards it.
     """
-    from scipy import sparse  # slow to import, and seldom needed
+    from scipy import sparse  # slow to import, and rarely needed
     from scipy.sparse import linalg
 
     unknowns = np.full(values.shape, -1)

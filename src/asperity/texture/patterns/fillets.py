@@ -1,9 +1,8 @@
-"""What the patterns are made of: tiles that repeat without a seam, and outlines without corners.
+"""Building blocks of the patterns: tiles that repeat without a seam, and rounded outlines.
 
-A wave that runs at an angle repeats over a tile only if whole numbers of it fit along both sides.
-Here the numbers are chosen first, near the wanted direction, and then the sides of the tile follow
-from them: so the distance from crest to crest and the direction are both exact, and the pixels are
-square only nearly.
+A wave at an angle repeats over a tile only if whole numbers of it fit along both sides. These
+numbers are chosen first, near the given direction, and the sides of the tile follow: so wavelength
+and direction are both exact, and the pixels only nearly square.
 
 An interpolating cubic spline overshoots a step by 11 % of its height. So steps become ramps, and
 every corner is rounded over a length of `fillet`, at least two pixels: `rounded` for outlines
@@ -23,11 +22,11 @@ from asperity.errors import AsperityError, SurfaceError, require_positive
 from asperity.texture.files.images import MAX_SAMPLES
 
 FEWEST = 8
-"""Samples in a wave or a pitch: with 8, a cubic spline's slope errs by 0.3 %."""
+"""Fewest samples per wavelength or pitch: with 8, the slope of a cubic spline errs by 0.3 %."""
 
 
 class Wave(NamedTuple):
-    """A plane wave sampled over a tile that holds whole numbers of it."""
+    """A plane wave sampled over a tile that contains whole numbers of it."""
 
     phase: NDArray[np.float64]
     """Periods since u = v = 0, (nv, nu)."""
@@ -36,10 +35,10 @@ class Wave(NamedTuple):
 
 
 def plane_wave(pitch: float, direction: float, periods: int, samples: int) -> Wave:
-    """Return a wave of exactly `pitch` [m] that runs along `direction` [rad from u].
+    """Return a wave of exactly `pitch` [m] along `direction` [rad from u].
 
-    The tile is about `periods` pitches wide and high. Directions nearer to an axis than half a
-    pitch over the tile are turned to that axis, which the notes say.
+    The tile is about `periods` pitches wide and high. Directions closer to an axis than half a
+    pitch over the tile are rotated to that axis, with a note.
     """
     pitch = require_positive("pitch", pitch, "[m]")
     require_whole("periods", periods, 1)
@@ -63,7 +62,7 @@ def plane_wave(pitch: float, direction: float, periods: int, samples: int) -> Wa
 def tile(
     size: tuple[float, float], pixel: float
 ) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], tuple[float, float]]:
-    """Return places u (1, nu) and v (nv, 1) [m] of a tile of `size` [m], and its pixel sizes."""
+    """Return positions u (1, nu) and v (nv, 1) [m] of a tile of `size` [m], and its pixel sizes."""
     counts = [side / pixel for side in size]
     if not all(count >= 3.5 for count in counts) or math.prod(counts) > MAX_SAMPLES:
         raise SurfaceError(
@@ -126,9 +125,9 @@ def smoothed(
 
 
 def checked_fillet(fillet: float | None, pitch: float, samples: int) -> float:
-    """Return the fillet [m]: what was asked for, or a sixteenth of the pitch.
+    """Return `fillet` [m], by default a sixteenth of the pitch.
 
-    Two samples at least, against overshoot, and half the pitch at most, or nothing is left.
+    At least two samples, to prevent overshoot, and at most half the pitch.
     """
     least = 2.0 * pitch / samples
     if fillet is None:

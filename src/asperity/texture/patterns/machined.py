@@ -1,7 +1,7 @@
-"""Textures of dots, teeth, knurls and scratches; `patterns.py` says what they share.
+"""Textures of dots, teeth, knurls and scratches; for common parameters see `patterns`.
 
-Shapes in two dimensions are made sharp and then rounded over `fillet` by a Gaussian weight, and
-scaled back to the height that was asked for.
+Two-dimensional shapes are made with sharp edges, rounded over `fillet` by a Gaussian weight, and
+scaled back to the given height.
 """
 
 from __future__ import annotations
@@ -256,7 +256,7 @@ def brushed(
     spread : float
         Standard deviation of the scratches' directions [rad], 0 to 0.3.
     coverage : float
-        How many scratches lie over a point on average, 0.1 to 100.
+        Mean number of scratches over a point, 0.1 to 100.
     seed : int
         0 or above.
     """
@@ -304,7 +304,7 @@ def _smooth_noise(
     length: float,
     random: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Return noise of mean 0 and deviation 1 that repeats, smooth over `length` [m]."""
+    """Return periodic noise of mean 0 and standard deviation 1, smooth over `length` [m]."""
     waves = np.hypot(
         np.fft.fftfreq(shape[0], pixel_size[1])[:, None], np.fft.rfftfreq(shape[1], pixel_size[0])
     )
@@ -322,7 +322,7 @@ def _bump(x: NDArray[np.float64]) -> NDArray[np.float64]:
 def _window(
     middle: tuple[float, float], reach: tuple[float, float], pixel_size: tuple[float, float]
 ) -> list[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Return, along u and v, the indices of samples within `reach` and their places [m] from it."""
+    """Return, along u and v, the indices of samples within `reach` and their offsets [m]."""
     axes = []
     for at, far, pixel in zip(middle, reach, pixel_size, strict=True):
         first, end = math.floor((at - far) / pixel), math.ceil((at + far) / pixel)
@@ -332,7 +332,7 @@ def _window(
 
 
 def _scaled(heights: NDArray[np.float64], height: float) -> NDArray[np.float64]:
-    """Return `heights` from 0 to `height` [m]."""
+    """Return `heights` scaled to 0 to `height` [m]."""
     low, high = float(heights.min()), float(heights.max())
     return (heights - low) * (height / (high - low))
 

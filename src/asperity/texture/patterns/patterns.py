@@ -1,14 +1,14 @@
 """Textures given as shapes: waves, ridges, grooves, steps, roughness.
 
-Every maker returns a `HeightField` that repeats without a seam (border "wrap"); lengths are metres,
-angles radians from u. `pitch` and `wavelength` are distances from crest to crest, `samples` the
-number of samples over one of them, `periods` how many of them the tile is about wide and high.
-`direction` is that in which the heights change: ridges run across it. It is met exactly, by a tile
-whose sides hold whole numbers of periods, unless it lies within half a period of an axis over the
-whole tile; then the pattern is turned to that axis, and the notes say so.
+Every function returns a `HeightField` that repeats without a seam (border "wrap"); lengths are in
+metres, angles in radians from u. `pitch` and `wavelength` are distances from crest to crest,
+`samples` the number of samples over one of them, `periods` the approximate number of them along
+each side of the tile. The heights change along `direction`; ridges run across it. It is exact, by a
+tile whose sides contain whole numbers of periods, unless it is within half a period of an axis over
+the whole tile; then the pattern is rotated to that axis, with a note.
 
-Edges are rounded over `fillet`, two samples or more, so that the spline through the samples does
-not overshoot by more than 1 % of the relief. All default sizes are ours.
+Edges are rounded over `fillet`, at least two samples, so that the spline through the samples
+overshoots by at most 1 % of the relief. All default sizes were chosen for this package.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def stripes(
     pitch : float
         From groove to groove [m], above 0; the middle of a groove lies at u = v = 0.
     depth : float
-        Of the grooves [m], 0 or above; the rounding of the edges takes nothing from it.
+        Of the grooves [m], 0 or above; the rounding of the edges does not reduce it.
     width : float, optional
         Of a groove [m]; 0.6 pitches, or what the fillets leave, if not given. Grooves and lands
         are wider than two fillets.
@@ -159,7 +159,7 @@ def stripes(
     width = min(0.6 * pitch, pitch - 2.0 * fillet) if width is None else width
     require_fits("width", width, pitch, 2.0 * fillet)
     across = np.linspace(-1.0, 1.0, 65)
-    # The moving average lifts the bottom of the parabola by its mean over the fillet.
+    # The moving average raises the bottom of the parabola by its mean over the fillet.
     bottom = depth / (1.0 - (fillet / width) ** 2 / 3.0)
     profile = bottom * (across**2 - 1.0)
     corners = list(zip(0.5 * width / pitch * across, profile, strict=True))
@@ -242,4 +242,4 @@ PATTERNS: dict[str, Callable[..., HeightField]] = {
         rough,
     )
 }
-"""All makers by name, as scenes name them."""
+"""All patterns by name, as in `scene.toml`."""

@@ -1,11 +1,11 @@
-r"""Random surfaces made from their power spectrum.
+r"""Random surfaces with a given power spectrum.
 
-A surface is a sum of plane waves. Its power spectral density C(q), q the wavenumber in radians
-per metre, says how much each wave carries: `mean(h^2)` is the integral of C over q (over both
-components of q in two dimensions). A *self-affine* surface looks rough in the same way at every
-magnification between a longest and a shortest wavelength; there C is a power law whose exponent
-is set by the Hurst exponent H, small for jagged and large for rolling surfaces. Ground, fractured,
-blasted and worn surfaces come close to it (Jacobs, Junge & Pastewka 2017).
+A surface is a sum of plane waves. Its power spectral density C(q), with the wavenumber q in radians
+per metre, is the power of each wave: `mean(h^2)` is the integral of C over q (over both components
+of q in two dimensions). A *self-affine* surface looks equally rough at every magnification between
+a longest and a shortest wavelength; there C is a power law whose exponent is set by the Hurst
+exponent H, small for jagged and large for rolling surfaces. Ground, fractured, blasted and worn
+surfaces are approximately self-affine (Jacobs, Junge & Pastewka 2017).
 
 All surfaces made here are periodic, so they tile without a seam (border "wrap").
 """
@@ -27,7 +27,7 @@ from asperity.errors import (
 
 MAX_SAMPLES = 2**27
 DEFAULT_CUTOFF = 8.0
-"""The shortest wavelength [samples]: there a cubic spline's slope errs by 0.3 %, at 4 by 4 %."""
+"""Shortest wavelength [samples]: a cubic spline's slope errs by 0.3 % there, by 4 % at 4."""
 
 
 def self_affine(
@@ -100,7 +100,7 @@ def self_affine(
     q = _wavenumbers(sizes, pixel_size)
     exponent = -(hurst + 0.5 * len(sizes))  # of the amplitude, the square root of C
     amplitude = np.maximum(q, 2.0 * math.pi / rolloff) ** exponent
-    # A wave exactly at the cut-off stays, whatever the rounding of q.
+    # A wave exactly at the cut-off is kept, whatever the rounding of q.
     amplitude[q > 2.0 * math.pi / cutoff * (1.0 + 1e-9)] = 0.0
     amplitude[(0,) * len(sizes)] = 0.0
     waves = amplitude * np.fft.rfftn(_generator(seed).standard_normal(sizes))
@@ -113,11 +113,11 @@ def self_affine(
 def synthesise_like(heights: ArrayLike, *, seed: int = 0) -> NDArray[np.float64]:
     """Return a periodic random surface with the power spectrum of another.
 
-    A tilt or a swell makes opposite borders differ; such a jump would pass for roughness. So the
-    heights are parted into a smooth field that carries the jumps and a periodic rest, and the
-    rest is made anew: every wave keeps its amplitude and gets a random phase. Kept are the rms
-    height and rms slope of the rest, the direction and the scales of the texture. What lies in
-    the phases goes: flat tops, sharp edges, single scratches and any skewness of the heights.
+    A tilt or a swell makes opposite borders differ, and such a jump would count as roughness. So
+    the heights are decomposed into a smooth field that contains the jumps and a periodic remainder,
+    of which every wave keeps its amplitude and gets a random phase. The rms height and slope of the
+    remainder and the direction and scales of the texture are preserved. What depends on the phases
+    is lost: flat tops, sharp edges, single scratches and any skewness of the heights.
 
     Parameters
     ----------
@@ -157,9 +157,9 @@ def synthesise_like(heights: ArrayLike, *, seed: int = 0) -> NDArray[np.float64]
 
 
 def _periodic_waves(heights: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the transform of `heights` less the smooth field that carries the border jumps.
+    """Return the transform of `heights` minus the smooth field that contains the border jumps.
 
-    The field's Laplacian is the jumps, laid on the border samples (Moisan 2011).
+    The Laplacian of the field is the jumps, at the border samples (Moisan 2011).
     """
     jumps = np.zeros_like(heights)
     curvature = np.zeros(())
@@ -201,7 +201,7 @@ def _generator(seed: int) -> np.random.Generator:
 
 
 def _wavenumbers(sizes: tuple[int, ...], pixel_size: float) -> NDArray[np.float64]:
-    """Return |q| [rad/m] of every wave, laid out as by `numpy.fft.rfftn`."""
+    """Return |q| [rad/m] of every wave, in the order of `numpy.fft.rfftn`."""
     along_u = 2.0 * math.pi * np.fft.rfftfreq(sizes[-1], pixel_size).astype(np.float64)
     if len(sizes) == 1:
         return along_u

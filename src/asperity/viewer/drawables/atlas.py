@@ -1,7 +1,7 @@
-"""The relief of a mesh as an image: every triangle has a corner of it, coloured by its height.
+"""The relief of a mesh as an image: every triangle has a region, coloured by height.
 
-So many triangles as would show teeth of half a millimetre on a hammer are too many for a page; so
-many pixels are not.
+Teeth of half a millimetre on a hammer need more triangles than a page can show, but not more
+pixels.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from asperity.viewer.drawables.colours import height_colours
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 _SIZE = 2048
-"""Rows and columns of the image; every browser takes so many."""
+"""Rows and columns of the image, a size that every browser supports."""
 _GUTTER = 2
-"""Pixels round each triangle, so that a smoothed image shows none of its neighbours."""
+"""Margin around each triangle [pixels], so that a filtered image shows no neighbours."""
 _AT_ONCE = 400
-"""Triangles that are coloured at once."""
+"""Triangles coloured in one NumPy call."""
 _DARKER = 0.55
-"""So much darker are slopes than what is level, times how far they are turned away (1 - cos)."""
+"""Darkening of slopes: factor of (1 - cosine) of their angle to the smooth surface."""
 
 
 class Atlas:
-    """Where each triangle of a mesh lies in an image, and the image.
+    """Layout of a mesh's triangles in an image, and the image.
 
-    Two triangles share a cell: each fills a half of it, cut along the diagonal.
+    Two triangles share a cell, cut along its diagonal.
 
     Parameters
     ----------
     body : Body
         With a mesh and a texture.
     faces : (m,) array of bool
-        Which triangles of it have a place.
+        Triangles to include.
     colour : sequence of 3 floats
-        Of what has no height.
+        Of surfaces without height.
     """
 
     def __init__(self, body: Body, faces: NDArray[np.bool_], colour: tuple[float, ...]) -> None:
@@ -46,7 +46,7 @@ class Atlas:
         self._faces = np.flatnonzero(faces)
         self._number = np.cumsum(faces) - 1
         cells = (len(self._faces) + 1) // 2
-        # The largest triangle of which so many pairs fit in.
+        # The largest triangle of which enough pairs fit.
         wide, high = 5 * _GUTTER, 2 * _GUTTER
         side = int(np.sqrt(_SIZE**2 / max(cells, 1)))
         while (_SIZE // (side + wide)) * (_SIZE // (side + high)) < cells:
@@ -56,9 +56,9 @@ class Atlas:
         self._cell = np.array([side + wide, side + high])
 
     def places(self, face: Whole, weights: Array) -> Array:
-        """Return where points of triangles (n,) with weights (n, k, 3) lie, (n, k, 2).
+        """Return positions (n, k, 2) of points with weights (n, k, 3) in triangles (n,).
 
-        From the upper left corner of the image, 0 to 1: glTF's texture coordinates.
+        In the image from its upper left corner, 0 to 1, as glTF's texture coordinates.
         """
         number = self._number[face]
         cell, second = number // 2, number % 2 == 1
@@ -83,7 +83,7 @@ class Atlas:
         columns, rows = self._cell
         x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
         second = x + y > self._side + 3.5 * _GUTTER
-        # Beyond a triangle's edge the relief goes on for a pixel or two.
+        # Beyond a triangle's edge the relief continues for a pixel or two.
         s = np.where(second, 1.0 - (x - 4 * _GUTTER) / self._side, (x - _GUTTER) / self._side)
         t = np.where(second, 1.0 - (y - _GUTTER) / self._side, (y - _GUTTER) / self._side)
         weights = np.stack([1.0 - s - t, s, t], axis=-1)
@@ -106,7 +106,7 @@ class Atlas:
     def _colours(
         self, relief: MeshRelief, face: Whole, weights: Array, low: float, high: float
     ) -> NDArray[np.uint8]:
-        """Return colours (n, k, 3) of triangles (n,) at the same weights (k, 3) of each."""
+        """Return colours (n, k, 3) of triangles (n,) at the same weights (k, 3) in each."""
         tiled = np.broadcast_to(weights, (len(face), *weights.shape))
         height, turned = relief.heights(face, tiled)
         colour = height_colours(height.reshape(-1), low, high, self._colour)

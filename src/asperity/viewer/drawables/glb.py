@@ -1,4 +1,8 @@
-"""A mesh as the bytes of a GLB file (glTF 2.0): normals, colours or an image, a dull material."""
+"""Encoding of a mesh as a GLB file (glTF 2.0): normals, colours or an image, a dull material.
+
+trimesh's exporter is not used: it stores vertex colours with 8 bits, unconverted, and an image
+without the sampler that this page needs (see `glb`).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ _ARRAYS, _INDICES = 34962, 34963
 _UINT, _FLOAT = 5125, 5126
 _LINEAR = 9729
 _QUALITY = 92
-"""Of the image in the file, as JPEG [percent]."""
+"""JPEG quality of the image in the file [percent]."""
 
 
 def glb(
@@ -35,11 +39,12 @@ def glb(
     ----------
     vertices, normals : (n, 3) arrays
     colours : (n, 3) array
-        sRGB, 0 to 1. The file holds them in linear light, as glTF wants it.
+        sRGB, 0 to 1; stored as linear values, as glTF requires.
     faces : (m, 3) array
-        Counter-clockwise, seen from outside.
+        Counter-clockwise as seen from outside.
     places : (n, 2) array, optional
-        In an image, from its upper left corner, 0 to 1; the image is shown instead of the colours.
+        Texture coordinates in the image, from its upper left corner, 0 to 1; the image then
+        replaces the colours.
     image : (rows, columns, 3) uint8 array, optional
         sRGB.
     roughness, metallic : float
@@ -68,22 +73,22 @@ def glb(
         )  # fmt: skip
         at += array.nbytes
     surface: dict[str, Any] = {"metallicFactor": metallic, "roughnessFactor": roughness}
-    told: dict[str, Any] = {}
+    tree: dict[str, Any] = {}
     blocks = [array.tobytes() for array, *_ in parts]
     if painted and image is not None:
         surface["baseColorTexture"] = {"index": 0}
         blocks.append(_jpeg(image))
         views.append({"buffer": 0, "byteOffset": at, "byteLength": len(blocks[-1])})
         at += len(blocks[-1])
-        told = {
+        tree = {
             "images": [{"bufferView": len(views) - 1, "mimeType": "image/jpeg"}],
-            # Without smaller copies: a triangle is stretched into its corner of the image, and by
-            # the copy for its narrow side stripes across the wide one would vanish.
+            # Without mipmaps: a triangle is stretched into its region of the image, and the
+            # level chosen for its narrow side would blur stripes across the wide one.
             "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR}],
             "textures": [{"source": 0, "sampler": 0}],
         }
     attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0" if painted else "COLOR_0": 2}
-    told |= {
+    tree |= {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
@@ -94,7 +99,7 @@ def glb(
         "bufferViews": views,
         "accessors": accessors,
     }
-    return _file(json.dumps(told).encode(), b"".join(blocks))
+    return _file(json.dumps(tree).encode(), b"".join(blocks))
 
 
 def _jpeg(image: NDArray[np.uint8]) -> bytes:
@@ -106,7 +111,7 @@ def _jpeg(image: NDArray[np.uint8]) -> bytes:
 
 
 def _bounds(array: NDArray[Any], wanted: bool) -> dict[str, Sequence[float]]:
-    """Return what the format wants to know of positions."""
+    """Return the bounds that the format requires of positions."""
     if not wanted or not len(array):
         return {}
     return {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}

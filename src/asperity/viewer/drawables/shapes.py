@@ -40,7 +40,7 @@ _SPREAD, _NEAR = 6000, 3e-3
 _FINE = 0.028
 """Radius around the first contact in which meshes show their relief [m]."""
 _TOOL_COARSER = 1.6
-"""Factor on the spacing of the tool, which hides most of its own relief."""
+"""Factor on the spacing of the tool, whose relief is mostly hidden."""
 
 
 @dataclass(frozen=True, eq=False)
