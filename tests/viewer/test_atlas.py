@@ -29,7 +29,7 @@ def test_each_place_has_the_colour_of_its_height(block):
     atlas = Atlas(block, faces, (0.5, 0.5, 0.5))
     image = atlas.image()
     rng = np.random.default_rng(1)
-    chosen = rng.config(np.flatnonzero(faces), 400)
+    chosen = rng.choice(np.flatnonzero(faces), 400)
     weights = rng.dirichlet((1.0, 1.0, 1.0), 400)[:, None]
     places = atlas.places(chosen, weights)[:, 0]
     assert (places > 0.0).all()
