@@ -19,7 +19,7 @@ def pytest_collection_modifyitems(items):
 
 
 def wait_until(what, seconds=180.0, message=lambda: ""):
-    """Wait until something holds; fail if it does not within so long [s], with what is told."""
+    """Wait until a condition holds; fail after some time [s], with the client's message."""
     end = time.monotonic() + seconds
     while not what():
         assert time.monotonic() < end, f"after {seconds:g} s: {message()}"
@@ -69,7 +69,7 @@ def page():
 
 @pytest.fixture
 def servo(page):
-    """Return the page's link, its hand in the air and its loop running."""
+    """Return the page's servo client, its hand in the air and its loop running."""
     made = page.servo
     if not made.is_alive:
         made.restart().result(timeout=300.0)

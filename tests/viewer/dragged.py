@@ -27,7 +27,7 @@ def dragged(
 ):
     """Return force on the hand (n, 3) [N] and its acceleration (n, 3) [m/s^2], after it settled.
 
-    The pointer goes evenly at `SPEED`, told `rate` times a second, each time late by up to
+    The pointer goes evenly at `SPEED`, reported `rate` times a second, each time late by up to
     `jitter` [s]; or it is a canned motion.
     """
     scene = scene or smooth_plate()

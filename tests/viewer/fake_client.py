@@ -18,7 +18,7 @@ SPEED, SHAKE, FREQUENCY = 0.08, 2e-6, 100.0
 
 
 def ticks_at(first, count, rate=RATE):
-    """Return rows of a slide that shakes, from a tick on."""
+    """Return ticks of a slide that shakes, from a tick on."""
     time_ = (first + np.arange(count)) / rate
     ticks = np.zeros(count, TICK)
     ticks["time"] = time_

@@ -1,4 +1,4 @@
-"""The page in a real browser: it is drawn, dragged, told wrong things, and outlives its loop.
+"""The page in a real browser: it is drawn, dragged, given wrong input, and outlives its loop.
 
 Software draws a frame or two a second, so what is tested is what happens, not how fast.
 """

@@ -49,7 +49,7 @@ def test_what_is_shown_keeps_to_its_triangles(plate, kind):
     assert 10_000 < sum(len(shape.faces) for shape in shapes) <= 20_000
 
 
-def test_a_file_of_heights_keeps_what_it_says_unless_told(tmp_path):
+def test_a_file_of_heights_keeps_what_it_says_unless_overridden(tmp_path):
     ticks = np.sin(np.arange(64) / 5.0)[:, None] * np.ones(64) * 1e-5
     np.save(tmp_path / "h.npy", ticks)
     table = {"file": str(tmp_path / "h.npy"), "pixel_size": 1e-5, "border": "wrap"}

@@ -1,4 +1,4 @@
-"""The instruments in a real browser, on a loop's rows without a loop."""
+"""The instruments in a real browser, on the ticks of a loop without a loop."""
 
 import http.client
 import io
@@ -34,7 +34,7 @@ def tab():
 
 @pytest.fixture(scope="module")
 def live(tab, tmp_path_factory):
-    """A page on a link whose rows come as time goes by, open in the tab."""
+    """A page on a client whose ticks come as time goes by, open in the tab."""
     folder = tmp_path_factory.mktemp("recordings")
     with FakeServoClient() as servo:
         servo.give(3.0)
@@ -134,7 +134,7 @@ def test_held_the_page_stands_and_follows_its_slider(live, tab):
     box = slider.bounding_box(timeout=SLOW)
     tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     until(lambda: 0.2 * held < timeline.at < 0.8 * held)
-    # All that the page shows is of that moment: the pose, and the end of what is plotted.
+    # All that the page shows is of that instant: the pose, and the end of what is plotted.
     begun = timeline.everything()["time"][0]
     until(lambda: abs(page.servo.latest().time - begun - timeline.at) <= 2e-3)
     snapshot, at = page.servo.latest(), timeline.at

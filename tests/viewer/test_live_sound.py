@@ -1,4 +1,4 @@
-"""Live sound: from rows to what a sound card asks for, with a stand-in for the card."""
+"""Live sound: from ticks to the samples for a sound card, with a stand-in for the card."""
 
 import sys
 
@@ -15,7 +15,7 @@ AMPLITUDE = SHAKE * (2.0 * np.pi * FREQUENCY) ** 2 / np.sqrt(3.0)
 
 
 class Card:
-    """A sound card that asks when it is told to."""
+    """A sound card that requests samples when the test says so."""
 
     def __init__(self, *, samplerate, channels, dtype, callback):
         self.rate, self.channels, self.callback = samplerate, channels, callback
@@ -91,7 +91,7 @@ def test_the_card_gets_the_tone_limited_and_in_time(servo):
     steady = out[48_000:, 0]
     assert np.max(np.abs(steady)) == pytest.approx(np.tanh(0.5), rel=0.05)
     assert np.count_nonzero(steady) > 0.99 * len(steady)
-    assert sound.delay < live_sound.MOST
+    assert sound.delay < live_sound.MAX_DELAY
     sound.full_scale = 1e-3
     loud = heard(servo, sound, 0.2)
     assert np.max(np.abs(loud)) <= 1.0
@@ -110,7 +110,7 @@ def test_when_the_loop_stands_there_is_silence_and_when_the_card_does_nothing_pi
     assert sound._ring.waiting <= live_sound.RATE
     out = sound._stream.ask(1 / 60)
     assert np.any(out != 0.0)
-    assert sound.delay < live_sound.MOST
+    assert sound.delay < live_sound.MAX_DELAY
     sound.close()
 
 

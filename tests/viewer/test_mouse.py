@@ -11,7 +11,7 @@ from asperity.realtime.devices.pointer_file import MAX_POSES, PointerFile
 from asperity.realtime.devices.protocol import Reading
 from asperity.scene.builtin import load_scene
 from asperity.viewer.motions import CannedMotion, motion_table
-from asperity.viewer.panels.mouse import HELD, Holder
+from asperity.viewer.panels.mouse import CONTROL_TIMEOUT, Holder
 
 ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
@@ -139,8 +139,8 @@ def test_one_tab_holds_the_tool_until_it_rests_is_closed_or_another_takes_it():
     assert holder.may(1, 0.0)
     assert not holder.may(2, 1.0)
     assert holder.may(1, 2.0)
-    assert not holder.may(2, 2.0 + 0.9 * HELD)
-    assert holder.may(2, 2.0 + 1.1 * HELD)
+    assert not holder.may(2, 2.0 + 0.9 * CONTROL_TIMEOUT)
+    assert holder.may(2, 2.0 + 1.1 * CONTROL_TIMEOUT)
     holder.take(3, 8.0)
     assert not holder.may(2, 8.1)
     holder.gone(3)

@@ -110,7 +110,7 @@ def test_motions_start_and_stop(servo, tab, until, panel):
 
 
 def test_a_texture_is_chosen_and_a_dropped_image_is_felt(servo, tab, until, panel):
-    surfaces = panel("Textures")
+    surfaces = panel("TexturesPanel")
     tab.set(surfaces._body, "plate")
     tab.set(surfaces._kind, "jittered_dots")
     until(lambda: surfaces._relief.value == pytest.approx(0.4))
@@ -141,13 +141,14 @@ def test_a_texture_is_chosen_and_a_dropped_image_is_felt(servo, tab, until, pane
 def test_what_is_wrong_is_said_in_the_page_and_the_loop_goes_on(
     servo, tab, until, panel, monkeypatch
 ):
-    surfaces, controls, generation = panel("Textures"), panel("ControlsPanel"), servo.generation
+    surfaces, controls = panel("TexturesPanel"), panel("ControlsPanel")
+    generation = servo.generation
     tab.upload(surfaces._drop, "bad.png", b"this is no picture")
     until(lambda: any("bad.png is not a .png file" in text for _, text in tab.notes))
     tab.upload(surfaces._drop, "big.png", b"x", size=2**40)
     until(lambda: any("valid: at most 64 MB" in text for _, text in tab.notes))
     assert not surfaces._uploads._folder.joinpath("big.png").exists()
-    # As where its package is not installed; that a device cannot be opened is in `test_link`.
+    # As where its package is not installed; `test_servo_client` has a device that does not open.
     monkeypatch.setattr(changes, "is_installed", lambda entry: False)
     tab.set(controls._device, "touch")
     until(lambda: any("touch needs pip install" in text for _, text in tab.notes))

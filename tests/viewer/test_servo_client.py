@@ -1,4 +1,4 @@
-"""The page's link to a servo process as it is: change, swap, death, and the panels' frames."""
+"""The page's client of a real servo process: changes, replacement, death, and frames."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ from asperity.viewer.tick_buffer import TickBuffer
 from asperity.viewer.view_model import ViewModel
 
 
-def test_a_history_keeps_the_last_rows_and_numbers_all():
+def test_a_history_keeps_the_last_ticks_and_numbers_all():
     history = TickBuffer(10)
     for n in range(0, 24, 4):
         ticks = np.zeros(4, TICK)

@@ -47,7 +47,7 @@ def test_held_it_stands_while_the_loop_goes_on(servo):
     assert not timeline.is_live
     assert timeline.at == timeline.length == pytest.approx(2.999)
     assert timeline.window(1.0)["time"][-1] == pytest.approx(2.999)
-    # Nobody had seen a moment before it was held: the one there was is shown.
+    # There was no snapshot before it was held: the last one is shown.
     assert shown[0] is not None
     timeline.go_live()
     assert timeline.window(1.0)["time"][-1] == pytest.approx((servo.ticks - 1) / RATE)

@@ -82,7 +82,7 @@ def test_an_image_that_says_it_is_huge_is_not_decoded(kept, monkeypatch):
 
 
 def test_too_many_bytes_are_refused(kept, monkeypatch):
-    monkeypatch.setattr(uploads, "MOST_BYTES", 1000)
+    monkeypatch.setattr(uploads, "MAX_BYTES", 1000)
     with pytest.raises(AsperityError, match="MB; valid"):
         kept.image("a.png", bytes(1001))
 

@@ -30,7 +30,7 @@ LOWEST = 20.0
 """Corner of the high-pass [Hz]: slower motion is the stroke, not the texture, and is inaudible."""
 DELAY = 0.07
 """Samples kept in reserve [s]: ticks arrive 60 times a second, in batches."""
-MOST = 0.20
+MAX_DELAY = 0.20
 """Largest delay [s]; beyond it samples are skipped."""
 _INNER = (500, 1000, 2000, 3000, 4000, 6000, 8000, 12_000, 24_000)
 """Rates of the even steps [Hz], of which 48 kHz is a multiple."""
@@ -100,19 +100,19 @@ class AccelerationSound:
     def restart(self) -> None:
         """Forget the previous motion."""
         self._time = np.empty(0)
-        self._place = np.empty((0, 3))
+        self._position = np.empty((0, 3))
         self._next = math.nan
         self._state = np.zeros((self._filter.shape[0], 2))
         self._tail = np.zeros(_TAPS)
 
     def samples(self, ticks: Ticks) -> NDArray[np.float64]:
         """Return the acceleration at 48 kHz that ticks (n,) add [m/s^2]."""
-        time, place = ticks["time"], ticks["tool_pose"][:, :3]
+        time, position = ticks["time"], ticks["tool_pose"][:, :3]
         known = self._time[-1] if len(self._time) else None
         if known is not None and not known < time[0] < known + _RESTART:
             self.restart()
         self._time = np.concatenate([self._time, time])
-        self._place = np.concatenate([self._place, place])
+        self._position = np.concatenate([self._position, position])
         if math.isnan(self._next):
             self._next = float(self._time[0])
         step = 1.0 / self.inner
@@ -121,11 +121,11 @@ class AccelerationSound:
             return np.empty(0)
         # The next stretch repeats the last two points of this one.
         at = self._next + step * np.arange(count + 1)
-        even = np.column_stack([np.interp(at, self._time, axis) for axis in self._place.T])
+        even = np.column_stack([np.interp(at, self._time, axis) for axis in self._position.T])
         wave = np.diff(even, 2, axis=0).sum(axis=1) / (math.sqrt(3.0) * step * step)
         self._next = float(at[-2])
         old = int(np.searchsorted(self._time, self._next, side="right")) - 1
-        self._time, self._place = self._time[max(old, 0) :], self._place[max(old, 0) :]
+        self._time, self._position = self._time[max(old, 0) :], self._position[max(old, 0) :]
         wave, self._state = self._signal.sosfilt(self._filter, wave, zi=self._state)
         whole = np.concatenate([self._tail, wave])
         self._tail = whole[-_TAPS:]
@@ -204,7 +204,7 @@ class LiveSound:
         ring = self._ring
         if not self._playing and ring.waiting >= DELAY * RATE:
             self._playing = True
-        if ring.waiting > MOST * RATE:
+        if ring.waiting > MAX_DELAY * RATE:
             ring.skip(ring.waiting - int(DELAY * RATE))
         out[:] = 0.0
         if self._playing:

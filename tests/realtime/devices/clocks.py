@@ -1,4 +1,4 @@
-"""A clock that goes when it is told to, and waiting for a thread without a fixed sleep."""
+"""A clock that the test advances, and waiting for a thread without a fixed sleep."""
 
 import time
 

@@ -103,8 +103,8 @@ def test_presets_are_the_published_software_limits():
     }  # fmt: skip
     for name, row in table.items():
         limits = PRESETS[name]
-        told = (limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_damping)
-        assert told == row
+        found = (limits.max_force, limits.max_torque, limits.max_stiffness, limits.max_damping)
+        assert found == row
     for limits in PRESETS.values():
         assert (limits.torque_dof > 0) == (limits.max_torque > 0.0)
         assert (limits.max_rotational_stiffness > 0.0) == (limits.max_torque > 0.0)

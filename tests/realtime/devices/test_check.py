@@ -228,7 +228,7 @@ def test_a_calibration_is_saved_and_loaded(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("nonsense", "Expected"),
         ("schema = 2", "schema must be 1"),
@@ -241,11 +241,11 @@ def test_a_calibration_is_saved_and_loaded(tmp_path):
         ('schema = 1\naxis = ["+x"]', "did you mean axes"),
     ],
 )
-def test_a_broken_calibration_is_refused_by_its_file(text, told):
+def test_a_broken_calibration_is_refused_by_its_file(text, expected):
     path = calibration_file("haply")
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    with pytest.raises(AsperityError, match=told) as caught:
+    with pytest.raises(AsperityError, match=expected) as caught:
         load_calibration("haply")
     assert str(path) in str(caught.value)
     assert "asperity devices check haply" in str(caught.value)

@@ -76,8 +76,8 @@ class Stub(types.SimpleNamespace):
 
     def getPositionAndOrientationFrame(self, out, frame):
         out[:] = self.place
-        for row, told in zip(frame, self.frame, strict=True):
-            row[:] = told
+        for row, values in zip(frame, self.frame, strict=True):
+            row[:] = values
         return 0
 
     def getLinearVelocity(self, out):
@@ -160,7 +160,7 @@ def test_without_an_active_wrist_no_torque_is_sent(stub):
     device.close()
 
 
-def test_failures_are_told_and_the_device_is_opened_anew(stub, device):
+def test_failures_are_reported_and_the_device_is_opened_anew(stub, device):
     reading = Reading.empty()
     stub.fails = True
     assert until(lambda: device.read(reading) or "no device found" in reading.error)

@@ -105,7 +105,7 @@ def test_an_answer_that_is_none_counts_as_silence(stub, device, position):
     assert until(lambda: device.read(reading))
 
 
-def test_what_the_package_raises_is_told_and_nan_is_not_sent(stub, device):
+def test_what_the_package_raises_is_reported_and_nan_is_not_sent(stub, device):
     reading = Reading.empty()
     stub.raises = RuntimeError("serial\nport gone")
     assert until(lambda: device.read(reading) or reading.error == "serial port gone")

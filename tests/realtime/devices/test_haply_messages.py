@@ -77,7 +77,7 @@ def test_buttons_in_their_other_spelling():
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "told"),
+    ("path", "value", "expected"),
     [
         (("inverse3",), None, "without a list"),
         (("inverse3",), [], "plugged in"),
@@ -95,8 +95,8 @@ def test_buttons_in_their_other_spelling():
         (("wireless_verse_grip", 0, "state"), None, "state"),
     ],
 )
-def test_nonsense_is_refused_by_its_name(path, value, told):
-    with pytest.raises(ValueError, match=told) as caught:
+def test_nonsense_is_refused_by_its_name(path, value, expected):
+    with pytest.raises(ValueError, match=expected) as caught:
         read_state(changed(path, value), "049D", "auto")
     assert "\n" not in str(caught.value)
 

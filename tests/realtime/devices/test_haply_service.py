@@ -37,7 +37,7 @@ def device(service):
 
 
 def ticks_until(device, condition, wrench=PUSH, patience=10.0):
-    """Write and read as a servo does until something holds of the reading; return what was told."""
+    """Write and read as a servo does until a condition holds; return errors and readings."""
     reading, errors = Reading.empty(), []
 
     def tick():
@@ -49,7 +49,7 @@ def ticks_until(device, condition, wrench=PUSH, patience=10.0):
         assert np.isfinite(reading.twist).all()
         return condition(new, reading)
 
-    assert until(tick, patience), f"told meanwhile: {set(errors)}"
+    assert until(tick, patience), f"errors meanwhile: {set(errors)}"
     return errors, reading
 
 
@@ -172,7 +172,7 @@ def test_no_wrench_makes_it_raise_and_no_number_that_is_none_gets_through(servic
     assert not np.isnan(service.largest_force)
 
 
-def test_a_cut_connection_is_told_and_made_anew(service, device):
+def test_a_cut_connection_is_reported_and_made_anew(service, device):
     ticks_until(device, good)
     service.disconnect()
     errors, reading = ticks_until(device, lambda _, reading: bool(reading.error))
@@ -217,7 +217,7 @@ def test_a_frozen_frame_is_no_news():
 
 
 @pytest.mark.parametrize(
-    ("reply", "told"),
+    ("reply", "expected"),
     [
         ("{", "invalid JSON"), ("", "invalid JSON"), ("[1, 2]", "without a list"),
         (b"\xff\xfe", "invalid JSON"),
@@ -228,15 +228,15 @@ def test_a_frozen_frame_is_no_news():
          '"z": 0}, "cursor_velocity": {"x": 0, "y": 0, "z": 0}}}]}', "out of range"),
     ],
 )  # fmt: skip
-def test_a_malformed_frame_is_told_and_survived(service, device, reply, told):
+def test_a_malformed_frame_is_reported_and_survived(service, device, reply, expected):
     ticks_until(device, good)
     service.replies.append(reply)
     errors, _ = ticks_until(device, lambda _, reading: bool(reading.error))
-    assert told in errors[-1]
+    assert expected in errors[-1]
     ticks_until(device, good)
 
 
-def test_an_unplugged_device_is_told_and_comes_back(service, device):
+def test_an_unplugged_device_is_reported_and_comes_back(service, device):
     ticks_until(device, good)
     service.unplugged = True
     errors, _ = ticks_until(device, lambda _, reading: reading.age > 0.1)

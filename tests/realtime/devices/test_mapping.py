@@ -65,8 +65,8 @@ def test_poses_agree_with_matrices_and_the_twist_is_their_rate(seed):
     ends = []
     for sign in (-1, 1):
         half = Rotation.from_rotvec(sign * h * velocity[3:])
-        told = reading(place + sign * h * velocity[:3], half * start)
-        ends.append(mapping.to_scene(told)[0].copy())
+        measured = reading(place + sign * h * velocity[:3], half * start)
+        ends.append(mapping.to_scene(measured)[0].copy())
     _, twist = mapping.to_scene(reading(place, start, velocity))
     np.testing.assert_allclose(twist[:3], (ends[1][:3] - ends[0][:3]) / (2 * h), atol=1e-6)
     rate = (turn(ends[1][3:]) * turn(ends[0][3:]).inv()).as_rotvec() / (2 * h)
@@ -75,15 +75,15 @@ def test_poses_agree_with_matrices_and_the_twist_is_their_rate(seed):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
-def test_power_at_the_device_is_the_told_ratio_of_that_in_the_scene(seed, scale, force_scale):
+def test_power_at_the_device_is_the_stated_ratio_of_that_in_the_scene(seed, scale, force_scale):
     rng = np.random.default_rng(seed)
     q = rng.normal(size=4)
     mapping = Mapping(FREE, scale=scale, force_scale=force_scale, rotation=q / np.linalg.norm(q))
-    told = reading(rng.uniform(-0.05, 0.05, 3), velocity=rng.normal(size=6))
-    mapping.begin_at(told, [0, 0, 0, 1, 0, 0, 0])
-    _, twist = mapping.to_scene(told)
+    measured = reading(rng.uniform(-0.05, 0.05, 3), velocity=rng.normal(size=6))
+    mapping.begin_at(measured, [0, 0, 0, 1, 0, 0, 0])
+    _, twist = mapping.to_scene(measured)
     wrench = rng.normal(size=6)
-    there, here = wrench @ twist, mapping.to_device(wrench) @ told.twist
+    there, here = wrench @ twist, mapping.to_device(wrench) @ measured.twist
     assert mapping.power_ratio == pytest.approx(force_scale / scale)
     assert here == pytest.approx(mapping.power_ratio * there, rel=1e-9, abs=1e-12)
 
@@ -155,20 +155,20 @@ def test_what_the_device_cannot_push_is_left_out():
     tool = Rotation.from_euler("x", 30, degrees=True)
     mapping.begin_at(reading(), [0, 0, 0, *wxyz(tool)])
     np.testing.assert_array_equal(mapping.to_device(np.arange(1.0, 7.0)), [1, 2, 0, 0, 0, 0])
-    told = reading((0.01, 0, 0), Rotation.from_euler("z", 80, degrees=True), (0, 0, 0, 1, 1, 1))
-    pose, twist = mapping.to_scene(told)
+    measured = reading((0.01, 0, 0), Rotation.from_euler("z", 80, degrees=True), (0, 0, 0, 1, 1, 1))
+    pose, twist = mapping.to_scene(measured)
     np.testing.assert_allclose(pose[3:], wxyz(tool))  # it does not sense rotation
     assert not twist[3:].any()
 
 
 def test_values_that_are_none_are_refused():
-    for options, told in [
+    for options, expected in [
         ({"scale": 0.0}, "scale must be"), ({"force_scale": -1.0}, "force_scale must be"),
         ({"rotation": (1, 1, 0, 0)}, "unit quaternion"), ({"home": (0, 0)}, "home must be 3"),
         ({"clutch_button": 32}, "clutch_button must be"),
         ({"torque_scale": float("nan")}, "torque_scale must be"),
     ]:  # fmt: skip
-        with pytest.raises(AsperityError, match=told):
+        with pytest.raises(AsperityError, match=expected):
             Mapping(FREE, **options)
     with pytest.raises(AsperityError, match="not finite"):
         Mapping(FREE).begin_at(reading((np.nan, 0, 0)), [0, 0, 0, 1, 0, 0, 0])

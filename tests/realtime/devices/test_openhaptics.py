@@ -34,7 +34,7 @@ class Stub(types.SimpleNamespace):
         # To the right, up, towards the user; mm.
         self.matrix = column_by_column(np.eye(3), [20.0, 10.0, -30.0])
         self.forces, self.torques, self.code, self.frames = [], [], 0, 0
-        self.told = {2: [100.0, 200.0, 300.0], 3: [4.0, 5.0, 6.0]}
+        self.values = {2: [100.0, 200.0, 300.0], 3: [4.0, 5.0, 6.0]}
         self.id, self.raises, self.running = 7, None, False
 
     def init_device(self, name):
@@ -77,7 +77,7 @@ class Stub(types.SimpleNamespace):
         self.torques.append(value)
 
     def _get_doublev(self, code, kind):
-        return self.told[code]
+        return self.values[code]
 
     def _get_error(self):
         return types.SimpleNamespace(errorCode=self.code)
@@ -130,7 +130,7 @@ def test_the_wrench_goes_out_in_their_axes_and_units(stub, device):
     np.testing.assert_allclose(stub.torques[-1], [100.0, 300.0, -200.0])  # mN m
     reading = Reading.empty()
     device.read(reading)
-    theirs = np.dot(stub.forces[-1], stub.told[2]) * 1e-3
+    theirs = np.dot(stub.forces[-1], stub.values[2]) * 1e-3
     assert np.dot(PUSH[:3], reading.twist[:3]) == pytest.approx(theirs)
 
 

@@ -1,4 +1,4 @@
-"""A device that does what it is told to do wrong, and keeps every wrench that it was sent."""
+"""A device with faults on request, which records every wrench that it is sent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the thread that computes contacts asks of the stage, and hands on: by an injected clock."""
+"""The contact worker's calls and results, with an injected clock."""
 
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ AT = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 class Told:
-    """A stage that notes what it is told, and finds nothing."""
+    """A stage that notes its arguments, and finds no contact."""
 
     dt = DT
     contacts = SimpleNamespace(depth=np.zeros(0))
@@ -56,7 +56,7 @@ def test_ticks_whose_search_was_cut_short_are_counted():
 
     bench.contacts.submit = hasty
     bench.run(90)
-    told = bench.stats.summary()
-    assert told["cut_short"] == pytest.approx(30, abs=1)
-    assert told["cut_short_percent"] == pytest.approx(100.0 / 3.0, abs=1.2)
-    assert told["fallbacks"] == 0
+    summary = bench.stats.summary()
+    assert summary["cut_short"] == pytest.approx(30, abs=1)
+    assert summary["cut_short_percent"] == pytest.approx(100.0 / 3.0, abs=1.2)
+    assert summary["fallbacks"] == 0

@@ -23,10 +23,10 @@ MOST = 2.0
 """[N]"""
 
 
-def until(what, told, seconds=30.0):
+def until(what, fault, seconds=30.0):
     end = time.monotonic() + seconds
     while not what():
-        assert time.monotonic() < end, told
+        assert time.monotonic() < end, fault
         time.sleep(5e-3)
 
 
@@ -53,7 +53,7 @@ def test_whatever_the_service_does_no_force_stays_and_none_is_too_strong(tmp_pat
             servo.start()
             down[0] = 0.01  # from wherever it began, onto the plate
             for fault in ("disconnect", "silent", "unplugged", "frozen"):
-                # A frozen frame is told from a hand at rest by the velocity that it claims.
+                # The velocity in a frozen frame distinguishes it from a hand at rest.
                 until(lambda: pushes() and abs(service.cursor.velocity[0]) > 0.015, fault)
                 if fault == "disconnect":
                     before = len(service.sessions)

@@ -1,4 +1,4 @@
-"""A recording that begins and ends while rows go on."""
+"""A recording that begins and ends while ticks continue."""
 
 import json
 
@@ -14,7 +14,7 @@ from asperity.runs.recording import read_recording
 from asperity.scene.builtin import load_scene
 
 
-def test_all_rows_that_are_handed_on_are_in_the_file_from_time_zero(tmp_path):
+def test_all_ticks_that_are_handed_on_are_in_the_file_from_time_zero(tmp_path):
     scene = load_scene("probe-plate")
     parameters = LiveParameters(1000.0, 321.0, 0.25, scene.coupling)
     attributes = attributes_of(scene, parameters, source="probe-plate", device="a hand")

@@ -119,7 +119,7 @@ def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):
         until(lambda: servo.snapshot().ticks > ticks + 200)
         stiff = float(np.median(Written.read(log).force[-50:]))
         written = Written.read(log)
-        sent, told = len(written.time), written.time[-1]
+        sent, last = len(written.time), written.time[-1]
         os.kill(servo.process.pid, signal.SIGTERM)
         until(lambda: servo.wait(0.05))
         result = servo.finish()
@@ -131,7 +131,7 @@ def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):
     assert not written.wrench[-1].any()
     assert written.closed
     # Two ticks of 500 Hz, and what a busy machine may take.
-    assert written.time[sent:][written.force[sent:] > 0.0].max(initial=told) < told + 0.1
+    assert written.time[sent:][written.force[sent:] > 0.0].max(initial=last) < last + 0.1
 
 
 def test_killed_the_recording_is_whole_and_said_to_be_cut(tmp_path):
@@ -202,7 +202,7 @@ def _is_alive(pid):
         return False
 
 
-def test_what_keeps_the_loop_from_beginning_is_told(tmp_path):
+def test_what_keeps_the_loop_from_beginning_is_reported(tmp_path):
     (tmp_path / "log").write_text("in the way")
     with Servo(spec(tmp_path / "log")) as servo:
         with pytest.raises(AsperityError, match="the servo loop failed: FileExistsError"):

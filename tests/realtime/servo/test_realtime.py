@@ -20,7 +20,7 @@ def test_nothing_that_needs_rights_is_asked_for_by_itself():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="Linux is what is tested")
-def test_what_is_asked_for_is_granted_and_told(monkeypatch):
+def test_what_is_asked_for_is_granted_and_reported(monkeypatch):
     asked = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given))
     monkeypatch.setattr(os, "sched_setaffinity", lambda *given: asked.append(given))
@@ -36,7 +36,7 @@ def test_what_is_asked_for_is_granted_and_told(monkeypatch):
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="Linux is what is tested")
-def test_what_is_refused_is_told_and_does_no_harm(monkeypatch):
+def test_what_is_refused_is_reported_and_does_no_harm(monkeypatch):
     def refused(*_):
         raise PermissionError(1, "Operation not permitted")
 

@@ -93,7 +93,7 @@ def test_killed_amid_writing_it_leaves_a_file_up_to_the_last_second(tmp_path):
 
 
 @pytest.mark.parametrize(("limit", "waiting"), [(4_200_000, 15_000), (8_000_000, 5000)])
-def test_a_full_disk_is_told_and_the_file_opens(tmp_path, limit, waiting):
+def test_a_full_disk_is_reported_and_the_file_opens(tmp_path, limit, waiting):
     """As a limit to the size of files, which the system refuses in the same places."""
     ring = filled(tmp_path / "ring", waiting)
     process = started(tmp_path / "ring", tmp_path / "r.h5", file_size=limit)
@@ -106,7 +106,7 @@ def test_a_full_disk_is_told_and_the_file_opens(tmp_path, limit, waiting):
     assert process.returncode == 0
     assert "no room for" in printed
     assert "File too large; recording stopped" in complained
-    # Nobody takes rows any more: the ring fills and loses, and the loop is none the wiser.
+    # No ticks are taken any more: the ring fills and drops some, and the loop does not notice.
     for _ in range(25_000):
         ring.push(tick(0))
     assert ring.lost > 0

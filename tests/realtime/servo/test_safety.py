@@ -211,7 +211,7 @@ def test_the_whole_loop_is_held_to_the_limits():
 
 
 def test_nothing_else_writes_to_a_device_or_opens_one():
-    """Besides what passes on what it is told there are those who hold a `SafeDevice`."""
+    """Apart from wrappers of devices, only holders of a `SafeDevice` do."""
     source = Path(asperity.__file__).parent / "realtime"
     passing_on = {"devices/calibration.py", "servo/safety.py"}
     found = {
@@ -225,15 +225,15 @@ def test_nothing_else_writes_to_a_device_or_opens_one():
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "expected"),
     [
         ({"slew": -1.0}, "slew must lie between 0 and 1 s, got -1.0"),
         ({"max_force": -2.0}, "max_force must be a finite number, 0 or above"),
         ({"silent_after": 0.0}, "silent_after must lie between"),
     ],
 )
-def test_wrong_settings_are_refused(options, told):
-    with pytest.raises(AsperityError, match=told):
+def test_wrong_settings_are_refused(options, expected):
+    with pytest.raises(AsperityError, match=expected):
         SafetySettings(**options)
 
 

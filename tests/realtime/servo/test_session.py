@@ -61,10 +61,10 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
 
     again = tmp_path / "again"
     assert main(["replay", str(out), "--out", str(again)]) == 0
-    told = summary_in(again)["replay"]
-    assert told["ticks"] >= len(recording.time) - 2
-    assert told["device_wrench"]["rms_force_n"] < 1.0
-    assert "the hand's force differs by at most" in capsys.readouterr().out
+    replayed = summary_in(again)["replay"]
+    assert replayed["ticks"] >= len(recording.time) - 2
+    assert replayed["device_wrench"]["rms_force_n"] < 1.0
+    assert "the device force differs by at most" in capsys.readouterr().out
     played = read_recording(again / "recording.h5")
     # Where nothing was in the way, the loop felt what the simulation feels.
     row = np.rint((recording.time - recording.time[0]) / 1e-3).astype(int)
@@ -136,7 +136,7 @@ def test_ctrl_c_ends_a_session_well(tmp_path):
     assert len(recording.time) == summary["timing"]["ticks"] > 100
 
 
-def test_a_loop_can_be_told_to_sleep(tmp_path):
+def test_a_loop_can_be_set_to_sleep(tmp_path):
     options = ["--device", "simulated", "--seconds", "0.5", "--no-busy-wait"]
     assert main(["run", "probe-plate", *options, "--out", str(tmp_path / "felt")]) == 0
     assert summary_in(tmp_path / "felt")["real_time"]["between_ticks"] == "asleep"
@@ -166,17 +166,17 @@ def test_a_run_in_simulated_time_is_replayed_as_it_was(headless, tmp_path):
     recording = read_recording(headless)
     scene = scene_of_recording(recording.attributes)
     assert scene.coupling.mode == "implicit"
-    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
-    assert told["ticks"] == told["ticks_untouched"] == 301
-    assert told["device_wrench"]["largest_force_n"] < 1e-9
-    assert told["contact_wrench"]["largest_torque_n_m"] < 1e-9
+    replayed = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
+    assert replayed["ticks"] == replayed["ticks_untouched"] == 301
+    assert replayed["device_wrench"]["largest_force_n"] < 1e-9
+    assert replayed["contact_wrench"]["largest_torque_n_m"] < 1e-9
 
 
 def test_another_scene_differs(headless, tmp_path):
     recording = read_recording(headless)
     scene = scene_of_recording(recording.attributes, "probe-plate-grating")
-    told = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
-    assert told["contact_wrench"]["largest_force_n"] > 0.01
+    replayed = replay(recording, scene, tmp_path / "again.h5").summary["replay"]
+    assert replayed["contact_wrench"]["largest_force_n"] > 0.01
 
 
 def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
@@ -193,9 +193,9 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
-        (["run", "probe-plate", "--rate-hz", "2000"], "options of a device need --device"),
+        (["run", "probe-plate", "--rate-hz", "2000"], "options of the servo loop need --device"),
         (
             ["run", "probe-plate", "--device", "touch", "--speed-mm-s", "9"],
             "--speed-mm-s: the user's hand moves the device touch; leave them out",
@@ -206,7 +206,7 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
         ),
         (
             ["run", "probe-plate", "--device", "simulated", "--rate-hz", "20"],
-            "--rate-hz must lie between 100 and 20000, got 20.0",
+            "--rate-hz must lie between 100 and 20000 Hz, got 20.0",
         ),
         (
             ["record", "probe-plate", "--device-option", "motion"],
@@ -215,10 +215,10 @@ def test_recorded_poses_are_a_device_too(headless, tmp_path, capsys):
         (["replay", "nothing.h5"], "no such recording: nothing.h5"),
     ],
 )
-def test_bad_input_is_told_in_one_line(arguments, told, tmp_path, capsys, monkeypatch):
+def test_bad_input_is_reported_in_one_line(arguments, expected, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     printed = capsys.readouterr().err
-    assert told in printed
+    assert expected in printed
     assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

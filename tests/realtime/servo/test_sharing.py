@@ -31,7 +31,7 @@ def numbers(ticks):
     return ticks.view(np.float64).reshape(len(ticks), -1)
 
 
-def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
+def test_ticks_come_out_as_they_went_in_and_in_order(tmp_path):
     ring, other = TickRing(tmp_path / "ring", 100), None
     other = TickRing(tmp_path / "ring")
     assert other.capacity == 100
@@ -48,7 +48,7 @@ def test_rows_come_out_as_they_went_in_and_in_order(tmp_path):
     assert ring.lost == other.lost == 0
 
 
-def test_a_full_ring_loses_the_new_rows_counts_them_and_goes_on(tmp_path):
+def test_a_full_ring_loses_the_new_ticks_counts_them_and_goes_on(tmp_path):
     ring = TickRing(tmp_path / "ring", 10)
     kept = [n for n in range(25) if ring.push(tick(n))]
     assert kept == list(range(10))
@@ -99,7 +99,7 @@ def shown(count, value):
     return out
 
 
-def test_a_snapshot_is_the_latest_moment(tmp_path):
+def test_a_snapshot_is_the_latest_tick(tmp_path):
     writer = SnapshotWriter(tmp_path / "snapshot")
     reader = SnapshotReader(tmp_path / "snapshot")
     assert reader.read() is None

@@ -94,15 +94,15 @@ def test_the_contact_comes_first_where_the_core_is_shared():
 
 @pytest.mark.parametrize("shares", [False, True])
 def test_a_contact_is_asked_for_when_all_else_is_done(shares):
-    told = []
+    busy = []
 
     class Told(Publisher):
         def push(self, row):
-            told.append(bench.contacts.busy)
+            busy.append(bench.contacts.busy)
 
     bench = Bench(mode="implicit", publisher=Told(), shares=shares, takes=lambda n: 0.4 * DT)
     bench.run(20)
-    assert not any(told)
+    assert not any(busy)
     assert len(bench.contacts.submitted) == 21
     assert bench.stats.fallbacks == 0
     assert bench.contacts.rests == (20 if shares else 0) + 1
@@ -146,10 +146,10 @@ def test_misses_are_late_ticks_and_ticks_left_out():
     assert stats.skipped == 2
     assert stats.misses == 3
     assert stats.ticks + stats.skipped == 100
-    told = stats.summary()
-    assert told["misses_percent"] == pytest.approx(3.0)
-    assert sum(told["start_late_histogram_us"].values()) == stats.ticks
-    assert told["start_late_us"]["max"] == pytest.approx(400.0, abs=110.0)
+    summary = stats.summary()
+    assert summary["misses_percent"] == pytest.approx(3.0)
+    assert sum(summary["start_late_histogram_us"].values()) == stats.ticks
+    assert summary["start_late_us"]["max"] == pytest.approx(400.0, abs=110.0)
 
 
 def test_contacts_in_time_are_felt_at_the_pose_just_read():
@@ -345,9 +345,9 @@ def test_threads_come_to_share_a_core_that_they_may_use():
     try:
         core = pick_core()
         assert core in allowed
-        told = share_core(core, [thread.native_id])
+        outcome = share_core(core, [thread.native_id])
         assert os.sched_getaffinity(thread.native_id) == {core}
-        assert told == f"on core {core}, with the loop"
+        assert outcome == f"on core {core}, with the loop"
         assert os.sched_getaffinity(0) == allowed
     finally:
         held.set()
@@ -355,15 +355,15 @@ def test_threads_come_to_share_a_core_that_they_may_use():
 
 
 @pytest.mark.parametrize(
-    ("told", "cores"),
+    ("quota", "cores"),
     [("max 100000", 3), ("200000 100000", 2), ("150000 100000", 1), ("-1", 3), ("50000", 1),
      ("", 3), ("no number", 3), ("900000 100000", 3)],
 )  # fmt: skip
-def test_a_container_may_have_the_time_of_fewer_cores(tmp_path, monkeypatch, told, cores):
+def test_a_container_may_have_the_time_of_fewer_cores(tmp_path, monkeypatch, quota, cores):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
-    (tmp_path / "quota").write_text(told)
+    (tmp_path / "quota").write_text(quota)
     (tmp_path / "period").write_text("100000")
-    one = " " in told  # both numbers are in one file
+    one = " " in quota  # both numbers are in one file
     places = ((tmp_path / "quota", None if one else tmp_path / "period"), (tmp_path / "no", None))
     monkeypatch.setattr(realtime, "_QUOTAS", places)
     assert realtime.usable_cores() == cores
@@ -378,14 +378,14 @@ def test_a_process_can_be_kept_off_a_core():
     process.start()
     try:
         core = pick_core()
-        told = keep_off_core(core, process.pid)
+        outcome = keep_off_core(core, process.pid)
         if len(allowed) > 1:
-            assert told == f"not on core {core}"
+            assert outcome == f"not on core {core}"
             assert os.sched_getaffinity(process.pid) == allowed - {core}
         for other in sorted(os.sched_getaffinity(process.pid)):
-            told = keep_off_core(other, process.pid)
+            outcome = keep_off_core(other, process.pid)
         # One has to be left.
-        assert told == "refused: there is no other core"
+        assert outcome == "refused: there is no other core"
         assert os.sched_getaffinity(process.pid)
     finally:
         process.kill()

@@ -84,9 +84,9 @@ class SmoothedTarget:
             self._interval += 0.2 * (interval - self._interval)
         self._since = 0.0
         self._goal = np.array(goal, dtype=np.float64)
-        way = math.dist(self._straight[:3].tolist(), self._goal[:3].tolist())
-        turn = float(np.linalg.norm(rotation_between(self._straight, self._goal)))
-        seconds = max(SLACK * self._interval, way / FASTEST, turn / FASTEST_TURN)
+        distance = math.dist(self._straight[:3].tolist(), self._goal[:3].tolist())
+        angle = float(np.linalg.norm(rotation_between(self._straight, self._goal)))
+        seconds = max(SLACK * self._interval, distance / FASTEST, angle / FASTEST_TURN)
         self._left = max(math.ceil(seconds / self.dt), 1)
 
     def put(self, goal: NDArray[np.float64]) -> None:

@@ -10,7 +10,7 @@ The force is cut at once, and the check fails, if the end effector leaves 30 mm 
 0.3 m/s, if the device reports an error, or if anything raises; zero is sent before anything else.
 Everything goes through a `SafeDevice` as in a session, which limits the force to 0.5 N whatever is
 requested here. If readings only become stale, which happens on a busy computer, the force is cut
-and the test of that axis begins again when they return, at most `_MOST_STALLS` times. Time, waiting
+and the test of that axis begins again when they return, at most `_MAX_STALLS` times. Time, waiting
 and the user are injected.
 """
 
@@ -37,7 +37,7 @@ _LISTEN = 1.0
 _RISE, _STAY, _FALL = 1.0, 0.3, 0.3
 _TICK = 1e-3
 _LONGEST_AGE = 0.05
-_MOST_STALLS = 10
+_MAX_STALLS = 10
 _RECOVERY = 1.0
 _SAFETY = SafetySettings(
     max_force=TOP_FORCE, max_torque=0.0, soft_start=0.0, silent_after=_LONGEST_AGE
@@ -201,7 +201,7 @@ class _Check:
                 self._cut()
                 self._sleep(_TICK)
                 silent = self._clock() - began
-                if self._stalls > _MOST_STALLS or silent > _RECOVERY or self._reading.error:
+                if self._stalls > _MAX_STALLS or silent > _RECOVERY or self._reading.error:
                     why = self._reading.error or f"{self._reading.age * 1e3:.0f} ms without a pose"
                     raise AsperityError(f"{self._device.name} fell silent under force: {why}")
         if given < -_SEEN:

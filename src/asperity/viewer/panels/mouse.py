@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from asperity.viewer.servo_client import ServoClient
 
-HELD = 5.0
+CONTROL_TIMEOUT = 5.0
 """Time without a drag after which a tab loses control of the tool [s]; project default."""
 
 
@@ -39,7 +39,7 @@ class Holder:
 
     def may(self, client: int | None, now: float) -> bool:
         """Return whether a tab may move the tool now; if so, it gets control."""
-        if client not in (self._client, None) and now - self._last < HELD:
+        if client not in (self._client, None) and now - self._last < CONTROL_TIMEOUT:
             return False
         self.take(client, now)
         return True
@@ -80,9 +80,9 @@ class MousePanel:
             "The green ghost is your hand, to which the tool is coupled."
         )
         self._take = gui.add_button("Control the tool from this tab", icon="hand-grab")
-        self._take.on_click(self._taken)
+        self._take.on_click(self._take_control)
         self._home = gui.add_button("Lift off", hint="Return to the hand's initial pose")
-        self._home.on_click(self._lift)
+        self._home.on_click(self._lift_off)
         with gui.add_folder("Canned motions"):
             motion = servo.config.scene.motion
             own = motion if isinstance(motion, ScriptedMotion) else ScriptedMotion()
@@ -101,8 +101,8 @@ class MousePanel:
             )
             self._start = gui.add_button("Start", icon="player-play", color="green")
             self._stop = gui.add_button("Stop", icon="player-stop", disabled=True)
-        self._start.on_click(self._started)
-        self._stop.on_click(self._stopped)
+        self._start.on_click(self._start_clicked)
+        self._stop.on_click(self._stop_clicked)
         for control in (self._speed, self._length, self._direction, self._force):
             control.on_update(self._changed)
 
@@ -132,27 +132,27 @@ class MousePanel:
             self._put(self._servo.target)
             return
         if self.is_moving:
-            self._rest()
+            self._stop_motion()
         self._servo.point(self._pose())
 
     def _pose(self) -> NDArray[np.float64]:
         """Return the handle's pose for the gizmo's (7,)."""
-        turn = np.asarray(self._gizmo.wxyz, dtype=np.float64)
-        turn /= np.linalg.norm(turn)
-        place = np.asarray(self._gizmo.position) / UNITS - rotation_of(turn) @ self._centre
-        return np.concatenate([place, turn])
+        rotation = np.asarray(self._gizmo.wxyz, dtype=np.float64)
+        rotation /= np.linalg.norm(rotation)
+        position = np.asarray(self._gizmo.position) / UNITS - rotation_of(rotation) @ self._centre
+        return np.concatenate([position, rotation])
 
     def _put(self, pose: NDArray[np.float64]) -> None:
-        place = pose[:3] + rotation_of(pose[3:]) @ self._centre
-        self._gizmo.position = tuple((UNITS * place).tolist())
+        position = pose[:3] + rotation_of(pose[3:]) @ self._centre
+        self._gizmo.position = tuple((UNITS * position).tolist())
         self._gizmo.wxyz = tuple(pose[3:].tolist())
 
-    def _taken(self, event: Any) -> None:
+    def _take_control(self, event: Any) -> None:
         self.holder.take(event.client_id, time.monotonic())
 
-    def _lift(self, event: Any) -> None:
+    def _lift_off(self, event: Any) -> None:
         if self._allowed(event):
-            self._rest()
+            self._stop_motion()
             self._servo.point(self._servo.config.first_pose)
             self._put(self._servo.target)
 
@@ -166,7 +166,7 @@ class MousePanel:
 
     # -- motions -------------------------------------------------------------------------------
 
-    def _started(self, event: Any) -> None:
+    def _start_clicked(self, event: Any) -> None:
         if self._allowed(event) and attempt(event, "Motion", self._move):
             self._stop.disabled = False
 
@@ -185,11 +185,11 @@ class MousePanel:
         if self.is_moving and from_browser(event):
             attempt(event, "Motion", self._move)
 
-    def _stopped(self, event: Any) -> None:
+    def _stop_clicked(self, event: Any) -> None:
         if self._allowed(event):
-            self._rest()
+            self._stop_motion()
 
-    def _rest(self) -> None:
+    def _stop_motion(self) -> None:
         """Stop the motion and hold the hand where it is."""
         snapshot = self._servo.latest()
         self.is_moving, self._stop.disabled = False, True

@@ -219,16 +219,16 @@ class SceneView:
     def _show_contacts(self, snapshot: Snapshot) -> None:
         points = (UNITS * snapshot.point).astype(np.float32)
         self._contacts.points = points
-        places = points.astype(np.float64)
-        pushes = self._arrows(places, snapshot.force, _FULL_FORCE) if len(points) else points
+        starts = points.astype(np.float64)
+        pushes = self._arrows(starts, snapshot.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
 
     def _show_wrench(self, snapshot: Snapshot) -> None:
         """Show the wrench on the hand above the tool, in line with its centre of mass."""
         pose, wrench = snapshot.tool_pose, snapshot.device_wrench
-        turn = rotation_of(pose[3:])
-        at = pose[:3] + turn @ self._centre
-        at[2] = pose[2] + float((self._outline @ turn[2]).max())
+        rotation = rotation_of(pose[3:])
+        at = pose[:3] + rotation @ self._centre
+        at[2] = pose[2] + float((self._outline @ rotation[2]).max())
         at = UNITS * at[None]
         for name, vector, full, arrows, unit in (
             ("force", wrench[:3], _FULL_FORCE, self._force, "N"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from asperity.viewer.server.uploads import MOST_BYTES
+from asperity.viewer.server.uploads import MAX_BYTES
 
 if TYPE_CHECKING:
     import viser
@@ -20,7 +20,7 @@ _SMALLEST_PART = 1024
 """Smallest average size of a part [bytes]."""
 
 
-def bound_uploads(server: viser.ViserServer, most: int = MOST_BYTES) -> None:
+def bound_uploads(server: viser.ViserServer, most: int = MAX_BYTES) -> None:
     """Make a server refuse uploads of more than `most` bytes."""
     from viser import _messages as messages
 

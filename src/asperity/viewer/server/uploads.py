@@ -19,11 +19,11 @@ from typing import Any
 from asperity.errors import AsperityError
 from asperity.texture.files.images import read_pixels
 
-MOST_BYTES = 64 * 2**20
-MOST_PIXELS = 2**24
+MAX_BYTES = 64 * 2**20
+MAX_PIXELS = 2**24
 """Largest image or array: 4096 x 4096."""
-MOST_TRIANGLES = 200_000
-MOST_FILES = 40
+MAX_TRIANGLES = 200_000
+MAX_FILES = 40
 """Largest number of files that a page keeps, as scenes may be read from them again."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".npy")
 MESHES = (".stl", ".obj", ".ply", ".glb")
@@ -46,8 +46,8 @@ class Uploads:
         """
         suffix = _suffix(name, content, IMAGES, "an image")
         pixels = _pixels(name, suffix, content)
-        if not 16 <= pixels <= MOST_PIXELS:
-            raise AsperityError(f"{_shown(name)} has {pixels} pixels; valid: 16 to {MOST_PIXELS}")
+        if not 16 <= pixels <= MAX_PIXELS:
+            raise AsperityError(f"{_shown(name)} has {pixels} pixels; valid: 16 to {MAX_PIXELS}")
         path = self._kept(suffix, content)
         if suffix != ".npy":
             self._decoded(path, name)
@@ -57,9 +57,9 @@ class Uploads:
         """Store a mesh; return its path. Raises as `image` does."""
         suffix = _suffix(name, content, MESHES, "a mesh")
         count = _triangles(name, suffix, content)
-        if count > MOST_TRIANGLES:
+        if count > MAX_TRIANGLES:
             raise AsperityError(
-                f"{_shown(name)} has {count} triangles; valid: {MOST_TRIANGLES} at most; "
+                f"{_shown(name)} has {count} triangles; valid: {MAX_TRIANGLES} at most; "
                 "asperity bake makes fewer of them"
             )
         return self._kept(suffix, content)
@@ -69,8 +69,8 @@ class Uploads:
         rmtree(self._folder, ignore_errors=True)
 
     def _kept(self, suffix: str, content: bytes) -> Path:
-        if self._count >= MOST_FILES:
-            raise AsperityError(f"{MOST_FILES} files have been uploaded; open a new page")
+        if self._count >= MAX_FILES:
+            raise AsperityError(f"{MAX_FILES} files have been uploaded; open a new page")
         self._count += 1
         path = self._folder / f"upload-{self._count}{suffix}"
         path.write_bytes(content)
@@ -97,9 +97,9 @@ def _suffix(name: str, content: bytes, valid: tuple[str, ...], what: str) -> str
         raise AsperityError(f"{_shown(name)} is no {what.split()[-1]}; valid: {', '.join(valid)}")
     if not content:
         raise AsperityError(f"{_shown(name)} is empty")
-    if len(content) > MOST_BYTES:
+    if len(content) > MAX_BYTES:
         raise AsperityError(
-            f"{_shown(name)} has {len(content) / 2**20:.0f} MB; valid: {MOST_BYTES // 2**20} MB"
+            f"{_shown(name)} has {len(content) / 2**20:.0f} MB; valid: {MAX_BYTES // 2**20} MB"
         )
     return suffix
 

@@ -25,8 +25,8 @@ RETRY = 0.05
 """Pause between attempts to connect [s]."""
 PATIENCE = 2.0
 """Time limit for one attempt [s]."""
-_MOST_WAITING = 64 * 1024
-_MOST_READS = 16
+_MAX_QUEUED = 64 * 1024
+_MAX_READS = 16
 _NOTHING: list[str] = []
 
 
@@ -100,7 +100,7 @@ class WebSocketClient:
 
     def send(self, text: bytes) -> bool:
         """Queue a text message; return False if the connection cannot take it now."""
-        if not self.is_open or len(self._outgoing) > _MOST_WAITING:
+        if not self.is_open or len(self._outgoing) > _MAX_QUEUED:
             return False
         try:
             self._protocol.send_text(text)
@@ -164,7 +164,7 @@ class WebSocketClient:
     def _receive(self) -> list[str]:
         assert self._socket is not None
         texts = _NOTHING
-        for _ in range(_MOST_READS):
+        for _ in range(_MAX_READS):
             try:
                 data = bytes(self._view[: self._socket.recv_into(self._view)])
             except BlockingIOError:

@@ -52,7 +52,7 @@ def test_messages_in_pieces_and_many_at_once_come_whole_and_in_order():
 @pytest.mark.parametrize(
     "answer", [b"HTTP/1.1 404 Not Found\r\n\r\n", b"SSH-2.0-OpenSSH\r\n", b"\0" * 9000, b""]
 )
-def test_what_speaks_no_websocket_is_told_and_left(answer):
+def test_what_speaks_no_websocket_is_reported_and_left(answer):
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def speak():

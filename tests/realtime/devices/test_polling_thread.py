@@ -74,23 +74,23 @@ def test_a_stale_reading_keeps_the_place_and_forgets_the_speed():
     assert not reading.twist.any()
 
 
-def test_failures_are_told_on_one_line_and_the_device_reopened():
+def test_failures_are_reported_on_one_line_and_the_device_reopened():
     asked, reading = Asked(), Reading.empty()
     asked.fails = 2
     poller = PollingThread(asked, reopen=asked.reopen)
     poller.start()
-    told = []
+    errors = []
 
     def recovered():
         new = poller.take(reading)
         if reading.error:
-            told.append(reading.error)
+            errors.append(reading.error)
         return new
 
     assert until(recovered)
     poller.stop()
-    assert told
-    assert set(told) == {"the cable is out"}
+    assert errors
+    assert set(errors) == {"the cable is out"}
     assert asked.reopened == 2
 
 
