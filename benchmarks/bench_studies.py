@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from asperity._core.kernels import kernel
 from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus, drag
-from asperity.dynamics.dragged_hand.integrator import force_at, lay_out
+from asperity.dynamics.dragged_hand.integrator import force_at, force_table
 from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.runs.vibration_metrics import METRICS, evaluate
@@ -47,7 +47,7 @@ def derivative(t, state, course, mass, stiffness, damping, speed):
 
 def problem(table: PiecewiseCubic, hand: Hand, speed: float) -> tuple[object, ...]:
     """Return the arguments of the right-hand side; its places count from the first jump."""
-    return lay_out(*table[:3]), hand.mass, hand.stiffness, hand.damping, speed
+    return force_table(*table[:3]), hand.mass, hand.stiffness, hand.damping, speed
 
 
 def peer(

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.virtual_coupling.coupled_tool import REACH, CoupledTool
 from asperity.dynamics.virtual_coupling.settings import (
+    COUPLING_MODES,
     MASS,
-    MODES,
     MOMENTS,
     CouplingSettings,
     coupled_body,
@@ -22,7 +22,7 @@ from asperity.scene.builtin import load_scene, probe_plate
 from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
 
-COUPLED = MODES[1:]
+COUPLED = COUPLING_MODES[1:]
 START = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 BODY = RigidBody(
     0.05, np.array([0.01, 0.0, 0.03]), np.array([6e-5, 4e-5, 2e-5]), rotation_of(
@@ -97,12 +97,12 @@ def test_a_fast_spin_keeps_its_momentum(mode):
     tool = held(mode, stiffness=1.0, damping=0.0, rotational_stiffness=1e-4, rotational_damping=0.0)
     tool.reset(START)
     momentum = np.array([0.05, 0.03, -0.04])  # 1000 rad/s and more
-    tool._momentum[3:] = momentum
+    tool._motion.momentum[3:] = momentum
     for _ in range(2000):
         tool.advance(START, np.zeros(6), NOTHING)
         assert np.linalg.norm(tool.twist[3:]) <= 1.01 * np.linalg.norm(momentum) / 2e-5
     # The coupling's spring of 1e-4 N m/rad turns it by 3e-4 N m s a second at most.
-    np.testing.assert_allclose(tool._momentum[3:], momentum, atol=1e-3)
+    np.testing.assert_allclose(tool._motion.momentum[3:], momentum, atol=1e-3)
     np.testing.assert_allclose(np.linalg.norm(tool.pose[3:]), 1.0, atol=1e-12)
 
 
@@ -128,13 +128,13 @@ def test_action_is_reaction(mode):
     """What the hand feels is what the tool's momentum lost."""
     tool, rng = held(mode), np.random.default_rng(5)
     tool.reset(START)
-    before = tool._momentum.copy()
+    before = tool._motion.momentum.copy()
     for _ in range(20):
         handle = rotated(START + np.append(0.01 * rng.normal(size=3), np.zeros(4)),
                         0.3 * rng.normal(size=3))  # fmt: skip
         wrench = tool.advance(handle, 0.1 * rng.normal(size=6), NOTHING)
-        np.testing.assert_allclose(tool._momentum - before, -1e-3 * wrench, atol=1e-12)
-        before = tool._momentum.copy()
+        np.testing.assert_allclose(tool._motion.momentum - before, -1e-3 * wrench, atol=1e-12)
+        before = tool._motion.momentum.copy()
 
 
 def test_an_old_contact_does_not_pull():

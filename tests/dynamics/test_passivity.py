@@ -126,7 +126,7 @@ def test_what_went_in_and_what_came_out_are_counted_for_each_half():
     # The first tick held nothing yet.
     np.testing.assert_allclose(controller.put_in, [2.0 * 0.1 * DT, 0.1 * 1.0 * DT])
     np.testing.assert_allclose(controller.got_out, [2.0 * 0.05 * DT, 0.1 * 3.0 * DT])
-    told = controller.told()
+    told = controller.summary()
     assert told["energy_j"] == pytest.approx(sum(told["put_in_j"]) - sum(told["got_out_j"]))
     controller.reset()
     assert controller.put_in.tolist() == controller.got_out.tolist() == [0.0, 0.0]

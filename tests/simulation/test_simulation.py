@@ -178,5 +178,5 @@ def test_compiling_is_told_once_and_only_if_nothing_is_kept(tmp_path, monkeypatc
         with caplog.at_level(logging.WARNING):
             announce()
             announce()
-        assert ["compiling the contact engine" in r.message for r in caplog.records] == [True]
+        assert ["compiling the contact kernels" in r.message for r in caplog.records] == [True]
         (tmp_path / "tick.tick-51.py311.1.nbc").touch()

@@ -143,14 +143,14 @@ class RunCommand:
 
     def _scene(self) -> Scene:
         """Return the scene that the options describe."""
-        from asperity.dynamics.virtual_coupling.settings import MODES as COUPLINGS
+        from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
         from asperity.scene.builtin import load_scene
         from asperity.scene.scene import ANTI_ALIAS_MODES
 
         if self.anti_alias is not None:
             require_choice("--anti-alias", self.anti_alias, ANTI_ALIAS_MODES)
         if self.coupling is not None:
-            require_choice("--coupling", self.coupling, COUPLINGS)
+            require_choice("--coupling", self.coupling, COUPLING_MODES)
         self._refuse_mixed()
         scene = (
             self._scene_of_meshes()

@@ -106,14 +106,14 @@ class ViewCommand:
     def _config(self) -> SessionConfig:
         """Return the session that the page starts with."""
         from asperity.cli.realtime_run import parse_device_options
-        from asperity.dynamics.virtual_coupling.settings import MODES
+        from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
         from asperity.errors import require_choice
         from asperity.scene.builtin import load_scene
         from asperity.viewer.changes import on_coupling
         from asperity.viewer.session_config import SessionConfig
 
         if self.coupling is not None:
-            require_choice("--coupling", self.coupling, MODES)
+            require_choice("--coupling", self.coupling, COUPLING_MODES)
         source = self.scene or FIRST
         return SessionConfig(
             on_coupling(load_scene(source, seed=self.seed), self.coupling),

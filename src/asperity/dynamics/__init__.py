@@ -1,1 +1,1 @@
-"""What moves: the hand of the studies."""
+"""Dynamics of hand and tool: virtual coupling, passivity, hands of studies and simulations."""

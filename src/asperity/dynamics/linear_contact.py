@@ -1,4 +1,4 @@
-"""The contact wrench near a pose, to first order: what is felt between two contact queries."""
+"""The contact wrench linearised about a pose, for use between two contact queries."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from numpy.typing import NDArray
 
 
 class LinearContact(NamedTuple):
-    """A contact wrench and how it changes with the pose.
+    """A contact wrench and its stiffness.
 
-    Moved by `d`, translation of the centre of mass [m] and rotation vector [rad] in world axes,
-    the wrench is `wrench - stiffness @ d` (Otaduy & Lin 2006).
+    After a displacement `d` (6,), the translation of the centre of mass [m] and a rotation vector
+    [rad] in world axes, the wrench is `wrench - stiffness @ d` (Otaduy & Lin 2006).
     """
 
     pose: NDArray[np.float64]
-    """Of the tool's frame when the contact was looked at (7,)."""
+    """Pose of the tool's frame at the contact query (7,)."""
     wrench: NDArray[np.float64]
     """On the tool about its centre of mass: force [N], torque [N m], world axes (6,)."""
     stiffness: NDArray[np.float64]
     """(6, 6), positive semidefinite [N/m, N/rad, N, N m/rad]."""
     count: int  # type: ignore[assignment]  # hides tuple.count
-    """How many contacts there were."""
+    """Number of contacts."""
     flags: int
     """Bits of `asperity.simulation.tool_contact.FLAGS`."""

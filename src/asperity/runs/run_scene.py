@@ -133,7 +133,7 @@ def _energy(controller: PassivityController, rollout: Rollout) -> dict[str, Any]
     """Return what a simulated hand felt and how the account of its energy stood."""
     return {
         "mean_force_n": rollout.device_wrench[:, :3].mean(axis=0).tolist(),
-        **controller.told(),
+        **controller.summary(),
     }
 
 

@@ -1,6 +1,6 @@
-"""A scene: bodies with textures, read from MJCF and TOML, from files, or made in code."""
+"""Scenes: bodies with textures, from MJCF and TOML, from mesh and image files, or from code."""
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Names of the former module of this name are deprecated.
 __getattr__ = forwarded(__name__, "asperity.scene.scene")

@@ -1,7 +1,7 @@
-"""What stands in `scene.toml`: reading, checking and writing it.
+"""The contents of `scene.toml`, the scene's *document*: read, checked and written.
 
-An error names the file, the dotted key, what stands there, and what is valid. Which keys a
-texture may have follows from the parameters of the function that makes it.
+Errors name the file, the dotted key, its value, and what would be valid. The keys that a texture
+may have are the parameters of the function that creates it.
 """
 
 from __future__ import annotations
@@ -20,15 +20,21 @@ from asperity.errors import AsperityError
 SCHEMA = 1
 SECTIONS = ("schema", "tool", "bodies", "force", "coupling", "trajectory")
 BODY = ("mesh", "texture")
-"""What is told of a body."""
+"""Keys of a body."""
 PLACING = ("mapping", "offset")
-"""Keys of a texture that say how it lies on its body."""
+"""Keys of a texture that place it on its body."""
 
 Table = Mapping[str, Any]
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return what a TOML file holds, or say where it is wrong."""
+    """Return the contents of a TOML file.
+
+    Raises
+    ------
+    AsperityError
+        There is no such file, or it is not valid TOML.
+    """
     if not path.is_file():
         raise AsperityError(f"no such file: {path}; a scene is a folder of scene.xml, scene.toml")
     try:
@@ -39,9 +45,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def check_document(document: Table, body_names: Iterable[str]) -> None:
-    """Refuse unknown keys, wrong types and unknown bodies in what `scene.toml` holds.
+    """Raise `AsperityError` for unknown keys, wrong types and unknown bodies in a document.
 
-    The values are judged by what is made of them: height fields, force settings, a motion.
+    Values are checked later, by the height fields, settings and motions that they describe.
     """
     require_keys(document, "", SECTIONS)
     schema = document.get("schema")
@@ -72,13 +78,13 @@ def _require_body(name: Any, key: str, names: list[str]) -> None:
 
 
 def require_table(value: Any, key: str) -> None:
-    """Refuse what is no table."""
+    """Raise `AsperityError` if a value is not a table."""
     if not isinstance(value, Mapping):
         raise AsperityError(f"{key} must be a table ([{key}]), got {value!r}")
 
 
 def require_keys(table: Table, where: str, valid: Iterable[str]) -> None:
-    """Refuse a key that is not one of `valid`, naming the nearest."""
+    """Raise `AsperityError` for a key that is not one of `valid`, suggesting the nearest."""
     known = list(valid)
     for key in table:
         if key not in known:
@@ -99,15 +105,15 @@ def _hint(word: Any, known: list[str]) -> str:
 
 
 def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dict[str, Any]:
-    """Return `table` as keyword arguments of what it describes, its keys and types checked.
+    """Return a table as keyword arguments, with keys and types checked.
 
     Parameters
     ----------
     table : mapping
     where : str
-        The dotted key of the table.
+        Dotted key of the table.
     makes : callable
-        A function or a dataclass; its annotations say which types are valid.
+        The function or dataclass that takes the arguments; its annotations define the valid types.
     """
     valid = {
         name: str(parameter.annotation)
@@ -128,7 +134,7 @@ def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dic
 
 
 def _typed(value: Any, key: str, annotation: str) -> Any:
-    """Return a value of the TOML as its annotation wants it, or refuse it."""
+    """Return a value of the TOML converted to its annotated type, or raise `AsperityError`."""
     kinds = {part.strip() for part in annotation.replace("NDArray", "Sequence").split("|")}
     sequences = any(k.startswith(("tuple", "Sequence", "list")) or "ArrayLike" in k for k in kinds)
     if isinstance(value, bool):
@@ -167,12 +173,12 @@ def _wanted(kinds: set[str], sequences: bool) -> str:
 
 
 def beside(folder: Path | None, name: str) -> Path:
-    """Return the path of a file named in a scene or a study: relative ones lie in its folder."""
+    """Return the path of a file named in a document; relative names lie in the given folder."""
     return (folder or Path()) / Path(name).expanduser()
 
 
 def at(key: str, make: Callable[[], Any]) -> Any:
-    """Return `make()`; an error of it names the dotted key that it comes from."""
+    """Return `make()`, with the dotted key prepended to its `AsperityError`."""
     try:
         return make()
     except AsperityError as error:
@@ -180,34 +186,15 @@ def at(key: str, make: Callable[[], Any]) -> Any:
 
 
 def write_toml(document: Table) -> str:
-    """Return a document of tables, texts, numbers and lists of numbers as TOML."""
-    lines: list[str] = []
-    _write_table(document, "", lines)
-    return "\n".join(lines).strip() + "\n"
+    """Return a document as TOML; keys whose value is None are left out."""
+    import tomlkit  # slow to import
+
+    return tomlkit.dumps(_without_none(document))
 
 
-def _write_table(table: Table, where: str, lines: list[str]) -> None:
-    plain = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
-    if where and (plain or not table):
-        lines += ["", f"[{where}]"]
-    lines += [f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value is not None]
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            _write_table(value, f"{where}.{_key(key)}" if where else _key(key), lines)
-
-
-def _key(name: str) -> str:
-    bare = name.replace("-", "").replace("_", "")
-    return name if bare.isascii() and bare.isalnum() else _value(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        control = {chr(c): f"\\u{c:04X}" for c in (*range(32), 127)}
-        return '"' + "".join(control.get(c, c) for c in escaped) + '"'
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return repr(value)
+def _without_none(table: Table) -> dict[str, Any]:
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None
+    }

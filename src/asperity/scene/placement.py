@@ -1,4 +1,4 @@
-"""Where a tool begins on a target that nothing is known of but its mesh, and how it slides."""
+"""Default start and motion of a tool on a target of which only the mesh is known."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _PLAIN = 0.05
-"""What lies within this share of a body's height from its top is its top."""
+"""Fraction of a body's height, from above, that counts as its top."""
 _SHARE = 0.6
-"""Of the target's top that the tool slides over."""
+"""Fraction of the top's length that the tool slides over."""
 _LEAST = 0.05
-"""Of the target's extent that it slides over at least."""
+"""Least fraction of the target's extent that the tool slides over."""
 _STEPS = 200
-"""Of the fall, at most."""
+"""Largest number of steps of lowering."""
 
 
 def slide_over(ground: Array, above: Array) -> tuple[dict[str, Any], Array]:
-    """Return a slide over the target's top, and where the tool's frame begins, surely above it.
+    """Return a slide over the target's top, and a start of the tool's frame clear of the target.
 
     Parameters
     ----------
     ground, above : (n, 3, 3) arrays
-        Triangles of the target and of the tool, each in its frame [m], z upwards.
+        Triangles of the target and of the tool, each in its own frame [m], z upwards.
 
     Returns
     -------
     dict
-        What stands under `[trajectory]`.
+        The table `[trajectory]`.
     (3,) array
-        With the tool's lowest place over the line's beginning [m].
+        Position of the tool's frame at which its lowest point is above the start of the line [m].
     """
     top, tip = _highest(ground), _highest(-above)
     low, high = top.min(axis=0), top.max(axis=0)
     along = int(np.argmax((high - low)[:2]))
-    # A peak has no top to speak of.
+    # The top of a peak may be a single point.
     least = _LEAST * float(np.ptp(ground[..., along]))
     length = max(_SHARE * float(high[along] - low[along]), least)
     start = 0.5 * (low + high)
@@ -52,7 +52,7 @@ def slide_over(ground: Array, above: Array) -> tuple[dict[str, Any], Array]:
 
 
 def _highest(triangles: Array) -> Array:
-    """Return the points (n, 3) of the triangles that lie wholly at the top."""
+    """Return the vertices (n, 3) of the triangles that lie entirely in the top."""
     level = triangles[..., 2].max() - _PLAIN * np.ptp(triangles[..., 2])
     whole = (triangles[..., 2] >= level).all(axis=1)
     points = triangles[whole] if whole.any() else triangles
@@ -61,7 +61,7 @@ def _highest(triangles: Array) -> Array:
 
 
 def fall(model: mujoco.MjModel) -> float:
-    """Return how far the body "tool" can be lowered until it meets another [m]; 0 if never."""
+    """Return the distance by which the tool can be lowered to contact [m], 0 if it misses."""
     data = mujoco.MjData(model)
     groups: list[list[int]] = [[], []]
     for i in range(model.ngeom):
@@ -70,7 +70,7 @@ def fall(model: mujoco.MjModel) -> float:
     low = sum(float(model.geom_rbound[group].max()) for group in groups)
     least = data.qpos[2] - 4.0 * low
     fallen = 0.0
-    # What is farther away than that in any direction can be approached by that along z.
+    # A body at this distance in any direction can safely be lowered by it.
     for _ in range(_STEPS):
         mujoco.mj_kinematics(model, data)
         away = min(
@@ -82,6 +82,6 @@ def fall(model: mujoco.MjModel) -> float:
             break
         data.qpos[2] -= away
         fallen += away
-        if data.qpos[2] < least:  # it passes by: through a hole, or beside
+        if data.qpos[2] < least:  # it missed: through a hole, or beside the target
             return 0.0
     return float(fallen)

@@ -1,8 +1,8 @@
-"""A scene: bodies, their textures, how they push, and how the tool moves by default.
+"""A scene: bodies, their textures, the force law, the coupling, and the tool's default motion.
 
-On disk it is a folder of two files. `scene.xml` is MJCF, for any tool of MuJoCo: bodies of simple
-geoms, or of convex pieces of a mesh; the tool is a body with a freejoint. `scene.toml` adds what
-MJCF has no words for:
+On disk a scene is a folder of two files. `scene.xml` is MJCF, readable by any MuJoCo program:
+bodies of primitive geoms, or of the convex pieces of a mesh; the tool is a body with a freejoint.
+`scene.toml` adds what MJCF cannot express:
 
     schema = 1
 
@@ -43,8 +43,7 @@ from numpy.typing import NDArray
 
 from asperity._core.output import result_folder
 from asperity.contact.response.settings import ForceSettings
-from asperity.dynamics.virtual_coupling.settings import MODES as COUPLINGS
-from asperity.dynamics.virtual_coupling.settings import CouplingSettings
+from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.bodies import Body, Geom
 from asperity.scene.document import (
@@ -65,12 +64,12 @@ from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
 
 ANTI_ALIAS_MODES = ("off", "tick", "band")
-"""What is done about texture that passes faster than the tick."""
+"""Treatments of texture that passes faster than the tick."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that stays as it is while the tool moves. `scene_of` makes it.
+    """Everything that stays constant while the tool moves; created by `scene_of`.
 
     Parameters
     ----------
@@ -78,25 +77,25 @@ class Scene:
     xml : str
         The MJCF.
     document : mapping
-        What `scene.toml` holds, checked.
+        Checked contents of `scene.toml`.
     folder : Path or None
-        Where the files lie that `document` names.
+        Folder of the files that `document` names.
     model : mujoco.MjModel
     bodies : tuple of Body
-        With the tool, as MuJoCo orders them.
+        All bodies, the tool included, in MuJoCo's order.
     tool : str
-        The body that is held.
+        Name of the body that is held.
     start : (7,) array
-        The tool's pose where it is drawn in `xml`.
+        Pose of the tool in `xml`.
     force : ForceSettings
     anti_alias : {"off", "tick", "band"}
-        What is done about texture that passes faster than the tick.
+        Treatment of texture that passes faster than the tick; see `simulation.anti_aliasing`.
     coupling : CouplingSettings
-        How the tool hangs on the handle.
+        Connection of the tool to the handle.
     motion : ScriptedMotion or Trajectory
-        What the handle does if nothing else is said.
+        Default motion of the handle.
     notes : tuple of str
-        What was chosen or changed while textures were read.
+        Choices and changes made while meshes and textures were read.
     """
 
     name: str
@@ -115,18 +114,18 @@ class Scene:
 
     @property
     def shortest_wavelength(self) -> float:
-        """The shortest wave in any texture [m]; infinite without texture."""
+        """Shortest wavelength in any texture [m]; infinite without texture."""
         lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
         return min(lengths, default=float("inf"))
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files that the document names, by what it calls them."""
+        """Paths of the files that the document names, by those names."""
         names = [table["file"] for table in _tables_with_files(self.document)]
         return {name: beside(self.folder, name) for name in names}
 
     def changed(self, **sections: Table) -> Scene:
-        """Return the scene with keys of some sections of its document set, checked again.
+        """Return the scene with some keys of its document changed; all is checked again.
 
         >>> scene.changed(force={"stiffness": 800.0}, trajectory={"speed": 0.169})
         """
@@ -136,7 +135,7 @@ class Scene:
         return scene_of(self.xml, document, name=self.name, folder=self.folder)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
-        """Write `scene.xml`, `scene.toml` and the files that they name into a folder."""
+        """Write `scene.xml`, `scene.toml` and the files that it names into a folder."""
         document = _merged(self.document, {})
         with result_folder(Path(folder), overwrite=overwrite) as fresh:
             for table in _tables_with_files(document):
@@ -148,14 +147,14 @@ class Scene:
 
 
 def _tables_with_files(document: Table) -> list[Any]:
-    """Return the tables of a document that name a file: textures, meshes, poses."""
+    """Return the tables of a document that name a file: meshes, textures, trajectory."""
     bodies = document.get("bodies", {}).values()
     tables = [body[part] for body in bodies for part in BODY if part in body]
     return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Return the scene in a folder, or of a file `scene.xml` or `scene.toml` in it."""
+    """Return the scene in a folder; also takes the path of `scene.xml` or `scene.toml` in it."""
     path = Path(path)
     folder = path.parent if path.name in ("scene.xml", "scene.toml") else path
     if not folder.is_dir():
@@ -172,22 +171,22 @@ def read_scene(path: str | Path) -> Scene:
 def scene_of(
     xml: str, document: Table, *, name: str = "scene", folder: Path | None = None
 ) -> Scene:
-    """Return a scene made of MJCF and of what `scene.toml` would hold.
+    """Return the scene of an MJCF text and a document.
 
     Parameters
     ----------
     xml : str
-        MJCF, without files.
+        MJCF that refers to no files.
     document : mapping
-        What `scene.toml` would hold.
+        Contents of `scene.toml`.
     name : str
     folder : Path, optional
-        Where the files lie that `document` names.
+        Folder of the files that `document` names.
 
     Raises
     ------
     AsperityError
-        One line: what is wrong in which key, and what is valid.
+        A key is wrong; the message names it and what would be valid.
     """
     model = compiled(xml)
     owned = touchable_geoms(model)
@@ -220,7 +219,7 @@ def _body(
     model: mujoco.MjModel, name: str, geoms: list[tuple[int, Geom]], table: Table,
     folder: Path | None,
 ) -> Body:  # fmt: skip
-    """Return one body of the model as its table says."""
+    """Return one body of the model, with the mesh and texture of its table."""
     solids = [geom for _, geom in geoms]
     key = f"bodies.{name}"
     mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
@@ -229,7 +228,7 @@ def _body(
 
 
 def _notes(body: Body) -> tuple[str, ...]:
-    """Return what was chosen or changed while a body's mesh and texture were read."""
+    """Return the notes of a body's mesh and texture."""
     notes = body.mesh.notes if body.mesh is not None else ()
     if body.texture is not None:
         notes += body.texture.notes
@@ -248,7 +247,7 @@ def _force(table: Table) -> tuple[ForceSettings, str]:
 def _coupling(table: Table) -> CouplingSettings:
     options = arguments(table, "coupling", CouplingSettings)
     mode = options.get("mode", "direct")
-    at("coupling.mode", lambda: require_choice("mode", mode, COUPLINGS))
+    at("coupling.mode", lambda: require_choice("mode", mode, COUPLING_MODES))
     return at("coupling", lambda: CouplingSettings(**options))
 
 
@@ -256,7 +255,7 @@ def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
     if "file" in table:
         require_keys(table, "trajectory", ("file",))
         if not isinstance(table["file"], str):
-            raise AsperityError(f"trajectory.file must be a text, got {table['file']!r}")
+            raise AsperityError(f"trajectory.file must be a string, got {table['file']!r}")
         return at("trajectory.file", lambda: read_poses(beside(folder, table["file"])))
     if "kind" in table:
         at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
@@ -272,7 +271,7 @@ def _free_name(folder: Path, source: Path) -> str:
 
 
 def _merged(old: Table, new: Table) -> dict[str, Any]:
-    """Return a deep copy of `old` with the values of `new`; None takes a key out."""
+    """Return a deep copy of `old` updated with `new`; a value of None removes its key."""
     out = {k: _merged(v, {}) if isinstance(v, Mapping) else v for k, v in old.items()}
     for key, value in new.items():
         if value is None:

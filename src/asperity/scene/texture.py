@@ -1,7 +1,7 @@
-"""A body's texture, as `scene.toml` describes it: made by its kind, or read from a file.
+"""A body's texture from its table in `scene.toml`: a pattern, or read from a file.
 
-The kinds are those of `asperity.texture.patterns.patterns`; the parameters of a maker, or of
-`HeightField.from_file`, are the keys of the TOML.
+The kinds are those of `asperity.texture.patterns.patterns`; the keys of the table are the
+parameters of the pattern's function, or of `HeightField.from_file`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from asperity.texture.patterns.patterns import PATTERNS
 def body_texture(
     table: Table, key: str, folder: Path | None
 ) -> tuple[HeightField | None, dict[str, Any]]:
-    """Return a body's texture, and how it lies on the body."""
+    """Return a body's texture, and the arguments of `Body` that place it."""
     if not table:
         return None, {}
     placing = arguments({k: v for k, v in table.items() if k in PLACING}, key, _placing)
@@ -27,7 +27,7 @@ def body_texture(
     if "file" in rest:
         name = rest.pop("file")
         if not isinstance(name, str):
-            raise AsperityError(f"{key}.file must be a text, got {name!r}")
+            raise AsperityError(f"{key}.file must be a string, got {name!r}")
         reader = HeightField.from_file
         options = _with_placing(rest, key, reader, ("file",))
         path = beside(folder, name)
@@ -43,18 +43,18 @@ def body_texture(
 
 
 def _with_placing(table: Table, key: str, makes: Any, more: tuple[str, ...]) -> dict[str, Any]:
-    """Return the arguments of `makes`; errors also list the keys that any texture has."""
+    """Return the arguments of `makes`; errors also list the keys common to all textures."""
     names = [n for n in inspect.signature(makes).parameters if n != "path"]
     require_keys(table, key, [*more, *names, *PLACING])
     return arguments(table, key, makes)
 
 
 def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Say which keys place a texture, and their types."""
+    """Define the keys that place a texture, and their types."""
 
 
 def with_seed(bodies: Table, seed: int) -> dict[str, Any]:
-    """Return what to change in `[bodies]` so that every texture that has a seed has this one."""
+    """Return the changes to `[bodies]` that give every texture with a seed this one."""
     out: dict[str, Any] = {}
     for name, body in bodies.items():
         maker = PATTERNS.get(body.get("texture", {}).get("kind", ""))

@@ -1,4 +1,4 @@
-"""Scripted motions of the handle: poses over time, nothing else."""
+"""Motions of the handle: poses over time, given or scripted."""
 
 from __future__ import annotations
 
@@ -23,44 +23,43 @@ from asperity.geometry.poses import interpolate_pose, require_pose, rotated
 Array = NDArray[np.floating[Any]]
 KINDS = ("slide", "circle", "press-and-slide", "rotate")
 MOST_TICKS = 10_000_000
-"""Of one trajectory: nearly three hours at 1 kHz."""
+"""Largest length of a trajectory: nearly three hours at 1 kHz."""
 _PRESSING = 0.25
-"""How long press-and-slide takes to press, and again to lift [s]."""
+"""Time in which press-and-slide comes down, and again lifts [s]."""
 _CLEARANCE = 1e-3
-"""How far above contact press-and-slide begins [m]."""
+"""Height above contact at which press-and-slide starts [m]."""
 
 
 @dataclass(frozen=True)
 class ScriptedMotion:
-    """A scripted motion, of which everything has a default.
+    """A scripted motion; every parameter has a default.
 
     Parameters
     ----------
     kind : {"slide", "circle", "press-and-slide", "rotate"}
-        *slide*: to and fro along a line. *circle*: round a circle that begins at the start.
-        *press-and-slide*: from above down onto the surface, along a line, up again.
-        *rotate*: turning in place about the vertical.
+        *slide*: back and forth on a straight line. *circle*: around a circle through the start.
+        *press-and-slide*: down onto the surface, back and forth on a line, up again.
+        *rotate*: in place, about the vertical.
     seconds : float
         Duration [s].
     speed : float
-        Of sliding [m/s].
+        Sliding speed [m/s].
     length : float
-        Of the line [m].
+        Length of the line [m].
     direction : float
-        Of the line, from x towards y [rad].
+        Direction of the line, from x towards y [rad].
     radius : float
-        Of the circle [m].
+        Radius of the circle [m].
     turning : float
-        Speed of turning [rad/s].
+        Angular velocity of *rotate* [rad/s].
     press_force : float
         Normal force at the start [N]; the depth that gives it is searched.
     press_depth : float, optional
-        How deep to press instead [m].
+        Depth to press to instead [m].
     ramp : float
-        How long starting, stopping and turning back take [s].
+        Duration of starting, of stopping, and of each half of a reversal [s].
     start : (3,), optional
-        Where the tool's frame begins [m], before it is pressed; by default where it is drawn in
-        the scene.
+        Position of the tool's frame before it is pressed down [m]; by default that in the scene.
     """
 
     kind: str = "slide"
@@ -90,12 +89,12 @@ class ScriptedMotion:
 
     @property
     def stroke(self) -> float:
-        """How long the way along the line takes, once [s]."""
+        """Duration of one stroke along the line [s]."""
         return max(self.length / self.speed - self.ramp, 0.0) + 2.0 * self.ramp
 
     @property
     def period(self) -> float:
-        """After how long the line is done to and fro, or the circle, or a turn [s]."""
+        """Duration of two strokes, of one circle, or of one revolution [s]."""
         if self.kind == "circle":
             return 2.0 * math.pi * self.radius / self.speed
         if self.kind == "rotate":
@@ -110,17 +109,18 @@ class Trajectory:
     Parameters
     ----------
     times : (n,) array
-        Increasing [s].
+        Increasing times [s].
     poses : (n, 7) array
-        Position [m] and unit quaternion wxyz.
+        Positions [m] and unit quaternions wxyz.
     name : str
+    origins : tuple of str
+        Origin of each row, for error messages; by default the number of the row, from 0.
     """
 
     times: Array
     poses: Array
     name: str = "trajectory"
     origins: tuple[str, ...] = field(default=(), repr=False)
-    """Where each row comes from, for messages; by default its number from 0."""
 
     def __post_init__(self) -> None:
         times = np.atleast_1d(np.asarray(self.times, dtype=np.float64))
@@ -158,17 +158,17 @@ class Trajectory:
 def scripted(
     motion: ScriptedMotion, pressed: ArrayLike, *, dt: float = 1e-3, lift: float = 0.0
 ) -> Trajectory:
-    """Return the poses of a scripted motion, one a tick.
+    """Return the trajectory of a scripted motion, one pose a tick.
 
     Parameters
     ----------
     motion : ScriptedMotion
     pressed : (7,) array_like
-        The pose at its start, pressed as deep as it shall be.
+        Pose at the start, at the depth to press to.
     dt : float
         Tick [s].
     lift : float
-        How far above `pressed` the tool touches nothing [m] (for press-and-slide).
+        Height above `pressed` at which the tool leaves contact [m], for press-and-slide.
     """
     start = require_pose(pressed, "pressed pose")
     ticks = round(motion.seconds / require_positive("dt", dt, "s"))
@@ -184,7 +184,7 @@ def scripted(
     elif motion.kind == "circle":
         angles = motion.speed / motion.radius * _smooth_start(times, motion.ramp)
         x, y = motion.radius * np.sin(angles), motion.radius * (1.0 - np.cos(angles))
-        _shift(poses, motion.direction, x, y)
+        _translate(poses, motion.direction, x, y)
     else:
         along = times
         if motion.kind == "press-and-slide":
@@ -193,59 +193,59 @@ def scripted(
             up = 1.0 - _eased(times / pressing) + _eased((times - times[-1]) / pressing + 1.0)
             poses[:, 2] += height * up
             sliding = times[-1] - 2.0 * pressing
-            left = sliding - np.clip(times - pressing, 0.0, sliding)
-            # However far the last stroke has got, it ends smoothly.
+            remaining = sliding - np.clip(times - pressing, 0.0, sliding)
+            # The last stroke ends smoothly wherever it is.
             along = _smooth_start(np.array([sliding]), motion.ramp) - _smooth_start(
-                left, motion.ramp
+                remaining, motion.ramp
             )
-        _shift(poses, motion.direction, _to_and_fro(along, motion), np.zeros(ticks + 1))
+        _translate(poses, motion.direction, _position(along, motion), np.zeros(ticks + 1))
     return Trajectory(times, poses, motion.kind)
 
 
-def _shift(poses: Array, direction: float, x: Array, y: Array) -> None:
-    """Move the poses by `x` along `direction` and by `y` to the left of it, in place."""
+def _translate(poses: Array, direction: float, x: Array, y: Array) -> None:
+    """Translate the poses in place by `x` along `direction` and by `y` to its left."""
     cosine, sine = math.cos(direction), math.sin(direction)
     poses[:, 0] += cosine * x - sine * y
     poses[:, 1] += sine * x + cosine * y
 
 
 def _eased(s: Array) -> Array:
-    """Return a smooth step from 0 to 1 while `s` goes from 0 to 1."""
+    """Return a cosine ramp from 0 to 1 for `s` from 0 to 1."""
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(s, 0.0, 1.0)))
 
 
 def _smooth_start(times: Array, ramp: float) -> Array:
-    """Return the way at speed 1 [s], the speed rising smoothly from 0 during `ramp`."""
+    """Return the distance [s] travelled at a speed that rises smoothly to 1 during `ramp`."""
     t = np.minimum(times, ramp)
     rising = 0.5 * t - 0.5 * ramp / math.pi * np.sin(math.pi * t / ramp)
     return np.asarray(rising + np.maximum(times - ramp, 0.0))
 
 
-def _to_and_fro(times: Array, motion: ScriptedMotion) -> Array:
-    """Return the place along the line, there and back: 0 to `length` [m].
+def _position(times: Array, motion: ScriptedMotion) -> Array:
+    """Return the position on the line, 0 to `length` [m], of a motion back and forth.
 
-    A stroke begins and ends smoothly; between, the speed is exactly `speed`. A line too short to
-    reach it in `ramp` is done at a lower speed.
+    A stroke starts and ends smoothly; in between, the speed is exactly `speed`. If the line is too
+    short to reach it in `ramp`, the speed is lower.
     """
     ramp, stroke = motion.ramp, motion.stroke
     speed = motion.length / (stroke - ramp)
     number = np.floor(times / stroke)
     t = times - number * stroke
     # The end of a stroke mirrors its beginning.
-    way = _smooth_start(np.minimum(t, stroke - ramp), ramp)
+    distance = _smooth_start(np.minimum(t, stroke - ramp), ramp)
     rest = stroke - np.maximum(t, stroke - ramp)
-    way += 0.5 * ramp - _smooth_start(rest, ramp)
-    place = speed * way
-    return np.asarray(np.where(number % 2 == 0, place, motion.length - place))
+    distance += 0.5 * ramp - _smooth_start(rest, ramp)
+    position = speed * distance
+    return np.asarray(np.where(number % 2 == 0, position, motion.length - position))
 
 
 def at_ticks(trajectory: Trajectory, dt: float) -> Array:
-    """Return the poses (n, 7) every `dt` [s]; between those given the handle moves evenly."""
+    """Return the poses (n, 7) of a trajectory, interpolated, every `dt` [s]."""
     times, poses = trajectory.times - trajectory.times[0], trajectory.poses
     count = math.floor(times[-1] / dt + 1e-6) + 1
     if count > MOST_TICKS:
         raise AsperityError(
-            f"{trajectory.name} lasts {times[-1]:g} s, {count} ticks; valid: {MOST_TICKS} at most"
+            f"{trajectory.name} lasts {times[-1]:g} s, {count} ticks; valid: at most {MOST_TICKS}"
         )
     ticks = np.arange(count) * dt
     if len(times) == count and np.allclose(times, ticks, rtol=0.0, atol=1e-9):

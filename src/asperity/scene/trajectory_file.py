@@ -1,4 +1,4 @@
-"""Motions of the handle from files."""
+"""Trajectories of the handle from files."""
 
 from __future__ import annotations
 
@@ -12,11 +12,16 @@ from asperity.scene.trajectory import Trajectory
 
 
 def read_poses(path: str | Path) -> Trajectory:
-    """Return a trajectory from a file.
+    """Return a trajectory from a CSV, `.npy` or `.npz` file.
 
-    CSV: columns time, x, y, z, qw, qx, qy, qz (s, m), parted by commas, semicolons, tabs or
-    blanks, with or without one line of names; lines that begin with # are left out. `.npy`: an
-    array (n, 8) of the same columns. `.npz`: arrays `times` (n,) and `poses` (n, 7).
+    CSV: columns time [s], x, y, z [m], qw, qx, qy, qz, separated by commas, semicolons, tabs or
+    spaces, with an optional header line; lines that start with # are skipped. `.npy`: an array
+    (n, 8) of the same columns. `.npz`: arrays `times` (n,) and `poses` (n, 7).
+
+    Raises
+    ------
+    AsperityError
+        The file does not exist, cannot be read, or holds invalid poses or times.
     """
     path = Path(path)
     if not path.exists():
@@ -41,7 +46,7 @@ def _read_arrays(path: Path) -> NDArray[np.float64]:
         table = np.asarray(loaded, dtype=np.float64)
     except KeyError:
         raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)") from None
-    except Exception as error:  # np.load raises many kinds for files that are no arrays
+    except Exception as error:  # np.load raises many types of errors for invalid files
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise AsperityError(f"{path} cannot be read as poses: {reason}") from None
     if table.ndim != 2 or table.shape[1] != 8 or len(table) == 0:
@@ -55,7 +60,7 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError:
-        raise AsperityError(f"{path} is no text; valid: .csv, .npy or .npz of poses") from None
+        raise AsperityError(f"{path} is not text; valid: .csv, .npy or .npz of poses") from None
     rows: list[list[float]] = []
     origins: list[str] = []
     for number, line in enumerate(lines, start=1):
@@ -66,8 +71,8 @@ def _read_csv(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
             values = [float(word) for word in words]
         except ValueError:
             if not rows and not any(_is_number(word) for word in words):
-                continue  # the line of names
-            raise AsperityError(f"{path}, line {number}: {line.strip()!r} are no numbers") from None
+                continue  # the header
+            raise AsperityError(f"{path}, line {number}: not numbers: {line.strip()!r}") from None
         if len(values) != 8:
             raise AsperityError(
                 f"{path}, line {number}: {len(values)} numbers; valid: 8 "

@@ -1,6 +1,6 @@
-"""Poses of the handle in, wrenches out: the contact of a tool, with anti-aliasing."""
+"""The simulation of a scene: poses of the handle in, wrenches out, with anti-aliasing."""
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Names of the former module of this name are deprecated.
 __getattr__ = forwarded(__name__, "asperity.simulation.simulation")

@@ -1,20 +1,20 @@
-"""Texture that passes faster than the tick: what a hand feels of it, without false tones.
+"""Anti-aliasing of texture that passes faster than the tick.
 
-The problem: a probe that crosses 2 mm ridges at 169 mm/s meets 84 of them a second, and each has
-harmonics. The force leaps where the probe falls from one ridge to the next, and the harmonics of a
-leap fall off slowly; sampled once a tick, those above half the tick's rate come back as tones that
-are no multiple of 84 Hz.
+The problem: a probe that crosses 2 mm ridges at 169 mm/s meets 84 of them a second. The force jumps
+where the probe drops from one ridge to the next, and the harmonics of a jump decay slowly. Sampled
+once a tick, those above half the tick rate alias to tones that are not multiples of 84 Hz.
 
-The idea: between the last pose and this one the tool moves evenly. The wrench is evaluated at
-sub-poses on the way, at least eight for the shortest wave, and more by halving around each leap,
-until its place is known well. What goes on as in the ticks before is no leap. Linear between them,
-it is weighted by a window in time: the tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB
-over the last five ticks (`"band"`), which passes hardly anything above half the tick's rate. The
-windows act exactly on the linear pieces, so uneven sub-poses do no harm.
+The idea: between two ticks the tool moves at constant velocity. The wrench is evaluated at
+sub-poses on this path, at least eight for the shortest wavelength, and around each jump by repeated
+bisection until the jump's position is accurate enough. A change that continues that of the ticks
+before is not a jump. The wrench, linear between sub-poses, is averaged over time by a window: the
+tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB over the last five ticks (`"band"`),
+which passes hardly anything above half the tick rate. The windows are integrated exactly over the
+linear pieces, so sub-poses may be unevenly spaced.
 
-The price is delay: half a tick for "tick", two and a half ticks for "band". Where a tick has a
-deadline, there are as many sub-poses as there is time for: fewer of them let false tones through,
-but a wrench that comes too late is not felt at all.
+The cost is delay: half a tick for "tick", two and a half ticks for "band". If a tick has a
+deadline, the number of sub-poses is limited by the time: fewer sub-poses let some aliases through,
+but a late wrench is worse.
 """
 
 from __future__ import annotations
@@ -32,23 +32,24 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, kernel
 
 SPAN = {"off": 0, "tick": 1, "band": 5}
-"""How many ticks the window spans."""
+"""Length of the window in ticks."""
 BUDGET = 64
-"""Most evaluations of the wrench in one tick."""
+"""Largest number of evaluations of the wrench in one tick."""
 PER_WAVE = 8
-"""Sub-poses a wave of the shortest wavelength, at least."""
+"""Least number of sub-poses for each of the shortest wavelengths passed."""
 ATTENUATION_DB = 60.0
+"""Attenuation of the side lobes of the "band" window [dB]."""
 LEAP = {"tick": 1e-3, "band": 1e-4}
-"""A leap of the wrench is halved until leap times interval is this part of wrench times tick.
+"""Bisection of a jump ends when jump times interval is this fraction of wrench times tick.
 
-The side lobes of a plain mean are far above what finer places would take away.
+It is coarser for "tick": the side lobes of a plain mean are far above the error.
 """
 _TAPS = 256
-"""Of the tabulated window, a tick."""
+"""Samples a tick of the tabulated window."""
 
 
 class SubPoses(NamedTuple):
-    """The wrench over one tick: linear between `s` (m,) in 0 to 1, `wrench` (m, 6)."""
+    """The wrench over one tick, `wrench` (m, 6) at times `s` (m,), 0 to 1; linear between them."""
 
     s: NDArray[np.float64]
     wrench: NDArray[np.float64]
@@ -67,27 +68,28 @@ def sub_poses(
     before: Sequence[NDArray[np.float64]] = (),
     in_time: Callable[[], bool] = lambda: True,
 ) -> SubPoses:
-    """Evaluate the wrench on the way through a tick.
+    """Evaluate the wrench at sub-poses of a tick.
 
     Parameters
     ----------
     evaluate : callable
-        The wrench (6,) at a place 0 < s <= 1 of the way.
+        Returns the wrench (6,) at a fraction 0 < s <= 1 of the tick.
     first : (6,) array
         The wrench at s = 0.
     count : int
-        Sub-poses that the motion asks for.
+        Number of evenly spaced sub-poses that the motion needs.
     lever : float
-        Length that makes a force of a torque, to compare leaps [m].
+        Length by which torques are divided to compare them with forces [m].
     leap : float
-        How exactly leaps are placed: see `LEAP`.
+        Accuracy of the positions of jumps: see `LEAP`.
     halve : bool
-        Evaluate more around leaps. These come out of order: not for a wrench that remembers.
+        Whether to bisect around jumps. These evaluations are not in the order of time, so this
+        excludes laws with a state.
     before : sequence of (6,) arrays
-        The wrenches one and two ticks before `first`, if they are known.
+        The wrenches one and two ticks before `first`, as far as they are known.
     in_time : callable
-        Whether there is time for another one, on the way or around a leap. The last pose, s = 1, is
-        always looked at.
+        Returns whether there is time for another evaluation. The last pose, s = 1, is always
+        evaluated.
     """
     start = min(count, BUDGET)
     s, wrench = [0.0], [first]
@@ -125,7 +127,7 @@ def sub_poses(
         left -= 1
         s.append(middle)
         wrench.append(between)
-        # What the line missed lies, for a leap, all in the half that changes more.
+        # If this is a jump, the error of the linear piece is all in the half that changes more.
         missed, rise, rest = _on_the_way(f, between, g, lever)
         share = 2.0 * missed / max(rise + rest, 1e-300)
         push(a, middle, f, between, share * rise)
@@ -136,22 +138,22 @@ def sub_poses(
 
 @functools.cache
 def make_ready() -> None:
-    """Have the machine code that a tick may need, before any hurry."""
+    """Compile or load the kernels that a tick may need."""
     sub_poses(lambda s: np.full(6, float(s > 0.3)), np.zeros(6), 1, lever=1.0)
 
 
 @kernel
 def moved_most(count, point, last, pose):
-    """Return how far a contact's place moves at most [m], as the tool goes from pose to pose (7,).
+    """Return an upper bound on the displacement of the contact points [m] between two poses (7,).
 
-    `count[0]` and `point` as of `engine.memory.Contacts`, at the last pose.
+    `count` and `point` are those of `contact.contacts.Contacts` at the pose `last`.
     """
     less = more = away = lever = 0.0
     for i in range(3, 7):
         less += (pose[i] - last[i]) ** 2
         more += (pose[i] + last[i]) ** 2
-    # A quaternion and its negative are one turn; between unit quaternions the chord is known.
-    turn = 4.0 * math.asin(min(0.5 * math.sqrt(min(less, more)), 1.0))
+    # The rotation angle follows from the chord between the quaternions, either sign of one.
+    angle = 4.0 * math.asin(min(0.5 * math.sqrt(min(less, more)), 1.0))
     for i in range(3):
         away += (pose[i] - last[i]) ** 2
     for c in range(count[0]):
@@ -159,7 +161,7 @@ def moved_most(count, point, last, pose):
         for i in range(3):
             square += (point[c, i] - last[i]) ** 2
         lever = max(lever, square)
-    return math.sqrt(away) + turn * math.sqrt(lever)
+    return math.sqrt(away) + angle * math.sqrt(lever)
 
 
 def _leap(
@@ -168,10 +170,11 @@ def _leap(
     before: Sequence[NDArray[np.float64]],
     lever: float,
 ) -> tuple[float, float]:
-    """Return the larger size of two wrenches, and what may be a leap of what lies between [N].
+    """Return the larger magnitude of two wrenches, and an estimate of the jump between them [N].
 
-    A leap is in the differences of the ticks' wrenches of each order, and at least as large; what
-    changes smoothly is smaller in each. Those are looked at that are known `before` the `first`.
+    The estimate is the smallest of the differences of first to third order over the last ticks, as
+    far as wrenches `before` the `first` are known. A jump appears in each of them with at least its
+    size, while a smooth change is smaller in each higher order.
     """
     one = before[0] if before else first
     two = before[1] if len(before) > 1 else one
@@ -180,7 +183,7 @@ def _leap(
 
 @kernel
 def _least_difference(last, first, one, two, known, lever):
-    """Return the larger size of `last` and `first`, and the smallest of their differences."""
+    """Return the larger magnitude of `last` and `first`, and the smallest of the differences."""
     size = once = twice = thrice = 0.0
     for i in range(6):
         part = 1.0 if i < 3 else 1.0 / lever
@@ -197,7 +200,7 @@ def _least_difference(last, first, one, two, known, lever):
 
 @kernel
 def _on_the_way(f, between, g, lever):
-    """Return how far a wrench is off the mean of those beside it, and how far from either."""
+    """Return the distance of a wrench from the mean of its neighbours, and from each of them."""
     return (
         _distance(between, 0.5, f, 0.5, g, lever),
         _distance(between, 1.0, f, 0.0, g, lever),
@@ -207,7 +210,7 @@ def _on_the_way(f, between, g, lever):
 
 @inner_kernel
 def _distance(one, p, f, q, g, lever):
-    """Return the size of `one - p f - q g`."""
+    """Return the magnitude of `one - p f - q g`."""
     size = 0.0
     for i in range(6):
         part = 1.0 if i < 3 else 1.0 / lever
@@ -222,9 +225,10 @@ def _size(wrench: NDArray[np.float64], lever: float) -> float:
 
 
 def dolph_chebyshev(taps: int, attenuation_db: float) -> NDArray[np.float64]:
-    """Return the window (taps,) with side lobes all at -`attenuation_db`, of sum 1.
+    """Return the window (taps,) of sum 1 whose side lobes are all at -`attenuation_db`.
 
-    From its spectrum, the Chebyshev polynomial T_(taps-1) (Dolph 1946); `taps` is even.
+    It is computed from its spectrum, the Chebyshev polynomial T_(taps-1) (Dolph 1946); `taps` is
+    even.
     """
     order = taps - 1
     ripple = 10.0 ** (attenuation_db / 20.0)
@@ -242,10 +246,10 @@ def dolph_chebyshev(taps: int, attenuation_db: float) -> NDArray[np.float64]:
 
 
 class Window:
-    """A weight over the last ticks, applied to wrenches that are linear between sub-poses.
+    """A weighted mean over the last ticks, of wrenches that are linear between sub-poses.
 
-    `weigh(nodes)` takes one tick and returns the weighted mean over the window's span. Before the
-    first tick the wrench was the first one.
+    `weigh(nodes)` adds one tick and returns the mean over the window. Before the first tick the
+    wrench counts as constant.
     """
 
     def __init__(self, mode: str) -> None:
@@ -254,7 +258,7 @@ class Window:
         weights = np.full(taps, 1.0 / taps)
         if mode == "band":
             weights = dolph_chebyshev(taps, ATTENUATION_DB)
-        # Integrals of w and of t w up to each tap; t in ticks. In a tap the weight is even.
+        # Integrals of w and of t w up to each tap, t in ticks; w is constant over a tap.
         t = np.arange(taps + 1) / _TAPS
         self._weight = np.append(weights * _TAPS, 0.0)
         self._w = np.concatenate([[0.0], np.cumsum(weights)])
@@ -262,12 +266,12 @@ class Window:
         self._parts: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
-        """Forget the ticks so far."""
+        """Discard the ticks so far."""
         self._parts = None
 
     def weigh(self, nodes: SubPoses) -> NDArray[np.float64]:
         """Add a tick; return the weighted wrench (6,)."""
-        if self.span == 1:  # even weight over the tick: trapezia
+        if self.span == 1:  # constant weight: trapezoidal rule
             if nodes.s.size == 2:
                 return np.asarray(0.5 * (nodes.wrench[0] + nodes.wrench[1]))
             means = 0.5 * (nodes.wrench[:-1] + nodes.wrench[1:])
@@ -282,7 +286,7 @@ class Window:
         return np.asarray(self._parts[ages, ages].sum(axis=0))
 
     def _part(self, nodes: SubPoses) -> NDArray[np.float64]:
-        """Return what a tick gives to the mean when it is 0, 1, ... ticks old: (span, 6)."""
+        """Return the contribution of a tick to the mean at an age of 0, 1, ... ticks: (span, 6)."""
         # The newest tick is the last of the span.
         begin = self.span - 1.0 - np.arange(self.span)
         t = begin[:, None] + nodes.s

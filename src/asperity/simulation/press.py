@@ -1,4 +1,4 @@
-"""Where a tool touches, and how deep it has to be pressed for a force."""
+"""The height at which a tool touches, and the depth at which it presses with a given force."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from asperity.errors import AsperityError
 
 _FIRST_STEP = 1e-4
 _FARTHEST = 1.0
-"""How far the surface is searched, above and below the start [m]."""
+"""Distance above and below the start within which the surface is searched [m]."""
 
 
 def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pose `start` (7,) moved up or down to where the tool just touches.
+    """Return the pose `start` (7,) raised or lowered to where the tool just touches.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def pressed_pose(engine: Any, touching: NDArray[np.float64], force: float) -> NDArray[np.float64]:
-    """Return the pose `touching` (7,) moved down to where the force upwards is `force` [N]."""
+    """Return the pose `touching` (7,) lowered to where the upward force is `force` [N]."""
     if force == 0.0:
         return touching.copy()
     return _level(
@@ -39,9 +39,9 @@ def _level(
     engine: Any,
     start: NDArray[np.float64],
     is_above: Callable[[NDArray[np.float64]], bool],
-    told: str,
+    failure: str,
 ) -> NDArray[np.float64]:
-    """Return `start` moved along z to the place below which `is_above` no longer holds."""
+    """Return `start` moved along z to the height below which `is_above` no longer holds."""
     pose = start.copy()
 
     def above(z: float) -> bool:
@@ -57,7 +57,7 @@ def _level(
         if step > _FARTHEST:
             place = ", ".join(f"{1e3 * value:.4g}" for value in start[:3])
             raise AsperityError(
-                f"the tool {told} within {_FARTHEST:g} m of its start at ({place}) mm; "
+                f"the tool {failure} within {_FARTHEST:g} m of its start at ({place}) mm; "
                 "set trajectory.start, or press less"
             )
         other = z - step if free else z + step

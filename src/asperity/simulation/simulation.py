@@ -1,9 +1,9 @@
-"""The paper's loop: a pose of the handle in, the wrench that the hand feels out.
+"""The haptic loop in simulated time: a pose of the handle in, the wrench on the hand out.
 
     handle pose --> tool pose --> contacts (certified depths) --> wrench
 
-In the `direct` mode the tool is where the handle is, and the hand feels the contact. In the others
-the tool hangs on the handle by a virtual coupling, and the hand feels that (`dynamics.held_tool`).
+In the `direct` mode tool and handle are one body, and the contact acts on the hand. In the other
+modes a virtual coupling connects them and acts on the hand (`dynamics.virtual_coupling`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
 from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
@@ -52,26 +53,26 @@ __all__ = [
 
 
 class ToolState(NamedTuple):
-    """Where the tool is."""
+    """Time, pose and velocity of the tool."""
 
     time: float
-    """Since the first step [s]."""
+    """Time since the first step [s]."""
     pose: NDArray[np.float64]
-    """Of the tool's frame (7,)."""
+    """Pose of the tool's frame (7,)."""
     twist: NDArray[np.float64]
     """Linear [m/s] and angular [rad/s] velocity over the last tick, world axes (6,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """What came of a trajectory, one row a tick.
+    """The result of following a trajectory, one row a tick.
 
-    `time` (n,) [s]; `handle_pose`, `tool_pose` (n, 7); `contact_wrench` on the tool about its
-    centre of mass, and `device_wrench`, which the hand feels (n, 6) [N, N m]; `contact_count`,
-    `flags` (n,), see `FLAGS`; `tick_seconds` (n,), how long each step took [s];
-    `statuses` counts contacts by status: certified, node budget spent, overflow.
-    `penetration_depth` (n,) is that of the deepest contact [m], 0 without any, or None where it
-    is not known.
+    `time` (n,) [s]; `handle_pose`, `tool_pose` (n, 7); `contact_wrench` on the tool and
+    `device_wrench` on the hand, both about the tool's centre of mass (n, 6) [N, N m];
+    `contact_count`, `flags` (n,), see `FLAGS`; `tick_seconds` (n,), the computing time of each
+    step [s]; `statuses` (3,), the number of contacts by status: certified, node budget spent,
+    overflow. `penetration_depth` (n,) is that of the deepest contact [m], 0 without contact, or
+    None if it was not recorded.
     """
 
     time: NDArray[np.float64]
@@ -95,7 +96,7 @@ class Simulation:
     dt : float
         Tick [s], 1e-5 to 0.1.
     limits : Limits, optional
-        Of the device that renders the coupling; they cap its gains.
+        Limits of the device that renders the coupling; they cap its gains.
 
     Examples
     --------
@@ -118,15 +119,15 @@ class Simulation:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all motion: contacts, friction, what was averaged, and the time."""
+        """Discard the motion so far: contacts, friction, the anti-aliasing window, the time."""
         self.stage.reset()
         self._last: NDArray[np.float64] | None = None
         self._port = np.zeros(6)
         self._state = ToolState(-self.dt, self.scene.start.copy(), np.zeros(6))
         self.flags = 0
-        """What there is to say of the last tick: bits of `FLAGS`."""
+        """Bits of `FLAGS` for the last tick."""
         self.contact_wrench = np.zeros(6)
-        """Of the contact on the tool at its pose, about its centre of mass (6,) [N, N m]."""
+        """Wrench of the contact on the tool about its centre of mass (6,) [N, N m]."""
 
     @property
     def state(self) -> ToolState:
@@ -135,26 +136,26 @@ class Simulation:
 
     @property
     def contacts(self) -> Any:
-        """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
+        """Contacts at the last pose, a `contact.contacts.Contacts`; valid until the next step."""
         return self.stage.contacts
 
     @property
     def contact_count(self) -> int:
-        """How many contacts there are at the last pose."""
+        """Number of contacts at the last pose."""
         return self.stage.contact_count
 
     def step(
         self, handle_pose: ArrayLike, handle_twist: ArrayLike | None = None
     ) -> NDArray[np.float64]:
-        """Move the handle to a pose; return the wrench (6,) that the hand feels.
+        """Move the handle to a pose; return the wrench (6,) on the hand.
 
         Parameters
         ----------
         handle_pose : (7,)
             Position [m], unit quaternion wxyz.
         handle_twist : (6,), optional
-            Its velocity, linear [m/s] and angular [rad/s], world axes; by default from the last
-            pose.
+            Velocity of the handle, linear [m/s] and angular [rad/s], world axes; by default from
+            the last pose.
 
         Returns
         -------
@@ -162,32 +163,48 @@ class Simulation:
             Force [N] and torque about the tool's centre of mass [N m], world axes.
         """
         pose = require_pose(handle_pose)
-        moved = self._velocity(pose, handle_twist)
+        velocity = self._handle_velocity(pose, handle_twist)
+        contact = self._acting_contact(pose)
+        wrench = self.tool.advance(pose, velocity, contact).copy()
+        self._finish_tick(pose, contact)
+        return wrench
+
+    def _handle_velocity(
+        self, pose: NDArray[np.float64], given: ArrayLike | None
+    ) -> NDArray[np.float64]:
+        """Return the handle's velocity (6,): as given, or from its last pose."""
+        if given is not None:
+            return np.array(require_finite("handle twist", given, 6))
+        return mean_twist(pose if self._last is None else self._last, pose, self.dt)
+
+    def _acting_contact(self, pose: NDArray[np.float64]) -> LinearContact:
+        """Return the contact that moves the tool in this tick.
+
+        In the direct mode that at the handle's pose; otherwise that of the last tick.
+        """
         if self.tool.is_direct:
-            contact = self.stage.evaluate(pose)
-            wrench = self.tool.advance(pose, moved, contact).copy()
-        else:
-            if self._last is None:
-                self.tool.reset(pose)
-                self._contact = self.stage.evaluate(pose)
-            wrench = self.tool.advance(pose, moved, self._contact).copy()
+            return self.stage.evaluate(pose)
+        if self._last is None:
+            self.tool.reset(pose)
+            return self.stage.evaluate(pose)
+        return self._contact
+
+    def _finish_tick(self, pose: NDArray[np.float64], contact: LinearContact) -> None:
+        """Evaluate the contact at the tool's new pose, and keep the results of the tick."""
+        if not self.tool.is_direct:
             contact = self.stage.evaluate(self.tool.pose)
         self._contact, self.contact_wrench = contact, contact.wrench
         self.flags = contact.flags
         self._state = ToolState(self._state.time + self.dt, contact.pose, self.tool.twist)
         self._port = self.tool.port_twist(pose if self._last is None else self._last, pose)
         self._last = pose
-        return wrench
-
-    def _velocity(self, pose: NDArray[np.float64], given: ArrayLike | None) -> NDArray[np.float64]:
-        """Return the handle's velocity (6,): as given, or from its last pose."""
-        if given is not None:
-            return np.array(require_finite("handle twist", given, 6))
-        return mean_twist(pose if self._last is None else self._last, pose, self.dt)
 
     @property
     def port_twist(self) -> NDArray[np.float64]:
-        """The handle's mean velocity over the last tick where the hand's wrench acts (6,)."""
+        """Mean velocity (6,) of the handle over the last tick, at the tool's centre of mass.
+
+        See `CoupledTool.port_twist`.
+        """
         return self._port
 
     def rollout(
@@ -198,19 +215,19 @@ class Simulation:
         controller: PassivityController | None = None,
         on_tick: Callable[[int, Rollout], None] = lambda _, __: None,
     ) -> Rollout:
-        """Follow a trajectory from its beginning; return what happened, tick by tick.
+        """Follow a trajectory from its beginning; return the results of every tick.
 
         Parameters
         ----------
         trajectory : Trajectory or ScriptedMotion, optional
-            Default: the scene's own. Between its poses the handle moves evenly.
+            Default: the scene's own. Between its poses the handle moves at constant velocity.
         hand : SimulatedHand, optional
-            Holds the handle, and yields to what it feels; see `hand`. The trajectory then says
-            only how long. By default the handle is where the trajectory says.
+            Holds the handle and yields to the wrench; see `hand`. The trajectory then determines
+            only the duration. By default the handle follows the trajectory exactly.
         controller : PassivityController, optional
-            Keeps the account of the hand's energy, and corrects what the hand feels.
+            Observes the energy at the hand, and corrects the wrench on it.
         on_tick : callable
-            Called after each tick with its number, and with what there is so far.
+            Called after each tick with its number and the results so far.
         """
         path = self.trajectory(trajectory)
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
@@ -262,12 +279,21 @@ class Simulation:
         damping: float = 0.0,
         press_in: float = 0.0,
     ) -> SimulatedHand:
-        """Return a simulated hand that aims along a trajectory, by default the scene's.
+        """Return a simulated hand that aims along a trajectory.
 
-        Without settings it presses with the motion's `press_force`; a motion that comes down
-        from above finds that force, one that begins on the surface begins with it; and `hand`
-        is its mass, stiffness and damping along every axis. `damping` is the device's own
-        [N s/m]; within `press_in` a hand that begins on the surface comes to press [s].
+        Parameters
+        ----------
+        motion : Trajectory or ScriptedMotion, optional
+            Default: the scene's own.
+        settings : HandSettings, optional
+            By default the hand presses with the motion's `press_force`: from the start if the
+            motion starts on the surface, otherwise regulated once it has come down to it.
+        hand : Hand, optional
+            Mass, stiffness and damping along every axis, where `settings` is not given.
+        damping : float
+            Physical damping of the device [N s/m].
+        press_in : float
+            Time within which a hand that starts on the surface comes to press [s].
         """
         motion = self.scene.motion if motion is None else motion
         if settings is None:
@@ -288,7 +314,7 @@ class Simulation:
         )
 
     def trajectory(self, motion: Trajectory | ScriptedMotion | None = None) -> Trajectory:
-        """Return the poses of a motion in this scene, pressed as it says."""
+        """Return the poses of a motion in this scene, at the depth that its press force needs."""
         motion = self.scene.motion if motion is None else motion
         if isinstance(motion, Trajectory):
             return motion

@@ -1,7 +1,7 @@
-"""The contact of a tool at a pose: what `Simulation` and the servo loop ask for in every tick.
+"""The contact of a tool at a pose, evaluated in every tick of a simulation or servo loop.
 
-pose of the tool --> sub-poses where texture is faster than the tick --> contacts
-                 --> wrench, and how it changes with the pose
+A tick leads from the tool's pose to sub-poses, if texture passes faster than the tick, to contacts,
+and from these to the wrench and its stiffness.
 """
 
 from __future__ import annotations
@@ -50,35 +50,35 @@ FLAGS = {
     LATE: "finished after its deadline",
     CUT_SHORT: "a search was ended by its time before its depth was certified",
 }
-"""Bits of a tick's flags, and what they say."""
+"""Bits of a tick's flags and their meanings, which recordings contain as `flag_meanings`."""
 
 
 _MODULES = {"tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick"}
-"""Where the kernels are that a first force waits for."""
+"""Modules of the kernels that the first force has to wait for."""
 
 
 @functools.cache
 def announce_compiling(tick: str = "tick") -> None:
-    """Say, once, that the first force takes a while, if no machine code of it is kept yet.
+    """Log once that the first force takes a while, unless its kernel is in the cache.
 
-    `tick`: of which there is to be some; where meshes touch, "mesh_tick".
+    `tick` is the kernel's name: "tick", or "mesh_tick" for scenes with meshes.
     """
     if not is_compiled(_MODULES[tick], tick):
         logging.getLogger(__name__).warning(
-            "compiling the contact engine, once after an installation: takes less than a minute"
+            "compiling the contact kernels, once after an installation: takes less than a minute"
         )
 
 
 class ToolContact:
-    """Contacts of a scene's tool, one pose after the other.
+    """Contacts of a scene's tool at successive poses.
 
     Parameters
     ----------
     scene : Scene
     dt : float
-        Tick [s], 1e-5 to 0.1: how far apart in time the poses are.
+        Tick [s], 1e-5 to 0.1: the time between poses.
     now : callable
-        The time [s], by which `evaluate` keeps to the seconds it is given.
+        Returns the time [s]; `evaluate` measures its time limits with it.
     """
 
     def __init__(
@@ -90,23 +90,23 @@ class ToolContact:
         self._now = now
         self._end = math.inf
         self._cost = 0.0
-        """How long one evaluation of the wrench takes, rather more than less [s]."""
+        """Estimated time of one contact query, rather too long than too short [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.engine: Any = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
-        """Asked directly it knows nothing of ticks: see `ContactSolver.wrench`."""
+        """The contact solver; its own `wrench` has no anti-aliasing."""
         self._window = None
         if scene.anti_alias != "off":
             self._window = Window(scene.anti_alias)
             make_ready()
         self._wavelength = scene.shortest_wavelength
-        # Bristles remember: their wrench is asked for in the order of time.
+        # Friction has a state: its poses must be evaluated in the order of time.
         self._halve = getattr(scene.force, "friction", 0.0) == 0.0
         self._moved = Repeated(moved_most)
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the poses so far: contacts, friction, what was averaged."""
+        """Discard the poses so far: contacts, friction, the anti-aliasing window."""
         self.engine.reset()
         if self._window is not None:
             self._window.reset()
@@ -117,17 +117,17 @@ class ToolContact:
 
     @property
     def contacts(self) -> Any:
-        """The contacts of the last pose, an `engine.memory.Contacts`. Valid until the next."""
+        """Contacts at the last pose, a `contact.contacts.Contacts`; valid until the next."""
         return self.engine.contacts
 
     @property
     def contact_count(self) -> int:
-        """How many contacts there are at the last pose."""
+        """Number of contacts at the last pose."""
         return int(self.engine.contacts.count[0])
 
     @property
     def energy(self) -> float:
-        """U of Eq. 1: what the contacts of the last pose hold [J]."""
+        """U of Eq. 1: the energy stored in the contacts at the last pose [J]."""
         contacts, n = self.engine.contacts, self.contact_count
         depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
         return float(0.5 * self.scene.force.stiffness * depths)
@@ -140,77 +140,86 @@ class ToolContact:
         seconds: float = math.inf,
         search_seconds: float = math.inf,
     ) -> LinearContact:
-        """Return the contact at the tool's next pose (7,), one tick after the last one.
+        """Return the contact at the tool's next pose, one tick after the last one.
 
-        With anti-aliasing the wrench is a mean over the way there; the stiffness is that of the
-        contacts at the pose itself. With `jumped`, ticks were left out since the last pose: there
-        is no way of one tick to average over, and the wrench is that at the pose. Of the sub-poses
-        there are as many as fit into `seconds`; the pose itself is always looked at. After
-        `search_seconds` searches end with what they have found (`ContactSolver.wrench`).
+        With anti-aliasing the wrench is a mean over the tick; the stiffness is that of the
+        contacts at the pose.
+
+        Parameters
+        ----------
+        pose : (7,) array
+        jumped : bool
+            Whether ticks were skipped since the last pose. Then there is no motion of one tick to
+            average over, and the wrench is that at the pose.
+        seconds : float
+            Time limit for sub-poses [s]; the pose itself is evaluated in any case.
+        search_seconds : float
+            Time limit after which searches end with the best depth found [s]; see
+            `ContactSolver.wrench`.
         """
-        # Of its own: it is kept, and a kernel is told the type of it and the last only once.
+        # A copy: it is kept, and the kernels that take it expect one memory layout.
         pose = np.array(pose, dtype=np.float64)
         last = pose if self._last is None else self._last
         self._flags, begun = 0, self._now()
         self._end = begun + search_seconds
-        wrench = self._wrench_there(pose) if jumped else self._wrench(last, pose, begun + seconds)
+        wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
         return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
 
     def change(self, *, force: ForceSettings, dt: float) -> None:
-        """Go on with another stiffness and friction, and another tick [s]."""
+        """Continue with another stiffness and friction, and another tick [s]."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.scene = replace(self.scene, force=force)
         self.engine.change(force)
         self._halve = force.friction == 0.0
 
-    def _wrench_there(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the wrench at a pose; averaging begins anew from there."""
+    def _wrench_at_jump(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the wrench at a pose, and restart the anti-aliasing window there."""
         if self._window is not None:
             self._window.reset()
-        self._last_wrench = self._asked(pose, self.dt)
+        self._last_wrench = self._query(pose, self.dt)
         self._before = ()
         return self._last_wrench.copy()
 
-    def _asked(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
-        """Return the engine's wrench at a pose; note whether it had to be found in a hurry."""
+    def _query(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+        """Return the wrench at a pose; flag the tick if a search reached its time limit."""
         left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
         if self.engine.was_cut:
             self._flags |= CUT_SHORT
         return wrench
 
-    def _timed(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
-        """Do as `_asked`, and note how long that took."""
+    def _timed_query(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+        """Return the wrench at a pose, and update the estimated time of a query."""
         begun = self._now()
-        wrench = self._asked(pose, piece)
+        wrench = self._query(pose, piece)
         took = self._now() - begun
-        # What takes long is believed soon, what is quick after a while.
+        # The estimate rises quickly and falls slowly.
         self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
         return wrench
 
     def _wrench(
         self, last: NDArray[np.float64], pose: NDArray[np.float64], until: float
     ) -> NDArray[np.float64]:
-        """Return the wrench of this tick: at its pose, or averaged over the way there."""
+        """Return the wrench of this tick: at its pose, or averaged over the tick."""
         waves = self._waves(last, pose)
         if self._window is None:
             if waves > 0.5:
                 self._flags |= TOO_FAST
-            return self._asked(pose, self.dt)
+            return self._query(pose, self.dt)
         if self._last is None:
-            self._last_wrench = self._asked(pose, self.dt)
+            self._last_wrench = self._query(pose, self.dt)
         wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
         seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
 
         def evaluate(s: float) -> NDArray[np.float64]:
-            return self._timed(pose if s == 1.0 else interpolate_pose(last, pose, s), piece)
+            return self._timed_query(pose if s == 1.0 else interpolate_pose(last, pose, s), piece)
 
         def in_time() -> bool:
-            # Another one, and the last pose.
+            # For one more query, and that of the last pose.
             return self._now() + 2.0 * self._cost < until
 
         nodes = sub_poses(
@@ -226,8 +235,8 @@ class ToolContact:
         if nodes.s.size > 2:
             self._flags |= SUB_POSES
             if nodes.s.size > count + 1:
-                # The contacts to show are those of the last pose, not of the last halving.
-                self._asked(pose, 0.0)
+                # The last query was not at the last pose, whose contacts are to be kept.
+                self._query(pose, 0.0)
         if nodes.spent or count < wanted:
             self._flags |= BUDGET_SPENT
         self._before = (self._last_wrench, *self._before[:1])
@@ -235,7 +244,7 @@ class ToolContact:
         return self._window.weigh(nodes)
 
     def _waves(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
-        """Return how many of the shortest waves the tool passes in this tick, at most."""
+        """Return an upper bound on how many of the shortest waves pass the tool in this tick."""
         if self._last is None or math.isinf(self._wavelength):
             return 0.0
         contacts = self.engine.contacts
@@ -250,9 +259,10 @@ class ToolContact:
             self._flags |= OVERFLOW
 
     def count_statuses(self, statuses: NDArray[np.int64]) -> None:
-        """Add the contacts by status to `statuses` (3,): certified, budget spent, overflow.
+        """Add the number of contacts by status to `statuses` (3,).
 
-        Where there was no room for any contact, that is one overflow.
+        In order: certified, budget spent, overflow. A full contact list without any contact
+        counts as one overflow.
         """
         contacts = self.engine.contacts
         count, left_out = contacts.count.tolist()

@@ -4,22 +4,21 @@ r"""The hand of Otaduy & Lin (2004, Eq. 7): a mass dragged over a texture by spr
 
 `F_u` is the texture force at constant normal force (Eq. 6); positive F_u resists motion along u.
 
-The problem: F_u jumps where the probe's contact leaps from one asperity to the next, and u''
-with it, and the largest u'' often stands exactly at such a jump. A fixed step that runs across
-jumps is wrong there by as much as the jump.
+The problem: F_u jumps where the probe's contact jumps from one asperity to the next, u'' jumps with
+it, and the largest u'' is often at such a jump. A fixed step across a jump has an error of the
+jump's size there.
 
-The idea: between two jumps the table of F_u is smooth, and so is the motion. Each step of the
-classical Runge-Kutta method uses the cubics of the current stretch alone (held constant beyond
-its ends); a step that leaves the stretch is cut back, by the secant method, to the moment when
-`u` meets the jump, and the next one starts on the other side. Motion may also turn back; and
-where a slow hand comes to rest in the notch between two asperities it stays until the drive has
-pulled hard enough to lift it out.
+The idea: between two jumps F_u is smooth, and so is the motion. Each step of the classical
+Runge-Kutta method uses only the cubics of the current segment, extended by constants. A step that
+leaves the segment is shortened, by the secant method, to the time at which u reaches the jump, and
+the next step starts on the other side. The motion may reverse, and a slow hand may come to rest in
+the notch between two asperities, where it stays until the drive pulls hard enough to lift it out.
 
-How the periodic motion is found stands in `asperity.dynamics.dragged_hand.periodic_motion`.
+`asperity.dynamics.dragged_hand.periodic_motion` describes how the periodic motion is found.
 
-The motion is *periodic* when (u - v t, u') repeats at equal phase of the drive `v t`, or
-*subharmonic* when it repeats only after two to eight periods; a run that never repeats says so,
-and its figures are then statistics over the last stretch of the run.
+A motion is *periodic* if (u - v t, u') repeats at equal phase of the drive `v t`, and *subharmonic*
+if it repeats only after two to eight periods. Otherwise it is *aperiodic*, and its extremes are
+those of the recorded part of the run.
 """
 
 from __future__ import annotations
@@ -32,7 +31,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.dragged_hand.periodic_motion import drag_a_length, drag_until_repeat
+from asperity.dynamics.dragged_hand.integrator import DragModel
+from asperity.dynamics.dragged_hand.periodic_motion import (
+    PeriodSearch,
+    drag_a_length,
+    drag_until_repeat,
+)
 from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 
@@ -42,17 +46,17 @@ PERIODIC_TOLERANCE = 1e-6
 _MAX_SUBHARMONIC = 8
 _LEAST_STEPS = 64
 _RECORDED_STEPS = 256
-"""The least number of samples a period in a record: its spectrum needs more than its motion."""
+"""Least number of recorded samples a period: a spectrum needs more than the integration."""
 _RECORDED_RATE = 5000.0
-"""And the least number a second [Hz]: ten times the highest frequency that people feel."""
+"""Least rate of a record [Hz]: ten times the highest frequency that people feel."""
 _LONG_PERIOD = 3.0
-"""Time constants of the hand; over a longer period a motion settles by itself."""
+"""Period, in time constants of the hand, from which on plain iteration converges fast enough."""
 _STEPS_A_RADIAN = 8
-"""Of the hand's own motion, and of what its damper forgets: a slow drive must not outrun them."""
+"""Least number of steps a radian of the hand's fastest free motion, however slow the drive."""
 _LONGEST_RUN = 25.0
-"""Time constants of the hand after which a motion that has not repeated is called aperiodic."""
+"""Time constants of the hand after which a motion that has not repeated counts as aperiodic."""
 _APERIODIC_RECORD = 16
-"""Periods of the surface that are recorded of a motion that does not repeat."""
+"""Periods of the surface in the record of an aperiodic motion."""
 
 
 class MotionStatus(IntEnum):
@@ -63,14 +67,14 @@ class MotionStatus(IntEnum):
     SUBHARMONIC = 1
     """It repeats after several periods of the surface."""
     APERIODIC = 2
-    """It does not repeat; the figures are statistics over the recorded stretch."""
+    """It does not repeat; its extremes are those of the record."""
 
 
 @dataclass(frozen=True)
 class Hand:
     """Mass, stiffness and damping of the hand that holds the probe.
 
-    The seed paper prints no values; the defaults are asperity's.
+    The seed paper gives no values; the defaults are the project's.
     """
 
     mass: float = 0.05
@@ -78,7 +82,7 @@ class Hand:
     stiffness: float = 300.0
     """[N/m], above 0."""
     damping: float = 3.0
-    """[N s/m], above 0: without it no motion forgets how it began."""
+    """[N s/m], above 0: without damping no motion settles."""
 
     def __post_init__(self) -> None:
         require_positive("mass", self.mass, "[kg]")
@@ -87,25 +91,25 @@ class Hand:
 
     @property
     def time_constant(self) -> float:
-        """Time in which a free motion of the hand falls by e [s]."""
+        """Time in which a free motion of the hand decays by a factor e [s]."""
         half, square = 0.5 * self.damping / self.mass, self.stiffness / self.mass
         inside = half**2 - square
         return (half + math.sqrt(inside)) / square if inside > 0.0 else 1.0 / half
 
     @property
     def fastest(self) -> float:
-        """Rate of the fastest thing the hand does of its own [rad/s]."""
+        """Rate of the hand's fastest free motion, oscillation or decay [rad/s]."""
         return max(math.sqrt(self.stiffness / self.mass), self.damping / self.mass)
 
 
 class Motion(NamedTuple):
-    """The hand's motion over one repeat, or over the recorded stretch of a run."""
+    """The hand's motion over one repeat, or over the recorded part of a run."""
 
     status: MotionStatus
     periods: int
     """Periods of the surface in the record."""
     settled_after: float
-    """Time before the record begins [s]."""
+    """Time from the start of the run to that of the record [s]."""
     step: float
     """Time between samples [s]."""
     place: NDArray[np.float64]
@@ -121,7 +125,7 @@ class Motion(NamedTuple):
     smallest: float
     """Smallest u'' [m/s^2], likewise."""
     mismatch: float
-    """What (u - v t, u') still missed a repeat by, in parts of the period and the speed."""
+    """Mismatch of (u - v t, u') after one repeat, relative to the period and the speed."""
 
     @property
     def duration(self) -> float:
@@ -140,7 +144,7 @@ def drag(
     length: float | None = None,
     extrapolate: bool = True,
 ) -> Motion:
-    """Drag the hand over a texture at constant speed, and record its motion once it repeats.
+    """Drag the hand over a texture at constant speed; record its motion once it repeats.
 
     Parameters
     ----------
@@ -151,22 +155,22 @@ def drag(
     speed : float
         Speed of the drive [m/s], above 0.
     start : float
-        Where on the surface the drive sets out [m].
+        Position on the surface at which the drive starts [m].
     refine : float
-        Factor on the number of steps a period; 1 gives at least one step for each cubic of
-        the table, at least 64, and at least eight for each radian of the hand's own motion.
+        Factor on the number of steps a period. 1 gives at least one step for each cubic of
+        the table, at least 64, and at least eight a radian of the hand's fastest free motion.
     settle, length : float, optional
-        Give both to record `length` [m] of drag after `settle` [s] have passed, whether or not
-        the motion repeats: for long measured surfaces.
+        Give both to record `length` [m] of drag after `settle` [s], whether or not the motion
+        repeats: for long measured surfaces.
     extrapolate : bool
-        Whether to jump ahead to the periodic motion where one is found (see
-        `asperity.dynamics.dragged_hand.periodic_motion`). Without it the hand, set down at rest
-        on its spring, is dragged until its motion repeats, however long that takes.
+        Whether to look for the periodic motion by extrapolation (see
+        `asperity.dynamics.dragged_hand.periodic_motion`). Otherwise the hand, which starts at
+        rest on its spring, is dragged until its motion repeats, however long that takes.
 
     Returns
     -------
     Motion
-        Sampled at equal phase; where the motion never repeats, `status` says so.
+        Sampled at equal phase; its `status` is APERIODIC if the motion never repeats.
 
     References
     ----------
@@ -186,15 +190,24 @@ def drag(
     steps = max(math.ceil(refine * max(_LEAST_STEPS, force.edges.size - 1, swift)), 8)
     step = period / speed / steps
     finer = math.ceil(max(_RECORDED_STEPS, period / speed * _RECORDED_RATE) / steps)
-    table, numbers = force[:3], (hand.mass, hand.stiffness, hand.damping)
+    cubics = force[:3]
+    model = DragModel(*map(float, (hand.mass, hand.stiffness, hand.damping, speed)))
     status, mismatch = MotionStatus.APERIODIC, math.nan
     if length is None or settle is None:
         most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * _MAX_SUBHARMONIC
         ahead = extrapolate and period / speed < _LONG_PERIOD * hand.time_constant
+        search = PeriodSearch(
+            steps=steps,
+            max_periods=most,
+            extrapolate=ahead,
+            max_subharmonic=_MAX_SUBHARMONIC,
+            aperiodic_periods=_APERIODIC_RECORD,
+            samples=finer,
+            tolerance=PERIODIC_TOLERANCE,
+        )
         repeat, run, mismatch, *extremes, record = drag_until_repeat(
-            table, numbers, speed, start, steps, most, ahead,
-            (_MAX_SUBHARMONIC, _APERIODIC_RECORD, finer, PERIODIC_TOLERANCE),
-        )  # fmt: skip
+            cubics, model, float(start), search
+        )
         if repeat:
             status = MotionStatus.PERIODIC if repeat == 1 else MotionStatus.SUBHARMONIC
         before = run * period / speed
@@ -203,7 +216,7 @@ def drag(
         before = settled * step
         samples = max(round(length / speed / step * finer), 2)
         *extremes, record = drag_a_length(
-            table, numbers, speed, start, step, settled, finer, samples
+            cubics, model, float(start), step, settled, finer, samples
         )
     samples, step = record.shape[0], step / finer
     if not np.all(np.isfinite(extremes)):
@@ -211,7 +224,7 @@ def drag(
             f"the hand meets too many asperities within one step at {speed:g} m/s; raise refine"
         )
     times = np.arange(samples) * step
-    # Whole periods are left out before rounding can make one of nothing.
+    # Remove whole periods, half a step early so that rounding cannot add one.
     phase = math.fmod(start, period) + math.fmod(speed * before + 0.5 * step * speed, period)
     phase -= 0.5 * step * speed
     return Motion(
@@ -230,9 +243,9 @@ def drag(
 
 
 def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> Motion:
-    """Drag the hand under a force that is a series in time, held constant between ticks.
+    """Drag the hand under a force that is a time series, held constant between ticks.
 
-    Eq. 7 is then linear and is solved exactly from tick to tick.
+    Eq. 7 is then linear and is solved exactly at each tick.
 
     Parameters
     ----------
@@ -246,19 +259,19 @@ def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> 
     Returns
     -------
     Motion
-        Status `APERIODIC`; the first five time constants of the hand are left out. The samples
-        of u'' stand just after each tick, where it is largest.
+        Status `APERIODIC`; the first five time constants of the hand are left out. u'' is sampled
+        just after each tick, where it is largest.
     """
     from scipy import signal  # slow to import, and seldom needed
 
     require_positive("tick", tick, "[s]")
     require_positive("speed", speed, "[m/s]")
-    # Displacement over force of the mass on its spring and damper, held input, tick by tick.
+    # Displacement over force of the mass on its spring and damper, for an input held over a tick.
     inertia = np.array([hand.mass, hand.damping, hand.stiffness])
     response = (np.array([-1.0]), inertia)
     numerator, denominator, _ = signal.cont2discrete(response, tick)
     lag = signal.lfilter(numerator.ravel(), denominator, force)
-    # Its speed: the same, times s.
+    # Velocity over force: the same, times s.
     numerator, denominator, _ = signal.cont2discrete((np.array([-1.0, 0.0]), inertia), tick)
     excess = signal.lfilter(numerator.ravel(), denominator, force)
     acceleration = -(hand.stiffness * lag + hand.damping * excess + force) / hand.mass

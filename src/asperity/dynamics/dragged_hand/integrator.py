@@ -1,8 +1,7 @@
-"""The compiled integrator behind `asperity.dynamics.dragged_hand.hand`: see there for the idea.
+"""The compiled integrator of a dragged hand; `dragged_hand.hand` describes the method.
 
-A drag's state is an array: place and speed of the hand, place of the drive (both counted from the
-start of the current period of the surface), the stretch between jumps and the table's interval
-that the place lies in, and the force that holds the hand at rest in a notch (else NaN).
+Kernels that advance a motion take it as `motion`, an array (1,) of `DRAG_STATE`, and change it in
+place. Between two jumps of the force the table is a *segment* of smooth cubics.
 """
 
 from __future__ import annotations
@@ -15,42 +14,55 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
 
-PLACE, SPEED, DRIVE, STRETCH, INTERVAL, HOLD = range(6)
-
+DRAG_STATE = np.dtype(
+    [
+        ("position", "f8"),  # u of the hand, from the start of the current period [m]
+        ("velocity", "f8"),  # u' [m/s]
+        ("drive", "f8"),  # v t, from the start of the hand's current period [m]
+        ("hold", "f8"),  # force that the hand rests against in a notch [N]; NaN in motion
+        ("segment", "i8"),  # segment between jumps that the hand is on
+        ("interval", "i8"),  # interval of the table where the hand was last, a search hint
+    ],
+    align=True,
+)
 _SECANT_STEPS = 40
 _MAX_EVENTS = 2000
+"""Largest number of jumps that one step crosses."""
 _SHORT_HOP = 2e-3
-"""Part of the hand's own time, sqrt(m / k): a hand that bounces in a notch for less than this at
-a time rests in it."""
+"""A hand that bounces in a notch for less than this fraction of sqrt(m / k) counts as resting."""
 _LOW_HOP = 1e-6
-"""Part of the period: hops of lower height, a few atoms, are no motion either."""
+"""So does one that hops lower than this fraction of the period, a few atoms."""
 
 
-class Course(NamedTuple):
-    """A force table laid out for the integrator; its period begins at a jump, if it has one."""
+class ForceTable(NamedTuple):
+    """A piecewise cubic force, with its period starting at a jump if there is one."""
 
     edges: NDArray[np.float64]
-    """Where the cubics begin, then the period [m]."""
+    """Left edges of the n intervals, then the period [m]."""
     powers: NDArray[np.float64]
-    """Coefficients of 1, x, x^2, x^3 with x [m] from the interval's edge, shape (n, 4)."""
+    """Coefficients of 1, x, x^2, x^3, with x [m] from the interval's left edge (n, 4)."""
     jumps: NDArray[np.float64]
-    """Where the force jumps [m], then the period; just the period where it never does."""
+    """Positions of the force's jumps, then the period [m]; only the period if it has none."""
     firsts: NDArray[np.int64]
-    """The interval that begins at each of `jumps`; the last entry is n."""
+    """Interval that begins at each of `jumps`; the last entry is n."""
 
 
-class Pull(NamedTuple):
-    """The hand of Eq. 7 and the speed of its drag."""
+class DragModel(NamedTuple):
+    """The hand of Eq. 7 and the speed of its drive."""
 
     mass: float
+    """[kg]"""
     stiffness: float
+    """[N/m]"""
     damping: float
+    """[N s/m]"""
     speed: float
+    """[m/s]"""
 
 
 @kernel
-def lay_out(edges, coefficients, jumps):
-    """Return the `Course` of a table of cubics (see `PiecewiseCubic`)."""
+def force_table(edges, coefficients, jumps):
+    """Return the `ForceTable` of a `PiecewiseCubic`'s edges, coefficients and jumps."""
     n = coefficients.shape[0]
     period = edges[n]
     first = np.searchsorted(edges, jumps[0]) if jumps.size > 0 else 0
@@ -69,75 +81,76 @@ def lay_out(edges, coefficients, jumps):
         ends[k] = jumps[k] - origin
         firsts[k] = np.searchsorted(laid, ends[k])
     ends[jumps.size], firsts[jumps.size] = period, n
-    return Course(laid, powers, ends, firsts)
+    return ForceTable(laid, powers, ends, firsts)
 
 
 @kernel
-def _interval_at(course, place, interval, stretch):
-    """Return the interval of a stretch that holds `place`, by walking from `interval`."""
-    first, last = 0, course.powers.shape[0] - 1
-    if course.jumps.size > 1:
-        first, last = course.firsts[stretch], course.firsts[stretch + 1] - 1
+def _interval_at(table, place, interval, segment):
+    """Return the interval of a segment that contains `place`, by walking from `interval`."""
+    first, last = 0, table.powers.shape[0] - 1
+    if table.jumps.size > 1:
+        first, last = table.firsts[segment], table.firsts[segment + 1] - 1
     i = min(max(interval, first), last)
-    while i > first and place < course.edges[i]:
+    while i > first and place < table.edges[i]:
         i -= 1
-    while i < last and place >= course.edges[i + 1]:
+    while i < last and place >= table.edges[i + 1]:
         i += 1
     return i
 
 
 @kernel
-def _inside(course, place, stretch):
-    """Return `place` brought to where the cubics of its stretch are defined."""
-    if course.jumps.size > 1:
-        return min(max(place, course.jumps[stretch]), course.jumps[stretch + 1])
-    period = course.jumps[0]
+def _inside(table, place, segment):
+    """Return `place` clamped to its segment, or wrapped into the period if there are no jumps."""
+    if table.jumps.size > 1:
+        return min(max(place, table.jumps[segment]), table.jumps[segment + 1])
+    period = table.jumps[0]
     if place >= period:
         return place - period
     return place + period if place < 0.0 else place
 
 
 @kernel
-def _force(course, place, interval, stretch):
-    """Return (F_u, interval) at `place`, by the cubics of its stretch, held beyond its ends."""
-    place = _inside(course, place, stretch)
-    i = _interval_at(course, place, interval, stretch)
-    x = place - course.edges[i]
-    c = course.powers
+def _force(table, place, interval, segment):
+    """Return (F_u, interval) at `place` on a segment, whose end values extend beyond it."""
+    place = _inside(table, place, segment)
+    i = _interval_at(table, place, interval, segment)
+    x = place - table.edges[i]
+    c = table.powers
     return c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3])), i
 
 
 @kernel
-def force_at(course, place):
-    """Return F_u at any place, found by bisection: for peers and tests, with no state to hint."""
-    period = course.edges[course.edges.size - 1]
+def force_at(table, place):
+    """Return F_u at any place, found by bisection."""
+    period = table.edges[table.edges.size - 1]
     place -= math.floor(place / period) * period
-    i = np.searchsorted(course.edges, place, side="right") - 1
-    i = min(i, course.powers.shape[0] - 1)
-    x, c = place - course.edges[i], course.powers
+    i = np.searchsorted(table.edges, place, side="right") - 1
+    i = min(i, table.powers.shape[0] - 1)
+    x, c = place - table.edges[i], table.powers
     return c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
 
 
 @kernel
-def _runge_kutta(state, step, course, pull):
-    """Return (place, speed) after one classical Runge-Kutta step from `state`."""
-    place, speed, drive = state[PLACE], state[SPEED], state[DRIVE]
-    stretch, i = int(state[STRETCH]), int(state[INTERVAL])
-    k, b, v = pull.stiffness, pull.damping, pull.speed
-    per_mass, half = 1.0 / pull.mass, 0.5 * step
-    force, i = _force(course, place, i, stretch)
-    state[INTERVAL] = i
+def _runge_kutta(motion, step, table, model):
+    """Return position and velocity after one classical Runge-Kutta step."""
+    state = motion[0]
+    place, speed, drive = state.position, state.velocity, state.drive
+    segment, i = state.segment, state.interval
+    k, b, v = model.stiffness, model.damping, model.speed
+    per_mass, half = 1.0 / model.mass, 0.5 * step
+    force, i = _force(table, place, i, segment)
+    state.interval = i
     a1 = (k * (drive - place) + b * (v - speed) - force) * per_mass
     p2, v2 = place + half * speed, speed + half * a1
     drive += half * v
-    force, i = _force(course, p2, i, stretch)
+    force, i = _force(table, p2, i, segment)
     a2 = (k * (drive - p2) + b * (v - v2) - force) * per_mass
     p3, v3 = place + half * v2, speed + half * a2
-    force, i = _force(course, p3, i, stretch)
+    force, i = _force(table, p3, i, segment)
     a3 = (k * (drive - p3) + b * (v - v3) - force) * per_mass
     p4, v4 = place + step * v3, speed + step * a3
     drive += half * v
-    force, i = _force(course, p4, i, stretch)
+    force, i = _force(table, p4, i, segment)
     a4 = (k * (drive - p4) + b * (v - v4) - force) * per_mass
     return (
         place + step / 6.0 * (speed + 2.0 * (v2 + v3) + v4),
@@ -146,31 +159,33 @@ def _runge_kutta(state, step, course, pull):
 
 
 @kernel
-def acceleration_and_jerk(state, course, pull):
-    """Return u'' and u''' of the state, by the cubics of its stretch."""
-    stretch = int(state[STRETCH])
-    place = _inside(course, state[PLACE], stretch)
-    i = _interval_at(course, place, int(state[INTERVAL]), stretch)
-    x, c = place - course.edges[i], course.powers
+def acceleration_and_jerk(motion, table, model):
+    """Return u'' and u''' of a motion on its segment."""
+    state = motion[0]
+    segment = state.segment
+    place = _inside(table, state.position, segment)
+    i = _interval_at(table, place, state.interval, segment)
+    x, c = place - table.edges[i], table.powers
     force = c[i, 0] + x * (c[i, 1] + x * (c[i, 2] + x * c[i, 3]))
     slope = c[i, 1] + x * (2.0 * c[i, 2] + 3.0 * x * c[i, 3])
-    lag, excess = state[DRIVE] - state[PLACE], pull.speed - state[SPEED]
-    acceleration = (pull.stiffness * lag + pull.damping * excess - force) / pull.mass
+    lag, excess = state.drive - state.position, model.speed - state.velocity
+    acceleration = (model.stiffness * lag + model.damping * excess - force) / model.mass
     jerk = (
-        pull.stiffness * excess - pull.damping * acceleration - slope * state[SPEED]
-    ) / pull.mass
+        model.stiffness * excess - model.damping * acceleration - slope * state.velocity
+    ) / model.mass
     return acceleration, jerk
 
 
 @kernel
-def _time_to_jump(state, step, target, end_place, course, pull):
-    """Return the time after which `place` meets `target`, between 0 and `step` (Illinois)."""
+def _time_to_jump(motion, step, target, end_place, table, model):
+    """Return the time, 0 to `step`, at which u reaches `target` (Illinois method)."""
+    state = motion[0]
     low, high = 0.0, step
-    at_low, at_high = state[PLACE] - target, end_place - target
+    at_low, at_high = state.position - target, end_place - target
     if at_low * at_high >= 0.0:
-        # The state stands on the jump already. It moves out of the stretch at once, or first
-        # into it and comes back: then shorten the step until it is inside.
-        if state[SPEED] * at_high >= 0.0:
+        # The hand is at the jump already. It leaves the segment at once, or first enters it and
+        # returns: in that case shorten the step until it ends inside.
+        if state.velocity * at_high >= 0.0:
             return 0.0
         while at_low * at_high >= 0.0:
             if low > 0.0:
@@ -178,13 +193,13 @@ def _time_to_jump(state, step, target, end_place, course, pull):
             low = 0.5 * high
             if low < 1e-15 * step:
                 return 0.0
-            place, _ = _runge_kutta(state, low, course, pull)
+            place, _ = _runge_kutta(motion, low, table, model)
             at_low = place - target
     side = 0
     time = step
     for _ in range(_SECANT_STEPS):
         time = (low * at_high - high * at_low) / (at_high - at_low)
-        place, _ = _runge_kutta(state, time, course, pull)
+        place, _ = _runge_kutta(motion, time, table, model)
         miss = place - target
         if abs(miss) < 1e-13 or high - low < 1e-15 * step:
             break
@@ -202,61 +217,64 @@ def _time_to_jump(state, step, target, end_place, course, pull):
 
 
 @kernel
-def _cross(state, forward, course):
-    """Move a state that stands on a jump into the stretch on the other side."""
-    count = course.jumps.size - 1
-    period = course.jumps[count]
-    stretch = int(state[STRETCH]) + (1 if forward else -1)
-    if stretch == count:
-        stretch = 0
-        state[PLACE], state[DRIVE] = 0.0, state[DRIVE] - period
-    elif stretch < 0:
-        stretch = count - 1
-        state[PLACE], state[DRIVE] = period, state[DRIVE] + period
-    state[STRETCH] = stretch
+def _cross(motion, forward, table):
+    """Move a hand that is at a jump to the segment on the other side."""
+    state = motion[0]
+    count = table.jumps.size - 1
+    period = table.jumps[count]
+    segment = state.segment + (1 if forward else -1)
+    if segment == count:
+        segment = 0
+        state.position, state.drive = 0.0, state.drive - period
+    elif segment < 0:
+        segment = count - 1
+        state.position, state.drive = period, state.drive + period
+    state.segment = segment
 
 
 @kernel
-def _cross_or_rest(state, forward, course, pull):
-    """Move a state that stands on a jump to the other side, or lay it to rest in the notch.
+def _cross_or_rest(motion, forward, table, model):
+    """Move a hand that is at a jump to the other side, or bring it to rest in the notch.
 
-    Between two asperities the force on either side pushes the hand back into the notch, and it
-    bounces from side to side, ever lower. Once the hops are too short or too low to matter, it
-    rests: on the far side, until the drive's pull exceeds the force there.
+    In the notch between two asperities the force on either side pushes the hand back, and it
+    bounces with decreasing amplitude. Once the hops are shorter than `_SHORT_HOP` or lower than
+    `_LOW_HOP`, it rests on the far side until the drive's force exceeds the texture's there.
     """
-    before, _ = _force(course, state[PLACE], int(state[INTERVAL]), int(state[STRETCH]))
-    _cross(state, forward, course)
-    after, _ = _force(course, state[PLACE], int(state[INTERVAL]), int(state[STRETCH]))
+    state = motion[0]
+    before, _ = _force(table, state.position, state.interval, state.segment)
+    _cross(motion, forward, table)
+    after, _ = _force(table, state.position, state.interval, state.segment)
     behind, ahead = (before, after) if forward else (after, before)
-    tension = pull.stiffness * (state[DRIVE] - state[PLACE]) + pull.damping * pull.speed
+    tension = model.stiffness * (state.drive - state.position) + model.damping * model.speed
     if not behind < tension < ahead:
         return
     back = min(tension - behind, ahead - tension)
-    momentum = pull.mass * abs(state[SPEED])
-    short = 2.0 * momentum <= _SHORT_HOP * math.sqrt(pull.mass / pull.stiffness) * back
-    period = course.jumps[course.jumps.size - 1]
-    low = momentum * abs(state[SPEED]) <= 2.0 * _LOW_HOP * period * back
+    momentum = model.mass * abs(state.velocity)
+    short = 2.0 * momentum <= _SHORT_HOP * math.sqrt(model.mass / model.stiffness) * back
+    period = table.jumps[table.jumps.size - 1]
+    low = momentum * abs(state.velocity) <= 2.0 * _LOW_HOP * period * back
     if short or low:
         if not forward:
-            _cross(state, True, course)
-        state[SPEED], state[HOLD] = 0.0, ahead
+            _cross(motion, True, table)
+        state.velocity, state.hold = 0.0, ahead
 
 
 @kernel
-def _wait_in_notch(state, remaining, pull):
-    """Let the drive go on while the hand rests; return the time that is left after the wait."""
-    tension = pull.stiffness * (state[DRIVE] - state[PLACE]) + pull.damping * pull.speed
-    wait = max((state[HOLD] - tension) / (pull.stiffness * pull.speed), 0.0)
+def _wait_in_notch(motion, remaining, model):
+    """Advance the drive while the hand rests; return the time that remains after the wait."""
+    state = motion[0]
+    tension = model.stiffness * (state.drive - state.position) + model.damping * model.speed
+    wait = max((state.hold - tension) / (model.stiffness * model.speed), 0.0)
     if wait < remaining:
-        state[HOLD] = np.nan
+        state.hold = np.nan
     wait = min(wait, remaining)
-    state[DRIVE] += wait * pull.speed
+    state.drive += wait * model.speed
     return remaining - wait
 
 
 @kernel
 def _note_extremes(extremes, a0, a1, jerk0, jerk1, step):
-    """Widen (smallest, largest) by u'' over a smooth step: a cubic through its ends' jerks."""
+    """Widen (smallest, largest) by u'' over a smooth step, a cubic from the values at its ends."""
     extremes[0] = min(extremes[0], a0, a1)
     extremes[1] = max(extremes[1], a0, a1)
     j0, j1 = jerk0 * step, jerk1 * step
@@ -272,8 +290,8 @@ def _note_extremes(extremes, a0, a1, jerk0, jerk1, step):
         else:
             high = t
     value = a0 + t * (j0 + t * (c + t * d))
-    # A smooth peak rises above its ends by less than the gentler jerk could lift it; a jerk read
-    # off in a very short stretch of the table may be wild, and must not invent a peak.
+    # A smooth peak exceeds the ends by less than the smaller jerk allows. This keeps a jerk that
+    # is wrong, as in a very short interval of the table, from creating a peak.
     lift = min(abs(j0), abs(j1))
     value = min(max(value, min(a0, a1) - lift), max(a0, a1) + lift)
     extremes[0] = min(extremes[0], value)
@@ -281,61 +299,63 @@ def _note_extremes(extremes, a0, a1, jerk0, jerk1, step):
 
 
 @kernel
-def advance(state, step, course, pull, extremes, watch):
-    """Advance the state by a step, across any jumps; if `watch`, widen the extremes of u''.
+def advance(motion, step, table, model, extremes, watch):
+    """Advance a motion by a step, across any jumps; if `watch`, widen the extremes of u''.
 
-    The extremes become NaN if the step meets more jumps than it can cross.
+    If the step meets more than `_MAX_EVENTS` jumps, the extremes become NaN.
     """
+    state = motion[0]
     remaining = step
-    bounded = course.jumps.size > 1
+    bounded = table.jumps.size > 1
     a0 = j0 = 0.0
     for _ in range(_MAX_EVENTS):
-        if not math.isnan(state[HOLD]):
-            remaining = _wait_in_notch(state, remaining, pull)
+        if not math.isnan(state.hold):
+            remaining = _wait_in_notch(motion, remaining, model)
             if watch:
                 _note_extremes(extremes, 0.0, 0.0, 0.0, 0.0, 0.0)
             if remaining <= 0.0:
                 return
         if watch:
-            a0, j0 = acceleration_and_jerk(state, course, pull)
-        place, speed = _runge_kutta(state, remaining, course, pull)
+            a0, j0 = acceleration_and_jerk(motion, table, model)
+        place, speed = _runge_kutta(motion, remaining, table, model)
         taken, target, arrived = remaining, place, True
         if bounded:
-            stretch = int(state[STRETCH])
-            low, high = course.jumps[stretch], course.jumps[stretch + 1]
+            segment = state.segment
+            low, high = table.jumps[segment], table.jumps[segment + 1]
             if not low <= place <= high:
                 arrived = False
                 target = high if place > high else low
-                taken = _time_to_jump(state, remaining, target, place, course, pull)
-                _, speed = _runge_kutta(state, taken, course, pull)
-        state[PLACE], state[SPEED] = target, speed
-        state[DRIVE] += taken * pull.speed
+                taken = _time_to_jump(motion, remaining, target, place, table, model)
+                _, speed = _runge_kutta(motion, taken, table, model)
+        state.position, state.velocity = target, speed
+        state.drive += taken * model.speed
         remaining -= taken
         if watch:
-            a1, j1 = acceleration_and_jerk(state, course, pull)
+            a1, j1 = acceleration_and_jerk(motion, table, model)
             _note_extremes(extremes, a0, a1, j0, j1, taken)
         if arrived:
             if not bounded:
-                wraps = math.floor(state[PLACE] / course.jumps[0])
-                state[PLACE] -= wraps * course.jumps[0]
-                state[DRIVE] -= wraps * course.jumps[0]
+                wraps = math.floor(state.position / table.jumps[0])
+                state.position -= wraps * table.jumps[0]
+                state.drive -= wraps * table.jumps[0]
             return
-        _cross_or_rest(state, place > target, course, pull)
+        _cross_or_rest(motion, place > target, table, model)
     extremes[0] = extremes[1] = np.nan
 
 
 @kernel
-def advance_period(state, steps, step, course, pull, extremes, record_out):
-    """Advance by `steps` steps; fill (place - drive, speed, u'') before each, shape (steps, 3).
+def advance_period(motion, steps, step, table, model, extremes, record_out):
+    """Advance by `steps` steps; fill (u - v t, u', u'') before each into `record_out` (steps, 3).
 
-    With an empty `record_out` nothing is recorded, and the extremes stay.
+    With an empty `record_out` nothing is recorded, and the extremes do not change.
     """
+    state = motion[0]
     watch = record_out.shape[0] > 0
     for i in range(steps):
         if watch:
-            record_out[i, 0] = state[PLACE] - state[DRIVE]
-            record_out[i, 1] = state[SPEED]
+            record_out[i, 0] = state.position - state.drive
+            record_out[i, 1] = state.velocity
             record_out[i, 2] = 0.0
-            if math.isnan(state[HOLD]):
-                record_out[i, 2], _ = acceleration_and_jerk(state, course, pull)
-        advance(state, step, course, pull, extremes, watch)
+            if math.isnan(state.hold):
+                record_out[i, 2], _ = acceleration_and_jerk(motion, table, model)
+        advance(motion, step, table, model, extremes, watch)

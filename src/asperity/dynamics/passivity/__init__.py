@@ -2,5 +2,5 @@
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Names of the former module of this name are deprecated.
 __getattr__ = forwarded(__name__, "asperity.dynamics.passivity.controller")

@@ -1,26 +1,25 @@
-r"""Passivity at the hand's port: an account of energy, and a controller that keeps it in credit.
+r"""Passivity at the hand's port: an energy observer and a controller that keeps it passive.
 
-The problem: a spring that is sampled and held gives back more than it got. What is held over a
-tick pushes with the force of its beginning, and on the way out of a wall that is too much.
+The problem: a sampled spring generates energy. Its force is held over a tick, and on the way out of
+a wall the force of the tick's beginning is larger than the spring's.
 
-*Observer.* The wrench w of a tick is held until the next one, and the handle moves by d meanwhile:
-the hand has put in `-w . d`. Summed from the beginning this is
+*Observer.* The wrench w of a tick is held until the next one while the handle moves by d, so the
+hand does the work `-w . d`. Summed from the beginning,
 
-    E = sum -w_(n-1) . v_n dt,    v_n the mean velocity of the tick that has just passed,
+    E = sum -w_(n-1) . v_n dt,    v_n the mean velocity over the tick that has just passed,
 
-exact for a device that holds what it is told. Passive means E >= 0 at all times: no more comes
-out than went in. The parts of translations and of rotations are counted too, but only their sum
-has to stay in credit: a tool that is pressed by moving it and gives way by turning hands energy
-from one to the other, and a limit on each would fight that all the time.
+which is exact for a device that holds the wrench it was sent. The port is passive if E >= 0 at all
+times. The work of translations and of rotations is recorded separately, but only the sum is kept
+from becoming negative: a tool that is pressed by moving and yields by rotating carries energy from
+one to the other, and separate limits would oppose it continuously.
 
-*Controller* (Hannaford & Ryu, *Time-domain passivity control of haptic interfaces*, 2002): dampers
-`-alpha v`, one for translations and one for rotations, that vary with time are added to the wrench.
-Here they look one tick ahead, at `E - w . v dt`, v the fastest that the handle may well move by
-then: were that to be below zero, alpha is made just large enough for it to be zero. This takes off
-the wrench, along v, what would push the hand with energy that is not there, and no more, so that
-it never adds to the wrench. If the account is in
-debt all the same, since the hand did not move as the last tick had told, damping pays it back, at
-most `max_damping`.
+*Controller* (Hannaford & Ryu, *Time-domain passivity control of haptic interfaces*, 2002): two
+variable dampers `-alpha v`, one for translation and one for rotation, are added to the wrench. This
+implementation looks one tick ahead, at `E - w . v dt`, with v the largest velocity to be expected
+by then; if that is negative, alpha is the smallest value that makes it zero. So only the component
+of the wrench along v is reduced, by the energy that is lacking, and nothing is ever added to the
+wrench. If E becomes negative nevertheless, because the hand moved otherwise than predicted, damping
+of at most `max_damping` pays the debt back.
 """
 
 from __future__ import annotations
@@ -31,46 +30,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import Repeated
-from asperity.dynamics.passivity.step import (
-    DISSIPATED,
-    ENERGY,
-    GAINED,
-    GOT_OUT,
-    INTERVENTIONS,
-    NUMBERS,
-    PARTS,
-    PUT_IN,
-    Account,
-    Terms,
-    passive_step,
-)
+from asperity.dynamics.passivity.step import ACCOUNT, Terms, passive_step
 from asperity.errors import require_between, require_not_negative, require_positive
 
 MOST_DAMPING = 10.0
-"""Most that pays back a debt, unless the device's own limit is lower [N s/m]; asperity's."""
+"""Largest damping that pays back a debt, if the device allows it [N s/m]; a project default."""
 RESERVE = 5e-6
-"""A hundredth of what a wall of 400 N/m stores under 0.6 N [J]; asperity's."""
+"""A hundredth of the energy in a wall of 400 N/m under 0.6 N [J]; a project default."""
 
 
 class PassivityController:
-    """Observer and controller for one hand.
+    """Passivity observer and controller for one hand.
 
     Parameters
     ----------
     dt : float
         Tick [s], 1e-5 to 0.1.
     max_damping, max_rotational_damping : float
-        Most that pays back a debt [N s/m], [N m s/rad]; asperity's. Times the tick it should be
-        well below the mass, and the moment of inertia, of what the hand holds.
+        Largest damping that pays back a debt [N s/m], [N m s/rad]; project defaults. The damping
+        times the tick should be well below the mass, or the moment of inertia, of what the hand
+        holds.
     damping : float
-        The device's own, physical damping [N s/m]: what it takes from the hand counts as put in,
-        and the account is that of device and scene together, the one of Colgate's bound.
+        Physical damping of the device [N s/m]. The energy it takes from the hand counts as put in:
+        the account is that of device and scene together, as in Colgate's bound.
     mass, moment : float
-        The least that holds the wrench: of the device's end effector and the hand [kg], [kg m^2].
+        Smallest mass and moment of inertia that the wrench can act on: those of the device's end
+        effector and the hand [kg], [kg m^2].
     reserve : float
-        Credit that is kept back [J]: the hand does not move quite as the last tick tells.
+        Energy kept back because the hand's motion is predicted with an error [J].
     active : bool
-        Whether to correct; otherwise only the account is kept.
+        Whether to correct the wrench; otherwise the energy is only observed.
 
     Examples
     --------
@@ -93,8 +82,8 @@ class PassivityController:
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.active = active
         self._terms = Terms(
-            most=require_not_negative("max_damping", max_damping, "[N s/m]"),
-            most_turning=require_not_negative(
+            max_damping=require_not_negative("max_damping", max_damping, "[N s/m]"),
+            max_rotational_damping=require_not_negative(
                 "max_rotational_damping", max_rotational_damping, "[N m s/rad]"
             ),
             damping=require_not_negative("damping", damping, "[N s/m]"),
@@ -102,43 +91,42 @@ class PassivityController:
             moment=require_positive("moment", moment, "[kg m^2]"),
             reserve=require_not_negative("reserve", reserve, "[J]"),
         )
-        six = [np.zeros(6) for _ in range(4)]
-        self._account = Account(np.zeros(NUMBERS), *six)
+        self._state = np.zeros(1, ACCOUNT)
+        self._account = self._state[0]
         self._out = np.zeros(6)
-        # Of its own, whatever the caller's are like: the kernel is told its types only once.
+        # Arguments are copied into these arrays: `Repeated` determines types at its first call.
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
         self._step = Repeated(passive_step)
-        self.correct(self._out.copy(), np.zeros(6))  # machine code is made before any hurry
+        self.correct(self._out.copy(), np.zeros(6))  # compile now, not in the loop
         self.reset()
 
     def reset(self, stored: float = 0.0) -> None:
-        """Begin a new account, with the energy [J] that the scene holds already."""
-        for values in self._account:
-            values[:] = 0.0
-        self._account.numbers[PARTS] = self._account.numbers[ENERGY] = stored
+        """Start a new account with the energy [J] that is already stored in the scene."""
+        self._state[:] = np.zeros(1, ACCOUNT)
+        self._account["work"][0] = self._account["energy"] = stored
 
     @property
     def energy(self) -> float:
-        """E: what the hand has put in and not got back [J]."""
-        return float(self._account.numbers[ENERGY])
+        """E: energy that the hand has put in and not received back [J]."""
+        return float(self._account["energy"])
 
     @property
     def parts(self) -> NDArray[np.float64]:
-        """What the hand has put in by translations and by rotations [J], (2,)."""
-        return self._account.numbers[PARTS : PARTS + 2]
+        """Net work of the hand by translations and by rotations [J], (2,)."""
+        return np.asarray(self._account["work"])
 
     @property
     def put_in(self) -> NDArray[np.float64]:
-        """What the wrench took from the hand in ticks that took, as `parts` [J], (2,)."""
-        return self._account.numbers[PUT_IN : PUT_IN + 2]
+        """Work of the ticks in which the hand did work, as `parts` [J], (2,)."""
+        return np.asarray(self._account["absorbed"])
 
     @property
     def got_out(self) -> NDArray[np.float64]:
-        """What the wrench gave the hand in ticks that gave, as `parts` [J], (2,)."""
-        return self._account.numbers[GOT_OUT : GOT_OUT + 2]
+        """Work of the ticks in which the hand received work, as `parts` [J], (2,)."""
+        return np.asarray(self._account["returned"])
 
-    def told(self) -> dict[str, Any]:
-        """Return the account for `summary.json`; of two values the first is translations."""
+    def summary(self) -> dict[str, Any]:
+        """Return the account for `summary.json`; of two values the first is of translations."""
         return {
             "active": self.active,
             "energy_j": self.energy,
@@ -151,48 +139,48 @@ class PassivityController:
 
     @property
     def gained(self) -> float:
-        """The most that the hand had got out beyond what it had put in [J]; 0 is passive."""
-        return float(self._account.numbers[GAINED])
+        """Largest energy that the hand had received beyond what it had put in [J]; 0: passive."""
+        return float(self._account["deficit"])
 
     @property
     def interventions(self) -> int:
-        """Ticks in which the wrench was changed."""
-        return int(self._account.numbers[INTERVENTIONS])
+        """Number of ticks in which the wrench was corrected."""
+        return int(self._account["interventions"])
 
     @property
     def dissipated(self) -> float:
-        """What the changes took out of the hand's motion [J]."""
-        return float(self._account.numbers[DISSIPATED])
+        """Energy that the corrections took out of the hand's motion [J]."""
+        return float(self._account["dissipated"])
 
     def correct(
         self, wrench: NDArray[np.float64], twist: NDArray[np.float64], dt: float | None = None
     ) -> NDArray[np.float64]:
-        """Account for the tick that has passed; return the wrench to hold over the next.
+        """Account for the tick that has passed; return the wrench to hold over the next one.
 
         Parameters
         ----------
         wrench : (6,) array
-            What the hand is to feel: force [N], torque about a point [N m].
+            Wrench wanted on the hand: force [N], torque about a reference point [N m].
         twist : (6,) array
-            Mean velocity of the handle since the last call, at that point: way over time [m/s],
-            turn over time [rad/s]. See `CoupledTool.port_twist`.
+            Mean velocity of the handle since the last call, at that point [m/s], and mean angular
+            velocity [rad/s]. See `CoupledTool.port_twist`.
         dt : float, optional
-            Time since the last call [s], where it was not a tick.
+            Time since the last call [s]; by default one tick.
 
         Returns
         -------
         (6,) array
-            The same array every time.
+            The same array at every call.
         """
         self._wrench[:], self._twist[:] = wrench, twist
         self._step(
             self._wrench, self._twist, float(self.dt if dt is None else dt), float(self.dt),
-            self.active, self._terms, self._account, self._out,
+            self.active, self._terms, self._state, self._out,
         )  # fmt: skip
         return self._out
 
     def sent(self, wrench: NDArray[np.float64]) -> None:
-        """Tell what was really written (6,), if limits have changed what `correct` returned."""
-        held, added = self._account.held, self._account.added
+        """Report the wrench (6,) that was written, where limits changed what `correct` returned."""
+        held, added = self._account["held"], self._account["added"]
         added += wrench - held
         held[:] = wrench

@@ -1,134 +1,163 @@
-"""One tick of the passivity controller, compiled; see `passivity`."""
+"""One tick of the passivity controller, compiled; see `passivity.controller`."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel, kernel
 
-# Columns of `Account.numbers`.
-PARTS, ENERGY, GAINED, DISSIPATED, INTERVENTIONS = 0, 2, 3, 4, 5
-PUT_IN, GOT_OUT, NUMBERS = 6, 8, 10
-_SLOWEST, _SLOWEST_TURN = 1e-6, 1e-5
-"""Motion below this is none: [m/s], [rad/s]."""
-_FASTEST = 1e6
-"""Nor is this any."""
+ACCOUNT = np.dtype(
+    [
+        ("work", "f8", (2,)),  # net work of the hand by translations and by rotations [J]
+        ("energy", "f8"),  # E, the sum of `work` [J]
+        ("deficit", "f8"),  # largest -E so far, 0 if the port has been passive [J]
+        ("dissipated", "f8"),  # energy that the corrections took from the hand's motion [J]
+        ("interventions", "i8"),  # ticks in which the wrench was corrected
+        ("absorbed", "f8", (2,)),  # work of ticks in which the hand did work, as `work` [J]
+        ("returned", "f8", (2,)),  # work of ticks in which the hand received work, as `work` [J]
+        ("held", "f8", (6,)),  # wrench held over the last tick [N, N m]
+        ("added", "f8", (6,)),  # the controller's part of it [N, N m]
+        ("last_twist", "f8", (6,)),  # velocity over the tick before the last [m/s, rad/s]
+        ("predicted", "f8", (6,)),  # velocity assumed for the coming tick [m/s, rad/s]
+    ],
+    align=True,
+)
+"""The state of a passivity controller, an array of shape (1,)."""
+_REST, _ANGULAR_REST = 1e-6, 1e-5
+"""Speeds below these count as rest: [m/s], [rad/s]."""
+_IMPLAUSIBLE = 1e6
+"""Sum of magnitudes, or speed, from which on an input is rejected."""
 
 
 class Terms(NamedTuple):
     """Parameters of `PassivityController`."""
 
-    most: float
-    most_turning: float
+    max_damping: float
+    """[N s/m]"""
+    max_rotational_damping: float
+    """[N m s/rad]"""
     damping: float
+    """[N s/m]"""
     mass: float
+    """[kg]"""
     moment: float
+    """[kg m^2]"""
     reserve: float
-
-
-class Account(NamedTuple):
-    """What is known from tick to tick."""
-
-    numbers: NDArray[np.float64]
-    held: NDArray[np.float64]
-    """The wrench that was held over the last tick, (6,)."""
-    added: NDArray[np.float64]
-    """What of it was the controller's, (6,)."""
-    last: NDArray[np.float64]
-    """Twist before the last, (6,)."""
-    ahead: NDArray[np.float64]
-    """The twist that is reckoned with, (6,)."""
+    """[J]"""
 
 
 @kernel
-def passive_step(wrench, twist, passed, dt, active, terms, account, out):
-    """Keep the account, and fill `out` (6,) with the wrench to hold."""
-    numbers, held = account.numbers, account.held
+def passive_step(wrench, twist, passed, dt, is_active, terms, state, wrench_out):
+    """Update the energy account and fill the wrench (6,) to hold over the coming tick.
+
+    Parameters
+    ----------
+    wrench : (6,) array
+        Wrench wanted on the hand [N, N m].
+    twist : (6,) array
+        Mean velocity since the last call [m/s, rad/s].
+    passed : float
+        Time since the last call [s].
+    dt : float
+        Length of the coming tick [s].
+    is_active : bool
+        Whether to correct the wrench.
+    terms : Terms
+    state : (1,) array of ACCOUNT
+    wrench_out : (6,) array
+    """
+    account = state[0]
     total = 0.0
     for i in range(6):
-        out[i] = wrench[i]
+        wrench_out[i] = wrench[i]
         total += abs(wrench[i]) + abs(twist[i])
-    if not total < _FASTEST:
-        # No numbers, or none of this world: they must not spoil the account for ever.
+    if not total < _IMPLAUSIBLE:
+        # NaN or absurd: the tick is left out, so that it cannot spoil the account for good.
         clear(account.added)
-        clear(held)
+        clear(account.held)
         return
     for half in range(2):
-        work = -_dot(held, twist, 3 * half) * passed
-        numbers[PARTS + half] += work
-        numbers[(PUT_IN if work > 0.0 else GOT_OUT) + half] += abs(work)
+        work = -_dot(account.held, twist, 3 * half) * passed
+        account.work[half] += work
+        if work > 0.0:
+            account.absorbed[half] += abs(work)
+        else:
+            account.returned[half] += abs(work)
     for i in range(6):
-        numbers[DISSIPATED] -= account.added[i] * twist[i] * passed
-    numbers[PARTS] += terms.damping * _dot(twist, twist, 0) * passed
-    energy = numbers[ENERGY] = numbers[PARTS] + numbers[PARTS + 1]
-    numbers[GAINED] = max(numbers[GAINED], -energy)
-    if active:
-        _damp(twist, dt, terms, account, out)
+        account.dissipated -= account.added[i] * twist[i] * passed
+    account.work[0] += terms.damping * _dot(twist, twist, 0) * passed
+    account.energy = account.work[0] + account.work[1]
+    account.deficit = max(account.deficit, -account.energy)
+    if is_active:
+        _correct(twist, dt, terms, account, wrench_out)
     for i in range(6):
-        account.last[i] = twist[i]
-        account.added[i] = out[i] - wrench[i]
-        held[i] = out[i]
+        account.last_twist[i] = twist[i]
+        account.added[i] = wrench_out[i] - wrench[i]
+        account.held[i] = wrench_out[i]
 
 
 @inner_kernel
-def _damp(twist, dt, terms, account, out):
-    """Take from the wrench what the account does not cover, and let it pay a debt."""
-    numbers, ahead = account.numbers, account.ahead
-    energy = numbers[ENERGY]
-    power, square = _ahead(twist, account.last, out, dt / terms.mass, 0, _SLOWEST, ahead)
-    spin, turning = _ahead(twist, account.last, out, dt / terms.moment, 3, _SLOWEST_TURN, ahead)
-    pushing = max(power, 0.0) + max(spin, 0.0)
-    excess = power + spin - max(energy - terms.reserve, 0.0) / dt
-    share = min(excess / pushing, 1.0) if pushing > 0.0 and excess > 0.0 else 0.0
-    paid = terms.most * _moving(twist, 0, _SLOWEST)
-    paid_turning = terms.most_turning * _moving(twist, 3, _SLOWEST_TURN)
+def _correct(twist, dt, terms, account, wrench_out):
+    """Damp the wrench so that the account stays in credit, and pay back a debt by damping."""
+    predicted = account.predicted
+    last, energy = account.last_twist, account.energy
+    power, square = _predict(twist, last, wrench_out, dt / terms.mass, 0, _REST, predicted)
+    angular_power, angular_square = _predict(
+        twist, last, wrench_out, dt / terms.moment, 3, _ANGULAR_REST, predicted
+    )
+    output = max(power, 0.0) + max(angular_power, 0.0)
+    excess = power + angular_power - max(energy - terms.reserve, 0.0) / dt
+    share = min(excess / output, 1.0) if output > 0.0 and excess > 0.0 else 0.0
+    paid = terms.max_damping * _square_speed(twist, 0, _REST)
+    angular_paid = terms.max_rotational_damping * _square_speed(twist, 3, _ANGULAR_REST)
     pace = 0.0
-    if energy < 0.0 and paid + paid_turning > 0.0:
-        pace = min(-energy / (dt * (paid + paid_turning)), 1.0)
+    if energy < 0.0 and paid + angular_paid > 0.0:
+        pace = min(-energy / (dt * (paid + angular_paid)), 1.0)
     if share == 0.0 and pace == 0.0:
         return
-    numbers[INTERVENTIONS] += 1.0
+    account.interventions += 1
     alpha = share * max(power, 0.0) / square
-    beta = share * max(spin, 0.0) / turning
+    beta = share * max(angular_power, 0.0) / angular_square
     for i in range(3):
-        out[i] -= alpha * ahead[i]
-        out[3 + i] -= beta * ahead[3 + i]
+        wrench_out[i] -= alpha * predicted[i]
+        wrench_out[3 + i] -= beta * predicted[3 + i]
         if paid > 0.0:
-            out[i] -= pace * terms.most * twist[i]
-        if paid_turning > 0.0:
-            out[3 + i] -= pace * terms.most_turning * twist[3 + i]
+            wrench_out[i] -= pace * terms.max_damping * twist[i]
+        if angular_paid > 0.0:
+            wrench_out[3 + i] -= pace * terms.max_rotational_damping * twist[3 + i]
 
 
 @inner_kernel
-def _ahead(twist, last, wrench, softness, first, slowest, ahead):
-    """Fill how half a handle may move over the next tick: the way that costs most.
+def _predict(twist, last, wrench, compliance, first, rest, predicted):
+    """Fill three components, from `first` on, of the velocity assumed for the coming tick.
 
-    As it did; as it did and faster by as much as it has become faster; or as the wrench pushes
-    the least that can hold it. Returns power, and square of that velocity: 0 and 1 if it is none.
+    Of three candidates, the one for which the wrench does most work: the last velocity; the last
+    velocity plus its last change; the last velocity plus what the wrench adds to it, by
+    `compliance` [s/kg, s/(kg m^2)]. Return the power and the squared velocity, (0, 1) at rest.
     """
-    as_before, faster = _dot(wrench, twist, first), 2.0 * _dot(wrench, twist, first)
-    faster -= _dot(wrench, last, first)
-    pushed = as_before + softness * _dot(wrench, wrench, first)
+    unchanged = _dot(wrench, twist, first)
+    continued = 2.0 * _dot(wrench, twist, first)
+    continued -= _dot(wrench, last, first)
+    pushed = unchanged + compliance * _dot(wrench, wrench, first)
     for i in range(first, first + 3):
-        ahead[i] = twist[i]
-        if faster > as_before and faster >= pushed:
-            ahead[i] = 2.0 * twist[i] - last[i]
-        elif pushed > as_before:
-            ahead[i] = twist[i] + softness * wrench[i]
-    square = _moving(ahead, first, slowest)
+        predicted[i] = twist[i]
+        if continued > unchanged and continued >= pushed:
+            predicted[i] = 2.0 * twist[i] - last[i]
+        elif pushed > unchanged:
+            predicted[i] = twist[i] + compliance * wrench[i]
+    square = _square_speed(predicted, first, rest)
     if square == 0.0:
         return 0.0, 1.0
-    return _dot(wrench, ahead, first), square
+    return _dot(wrench, predicted, first), square
 
 
 @inner_kernel
-def _moving(twist, first, slowest):
-    """Return the square of a velocity, 0 if it is none."""
+def _square_speed(twist, first, rest):
+    """Return the square of three components, 0 if they count as rest or are implausible."""
     square = _dot(twist, twist, first)
-    return square if slowest * slowest < square < _FASTEST * _FASTEST else 0.0
+    return square if rest * rest < square < _IMPLAUSIBLE * _IMPLAUSIBLE else 0.0
 
 
 @inner_kernel

@@ -1,6 +1,6 @@
-"""A simulated hand in six degrees of freedom."""
+"""A simulated hand in 6 DoF."""
 
 from asperity._core.moved import forwarded
 
-# Until now this was a module; what it held lies one level deeper.
+# Names of the former module of this name are deprecated.
 __getattr__ = forwarded(__name__, "asperity.dynamics.simulated_hand.hand")

@@ -1,24 +1,23 @@
-r"""A hand that nobody has: mass, spring and damper in six directions round a moving target.
+r"""A simulated hand: mass, spring and damper in 6 DoF about a moving target.
 
-Otaduy & Lin's Eq. 7 along each axis, where l is how far the handle is ahead of its target:
+Otaduy & Lin's (2004) Eq. 7 along each axis, with l the displacement of the handle from its target:
 
     m l'' = -k l - b l' + F,    J theta'' = -k_r theta - b_r theta' + tau,
 
-with F and tau the wrench that the hand feels. It is linear while a wrench is held, so a tick of it
-is solved exactly; only the wrench is sampled, as it is for a person. Its mass is where the tool has
-its centre of mass.
+F and tau are the wrench on the hand. The system is linear and the wrench is held constant over a
+tick, so each tick is solved exactly. The hand's mass sits at the tool's centre of mass.
 
-*Pressing.* A person who is asked for a force watches it and presses more or less, slowly. So the
-target is moved along the normal by an offset p,
+*Pressing.* A person who is to press with a given force watches that force and corrects it slowly.
+So while there is contact, the target is displaced against the normal by an offset p,
 
     p' = (F_wanted - F_n) / (k t_press),
 
-while there is contact, F_n the force on the hand along the normal. It begins at `F_wanted / k`,
-which is where it rests; or comes to it within some time of contact, evenly, and is regulated from
-then on.
+with F_n the force on the hand along the normal. The offset starts at its equilibrium,
+`F_wanted / k`, or rises to it linearly within a given time of contact, and is regulated from then
+on.
 
-Mass, stiffness and damping are `Hand`'s; those of rotation, and t_press, are asperity's: no source
-gives them together.
+Mass, stiffness and damping of translation are those of `Hand`; those of rotation, and t_press, are
+project defaults: no source reports all of them.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
-from asperity.dynamics.simulated_hand.step import NUMBERS, OFFSET, hand_tick
+from asperity.dynamics.simulated_hand.step import HandModel, HandState, HandWorkspace, hand_step
 from asperity.errors import (
     AsperityError,
     require_between,
@@ -42,35 +41,35 @@ from asperity.errors import (
 from asperity.geometry.poses import rotation_between
 from asperity.geometry.rigid_body import centre_of_mass, cross
 
-MOST_OFFSET = 0.02
-"""How far a hand presses beyond its target, at most [m]."""
+MAX_OFFSET = 0.02
+"""Largest offset of the target beyond the one that gives the wanted force [m]."""
 
 
 @dataclass(frozen=True)
 class HandSettings:
-    """How a simulated hand holds and presses. All defaults are asperity's.
+    """How a simulated hand holds and presses. All defaults are the project's.
 
     Parameters
     ----------
     hand : Hand
-        Of Eq. 7, along every axis.
+        Mass, stiffness and damping of Eq. 7, along every axis.
     along_normal : Hand, optional
-        Another one along the normal: light and soft, it presses with a constant force, as the
-        paper's studies assume. By default the same.
+        Those along the normal: a light and soft hand presses with a constant force, as the
+        paper's studies assume. By default `hand`.
     moment : float
         Moment of inertia about every axis [kg m^2].
     rotational_stiffness, rotational_damping : float
         [N m/rad], [N m s/rad].
     press_force : float, optional
-        Regulated normal force [N]; by default none is regulated.
+        Regulated normal force [N]; by default the force is not regulated.
     press_time : float
         Time constant of the regulation [s].
     preload : bool
-        Whether it begins as if it had been pressing for long.
+        Whether the hand starts at the equilibrium of pressing with `press_force`.
     press_in : float
-        Within this time of feeling a force it comes to press so; 0: from the first tick on [s].
+        Time of contact within which the offset rises to that equilibrium [s]; 0: it starts there.
     normal : (3,)
-        Direction that the force on the hand is counted along; need not be of unit length.
+        Direction along which the force on the hand is positive; of any length above 0.
     """
 
     hand: Hand = field(default_factory=Hand)
@@ -101,14 +100,14 @@ class SimulatedHand:
     Parameters
     ----------
     target : callable
-        Pose (7,) of the handle that the hand aims at, at a time [s] from 0.
+        Pose (7,) of the handle that the hand aims at, as a function of time [s] from 0.
     settings : HandSettings
     dt : float
-        Tick [s], 1e-5 to 0.1, over which a wrench is held.
+        Tick [s], 1e-5 to 0.1, over which a wrench is held constant.
     centre : (3,) array
-        Of the mass, in the handle's frame [m]; wrenches are about it.
+        Centre of mass in the handle's frame [m], the reference point of wrenches.
     damping : float
-        The device's own, added to the hand's [N s/m].
+        Physical damping of the device, added to the hand's [N s/m].
 
     Examples
     --------
@@ -129,107 +128,123 @@ class SimulatedHand:
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.centre = np.zeros(3) if centre is None else np.array(centre, dtype=np.float64)
         self._target = target
-        hand = self.settings.hand
-        across = self.settings.along_normal or hand
-        normal = np.array(self.settings.normal, dtype=np.float64)
-        self._normal = normal / np.linalg.norm(normal)
-        self._along, self._pressing, self._turning = (
-            np.array(held_tick(*values, self.dt))
+        self._model = self._make_model(damping)
+        self._state = HandState(
+            np.zeros(7), np.zeros(7), np.zeros(6), np.zeros(3), np.zeros(3)
+        )  # fmt: skip
+        self._workspace = HandWorkspace(np.zeros(6), np.zeros(6), np.zeros(6))
+        self._wrench = np.zeros(6)
+        self.reset()
+        # Compile now, not in the first tick.
+        self._step(self._state.pose.copy(), HandState(*(values.copy() for values in self._state)))
+
+    def _make_model(self, damping: float) -> HandModel:
+        settings, hand = self.settings, self.settings.hand
+        across = settings.along_normal or hand
+        self._press_stiffness = across.stiffness
+        normal = np.array(settings.normal, dtype=np.float64)
+        tangential, pressing, rotational = (
+            np.array(transition(*values, self.dt)).reshape(2, 3)
             for values in (
                 (hand.mass, hand.damping + damping, hand.stiffness),
                 (across.mass, across.damping + damping, across.stiffness),
-                (self.settings.moment, self.settings.rotational_damping,
-                 self.settings.rotational_stiffness),
+                (settings.moment, settings.rotational_damping, settings.rotational_stiffness),
             )
-        )  # fmt: skip
-        self._soft = across.stiffness
-        self._numbers = np.zeros(NUMBERS)
-        self._numbers[1:] = self.dt, hand.stiffness, hand.damping + damping, hand.mass
-        self._room = (np.zeros(6), np.zeros(6), np.zeros(6))
-        self._pose, self._acceleration = np.zeros(7), np.zeros(3)
-        self.arm = np.zeros(3)
-        """From the handle's origin to the centre of mass, world axes [m]."""
-        self._aim, self._velocity = np.zeros(7), np.zeros(6)
-        self._state = (self._aim, self._pose, self._velocity, self._acceleration, self.arm)
-        self._felt = np.zeros(6)
-        self.reset()
-        # Machine code is made before any hurry.
-        self._tick(self._pose.copy(), tuple(values.copy() for values in self._state))
+        )
+        return HandModel(
+            centre=self.centre,
+            normal=normal / np.linalg.norm(normal),
+            tangential=tangential,
+            pressing=pressing,
+            rotational=rotational,
+            dt=float(self.dt),
+            mass=float(hand.mass),
+            stiffness=float(hand.stiffness),
+            damping=float(hand.damping + damping),
+        )
 
     def reset(self) -> None:
-        """Begin at the target, at rest relative to it, and at time 0."""
+        """Start at the target, at rest relative to it, at time 0."""
         self.time = 0.0
         """[s]"""
         self.offset = 0.0
-        """How far the hand presses beyond its target, against the normal [m]."""
-        self._felt_for = 0.0
-        settings = self.settings
+        """Distance by which the hand aims beyond its target, against the normal [m]."""
+        self._contact_time = 0.0
+        settings, state = self.settings, self._state
         if settings.press_force is not None and settings.preload and settings.press_in == 0.0:
-            self.offset = settings.press_force / self._soft
-        self._aim[:] = self._target(0.0)
+            self.offset = settings.press_force / self._press_stiffness
+        state.target[:] = self._target(0.0)
         following = np.array(self._target(self.dt), dtype=np.float64)
-        self._pose[:] = self._aim
-        self._velocity[:3] = (self._centre_of(following) - self._centre_of(self._aim)) / self.dt
-        self._velocity[3:] = rotation_between(self._aim, following) / self.dt
-        self._acceleration[:] = 0.0
-        self.arm[:] = self._centre_of(self._pose) - self._pose[:3]
+        state.pose[:] = state.target
+        moved = self._centre_of(following) - self._centre_of(state.target)
+        state.velocity[:3] = moved / self.dt
+        state.velocity[3:] = rotation_between(state.target, following) / self.dt
+        state.acceleration[:] = 0.0
+        state.arm[:] = self._centre_of(state.pose) - state.pose[:3]
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """Of the handle (7,)."""
-        return self._pose.copy()
+        """Pose of the handle (7,)."""
+        return self._state.pose.copy()
+
+    @property
+    def arm(self) -> NDArray[np.float64]:
+        """Vector from the handle's origin to the centre of mass, world axes (3,) [m]."""
+        return self._state.arm
 
     @property
     def acceleration(self) -> NDArray[np.float64]:
-        """Of the centre of mass, at the beginning of the last tick, just after it (3,) [m/s^2]."""
-        return self._acceleration.copy()
+        """Acceleration of the centre of mass (3,) [m/s^2] just after the last tick began."""
+        return self._state.acceleration.copy()
 
     @property
     def twist(self) -> NDArray[np.float64]:
-        """Velocity (6,): linear, of the frame's origin [m/s]; angular [rad/s]; world axes."""
-        out = self._velocity.copy()
-        out[:3] -= cross(out[3:], self.arm)
+        """Velocity (6,) of the frame's origin [m/s] and angular velocity [rad/s], world axes."""
+        out = self._state.velocity.copy()
+        out[:3] -= cross(out[3:], self._state.arm)
         return out
 
     def advance(self, wrench: NDArray[np.float64]) -> None:
-        """Feel a wrench (6,), about the centre of mass, for a tick [N, N m]."""
-        self._felt[:] = wrench
-        self._press(float(self._felt[:3] @ self._normal))
+        """Advance by one tick under a wrench (6,) about the centre of mass [N, N m]."""
+        self._wrench[:] = wrench
+        self._regulate(float(self._wrench[:3] @ self._model.normal))
         self.time += self.dt
-        self._numbers[OFFSET] = self.offset
-        self._tick(np.asarray(self._target(self.time), dtype=np.float64), self._state)
+        self._step(np.asarray(self._target(self.time), dtype=np.float64), self._state)
 
-    def _tick(self, following: NDArray[np.float64], state: tuple[NDArray[np.float64], ...]) -> None:
-        hand_tick(
-            self._felt, following, self.centre, self._normal, self._along, self._pressing,
-            self._turning, self._numbers, state, self._room,
-        )  # fmt: skip
+    def _step(self, target: NDArray[np.float64], state: HandState) -> None:
+        hand_step(self._model, state, self._wrench, target, float(self.offset), self._workspace)
 
-    def _press(self, felt: float) -> None:
-        """Regulate the pressing force."""
+    def _regulate(self, normal_force: float) -> None:
+        """Update the offset from the force on the hand along the normal [N]."""
         wanted, within = self.settings.press_force, self.settings.press_in
         if wanted is None:
             return
-        if self.settings.preload and self._felt_for < within:
-            self._felt_for += self.dt if felt != 0.0 else 0.0
-            self.offset = min(self._felt_for / within, 1.0) * wanted / self._soft
+        if self.settings.preload and self._contact_time < within:
+            self._contact_time += self.dt if normal_force != 0.0 else 0.0
+            share = min(self._contact_time / within, 1.0)
+            self.offset = share * wanted / self._press_stiffness
             return
-        if felt <= 0.0:
+        if normal_force <= 0.0:
             return
-        self.offset += (wanted - felt) / self._soft * (self.dt / self.settings.press_time)
-        most = MOST_OFFSET + wanted / self._soft
+        rate = (wanted - normal_force) / self._press_stiffness
+        self.offset += rate * (self.dt / self.settings.press_time)
+        most = MAX_OFFSET + wanted / self._press_stiffness
         self.offset = min(max(self.offset, 0.0), most)
 
     def _centre_of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         return centre_of_mass(pose, self.centre)
 
 
-def held_tick(mass: float, damping: float, stiffness: float, dt: float) -> tuple[float, ...]:
-    """Return how place (3) and velocity (3) follow from place, velocity, force a tick before."""
+def transition(mass: float, damping: float, stiffness: float, dt: float) -> tuple[float, ...]:
+    """Return the zero-order-hold transition of a mass on a spring and damper over a tick.
+
+    Six numbers: the displacement (three) and the velocity (three) after the tick, as coefficients
+    of displacement, velocity and held force at its beginning.
+    """
     from scipy.linalg import expm  # slow to import
 
     rates = np.zeros((3, 3))
     rates[0, 1] = 1.0
     rates[1] = -stiffness / mass, -damping / mass, 1.0 / mass
-    place, velocity, _ = expm(rates * dt).tolist()
-    return (*place, *velocity)
+    displacement, velocity, _ = expm(rates * dt).tolist()
+    return (*displacement, *velocity)

@@ -1,51 +1,121 @@
-"""One tick of the simulated hand, compiled: see `simulated_hand`."""
+"""One tick of the simulated hand, compiled: see `simulated_hand.hand`."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
 from asperity.geometry.rigid_body import apply_displacement, fill_displacement, fill_lever_arm
 
-OFFSET, TICK, STIFFNESS, DAMPING, MASS, NUMBERS = range(6)
-"""Places in `numbers`: how far the hand presses beyond its target [m], the tick [s]; the hand's."""
+
+class HandModel(NamedTuple):
+    """The constants of a hand.
+
+    A transition (2, 3) maps displacement, velocity and held force to the displacement (first row)
+    and the velocity (second row) one tick later.
+    """
+
+    centre: NDArray[np.float64]
+    """Centre of mass in the handle's frame [m], (3,)."""
+    normal: NDArray[np.float64]
+    """Unit normal of the surface, world axes (3,)."""
+    tangential: NDArray[np.float64]
+    """Transition across the normal (2, 3)."""
+    pressing: NDArray[np.float64]
+    """Transition along the normal (2, 3)."""
+    rotational: NDArray[np.float64]
+    """Transition of rotations (2, 3)."""
+    dt: float
+    """Tick [s]."""
+    mass: float
+    """[kg]"""
+    stiffness: float
+    """[N/m]"""
+    damping: float
+    """[N s/m]"""
+
+
+class HandState(NamedTuple):
+    """The state of a hand, advanced in place."""
+
+    target: NDArray[np.float64]
+    """Pose that the hand aims at (7,)."""
+    pose: NDArray[np.float64]
+    """Pose of the handle (7,)."""
+    velocity: NDArray[np.float64]
+    """Velocity of the centre of mass [m/s] and angular velocity [rad/s], world axes (6,)."""
+    acceleration: NDArray[np.float64]
+    """Acceleration of the centre of mass at the beginning of the tick (3,) [m/s^2]."""
+    arm: NDArray[np.float64]
+    """From the handle's origin to the centre of mass, world axes (3,) [m]."""
+
+
+class HandWorkspace(NamedTuple):
+    """Scratch memory of one tick."""
+
+    target_step: NDArray[np.float64]
+    """Displacement of the target over the tick (6,)."""
+    lag: NDArray[np.float64]
+    """Displacement from the target to the handle (6,)."""
+    step: NDArray[np.float64]
+    """Displacement from the new target to the new handle pose (6,)."""
 
 
 @kernel
-def hand_tick(wrench, following, centre, normal, along, pressing, turning, numbers, state, room):
-    """Move a hand on by a tick under a wrench (6,) about its centre of mass.
+def hand_step(model, state, wrench, target, offset, workspace):
+    """Advance a hand by one tick under a wrench held constant over it.
 
-    `following` (7,) is the target at the tick's end. `along`, `pressing`, `turning` (6,) are what
-    place and velocity become of place, velocity and force: two rows of three. `room` has three
-    rows of six numbers.
+    Parameters
+    ----------
+    model : HandModel
+    state : HandState
+    wrench : (6,) array
+        On the hand about its centre of mass [N, N m].
+    target : (7,) array
+        Pose that the hand aims at, at the end of the tick.
+    offset : float
+        Distance by which the hand aims beyond its target, against the normal [m].
+    workspace : HandWorkspace
     """
-    aim, pose, velocity, acceleration, arm = state
-    drive, lag, step = room
-    dt, offset = numbers[TICK], numbers[OFFSET]
-    fill_displacement(aim, following, centre, arm, drive)
-    fill_displacement(aim, pose, centre, arm, lag)
-    deep, rise, push = offset, 0.0, 0.0
+    centre, normal, dt = model.centre, model.normal, model.dt
+    tangential, pressing, rotational = model.tangential, model.pressing, model.rotational
+    pose, velocity, arm = state.pose, state.velocity, state.arm
+    target_step, lag, step = workspace
+    fill_displacement(state.target, target, centre, arm, target_step)
+    fill_displacement(state.target, pose, centre, arm, lag)
+    # Along the normal: displacement, velocity relative to the target, and force.
+    depth, rise, push = offset, 0.0, 0.0
     for i in range(3):
-        slip = velocity[i] - drive[i] / dt
-        acceleration[i] = (
-            wrench[i] - numbers[STIFFNESS] * lag[i] - numbers[DAMPING] * slip
-        ) / numbers[MASS]
-        deep += lag[i] * normal[i]
+        slip = velocity[i] - target_step[i] / dt
+        state.acceleration[i] = (
+            wrench[i] - model.stiffness * lag[i] - model.damping * slip
+        ) / model.mass
+        depth += lag[i] * normal[i]
         rise += slip * normal[i]
         push += wrench[i] * normal[i]
-    deeper = pressing[0] * deep + pressing[1] * rise + pressing[2] * push
-    risen = pressing[3] * deep + pressing[4] * rise + pressing[5] * push
+    new_depth = pressing[0, 0] * depth + pressing[0, 1] * rise + pressing[0, 2] * push
+    new_rise = pressing[1, 0] * depth + pressing[1, 1] * rise + pressing[1, 2] * push
     for i in range(3):
         n = normal[i]
-        side, aside = lag[i] - (deep - offset) * n, wrench[i] - push * n
-        flank = velocity[i] - drive[i] / dt - rise * n
-        step[i] = along[0] * side + along[1] * flank + along[2] * aside + (deeper - offset) * n
-        flank = along[3] * side + along[4] * flank + along[5] * aside
-        velocity[i] = drive[i] / dt + flank + risen * n
+        side, force = lag[i] - (depth - offset) * n, wrench[i] - push * n
+        slide = velocity[i] - target_step[i] / dt - rise * n
+        step[i] = (
+            tangential[0, 0] * side
+            + tangential[0, 1] * slide
+            + tangential[0, 2] * force
+            + (new_depth - offset) * n
+        )
+        slide = tangential[1, 0] * side + tangential[1, 1] * slide + tangential[1, 2] * force
+        velocity[i] = target_step[i] / dt + slide + new_rise * n
         j = 3 + i
-        spin = velocity[j] - drive[j] / dt
-        step[j] = turning[0] * lag[j] + turning[1] * spin + turning[2] * wrench[j]
-        spin = turning[3] * lag[j] + turning[4] * spin + turning[5] * wrench[j]
-        velocity[j] = drive[j] / dt + spin
-    pose[:] = following
+        spin = velocity[j] - target_step[j] / dt
+        step[j] = rotational[0, 0] * lag[j] + rotational[0, 1] * spin + rotational[0, 2] * wrench[j]
+        spin = rotational[1, 0] * lag[j] + rotational[1, 1] * spin + rotational[1, 2] * wrench[j]
+        velocity[j] = target_step[j] / dt + spin
+    pose[:] = target
     apply_displacement(pose, step, centre, arm)
     fill_lever_arm(pose, centre, arm)
-    aim[:] = following
+    state.target[:] = target

@@ -1,1 +1,1 @@
-"""The virtual coupling between handle and tool, and its integrators, one a file."""
+"""The virtual coupling between handle and tool; each integrator has its own file."""

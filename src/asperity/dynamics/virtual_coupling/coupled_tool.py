@@ -1,17 +1,16 @@
-r"""The held tool: a body that hangs on the handle by a virtual coupling and meets the scene.
+r"""The coupled tool: a rigid body held by the handle through a virtual coupling.
 
-    handle's pose and velocity --> coupling --> tool's motion --> contact where the tool is
-                                      \--> wrench that the hand feels
+    handle pose and velocity --> coupling --> motion of the tool --> contact at the tool's pose
+                                     \--> wrench on the hand
 
-One tick takes the contact of the last one, to first order, moves the tool, and says what the hand
-feels; then the contact is looked at where the tool has got to. So a hand is answered before the
-contact is searched, and if the search is late, the old contact still tells how the wrench goes on.
+A tick first moves the tool under the last known contact, linearised, and returns the wrench on the
+hand; then the contact is evaluated at the new pose. So the hand gets its answer before the contact
+search, and if the search is late, the old contact is extrapolated.
 
-A handle that leaps, farther from the tool than `REACH`, takes it along, and the hand feels nothing
-of the leap.
+If the handle jumps farther than `REACH`, the tool is re-attached to it and no wrench is sent.
 
-In the `direct` mode tool and handle are one: the contact is looked at first, at the handle's pose,
-and the hand feels it as it is.
+In the `direct` mode tool and handle are one body: the contact is evaluated first, at the handle's
+pose, and its wrench is the wrench on the hand.
 """
 
 from __future__ import annotations
@@ -21,8 +20,14 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import Repeated
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.virtual_coupling.backward_euler import implicit_step
-from asperity.dynamics.virtual_coupling.loads import extrapolated, fill_port_twist, room
+from asperity.dynamics.virtual_coupling.backward_euler import backward_euler_step
+from asperity.dynamics.virtual_coupling.loads import extrapolate_wrench, fill_port_twist
+from asperity.dynamics.virtual_coupling.records import (
+    Coupling,
+    HandleMotion,
+    ToolMotion,
+    workspace,
+)
 from asperity.dynamics.virtual_coupling.semi_implicit import semi_implicit_step
 from asperity.dynamics.virtual_coupling.settings import (
     CouplingSettings,
@@ -35,29 +40,36 @@ from asperity.dynamics.virtual_coupling.static import static_step
 from asperity.errors import require_between
 from asperity.geometry.rigid_body import RigidBody, centre_of_mass, cross
 
-_STEPS = {"implicit": implicit_step, "semi-implicit": semi_implicit_step, "static": static_step}
+_INTEGRATORS = {
+    "implicit": backward_euler_step,
+    "semi-implicit": semi_implicit_step,
+    "static": static_step,
+}
 REACH = 0.1
-"""A handle farther from its tool than this [m] takes it along at once; asperity's."""
+"""Largest distance between tool and handle [m]; beyond it the tool is re-attached.
+
+A project default.
+"""
 
 
 class CoupledTool:
-    """A tool on its coupling.
+    """A tool on its virtual coupling.
 
     Parameters
     ----------
     body : RigidBody
-        What it weighs; see `settings.coupled_body`.
+        Mass properties; see `settings.coupled_body`.
     settings : CouplingSettings
     dt : float
         Tick [s], 1e-5 to 0.1.
     limits : Limits, optional
-        Of the device that renders the coupling: its stiffness and damping cap the gains.
+        Limits of the device that renders the coupling: its stiffness and damping cap the gains.
 
     Examples
     --------
     >>> tool.reset(handle_pose)
     >>> contact = stage.evaluate(tool.pose)
-    >>> wrench = tool.advance(handle_pose, handle_twist, contact)  # what the hand feels
+    >>> wrench = tool.advance(handle_pose, handle_twist, contact)  # on the hand
     """
 
     def __init__(
@@ -75,68 +87,70 @@ class CoupledTool:
         if settings.mode == "semi-implicit":
             require_stable(body, self.gains, self.dt)
         self.is_direct = settings.mode == "direct"
-        """Whether tool and handle are one; then look at the contact before `advance`."""
+        """Whether tool and handle are one body; then evaluate the contact before `advance`."""
         self.resets = 0
-        """How often the tool was put on the handle: it had leapt away, or was not finite."""
-        step = _STEPS.get(settings.mode)
+        """Number of re-attachments: the handle jumped, or the tool's state was not finite."""
+        step = _INTEGRATORS.get(settings.mode)
         self._step = None if step is None else Repeated(step)
-        self._extrapolated = Repeated(extrapolated)
+        self._extrapolate_wrench = Repeated(extrapolate_wrench)
         self._fill_port_twist = Repeated(fill_port_twist)
-        # Of its own, whatever the caller's are like: kernels are told their types only once.
-        self._handle, self._handle_before, self._drive = np.zeros(7), np.zeros(7), np.zeros(6)
+        # Arguments are copied into these arrays: `Repeated` determines types at its first call.
+        self._coupling = Coupling(body, self.gains, self.dt)
+        self._motion = ToolMotion(
+            np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6)
+        )
+        self._handle = HandleMotion(np.zeros(7), np.zeros(6))
+        self._last_handle = np.zeros(7)
         self._contact = LinearContact(np.zeros(7), np.zeros(6), np.zeros((6, 6)), 0, 0)
-        self._room = room()
-        self._momentum, self._velocity = np.zeros(6), np.zeros(6)
+        self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
-        self.pose: NDArray[np.float64] = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-        """Of the tool's frame (7,); changed in place."""
+        self.pose: NDArray[np.float64] = self._motion.pose
+        """Pose of the tool's frame (7,); changed in place."""
         self._compile()
 
     def _compile(self) -> None:
-        """Take the first tick, for which machine code may have to be made, before any hurry."""
-        still = LinearContact(self.pose.copy(), np.zeros(6), np.zeros((6, 6)), 0, 0)
-        self.advance(self.pose.copy(), np.zeros(6), still)
-        self._push()
+        """Run every kernel once, so that none is compiled within the loop."""
+        rest = LinearContact(self.pose.copy(), np.zeros(6), np.zeros((6, 6)), 0, 0)
+        self.advance(self.pose.copy(), np.zeros(6), rest)
+        self._fill_contact_wrench()
         self.port_twist(self.pose, self.pose)
         self.reset(self.pose.copy())
 
     def reset(self, pose: NDArray[np.float64]) -> None:
         """Put the tool at rest at a pose (7,)."""
         self.pose[:] = pose
-        self._momentum[:] = 0.0
-        self._velocity[:] = 0.0
+        self._motion.momentum[:] = 0.0
+        self._motion.velocity[:] = 0.0
 
     @property
     def twist(self) -> NDArray[np.float64]:
-        """Velocity (6,): linear, of the frame's origin [m/s]; angular [rad/s]; world axes."""
-        out = self._velocity.copy()
+        """Velocity (6,) of the frame's origin [m/s] and angular velocity [rad/s], world axes."""
+        out = self._motion.velocity.copy()
         if not self.is_direct:
-            reach = centre_of_mass(self.pose, self.body.centre) - self.pose[:3]
-            out[:3] -= cross(out[3:], reach)
+            arm = centre_of_mass(self.pose, self.body.centre) - self.pose[:3]
+            out[:3] -= cross(out[3:], arm)
         return out
 
     def port_twist(
         self, last_handle: NDArray[np.float64], handle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the handle's mean velocity (6,) over a tick where the hand's wrench acts.
+        """Return the handle's mean velocity (6,) over a tick at the tool's centre of mass.
 
-        That is what the wrench does work on: way over time of the point that the wrench is
-        about, as if the handle reached as far, and turn over time.
+        This is the velocity that the wrench on the hand does work on: the mean velocity of the
+        wrench's reference point, moving rigidly with the handle [m/s], and the mean angular
+        velocity [rad/s].
+
+        Parameters
+        ----------
+        last_handle, handle : (7,) arrays
+            Poses of the handle before and after the tick.
         """
-        self._handle_before[:], self._handle[:] = last_handle, handle
+        self._last_handle[:], self._handle.pose[:] = last_handle, handle
         self._fill_port_twist(
-            self._handle_before, self._handle, self.pose, self.body.centre, self.dt,
-            self._room.vector, self._twist,
+            self._last_handle, self._handle.pose, self.pose, self.body.centre, self.dt,
+            self._workspace.vector, self._twist,
         )  # fmt: skip
         return self._twist
-
-    def _push(self) -> None:
-        """Fill the wrench of the last contact where the tool is now."""
-        contact = self._contact
-        self._extrapolated(
-            self.pose, self.body.centre, contact.pose, contact.wrench, contact.stiffness,
-            self._room, self._wrench,
-        )  # fmt: skip
 
     def advance(
         self,
@@ -144,49 +158,52 @@ class CoupledTool:
         handle_twist: NDArray[np.float64],
         contact: LinearContact,
     ) -> NDArray[np.float64]:
-        """Move the tool on by a tick; return the wrench (6,) that the hand feels.
+        """Advance the tool by one tick; return the wrench (6,) on the hand.
 
         Parameters
         ----------
         handle_pose : (7,) array
-            Where the hand wants the tool's frame: position [m], unit quaternion wxyz.
+            Pose that the handle draws the tool's frame to: position [m], unit quaternion wxyz.
         handle_twist : (6,) array
-            Its velocity: linear, of the frame's origin [m/s]; angular [rad/s]; world axes.
+            Velocity of the handle: of the frame's origin [m/s], angular [rad/s]; world axes.
         contact : LinearContact
-            The last that is known, of this tool; it may be some ticks old.
+            The latest contact known of this tool; it may be some ticks old.
 
         Returns
         -------
         (6,) array
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
-            array every time.
+            array at every call.
         """
         if self._step is None:
             self.pose[:] = handle_pose
-            self._velocity[:] = handle_twist
+            self._motion.velocity[:] = handle_twist
             if np.array_equal(contact.pose, handle_pose):
                 self._wrench[:] = contact.wrench
             else:
-                self._keep(contact)
-                self._push()
+                self._copy(contact)
+                self._fill_contact_wrench()
             return self._wrench
-        self._keep(contact)
-        self._handle[:], self._drive[:] = handle_pose, handle_twist
-        kept = self._contact
-        well = self._step(
-            self.body, self.gains, self.dt, self.pose, self._momentum, self._velocity,
-            self._handle, self._drive, kept.pose, kept.wrench, kept.stiffness,
-            self._room, self._wrench,
+        self._copy(contact)
+        self._handle.pose[:], self._handle.twist[:] = handle_pose, handle_twist
+        is_sound = self._step(
+            self._coupling, self._motion, self._handle, self._contact, self._workspace,
+            self._wrench,
         )  # fmt: skip
-        x, y, z = self._room.pull[:3].tolist()
-        if not (well and x * x + y * y + z * z <= REACH * REACH):
+        x, y, z = self._workspace.extension[:3].tolist()
+        if not (is_sound and x * x + y * y + z * z <= REACH * REACH):
             self.resets += 1
             self.reset(handle_pose)
             self._wrench[:] = 0.0
         return self._wrench
 
-    def _keep(self, contact: LinearContact) -> None:
-        """Take over a contact's numbers."""
+    def _fill_contact_wrench(self) -> None:
+        """Fill the wrench with the last contact's, extrapolated to the tool's pose."""
+        self._extrapolate_wrench(
+            self.pose, self.body.centre, self._contact, self._workspace, self._wrench
+        )
+
+    def _copy(self, contact: LinearContact) -> None:
         kept = self._contact
         kept.pose[:], kept.wrench[:] = contact.pose, contact.wrench
         kept.stiffness[:] = contact.stiffness

@@ -1,145 +1,119 @@
-"""What every integrator of a held tool begins with: how it is pushed, and how it is pulled."""
+"""Loads on a coupled tool, common to all integrators: the contact's wrench and the spring."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity.geometry.rigid_body import fill_displacement, fill_lever_arm
 
-FASTEST, FASTEST_TURN = 10.0, 100.0
-"""No hand moves faster [m/s], [rad/s]: a handle that leaps is not followed by its damper."""
+MAX_SPEED, MAX_ANGULAR_SPEED = 10.0, 100.0
+"""Limits on the handle's velocity as the damper sees it [m/s], [rad/s].
 
-
-class Room(NamedTuple):
-    """Where a tick is worked out; allocated once."""
-
-    away: NDArray[np.float64]
-    """From where the contact was looked at to the tool (6,)."""
-    pull: NDArray[np.float64]
-    """From the tool to the handle (6,)."""
-    drive: NDArray[np.float64]
-    """Velocity of the handle at the tool's centre of mass (6,)."""
-    push: NDArray[np.float64]
-    """Of the contact where the tool is (6,)."""
-    values: NDArray[np.float64]
-    matrix: NDArray[np.float64]
-    turned: NDArray[np.float64]
-    inertia: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    vector: NDArray[np.float64]
-
-
-def room() -> Room:
-    """Return room for the work of one tick."""
-    return Room(
-        away=np.zeros(6),
-        pull=np.zeros(6),
-        drive=np.zeros(6),
-        push=np.zeros(6),
-        values=np.zeros(6),
-        matrix=np.zeros((6, 6)),
-        turned=np.zeros((3, 3)),
-        inertia=np.zeros((3, 3)),
-        damping=np.zeros((3, 3)),
-        vector=np.zeros(3),
-    )
+No hand moves faster; a handle that jumps must not be followed by its damper.
+"""
 
 
 @inner_kernel
-def push_at(pose, centre, contact_pose, contact_wrench, contact_stiffness, room):
-    """Fill `room.push` with a contact's wrench where the tool is; return whether it touches.
+def fill_contact_wrench(pose, centre, contact, workspace):
+    """Fill `workspace.contact_wrench` at the tool's pose; return whether the tool still touches.
 
-    A contact pushes and does not pull: moved out of it, the tool has left.
+    A contact pushes and cannot pull: where the extrapolated force points the other way, the tool
+    has left the contact and the wrench is zero.
     """
-    fill_displacement(contact_pose, pose, centre, room.vector, room.away)
+    fill_displacement(contact.pose, pose, centre, workspace.vector, workspace.moved)
+    wrench = workspace.contact_wrench
     for i in range(6):
-        total = contact_wrench[i]
+        total = contact.wrench[i]
         for j in range(6):
-            total -= contact_stiffness[i, j] * room.away[j]
-        room.push[i] = total
-    if _pulls(contact_wrench, room.push):
+            total -= contact.stiffness[i, j] * workspace.moved[j]
+        wrench[i] = total
+    if _is_reversed(contact.wrench, wrench):
         for i in range(6):
-            room.push[i] = 0.0
+            wrench[i] = 0.0
         return False
     return True
 
 
 @inner_kernel
-def _pulls(first, now):
-    """Return whether the force of a contact has turned round."""
+def _is_reversed(first, now):
+    """Return whether the force of a wrench points away from that of another."""
     return first[0] * now[0] + first[1] * now[1] + first[2] * now[2] < 0.0
 
 
 @inner_kernel
-def would_pull(contact_wrench, contact_stiffness, room, step, dt):
-    """Return whether the contact's force turns round on the way `step` (6,) times `dt`."""
+def would_pull(contact, workspace, velocity, dt):
+    """Return whether the contact's force would reverse on moving at a velocity (6,) for `dt`."""
     along = 0.0
     for i in range(3):
-        force = room.push[i]
+        force = workspace.contact_wrench[i]
         for j in range(6):
-            force -= contact_stiffness[i, j] * dt * step[j]
-        along += force * contact_wrench[i]
+            force -= contact.stiffness[i, j] * dt * velocity[j]
+        along += force * contact.wrench[i]
     return along < 0.0
 
 
 @inner_kernel
-def pull_to(pose, centre, handle_pose, handle_twist, room):
-    """Fill `room.pull` and `room.drive`: where the handle is from the tool, and how it moves."""
-    fill_displacement(pose, handle_pose, centre, room.vector, room.pull)
-    speed = turning = 0.0
+def fill_spring(pose, centre, handle, workspace):
+    """Fill `workspace.extension` and `workspace.handle_velocity`.
+
+    The velocity is that of the handle's body at the tool's centre of mass, limited to `MAX_SPEED`
+    and `MAX_ANGULAR_SPEED`.
+    """
+    fill_displacement(pose, handle.pose, centre, workspace.vector, workspace.extension)
+    speed = angular = 0.0
     for i in range(3):
-        speed += handle_twist[i] ** 2
-        turning += handle_twist[3 + i] ** 2
-    slower = min(1.0, FASTEST / max(np.sqrt(speed), 1e-300))
-    less = min(1.0, FASTEST_TURN / max(np.sqrt(turning), 1e-300))
-    drive = room.drive
+        speed += handle.twist[i] ** 2
+        angular += handle.twist[3 + i] ** 2
+    linear_scale = min(1.0, MAX_SPEED / max(np.sqrt(speed), 1e-300))
+    angular_scale = min(1.0, MAX_ANGULAR_SPEED / max(np.sqrt(angular), 1e-300))
+    velocity, arm = workspace.handle_velocity, workspace.vector
     for i in range(3):
-        drive[3 + i] = less * handle_twist[3 + i]
-    # As if the handle reached as far as the tool's centre of mass.
-    fill_lever_arm(pose, centre, room.vector)
+        velocity[3 + i] = angular_scale * handle.twist[3 + i]
+    fill_lever_arm(pose, centre, arm)
     for i in range(3):
-        room.vector[i] += pose[i] - handle_pose[i]
+        arm[i] += pose[i] - handle.pose[i]
     for i in range(3):
-        one, two = (i + 1) % 3, (i + 2) % 3
-        drive[i] = slower * handle_twist[i]
-        drive[i] += drive[3 + one] * room.vector[two] - drive[3 + two] * room.vector[one]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        velocity[i] = linear_scale * handle.twist[i]
+        velocity[i] += velocity[3 + j] * arm[k] - velocity[3 + k] * arm[j]
 
 
 @inner_kernel
-def all_finite(pose, momentum, wrench):
-    """Return whether a tick has come out in numbers."""
+def all_finite(tool, wrench):
+    """Return whether a tool's pose and momentum and the wrench on the hand are finite."""
     total = 0.0
     for i in range(7):
-        total += abs(pose[i])
+        total += abs(tool.pose[i])
     for i in range(6):
-        total += abs(momentum[i]) + abs(wrench[i])
+        total += abs(tool.momentum[i]) + abs(wrench[i])
     return total < 1e300
 
 
 @kernel
-def extrapolated(pose, centre, contact_pose, contact_wrench, contact_stiffness, room, out):
-    """Fill the wrench (6,) of a contact where the tool is now."""
-    push_at(pose, centre, contact_pose, contact_wrench, contact_stiffness, room)
+def extrapolate_wrench(pose, centre, contact, workspace, wrench_out):
+    """Fill the wrench (6,) of a contact, to first order, with the tool at `pose` (7,)."""
+    fill_contact_wrench(pose, centre, contact, workspace)
     for i in range(6):
-        out[i] = room.push[i]
+        wrench_out[i] = workspace.contact_wrench[i]
 
 
 @kernel
-def fill_port_twist(last_handle, handle, pose, centre, dt, vector, out):
-    """Fill the mean velocity (6,) of the handle at the centre of mass of a tool at `pose`."""
-    fill_displacement(last_handle, handle, centre, vector, out)
-    # From the handle's idea of that centre to where the tool has it.
+def fill_port_twist(last_handle, handle, pose, centre, dt, vector, twist_out):
+    """Fill the handle's mean velocity (6,) over a tick at the centre of mass of a tool at `pose`.
+
+    `last_handle` and `handle` (7,) are the handle's poses before and after; `vector` (3,) is
+    scratch memory.
+    """
+    fill_displacement(last_handle, handle, centre, vector, twist_out)
+    # From the centre of mass, had the tool followed the handle exactly, to where it is.
     fill_lever_arm(handle, centre, vector)
     x, y, z = handle[0] + vector[0], handle[1] + vector[1], handle[2] + vector[2]
     fill_lever_arm(pose, centre, vector)
     x, y, z = pose[0] + vector[0] - x, pose[1] + vector[1] - y, pose[2] + vector[2] - z
-    a, b, c = out[3], out[4], out[5]
-    out[0] += b * z - c * y
-    out[1] += c * x - a * z
-    out[2] += a * y - b * x
+    a, b, c = twist_out[3], twist_out[4], twist_out[5]
+    twist_out[0] += b * z - c * y
+    twist_out[1] += c * x - a * z
+    twist_out[2] += a * y - b * x
     for i in range(6):
-        out[i] /= dt
+        twist_out[i] /= dt

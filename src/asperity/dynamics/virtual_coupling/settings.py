@@ -1,21 +1,21 @@
-r"""Virtual coupling: the spring and damper between the handle that a hand holds and the tool.
+r"""Virtual coupling: the spring and damper between the handle and the tool.
 
-With e the way from tool to handle (translation of the tool's centre of mass, and rotation vector)
-and V, V_h the velocities of the tool and of the handle where the tool's centre of mass is,
+With e the displacement from tool to handle (translation of the tool's centre of mass, and rotation
+vector) and V, V_h the velocities of tool and handle at the tool's centre of mass, the wrench
 
     w = K e + B (V_h - V)
 
-acts on the tool about its centre of mass, and -w on the hand (Colgate, Stanley & Brown 1995). What
-a hand feels is never stiffer than K, however stiff the contact.
+acts on the tool about its centre of mass, and -w on the hand (Colgate, Stanley & Brown 1995). So
+the stiffness at the hand never exceeds K, however stiff the contact.
 
-By default K follows from the mass m and a frequency f, `K = m (2 pi f)^2`, and B damps it
-critically, `B = 2 sqrt(K m)`; likewise in rotation, where the stiffness is that of the largest
-moment of inertia, and each principal axis has its own critical damping. A device's limits cap
-them.
+By default K follows from the mass m and a frequency f, `K = m (2 pi f)^2`, and B is the critical
+damping, `B = 2 sqrt(K m)`. In rotation the stiffness follows from the largest moment of inertia,
+and each principal axis has its own critical damping. A device's limits cap the gains.
 
-The held tool's mass is MuJoCo's, but within `MASS`, and its moments within `MOMENTS`: a light tool
-has a coupling too soft to carry the contact, and to a hand that is sampled at 1 kHz the damping of
-a heavy one is more than its own mass can follow. Frequency and ranges are asperity's.
+The coupled tool has MuJoCo's mass clipped to `MASS` and moments of inertia clipped to `MOMENTS`.
+The coupling of a lighter tool would be too soft for the contact; the damping of a heavier one would
+be unstable for the small mass of a hand that is sampled at 1 kHz. Frequency and ranges are project
+defaults.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from asperity.geometry.rigid_body import RigidBody
 if TYPE_CHECKING:
     import mujoco
 
-MODES = ("direct", "implicit", "semi-implicit", "static")
+COUPLING_MODES = ("direct", "implicit", "semi-implicit", "static")
 FREQUENCY = 30.0
-"""Of the tool on its coupling, where no stiffness is given [Hz]; asperity's."""
+"""Natural frequency of the tool on its coupling, if no stiffness is given [Hz]."""
 MASS = (0.02, 0.1)
-"""Least and most that a held tool weighs, before `mass_scale` [kg]; asperity's."""
+"""Smallest and largest mass of a coupled tool, before `mass_scale` [kg]."""
 MOMENTS = (2e-5, 2e-4)
-"""Least and largest principal moment of inertia, before `mass_scale` [kg m^2]; asperity's."""
+"""Smallest and largest principal moment of inertia, before `mass_scale` [kg m^2]."""
 _RANGES = {
     "stiffness": (1.0, 1e6, "N/m"),
     "damping": (0.0, 1e4, "N s/m"),
@@ -52,25 +52,25 @@ _RANGES = {
 
 @dataclass(frozen=True)
 class CouplingSettings:
-    """How the tool hangs on the handle.
+    """Settings of the virtual coupling.
 
     Parameters
     ----------
     mode : {"direct", "implicit", "semi-implicit", "static"}
-        *direct*: tool and handle are one, the hand feels the contact. *implicit*, *semi-implicit*:
-        the tool is a rigid body, moved by that integrator. *static*: without mass, where coupling
-        and contact are in balance.
+        *direct*: tool and handle are one body, and the contact acts on the hand. *implicit*,
+        *semi-implicit*: the tool is a rigid body, advanced by backward or semi-implicit Euler.
+        *static*: the tool is massless, at the equilibrium of coupling and contact.
     stiffness, damping : float, optional
-        Of translation [N/m], [N s/m]. By default from the mass.
+        In translation [N/m], [N s/m]. By default from the mass.
     rotational_stiffness, rotational_damping : float, optional
-        [N m/rad], [N m s/rad]. By default from the moments of inertia.
+        In rotation [N m/rad], [N m s/rad]. By default from the moments of inertia.
     mass_scale : float
         Factor on mass and moments of inertia.
 
     Raises
     ------
     AsperityError
-        A value outside its range, one line.
+        A value is outside its range.
     """
 
     mode: str = "direct"
@@ -81,14 +81,14 @@ class CouplingSettings:
     mass_scale: float = 1.0
 
     def __post_init__(self) -> None:
-        require_choice("mode", self.mode, MODES)
+        require_choice("mode", self.mode, COUPLING_MODES)
         for name, (low, high, unit) in _RANGES.items():
             if getattr(self, name) is not None:
                 require_between(name, getattr(self, name), low, high, unit)
 
 
 class DeviceLimits(Protocol):
-    """What of `devices.protocol.Limits` bounds a coupling."""
+    """The limits of a device that bound a coupling; see `realtime.devices`."""
 
     @property
     def max_stiffness(self) -> float: ...  # noqa: D102
@@ -99,7 +99,7 @@ class DeviceLimits(Protocol):
 
 
 class Gains(NamedTuple):
-    """Spring and damper in numbers."""
+    """Stiffness and damping of the coupling."""
 
     stiffness: float
     """[N/m]"""
@@ -108,11 +108,20 @@ class Gains(NamedTuple):
     rotational_stiffness: float
     """[N m/rad]"""
     rotational_damping: NDArray[np.float64]
-    """Along the principal axes of the tool [N m s/rad], (3,)."""
+    """About the principal axes of the tool [N m s/rad], (3,)."""
 
 
 def coupled_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -> RigidBody:
-    """Return what the tool of a model weighs in the hand: within `MASS` and `MOMENTS`, scaled."""
+    """Return the mass properties of a model's tool, clipped to `MASS` and `MOMENTS`, then scaled.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    tool : str
+        Name of the body.
+    mass_scale : float
+        Factor on mass and moments of inertia.
+    """
     body: Any = model.body(tool)
     return RigidBody(
         mass=float(np.clip(body.mass[0], *MASS)) * mass_scale,
@@ -125,45 +134,51 @@ def coupled_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -
 def gains_for(
     body: RigidBody, settings: CouplingSettings, *, limits: DeviceLimits | None = None
 ) -> Gains:
-    """Return the coupling's gains: as set, else from the mass, and within a device's limits.
+    """Return the gains of a coupling: as set, or by default from the mass; within limits.
 
-    A device without torques (`max_rotational_stiffness` 0) caps none: its hand feels none of it.
+    Parameters
+    ----------
+    body : RigidBody
+    settings : CouplingSettings
+    limits : DeviceLimits, optional
+        Of the device. If it renders no torques (`max_rotational_stiffness` 0), the rotational
+        gains are not capped.
     """
     square = (2.0 * math.pi * FREQUENCY) ** 2
     stiffness = settings.stiffness if settings.stiffness is not None else body.mass * square
-    turning = settings.rotational_stiffness
-    if turning is None:
-        turning = float(body.moments.max()) * square
+    rotational_stiffness = settings.rotational_stiffness
+    if rotational_stiffness is None:
+        rotational_stiffness = float(body.moments.max()) * square
     if limits is not None:
         stiffness = min(stiffness, limits.max_stiffness)
         if limits.max_rotational_stiffness > 0.0:
-            turning = min(turning, limits.max_rotational_stiffness)
+            rotational_stiffness = min(rotational_stiffness, limits.max_rotational_stiffness)
     damping = settings.damping
     if damping is None:
         damping = 2.0 * math.sqrt(stiffness * body.mass)
     if limits is not None:
         damping = min(damping, limits.max_damping)
-    slowing = 2.0 * np.sqrt(turning * body.moments)
+    rotational_damping = 2.0 * np.sqrt(rotational_stiffness * body.moments)
     if settings.rotational_damping is not None:
-        slowing = np.full(3, float(settings.rotational_damping))
-    return Gains(float(stiffness), float(damping), float(turning), slowing)
+        rotational_damping = np.full(3, float(settings.rotational_damping))
+    return Gains(float(stiffness), float(damping), float(rotational_stiffness), rotational_damping)
 
 
 def require_stable(body: RigidBody, gains: Gains, dt: float) -> None:
-    """Refuse gains that the semi-implicit integrator cannot follow at a tick [s].
+    """Raise `AsperityError` if the semi-implicit integrator is unstable at a tick `dt` [s].
 
-    A mass on a spring and damper moved by it forgets its motion while `(K dt^2 + 2 B dt) / m < 4`.
+    It is stable, in each axis, if `(K dt^2 + 2 B dt) / m < 4`.
     """
     for what, inertia, stiffness, damping in (
         ("", body.mass, gains.stiffness, gains.damping),
         *(
-            ("rotational ", moment, gains.rotational_stiffness, slowing)
-            for moment, slowing in zip(body.moments, gains.rotational_damping, strict=True)
+            ("rotational ", moment, gains.rotational_stiffness, axis_damping)
+            for moment, axis_damping in zip(body.moments, gains.rotational_damping, strict=True)
         ),
     ):
         if not (stiffness * dt + 2.0 * damping) * dt < 4.0 * inertia:
             raise AsperityError(
                 f"a semi-implicit coupling with {what}stiffness {stiffness:.4g} and damping "
                 f"{damping:.4g} is unstable at a tick of {dt:g} s; lower them, shorten the tick, "
-                "or take mode 'implicit'"
+                "or use mode 'implicit'"
             )

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.simulated_hand.hand import MOST_OFFSET, HandSettings, SimulatedHand
+from asperity.dynamics.simulated_hand.hand import MAX_OFFSET, HandSettings, SimulatedHand
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.poses import interpolate_pose, rotation_between
 from asperity.realtime.devices.pointer_file import PointerFile, PointerTarget
@@ -121,18 +121,18 @@ class ReachingHand(SimulatedHand):
     wanted: float | None = None
     """Normal force to press with [N]; None: not regulated."""
 
-    def _press(self, felt: float) -> None:
+    def _regulate(self, normal_force: float) -> None:
         step = REACHING * self.dt
         if self.wanted is None:
             self.offset = math.copysign(max(abs(self.offset) - step, 0.0), self.offset)
-        elif felt > 0.0:
+        elif normal_force > 0.0:
             # The target may already be too deep; the offset then becomes negative.
-            gain = self.dt / (self._soft * self.settings.press_time)
-            self.offset += (self.wanted - felt) * gain
-            most = MOST_OFFSET + self.wanted / self._soft
+            gain = self.dt / (self._press_stiffness * self.settings.press_time)
+            self.offset += (self.wanted - normal_force) * gain
+            most = MAX_OFFSET + self.wanted / self._press_stiffness
             self.offset = min(max(self.offset, -most), most)
         else:
-            self.offset = min(self.offset + step, MOST_OFFSET + self.wanted / self._soft)
+            self.offset = min(self.offset + step, MAX_OFFSET + self.wanted / self._press_stiffness)
 
     def press_with(self, force: float | None) -> None:
         """Press with a normal force [N] from now on; None: without regulation."""

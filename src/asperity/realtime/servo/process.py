@@ -207,7 +207,7 @@ def _run(
     return {
         "timing": loop.stats.summary(),
         "safety": device.summary(),
-        "passivity": loop.passivity.told(),
+        "passivity": loop.passivity.summary(),
         "device": device.name,
         "tool_resets": loop.tool.resets,
         "status": worker.statuses.tolist(),

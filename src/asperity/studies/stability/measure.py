@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
-from asperity.dynamics.simulated_hand.hand import held_tick
-from asperity.dynamics.virtual_coupling.settings import MODES
+from asperity.dynamics.simulated_hand.hand import transition
+from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
 from asperity.errors import AsperityError, require_between, require_positive
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
@@ -132,7 +132,7 @@ def measure_stability(
     scene: Scene,
     settings: StabilitySettings | None = None,
     *,
-    modes: Sequence[str] = MODES,
+    modes: Sequence[str] = COUPLING_MODES,
     progress: Callable[[], None] = lambda: None,
 ) -> Stability:
     """Return the limits of a scene. `progress` is called `len(rates) * len(dampings)` times."""
@@ -255,8 +255,8 @@ class Wall:
         velocity[0] = 0.5 * velocity[2]
         spring = np.array([hand.stiffness, hand.stiffness, 0.0])
         # A held force moves the mass against its damper, laterally also against the hand's spring.
-        lateral = held_tick(hand.mass, damping, hand.stiffness, T)
-        vertical = held_tick(hand.mass, damping, 0.0, T)
+        lateral = transition(hand.mass, damping, hand.stiffness, T)
+        vertical = transition(hand.mass, damping, 0.0, T)
         energies, most = np.empty(TICKS), 0.0
         force = balance.copy()
         for i in range(TICKS):
@@ -280,7 +280,7 @@ class Wall:
 def _advance(
     tick: tuple[float, ...], place: ArrayOrFloat, velocity: ArrayOrFloat, force: ArrayOrFloat
 ) -> tuple[ArrayOrFloat, ArrayOrFloat]:
-    """Return place and velocity a tick later, numbers or vectors; see `held_tick`."""
+    """Return place and velocity a tick later, numbers or vectors; see `transition`."""
     a, b, c, d, e, f = tick
     return a * place + b * velocity + c * force, d * place + e * velocity + f * force
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from asperity.dynamics.virtual_coupling.settings import MODES
+from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
 from asperity.realtime.devices.catalogue import ENTRIES as DEVICES
 from asperity.realtime.devices.catalogue import MODELS, device
 from asperity.viewer.changes import (
@@ -72,7 +72,9 @@ class ControlsPanel:
                 step=0.1, hint="Of the soft maximum", visible=scene.force.gradient == "soft",
             )  # fmt: skip
         with gui.add_folder("Hand and loop"):
-            self._coupling = gui.add_dropdown("coupling", MODES, initial_value=scene.coupling.mode)
+            self._coupling = gui.add_dropdown(
+                "coupling", COUPLING_MODES, initial_value=scene.coupling.mode
+            )
             devices = ["mouse", *(n for n in (*DEVICES, *MODELS) if n not in ("mouse", *_NOT_HERE))]
             chosen = servo.config.device
             self._device = gui.add_dropdown(

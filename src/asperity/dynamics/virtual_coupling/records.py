@@ -1,0 +1,94 @@
+"""The records that every integrator of the virtual coupling takes.
+
+All integrators have one signature, `step(coupling, tool, handle, contact, workspace, wrench_out)`:
+
+- `coupling` is what stays constant while the tool moves;
+- `tool` is its state, advanced in place by one tick;
+- `handle` and `contact` (a `LinearContact`) are what acts on it during the tick;
+- `workspace` is scratch memory;
+- `wrench_out` (6,) is filled with the wrench on the hand, about the tool's centre of mass, in world
+  axes [N, N m].
+
+They return whether the new state is finite and, where a system of equations was solved, whether it
+was positive definite.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.dynamics.virtual_coupling.settings import Gains
+from asperity.geometry.rigid_body import RigidBody
+
+
+class Coupling(NamedTuple):
+    """A tool's mass properties, the spring and damper that hold it, and the tick."""
+
+    body: RigidBody
+    gains: Gains
+    dt: float
+    """[s]"""
+
+
+class ToolMotion(NamedTuple):
+    """The state of a coupled tool."""
+
+    pose: NDArray[np.float64]
+    """Pose of the tool's frame (7,): position [m], unit quaternion wxyz."""
+    momentum: NDArray[np.float64]
+    """Linear [kg m/s] and angular momentum about the centre of mass [kg m^2/s], world axes (6,)."""
+    velocity: NDArray[np.float64]
+    """Velocity of the centre of mass [m/s] and angular velocity [rad/s], world axes (6,)."""
+
+
+class HandleMotion(NamedTuple):
+    """The handle at the end of a tick."""
+
+    pose: NDArray[np.float64]
+    """Pose that the tool's frame is drawn to (7,): position [m], unit quaternion wxyz."""
+    twist: NDArray[np.float64]
+    """Velocity of its origin [m/s] and angular velocity [rad/s], world axes (6,)."""
+
+
+class Workspace(NamedTuple):
+    """Scratch memory of one tick, allocated once."""
+
+    moved: NDArray[np.float64]
+    """Displacement from the pose of the contact query to the tool (6,)."""
+    extension: NDArray[np.float64]
+    """Displacement from the tool to the handle: the extension of the spring (6,)."""
+    handle_velocity: NDArray[np.float64]
+    """Velocity of the handle at the tool's centre of mass (6,)."""
+    contact_wrench: NDArray[np.float64]
+    """Wrench of the contact, extrapolated to the tool's pose (6,)."""
+    step: NDArray[np.float64]
+    """Displacement of the tool in this tick (6,)."""
+    matrix: NDArray[np.float64]
+    """Matrix of the integrator's linear system (6, 6)."""
+    rotation: NDArray[np.float64]
+    """Rotation matrix of the tool (3, 3)."""
+    inertia: NDArray[np.float64]
+    """Inertia tensor, or its inverse, in world axes (3, 3)."""
+    damping: NDArray[np.float64]
+    """Rotational damping in world axes (3, 3) [N m s/rad]."""
+    vector: NDArray[np.float64]
+    """(3,)"""
+
+
+def workspace() -> Workspace:
+    """Return scratch memory for one tick."""
+    return Workspace(
+        moved=np.zeros(6),
+        extension=np.zeros(6),
+        handle_velocity=np.zeros(6),
+        contact_wrench=np.zeros(6),
+        step=np.zeros(6),
+        matrix=np.zeros((6, 6)),
+        rotation=np.zeros((3, 3)),
+        inertia=np.zeros((3, 3)),
+        damping=np.zeros((3, 3)),
+        vector=np.zeros(3),
+    )
