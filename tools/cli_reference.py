@@ -26,7 +26,7 @@ from asperity.cli.realtime_run import DeviceOptions
 TOOLS = Path(__file__).parent
 PAGE = TOOLS.parent / "docs" / "cli.md"
 _KINDS = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
-_LINK = "and the [options of the servo loop](#options-of-the-servo-loop)."
+_LINK = "It also takes the [options of the servo loop](#options-of-the-servo-loop)."
 
 
 class Option(NamedTuple):
