@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 
-from asperity.psychophysics.design import design_of
-from asperity.psychophysics.interfaces.front import Reply
+from asperity.psychophysics.design import parse_design
+from asperity.psychophysics.interfaces.protocol import Reply
 from asperity.psychophysics.session.trials import PresentedInterval
 
 CHOICE = {
@@ -53,7 +53,7 @@ def document(base, **sections):
 
 
 def design(base, **sections):
-    return design_of(document(base, **sections))
+    return parse_design(document(base, **sections))
 
 
 class Nothing:

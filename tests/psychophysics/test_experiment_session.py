@@ -15,7 +15,7 @@ from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, Person, design, document
 from asperity.errors import AsperityError, OutputError
 from asperity.psychophysics.analysis.results import read_results
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.front import Paused, SimulatedFront
+from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure
 from asperity.psychophysics.session import journal as journal_module
 from asperity.psychophysics.session.journal import read_journal
@@ -31,7 +31,7 @@ def _no_scenes(monkeypatch):
 
 def run(made, folder, front=None, participant="P1", number=1):
     with Session(made, folder, participant, number) as session:
-        front = front or SimulatedFront(made, participant, number)
+        front = front or SimulatedInterface(made, participant, number)
         return session.run(Nothing(), front, sleep=lambda _: None)
 
 
@@ -57,7 +57,7 @@ def test_magnitudes_come_in_blocks_with_practice_and_none_twice_in_a_row(tmp_pat
     names = [row["stimulus"] for row in told]
     assert all(a != b for a, b in itertools.pairwise(names))
     assert {row["practice"] for row in rows(tmp_path / "s")} == {"0", "1"}
-    assert len(read_results(tmp_path / "s")[0].given) == 15
+    assert len(read_results(tmp_path / "s")[0].answers) == 15
 
 
 def test_order_follows_from_seed_participant_and_session():
@@ -123,8 +123,8 @@ def test_rankings(tmp_path):
         PAIRS, method="ranking", pairs=None, ranking={"repeats": 2}, simulated={"noise": 0.0}
     )
     run(made, tmp_path / "s")
-    for given in read_results(tmp_path / "s")[0].given:
-        values = [given.trial.stimuli[i - 1].value for i in given.answer]
+    for answered in read_results(tmp_path / "s")[0].answers:
+        values = [answered.trial.stimuli[i - 1].value for i in answered.answer]
         assert values == sorted(values, reverse=True)
     given = iter(["1 2 3", "1 2 3 5", "1 2 3 3", "a b c d", *["4,3,2,1"] * 9])
     person = Person(lambda trial: next(given))
@@ -137,7 +137,7 @@ def test_a_session_that_is_paused_again_and_again_is_the_same(base, tmp_path):
     made = design(base)
     run(made, tmp_path / "whole")
 
-    class Restless(SimulatedFront):
+    class Restless(SimulatedInterface):
         left = 7
 
         def ready(self, trial, progress):
@@ -158,7 +158,7 @@ def test_quest_plus_goes_on_where_it_was(tmp_path):
                   quest={"trials": 20})  # fmt: skip
     run(made, tmp_path / "whole")
 
-    class Once(SimulatedFront):
+    class Once(SimulatedInterface):
         def ready(self, trial, progress):
             if trial.number == 11 and not progress.resumed:
                 raise Paused
@@ -294,7 +294,7 @@ def test_another_session_is_not_taken_up(tmp_path):
             run(made, tmp_path / "s", participant=participant, number=number)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.txt").write_text("mine")
-    with pytest.raises(OutputError, match="holds something else"):
+    with pytest.raises(OutputError, match="is not empty and holds no session"):
         run(design(MAGNITUDE), tmp_path / "other")
 
 

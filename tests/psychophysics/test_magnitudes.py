@@ -5,7 +5,7 @@ import pytest
 from fakes import MAGNITUDE, design
 
 from asperity.psychophysics.analysis.magnitudes import analyse_magnitudes
-from asperity.psychophysics.analysis.results import Given, SessionResult
+from asperity.psychophysics.analysis.results import AnsweredTrial, SessionResult
 from asperity.psychophysics.session.trials import Trial
 
 LEVELS = [5e-4, 1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3, 3.5e-3]
@@ -19,8 +19,8 @@ def session(name, magnitude, modulus=1.0, noise=0.0, seed=0, blocks=3):
         for stimulus in made.all_stimuli():
             answer = modulus * magnitude(stimulus.value) * 10.0 ** (noise * rng.normal())
             trial = Trial(len(given) + 1, "number", (stimulus,), block)
-            given.append(Given(trial, answer, None, 1.0, ({},)))
-    return SessionResult(name, 1, made, made.mark, tuple(given), True, True)
+            given.append(AnsweredTrial(trial, answer, None, 1.0, ({},)))
+    return SessionResult(name, 1, made, made.digest, tuple(given), True, True)
 
 
 def test_a_participants_own_numbers_do_not_matter():
@@ -62,7 +62,7 @@ def test_a_quadratic_comes_back():
 
 def test_an_unfinished_block_does_not_tilt_the_mean():
     whole = session("A", lambda x: x)
-    part = SessionResult("A", 1, whole.design, whole.mark, whole.given[:-3], False, True)
+    part = SessionResult("A", 1, whole.design, whole.digest, whole.answers[:-3], False, True)
     one, other = (analyse_magnitudes([s], samples=50) for s in (whole, part))
     ratio = other.mean / one.mean
     np.testing.assert_allclose(ratio, ratio[0])
@@ -71,11 +71,11 @@ def test_an_unfinished_block_does_not_tilt_the_mean():
 def test_levels_are_sorted_and_names_need_no_value():
     made = design(MAGNITUDE, levels={"values": LEVELS[::-1]})
     given = tuple(
-        Given(Trial(i, "number", (s,), 1), 1.0 + i, None, 1.0, ({},))
+        AnsweredTrial(Trial(i, "number", (s,), 1), 1.0 + i, None, 1.0, ({},))
         for i, s in enumerate(made.all_stimuli(), 1)
     )
     found = analyse_magnitudes(
-        [SessionResult("A", 1, made, made.mark, given, True, True)], samples=50
+        [SessionResult("A", 1, made, made.digest, given, True, True)], samples=50
     )
     assert list(found.values) == LEVELS
     assert list(found.mean) == sorted(found.mean, reverse=True)

@@ -12,8 +12,8 @@ from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, design, document
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.front import Paused, SimulatedFront
-from asperity.psychophysics.interfaces.terminal import TerminalFront
+from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
+from asperity.psychophysics.interfaces.terminal import TerminalInterface
 from asperity.psychophysics.session import presenters
 from asperity.psychophysics.session.presenters import DevicePresenter
 from asperity.psychophysics.session.session import Session
@@ -87,7 +87,7 @@ def test_all_intervals_are_ready_before_the_first_and_none_is_left(tmp_path, mon
     presenter.prepare(wanted, 0.3)
     for stimulus, recording in wanted:
         felt = presenter.present(stimulus, recording, 0.3, lambda: seen.append("felt"), lambda: 0)
-        assert felt.told["misses"] == 3
+        assert felt.loop_report["misses"] == 3
     presenter.close()
     assert Pretended.told == [
         "ready 0001-1", "ready 0001-2", "go 0001-1", "end 0001-1", "go 0001-2", "end 0001-2",
@@ -99,7 +99,7 @@ def test_all_intervals_are_ready_before_the_first_and_none_is_left(tmp_path, mon
 def test_a_trial_through_a_device_and_one_that_was_made_ready_for_nothing(tmp_path):
     made, seen = design(DEVICE), []
 
-    class Tired(SimulatedFront):
+    class Tired(SimulatedInterface):
         def ready(self, trial, progress):
             if not progress.resumed:
                 raise Paused
@@ -135,7 +135,7 @@ def test_what_cannot_be_felt_is_told(tmp_path, monkeypatch):
         Session(made, tmp_path / "s", "P1") as session,
         pytest.raises(AsperityError, match="no su"),
     ):
-        session.run(presenter, SimulatedFront(made), sleep=lambda _: None)
+        session.run(presenter, SimulatedInterface(made), sleep=lambda _: None)
     presenter.close()
 
 
@@ -154,7 +154,7 @@ def test_the_terminal_asks_explains_and_pauses(tmp_path):
     def session(typed):
         told = io.StringIO()
         with Session(made, tmp_path / "s", "P1") as session:
-            outcome = session.run(Nothing(), TerminalFront(io.StringIO(typed), told))
+            outcome = session.run(Nothing(), TerminalInterface(io.StringIO(typed), told))
             return outcome, told.getvalue(), session.journal.events
 
     outcome, told, _ = session("\nrough\n10\n\n5\nq\n")
@@ -186,7 +186,7 @@ def waits(desk, until):
 def in_page(_no_scenes):
     """Return a function that opens a session's page."""
     pytest.importorskip("viser")
-    from asperity.psychophysics.interfaces.page import Desk, TrialLink, panels, smooth
+    from asperity.psychophysics.interfaces.page import ParticipantPanel, TrialClient, panels, smooth
     from asperity.scene.builtin import load_scene
     from asperity.viewer.server.server import Page
     from asperity.viewer.session_config import SessionConfig
@@ -196,7 +196,7 @@ def in_page(_no_scenes):
     def open_page(made, show=False):
         scene = load_scene("probe-plate-dots")
         choice = SessionConfig(scene if show else smooth(scene), made.name)
-        desk, link = Desk(made), TrialLink(choice, show=show)
+        desk, link = ParticipantPanel(made), TrialClient(choice, show=show)
         page = Page(link, panels(desk, choice, show=show), port=0)
         opened.append((page, link))
         return desk, link, page
@@ -208,7 +208,7 @@ def in_page(_no_scenes):
 
 
 def test_the_page_asks(in_page, tmp_path):
-    from asperity.psychophysics.interfaces.page import PageFront
+    from asperity.psychophysics.interfaces.page import PageInterface
 
     made = design(CHOICE, staircase={"trials": 2}, forced_choice={"feedback": True})
     desk, link, _ = in_page(made)
@@ -216,7 +216,7 @@ def test_the_page_asks(in_page, tmp_path):
 
     def go():
         with Session(made, tmp_path / "s", "P1") as session:
-            done.append(session.run(Nothing(), PageFront(desk, told.append)))
+            done.append(session.run(Nothing(), PageInterface(desk, told.append)))
 
     runner = threading.Thread(target=go, daemon=True)
     runner.start()
@@ -256,7 +256,7 @@ def test_the_page_shows_no_relief_unless_it_may(in_page):
 def test_in_a_browser(in_page, tmp_path):
     """A whole session by clicks and keys: a number, a pause."""
     pytest.importorskip("playwright")
-    from asperity.psychophysics.interfaces.page import PageFront
+    from asperity.psychophysics.interfaces.page import PageInterface
     from asperity.viewer.browser import browser_tab, chromium
 
     if chromium() is None:
@@ -270,7 +270,7 @@ def test_in_a_browser(in_page, tmp_path):
 
     def go():
         with Session(made, tmp_path / "s", "P1") as session:
-            done.append(session.run(Nothing(), PageFront(desk)))
+            done.append(session.run(Nothing(), PageInterface(desk)))
             done.append(answers_table(session.journal.events))
 
     runner = threading.Thread(target=go, daemon=True)

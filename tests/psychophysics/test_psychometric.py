@@ -12,7 +12,7 @@ from asperity.psychophysics.analysis.psychometric_search import (
     HIGHEST_LAPSE,
     THRESHOLD,
     WIDTH,
-    Search,
+    LikelihoodSearch,
 )
 
 
@@ -94,7 +94,7 @@ def test_the_bootstrap_is_seeded_and_deviance_knows_a_bad_fit():
 
 
 def test_refuses_what_cannot_be_fitted():
-    with pytest.raises(AsperityError, match="needs ten answers at two levels, got 3 at 1"):
+    with pytest.raises(AsperityError, match="needs at least ten answers at two levels, got 3 at 1"):
         fit_psychometric([1.0, 1.0, 1.0], [True, False, True])
 
 
@@ -109,7 +109,7 @@ def test_an_interval_ends_where_the_likelihood_has_fallen(which, lapse):
     """Beside an optimiser of SciPy's, with the parameter held at the interval's end."""
     x, count = np.array([-1.2, -0.9, -0.6, -0.3, 0.0]), np.full(5, 90.0)
     hits = np.array([46.0, 56.0, 72.0, 84.0, 88.0])
-    search = Search(x, count, 0.5, "logistic", lapse)
+    search = LikelihoodSearch(x, count, 0.5, "logistic", lapse)
     best = search.best(hits[None, :])[0]
     top = search.likelihood(hits, best[None, :])[0]
     fall = 0.5 * chi2.ppf(0.95, 1)

@@ -7,7 +7,7 @@ from scipy.stats import binom
 
 from asperity.psychophysics.analysis.psychometric import FUNCTIONS
 from asperity.psychophysics.analysis.psychometric_fit import fit_psychometric
-from asperity.psychophysics.interfaces.front import SimulatedFront
+from asperity.psychophysics.interfaces.protocol import SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure
 
 STAIRS = {"start": [0.8, 0.8], "steps": [2.0, 1.41, 1.19], "trials": 75, "reversals": 1000}
@@ -23,7 +23,7 @@ DESIGNS = {
 
 def covered(made, participant, samples=20):
     """Return whether the interval of a session has the true threshold in it, and the error."""
-    steps, front = procedure(made, participant, 1), SimulatedFront(made, participant)
+    steps, front = procedure(made, participant, 1), SimulatedInterface(made, participant)
     x, right = [], []
     while (trial := steps.next()) is not None:
         answer = front.ask(trial, []).answer

@@ -9,8 +9,8 @@ from fakes import PAIRS, design
 from scipy.special import ndtri
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.analysis.analysis import Options, analyse
-from asperity.psychophysics.analysis.results import Given, SessionResult
+from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse
+from asperity.psychophysics.analysis.results import AnsweredTrial, SessionResult
 from asperity.psychophysics.analysis.scales import circular_triads, fit_scale, predicted, wins
 from asperity.psychophysics.session.trials import Trial
 
@@ -71,9 +71,9 @@ def test_a_session_is_analysed_to_a_file_that_can_be_read(tmp_path):
     for pair in list(itertools.permutations(stimuli, 2)) * 3:
         answer = 1 if pair[0].value > pair[1].value else 2
         trial = Trial(len(given) + 1, "choice", pair, 1)
-        given.append(Given(trial, answer, None, 1.0, ({}, {})))
-    result = SessionResult("P1", 1, made, made.mark, tuple(given), True, True)
-    analyse([result], tmp_path, Options(samples=20))
+        given.append(AnsweredTrial(trial, answer, None, 1.0, ({}, {})))
+    result = SessionResult("P1", 1, made, made.digest, tuple(given), True, True)
+    analyse([result], tmp_path, AnalysisOptions(samples=20))
     told = json.loads((tmp_path / "analysis.json").read_text("utf-8"))["pairs"]
     assert (told["circular_triads"], told["triads"]) == (0, 4)
     assert told["scales"][0]["values"] == sorted(told["scales"][0]["values"])
@@ -81,5 +81,5 @@ def test_a_session_is_analysed_to_a_file_that_can_be_read(tmp_path):
 
 
 def test_no_answers():
-    with pytest.raises(AsperityError, match="one answer at least"):
+    with pytest.raises(AsperityError, match="at least one answer"):
         fit_scale("ab", [])

@@ -16,12 +16,12 @@ def test_two_down_one_up_by_hand():
         track.answer(right)
     # Down 4 after two right, again; wrong: the first reversal, so up 2; down again: 1; up 1 ...
     assert levels == [10, 10, 6, 6, 2, 4, 4, 3, 4, 4]
-    assert track.turned == [2, 4, 3]
+    assert track.reversal_intensities == [2, 4, 3]
     assert track.intensity == 5.0
     assert not track.is_over
     track.answer(True)
     track.answer(True)
-    assert track.turned == [2, 4, 3, 5]
+    assert track.reversal_intensities == [2, 4, 3, 5]
     assert track.is_over
 
 
@@ -52,9 +52,9 @@ def test_it_hovers_where_the_rule_says(down, ratio, target):
 
 def test_mean_of_reversals_takes_peaks_and_valleys_equally():
     track = Staircase(0.0, (1.0,), down=1)
-    track.turned = [9.0, 9.0, 9.0, 9.0, 2.0, 4.0, 2.0]
+    track.reversal_intensities = [9.0, 9.0, 9.0, 9.0, 2.0, 4.0, 2.0]
     assert track.threshold() == 3.0
-    track.turned = []
+    track.reversal_intensities = []
     assert np.isnan(track.threshold())
 
 

@@ -15,7 +15,7 @@ from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.psychophysics.design import ExperimentDesign
-    from asperity.psychophysics.interfaces.front import Front
+    from asperity.psychophysics.interfaces.protocol import ParticipantInterface
     from asperity.psychophysics.session.presenters import Presenter
     from asperity.psychophysics.session.session import Session, SessionOutcome
     from asperity.realtime.servo.process import ServoSpec
@@ -89,16 +89,16 @@ class ExperimentCommand:
 
     def _run(self, session: Session) -> SessionOutcome:
         """Run a session with the front end and the presenter that the options choose."""
-        from asperity.psychophysics.interfaces.front import SimulatedFront
-        from asperity.psychophysics.interfaces.terminal import TerminalFront
+        from asperity.psychophysics.interfaces.protocol import SimulatedInterface
+        from asperity.psychophysics.interfaces.terminal import TerminalInterface
         from asperity.psychophysics.session.presenters import DevicePresenter
 
         design = session.design
         if self.page:
             return self._run_in_page(session)
-        front: Front = TerminalFront()
+        front: ParticipantInterface = TerminalInterface()
         if self.simulate:
-            front = SimulatedFront(design, session.participant, session.number)
+            front = SimulatedInterface(design, session.participant, session.number)
         if self.device is None:
             return self._run_simulated(session, front)
         presenter = DevicePresenter(design.stimuli, functools.partial(self._spec, self.device))
@@ -107,7 +107,7 @@ class ExperimentCommand:
         finally:
             presenter.close()
 
-    def _run_simulated(self, session: Session, front: Front) -> SessionOutcome:
+    def _run_simulated(self, session: Session, front: ParticipantInterface) -> SessionOutcome:
         """Run a session in simulated time, with a progress bar."""
         from asperity.cli.progress import progress_bars
         from asperity.psychophysics.session.presenters import HeadlessPresenter
@@ -133,9 +133,9 @@ class ExperimentCommand:
 
         from asperity.cli.realtime_run import parse_device_options, with_coupling
         from asperity.psychophysics.interfaces.page import (
-            Desk,
-            PageFront,
-            TrialLink,
+            PageInterface,
+            ParticipantPanel,
+            TrialClient,
             panels,
             smooth,
         )
@@ -153,18 +153,18 @@ class ExperimentCommand:
             scene if show else smooth(scene), design.name, self.device or "mouse",
             options=parse_device_options(options.device_option), **options.session(),
         )  # fmt: skip
-        desk = Desk(design)
+        desk = ParticipantPanel(design)
 
         def spec(scene: Scene, seconds: float) -> ServoSpec:
             return link.spec(with_coupling(scene, None), seconds)
 
         with (
-            TrialLink(config, show=show) as link,
+            TrialClient(config, show=show) as link,
             Page(link, panels(desk, config, show=show), port=self.port, label=design.name) as page,
         ):
             print(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)", flush=True)
             presenter = DevicePresenter(design.stimuli, spec, on_servo=link.feel)
-            front = PageFront(desk, lambda line: print(line, file=sys.stderr, flush=True))
+            front = PageInterface(desk, lambda line: print(line, file=sys.stderr, flush=True))
             try:
                 return session.run(presenter, front)
             finally:
@@ -232,13 +232,13 @@ class AnalyseCommand:
     def run(self) -> None:
         """Analyse, write, and print the main numbers."""
         from asperity._core.output import result_folder
-        from asperity.psychophysics.analysis.analysis import Options, analyse
+        from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse
         from asperity.psychophysics.analysis.psychometric import FUNCTIONS
         from asperity.psychophysics.analysis.results import read_results
 
         require_choice("--function", self.function, FUNCTIONS)
         results = read_results(self.folder)
-        options = Options(self.function, self.samples, self.confidence, self.seed)
+        options = AnalysisOptions(self.function, self.samples, self.confidence, self.seed)
         out = self.out or self.folder / "analysis"
         with result_folder(out, overwrite=self.overwrite) as folder:
             analysis = analyse(results, folder, options)

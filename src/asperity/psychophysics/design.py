@@ -1,4 +1,4 @@
-"""An experiment as its TOML file describes it, read and checked: `ExperimentDesign`."""
+"""The design of an experiment, read from its TOML file and checked."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ class Presentation:
     Parameters
     ----------
     seconds : float
-        How long each is felt [s]; at most, if `self_paced`.
+        Duration of an interval [s]; the longest one if `self_paced`.
     pause : float
         Between two intervals of a trial [s].
     self_paced : bool
-        Whether the participant may end an interval before.
+        Whether the participant may end an interval early.
     show : bool
-        Whether the live page shows the texture and the plots to the participant.
+        Whether the page shows texture and plots to the participant.
     hand : bool
-        Whether, without a device, a simulated hand holds the tool and yields.
+        Whether, without a device, a compliant simulated hand holds the tool.
     """
 
     seconds: float = 3.0
@@ -67,7 +67,7 @@ class MagnitudeSettings:
     Parameters
     ----------
     blocks : int
-        In each, every stimulus comes once, in an order of its own.
+        Number of blocks; each presents every stimulus once in a random order.
     practice : int
         Trials before the first block that are not analysed.
     """
@@ -82,7 +82,7 @@ class MagnitudeSettings:
 
 @dataclass(frozen=True)
 class ForcedChoiceSettings:
-    """Two intervals, a standard and a comparison: which has more of it.
+    """Two intervals, a standard and a comparison: which has more of the attribute in question.
 
     Parameters
     ----------
@@ -95,14 +95,14 @@ class ForcedChoiceSettings:
     direction : {"up", "down"}
         With "down" the comparison is `standard (1 - level)` or `standard - level`.
     more : {"larger", "smaller"}
-        Which value of the key has more of what is asked for.
+        Whether the larger or the smaller value has more of the attribute.
     scale : {"log", "linear"}
         Of the levels: steps are factors, or differences.
     adaptive : {"staircase", "quest+", "constant"}
     practice : int
         Trials at the highest level, before the others, that are not analysed.
     feedback : bool
-        Whether the participant is told if the answer was right.
+        Whether the participant learns if the answer was right.
     """
 
     standard: float
@@ -129,12 +129,12 @@ class ForcedChoiceSettings:
             require_positive("low", self.low)
 
     def intensity(self, level: float) -> float:
-        """Return a level on its scale."""
+        """Return the intensity of a level: its decimal logarithm on a logarithmic scale."""
         return math.log10(level) if self.scale == "log" else level
 
     def level_of(self, intensity: float) -> float:
-        """Return the level of an intensity, held between `low` and `high`."""
-        # Above the largest power of ten that fits, the high end is meant anyway.
+        """Return the level of an intensity, clipped to `low` and `high`."""
+        # Limited against overflow; the result is clipped to `high` anyway.
         level = 10.0 ** min(intensity, 300.0) if self.scale == "log" else intensity
         return float(f"{min(max(level, self.low), self.high):.9g}")
 
@@ -147,7 +147,7 @@ class ForcedChoiceSettings:
 
     @property
     def comparison_is_right(self) -> bool:
-        """Whether the comparison has more of what is asked for."""
+        """Whether the comparison is the right answer."""
         larger = self.direction == "up"
         if self.level == "value":
             larger = self.comparison(self.high) > self.standard
@@ -156,14 +156,14 @@ class ForcedChoiceSettings:
 
 @dataclass(frozen=True)
 class ConstantSettings:
-    """The method of constant stimuli: every level so many times, in random order."""
+    """The method of constant stimuli: each level `repeats` times, in random order."""
 
     levels: tuple[float, ...]
     repeats: int = 20
 
     def __post_init__(self) -> None:
         if len(self.levels) < 2:
-            raise AsperityError("levels must hold two at least")
+            raise AsperityError(f"levels must hold at least two values, got {len(self.levels)}")
         require_between("repeats", self.repeats, 1, 10000)
 
 
@@ -174,7 +174,7 @@ class PairsSettings:
     Parameters
     ----------
     repeats : int
-        How often every pair comes; even numbers balance the two orders.
+        Presentations of each pair; even numbers balance the two orders.
     practice : int
         Trials before the others that are not analysed.
     """
@@ -251,12 +251,12 @@ class ExperimentDesign:
 
     @property
     def forced_choice(self) -> ForcedChoiceSettings:
-        """The settings of a forced choice; only where it is one."""
+        """Settings of a forced choice; the method must be forced-choice."""
         assert isinstance(self.settings, ForcedChoiceSettings)
         return self.settings
 
     def all_stimuli(self) -> list[Stimulus]:
-        """Return the stimuli: all of them, or of a forced choice the standard and the extremes."""
+        """Return all stimuli; of a forced choice, the standard and the two extremes."""
         if self.method == "forced-choice":
             chosen = self.forced_choice
             ends = (chosen.comparison(chosen.low), chosen.comparison(chosen.high))
@@ -266,11 +266,11 @@ class ExperimentDesign:
         return [self.stimuli.level(value) for value in self.values]
 
     def check_scenes(self) -> dict[str, str]:
-        """Make the scene of every stimulus; return a mark of each by name."""
+        """Make the scene of every stimulus; return a digest of each by name."""
         return {s.name: check_scene(self.stimuli, s) for s in self.all_stimuli()}
 
     @property
-    def mark(self) -> str:
+    def digest(self) -> str:
         """A digest of the document."""
         text = json.dumps(self.document, sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -282,17 +282,17 @@ def read_design(path: Path) -> ExperimentDesign:
     Raises
     ------
     AsperityError
-        One line: the file, what is wrong in which key, and what is valid.
+        The file is not valid. The message names the key, its value and what is valid.
     """
     if not path.is_file():
         raise AsperityError(f"no such file: {path}; give the TOML file of an experiment")
     document = read_toml(path)
-    design: ExperimentDesign = at(str(path), lambda: design_of(document, path.resolve().parent))
+    design: ExperimentDesign = at(str(path), lambda: parse_design(document, path.resolve().parent))
     return design
 
 
-def design_of(document: dict[str, Any], folder: Path | None = None) -> ExperimentDesign:
-    """Return the experiment that a document describes; scenes are looked for beside `folder`."""
+def parse_design(document: dict[str, Any], folder: Path | None = None) -> ExperimentDesign:
+    """Return the experiment that a document describes; relative scenes are searched in `folder`."""
     require_keys(document, "", SECTIONS)
     schema = document.get("schema")
     if schema != SCHEMA or isinstance(schema, bool):
@@ -332,7 +332,7 @@ def _made(table: Table, where: str, makes: Any) -> Any:
 
 
 def _values(document: Table, method: str) -> tuple[float, ...]:
-    """Return the values of the levels, which a forced choice finds by itself."""
+    """Return the values of the levels; empty for a forced choice, which adapts them."""
     given = document.get("levels", {}).get("values")
     if given is None:
         return ()

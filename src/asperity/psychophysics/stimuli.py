@@ -1,4 +1,4 @@
-"""What is presented: scenes, each a built-in one or a folder's, with some of its keys set."""
+"""Stimuli: built-in scenes or scenes in folders, with some of their keys changed."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _STIMULUS = ("scene", "change", "value")
 
 @dataclass(frozen=True)
 class Stimulus:
-    """One thing to feel: its name, and where it lies on the axis that is studied, if it does."""
+    """A stimulus: its name, and its value on the studied axis, if it has one."""
 
     name: str
     value: float | None = None
 
-    def plain(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, Any]:
         """Return it for JSON."""
         return {"name": self.name, "value": self.value}
 
@@ -38,7 +38,7 @@ class Levels:
     key : str
         Dotted: `bodies.plate.texture.height`.
     also : mapping
-        Other dotted keys that go with it: each is set to so many times the value.
+        Other dotted keys, each set to the given multiple of the value.
     label, unit : str
         For tables and figures.
     """
@@ -172,10 +172,10 @@ def _levels(table: Table) -> Levels:
 
 
 def check_scene(stimuli: Stimuli, stimulus: Stimulus) -> str:
-    """Make the scene of a stimulus, refuse what is wrong, and return a mark of what it is.
+    """Make the scene of a stimulus, refuse what is wrong, and return its digest.
 
-    The mark is a digest of its MJCF, its document and the files that this names, so that a session
-    does not go on with other stimuli than it began with.
+    The digest covers its MJCF, its document and the files that this names, so that a session
+    cannot resume with stimuli other than those it began with.
     """
     where = f"stimuli.{stimulus.name}" if stimulus.name in stimuli.named else "stimulus"
     scene = at(f"{where} ({stimulus.name})", lambda: stimuli.scene(stimulus))

@@ -1,4 +1,4 @@
-"""What follows from the answers: numbers for `analysis.json`, and what the figures show."""
+"""Analysis of sessions: the numbers of `analysis.json`, and the data of the figures."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSett
 
 
 @dataclass(frozen=True)
-class Threshold:
-    """What one session of a forced choice says."""
+class ThresholdAnalysis:
+    """Psychometric analysis of one session of a forced choice."""
 
     result: SessionResult
     fit: Fit | None
-    told: dict[str, Any]
+    summary: dict[str, Any]
     tracks: list[Staircase]
 
 
 @dataclass(frozen=True)
-class Options:
-    """Of an analysis."""
+class AnalysisOptions:
+    """Options of an analysis: psychometric function, bootstrap, confidence level."""
 
     function: str = "weibull"
     samples: int = 1000
@@ -45,12 +45,12 @@ class Options:
     seed: int = 0
 
 
-def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
-    """Return the psychometric function of a session, and what the adaptive method itself says."""
+def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> ThresholdAnalysis:
+    """Return the psychometric function of a session, and the adaptive method's own estimate."""
     settings, adaptive = result.design.forced_choice, result.design.adaptive
-    x = [i for given in result.given if (i := given.trial.intensity) is not None]
-    right = [bool(given.right) for given in result.given]
-    told: dict[str, Any] = {
+    x = [i for answered in result.answers if (i := answered.trial.intensity) is not None]
+    right = [bool(answered.right) for answered in result.answers]
+    summary: dict[str, Any] = {
         "session": result.name, "complete": result.complete, "simulated": result.simulated,
         "trials": len(x), "right": float(np.mean(right)), "scale": settings.scale,
     }  # fmt: skip
@@ -61,10 +61,10 @@ def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
             confidence=options.confidence, seed=options.seed,
         )  # fmt: skip
     except AsperityError as error:
-        told["not_fitted"] = str(error)
+        summary["not_fitted"] = str(error)
     else:
         found = fit.function
-        told["psychometric"] = {
+        summary["psychometric"] = {
             "function": found.function, "guess": found.guess, "lapse": found.lapse,
             "threshold": _level(settings.scale, found.threshold),
             "threshold_low": _level(settings.scale, fit.threshold.low),
@@ -76,13 +76,13 @@ def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
     tracks: list[Staircase] = []
     if isinstance(adaptive, StaircaseSettings):
         tracks = staircases(result.design)
-        for given in result.given:
-            assert given.trial.track is not None
-            tracks[given.trial.track - 1].answer(bool(given.right))
-        told["staircase"] = {
+        for answered in result.answers:
+            assert answered.trial.track is not None
+            tracks[answered.trial.track - 1].answer(bool(answered.right))
+        summary["staircase"] = {
             "target": adaptive.target,
             "tracks": [
-                {"trials": t.done, "reversals": len(t.turned), "over": t.is_over,
+                {"trials": t.done, "reversals": len(t.reversal_intensities), "over": t.is_over,
                  "mean_of_reversals": _level(settings.scale, t.threshold())}
                 for t in tracks
             ],
@@ -92,12 +92,12 @@ def analyse_threshold(result: SessionResult, options: Options) -> Threshold:
         for intensity, was in zip(x, right, strict=True):
             quest.answer(intensity, was)
         estimate = quest.estimate()
-        told["quest+"] = {
+        summary["quest+"] = {
             "threshold": _level(settings.scale, estimate["threshold"][0]),
             "threshold_sd_intensity": estimate["threshold"][1],
             "width": estimate["width"][0], "lapse": estimate["lapse"][0],
         }  # fmt: skip
-    return Threshold(result, fit, told, tracks)
+    return ThresholdAnalysis(result, fit, summary, tracks)
 
 
 def _level(scale: str, intensity: float) -> float | None:
@@ -107,12 +107,12 @@ def _level(scale: str, intensity: float) -> float | None:
 
 
 def orders(results: list[SessionResult], names: list[str]) -> list[list[int]]:
-    """Return each answer as stimuli in order, the one with most first."""
+    """Return each answer as a ranking of stimuli, largest first."""
     out = []
     for result in results:
-        for given in result.given:
-            places = [names.index(stimulus.name) for stimulus in given.trial.stimuli]
-            answer = given.answer
+        for answered in result.answers:
+            places = [names.index(stimulus.name) for stimulus in answered.trial.stimuli]
+            answer = answered.answer
             if isinstance(answer, list):
                 out.append([places[i - 1] for i in answer])
             else:
@@ -122,9 +122,9 @@ def orders(results: list[SessionResult], names: list[str]) -> list[list[int]]:
 
 
 def analyse_scales(
-    results: list[SessionResult], options: Options
+    results: list[SessionResult], options: AnalysisOptions
 ) -> tuple[dict[str, Any], list[Scale]]:
-    """Return the scales of paired comparisons or rankings, all sessions together."""
+    """Return the scales of paired comparisons or rankings, pooled over sessions."""
     stimuli = results[0].design.all_stimuli()
     names = [stimulus.name for stimulus in stimuli]
     rows = orders(results, names)
@@ -137,7 +137,7 @@ def analyse_scales(
     ]  # fmt: skip
     table = wins(len(names), rows)
     circular, triads = circular_triads(table)
-    told = {
+    summary = {
         "trials": len(rows), "stimuli": names, "values": [s.value for s in stimuli],
         "wins": table.astype(int).tolist(),
         "circular_triads": circular, "triads": triads,
@@ -150,16 +150,16 @@ def analyse_scales(
             for scale in scales
         ],
     }  # fmt: skip
-    return told, scales
+    return summary, scales
 
 
 def _agreement(scale: Scale, table: Any) -> float:
-    """Return the mean probability that the scale gives to what was chosen."""
+    """Return the mean probability of the observed choices under the scale."""
     return float(np.sum(table * predicted(scale)) / np.sum(table))
 
 
-def magnitudes_told(found: Magnitudes) -> dict[str, Any]:
-    """Return magnitudes for JSON."""
+def magnitudes_summary(found: Magnitudes) -> dict[str, Any]:
+    """Return magnitudes as a dict of JSON values."""
     fit = found.fit
     quadratic = None
     if fit is not None:
@@ -187,7 +187,7 @@ def _plain(values: Any) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 
-def analyse(results: list[SessionResult], folder: Path, options: Options) -> dict[str, Any]:
+def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions) -> dict[str, Any]:
     """Analyse sessions; write `analysis.json` and figures into a folder; return the numbers.
 
     Parameters
@@ -196,16 +196,16 @@ def analyse(results: list[SessionResult], folder: Path, options: Options) -> dic
         Of one experiment.
     folder : Path
         An existing folder.
-    options : Options
+    options : AnalysisOptions
     """
     from asperity.drawing import figure_style
     from asperity.psychophysics.analysis import figures
 
     design = results[0].design
-    told: dict[str, Any] = {
+    summary: dict[str, Any] = {
         "schema": 1, "experiment": design.name, "method": design.method,
         "sessions": [
-            {"name": r.name, "answers": len(r.given), "complete": r.complete,
+            {"name": r.name, "answers": len(r.answers), "complete": r.complete,
              "simulated": r.simulated}
             for r in results
         ],
@@ -216,11 +216,11 @@ def analyse(results: list[SessionResult], folder: Path, options: Options) -> dic
         found = analyse_magnitudes(
             results, samples=options.samples, confidence=options.confidence, seed=options.seed
         )
-        told["magnitude"] = magnitudes_told(found)
+        summary["magnitude"] = magnitudes_summary(found)
         figure_style.save(figures.magnitude_figure(found, design), folder, "magnitude")
     elif design.method == "forced-choice":
         thresholds = [analyse_threshold(result, options) for result in results]
-        told["forced-choice"] = [threshold.told for threshold in thresholds]
+        summary["forced-choice"] = [threshold.summary for threshold in thresholds]
         for threshold in thresholds:
             name = threshold.result.name
             figure_style.save(figures.track_figure(threshold), folder, f"trials_{name}")
@@ -229,9 +229,9 @@ def analyse(results: list[SessionResult], folder: Path, options: Options) -> dic
                     figures.psychometric_figure(threshold), folder, f"psychometric_{name}"
                 )
     else:
-        told[design.method], scales = analyse_scales(results, options)
+        summary[design.method], scales = analyse_scales(results, options)
         figure_style.save(figures.scale_figure(scales, design), folder, "scale")
-        figure_style.save(figures.wins_figure(told[design.method], design), folder, "choices")
-    text = json.dumps(told, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        figure_style.save(figures.wins_figure(summary[design.method], design), folder, "choices")
+    text = json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     (folder / "analysis.json").write_text(text, "utf-8")
-    return told
+    return summary

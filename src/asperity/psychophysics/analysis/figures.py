@@ -16,7 +16,7 @@ from asperity.psychophysics.analysis.scales import Scale
 from asperity.psychophysics.design import ExperimentDesign
 
 if TYPE_CHECKING:
-    from asperity.psychophysics.analysis.analysis import Threshold
+    from asperity.psychophysics.analysis.analysis import ThresholdAnalysis
 
 _FACTORS = {"m": (1e3, "mm")}
 """What a reader sees in place of an SI unit."""
@@ -114,15 +114,15 @@ def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
     return figure
 
 
-def psychometric_figure(threshold: Threshold) -> Figure:
+def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
     """Return the proportion right over the level, the fitted function and its threshold."""
     result, fit = threshold.result, threshold.fit
     assert fit is not None
     design = result.design
     log = design.forced_choice.scale == "log"
     factor, label = _level_axis(design)
-    x = np.array([given.trial.intensity for given in result.given])
-    right = np.array([bool(given.right) for given in result.given])
+    x = np.array([answered.trial.intensity for answered in result.answers])
+    right = np.array([bool(answered.right) for answered in result.answers])
     places, inverse = np.unique(np.round(x, 9), return_inverse=True)
     count = np.bincount(inverse)
     part = np.bincount(inverse, weights=right) / count
@@ -166,7 +166,7 @@ def psychometric_figure(threshold: Threshold) -> Figure:
     return figure
 
 
-def track_figure(threshold: Threshold) -> Figure:
+def track_figure(threshold: ThresholdAnalysis) -> Figure:
     """Return the level of each trial, whether the answer was right, and the reversals' mean."""
     result, design = threshold.result, threshold.result.design
     log = design.forced_choice.scale == "log"
@@ -174,13 +174,13 @@ def track_figure(threshold: Threshold) -> Figure:
     with style():
         figure = Figure(figsize=(6.4, 3.5))
         axes = figure.subplots()
-        tracks = sorted({given.trial.track or 1 for given in result.given})
-        first = result.given[0].trial.number - 1
+        tracks = sorted({answered.trial.track or 1 for answered in result.answers})
+        first = result.answers[0].trial.number - 1
         for i in tracks:
-            rows = [given for given in result.given if (given.trial.track or 1) == i]
-            n = np.array([given.trial.number - first for given in rows])
-            level = np.array([given.trial.level for given in rows], dtype=np.float64) * factor
-            right = np.array([bool(given.right) for given in rows])
+            rows = [answered for answered in result.answers if (answered.trial.track or 1) == i]
+            n = np.array([answered.trial.number - first for answered in rows])
+            level = np.array([answered.trial.level for answered in rows], dtype=np.float64) * factor
+            right = np.array([bool(answered.right) for answered in rows])
             colour = COLOURS[(i - 1) % 6]
             name = f" of track {i}" if len(tracks) > 1 else ""
             axes.plot(n, level, color=colour, lw=0.8)
@@ -196,7 +196,9 @@ def track_figure(threshold: Threshold) -> Figure:
                     axes.axhline(at, color=colour, lw=0.9, ls=(0, (3, 2)))
         if log:
             low, high = axes.get_ylim()
-            levels = np.array([given.trial.level for given in result.given], dtype=np.float64)
+            levels = np.array(
+                [answered.trial.level for answered in result.answers], dtype=np.float64
+            )
             low, high = float(levels.min()) * factor, float(levels.max()) * factor
             reach = max((high / low) ** 0.08, 1.05)
             _log_ticks(axes, low / reach, high * reach, "y")
@@ -232,11 +234,11 @@ def scale_figure(scales: list[Scale], design: ExperimentDesign) -> Figure:
     return figure
 
 
-def wins_figure(told: dict[str, Any], design: ExperimentDesign) -> Figure:
+def wins_figure(summary: dict[str, Any], design: ExperimentDesign) -> Figure:
     """Return how often each stimulus was put before each other."""
-    table = np.array(told["wins"], dtype=np.float64)
-    order = np.argsort(np.array(told["scales"][0]["values"]))[::-1]
-    names = [_shown(design, told["stimuli"][k]) for k in order]
+    table = np.array(summary["wins"], dtype=np.float64)
+    order = np.argsort(np.array(summary["scales"][0]["values"]))[::-1]
+    names = [_shown(design, summary["stimuli"][k]) for k in order]
     both = table + table.T
     with np.errstate(invalid="ignore"):
         part = np.where(both > 0.0, table / both, np.nan)[np.ix_(order, order)]

@@ -1,6 +1,6 @@
 """Magnitude estimates: made comparable between participants, averaged, and fitted over the axis.
 
-With a free modulus each participant uses numbers of an own size. The logarithms of a session's
+With a free modulus each participant uses numbers on a personal scale. The logarithms of a session's
 estimates are therefore shifted so that their mean is that of all sessions: every estimate is
 divided by the session's geometric mean and multiplied by the grand one, the usual normalisation.
 """
@@ -17,12 +17,12 @@ from asperity.psychophysics.analysis.results import SessionResult
 from asperity.studies.otaduy_lin_2004.peak_fit import QuadraticFit, fit_quadratic
 
 LEAST_LEVELS = 4
-"""That a quadratic needs."""
+"""Smallest number of levels for a quadratic fit."""
 
 
 @dataclass(frozen=True)
 class Magnitudes:
-    """What estimates say."""
+    """Normalised magnitude estimates and fits."""
 
     names: tuple[str, ...]
     values: NDArray[np.float64]
@@ -88,11 +88,11 @@ def _raw(results: list[SessionResult], names: tuple[str, ...]) -> list[list[NDAr
     out = []
     for result in results:
         session: list[list[float]] = [[] for _ in names]
-        for given in result.given:
-            answer = given.answer
+        for answered in result.answers:
+            answer = answered.answer
             if isinstance(answer, list):
-                raise AsperityError("an answer of a magnitude estimation is no number")
-            session[names.index(given.trial.stimuli[0].name)].append(float(np.log10(answer)))
+                raise AsperityError(f"magnitude estimates must be numbers, got {answer!r}")
+            session[names.index(answered.trial.stimuli[0].name)].append(float(np.log10(answer)))
         out.append([np.array(group) for group in session])
     return out
 

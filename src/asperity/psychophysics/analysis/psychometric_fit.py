@@ -1,16 +1,18 @@
 """Psychometric functions fitted by maximum likelihood, with confidence intervals.
 
 Intervals are by profile likelihood (Venzon & Moolgavkar 1988, Appl. Stat. 37, 87-94): all values
-for which the likelihood, with the other parameters at their best, is not significantly less. It
-does not matter to it that adaptive levels came of the answers. A parametric bootstrap at the levels
-that were presented, which is what many programs do, does not know of that either way: of 200
-simulated staircases its 95 % had the true threshold in 87 to 90.5 %, the profile in 91 to 93.5 %
+for which the likelihood, with the other parameters at their best, is not significantly less. They
+stay valid when adaptive levels depend on the answers. A parametric bootstrap at the presented
+levels, as in many programs, covers less: over 200 simulated staircases its 95 % interval contained
+the true threshold in 87 to 90.5 %, the profile interval in 91 to 93.5 %
 (over all designs 94.4 %; `tests/psychophysics/test_recovery.py`).
 
 The fit itself is judged by such a bootstrap (Wichmann & Hill 2001, Percept. Psychophys. 63,
 1293-1313): answers are drawn from the fitted function and fitted again, and their deviances
-compared. The width of adaptive data is biased towards steepness (Kaernbach 2001, ibid. 1389-1398)
-and not to be taken at its word.
+compared. The width estimated from adaptive data is biased towards steepness (Kaernbach 2001, ibid.
+1389-1398) and should not be interpreted.
+
+Implemented here because the Python packages for it are under the GPL.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from scipy.stats import chi2
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric
-from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, Search
+from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, LikelihoodSearch
 
 
 class Interval(NamedTuple):
@@ -36,7 +38,7 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted function and how sure it is."""
+    """A fitted function with confidence intervals and goodness of fit."""
 
     function: Psychometric
     threshold: Interval
@@ -45,10 +47,10 @@ class Fit:
     deviance: float
     """Twice the log likelihood ratio to the saturated model."""
     deviance_p: float
-    """Part of the bootstrap samples with a larger deviance: a small one speaks against the fit."""
+    """Part of bootstrap samples with a larger deviance; a small value speaks against the fit."""
     trials: int
     at_bound: bool
-    """Whether threshold or width lies at an end of what was searched: then nothing is found."""
+    """Whether threshold or width lies at a bound of the search, so that neither is determined."""
 
 
 def fit_psychometric(
@@ -94,9 +96,10 @@ def fit_psychometric(
     trials = int(count.sum())
     if trials < 10 or x.size < 2:
         raise AsperityError(
-            f"a psychometric function needs ten answers at two levels, got {trials} at {x.size}"
+            f"a psychometric function needs at least ten answers at two levels, "
+            f"got {trials} at {x.size}"
         )
-    search = Search(x, count, guess, function, lapse)
+    search = LikelihoodSearch(x, count, guess, function, lapse)
     best = search.best(hits[None, :])[0]
     fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
     rng = np.random.default_rng(seed)

@@ -1,8 +1,8 @@
-"""Where the likelihood of a psychometric function is largest, and its profiles.
+"""Maximum of the likelihood of a psychometric function, and its profiles.
 
 Threshold, width and lapse rate are free within bounds, the lapse rate between 0 and 0.06 (Wichmann
-& Hill 2001, Percept. Psychophys. 63, 1293-1313). The likelihood is looked at on a coarse grid and
-then on ever smaller ones about the best place, for many samples, or many values of one parameter
+& Hill 2001, Percept. Psychophys. 63, 1293-1313). The likelihood is evaluated on a coarse grid and
+then on ever smaller ones around the maximum, for many samples, or many values of one parameter
 that is held, at once.
 """
 
@@ -22,15 +22,15 @@ _GRID = (41, 21, 4)
 _LOCAL = (3, 3, 3)
 _STEPS = 33
 _FINER = 3
-"""How often an interval's end is looked for between two of so many steps."""
+"""Number of refinements of an interval's end, each by `_STEPS` steps."""
 _MOST = 2_000_000
-"""Probabilities that are held at once."""
+"""Largest number of probabilities in memory at once."""
 
 Array = NDArray[np.float64]
 
 
-class Search:
-    """The likelihood over threshold, log width and lapse, and where it is largest.
+class LikelihoodSearch:
+    """The likelihood over threshold, log width and lapse rate, and its maximum.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What sessions left, read for analysis."""
+"""Sessions read from their folders, for analysis."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.design import ExperimentDesign, design_of
+from asperity.psychophysics.design import ExperimentDesign, parse_design
 from asperity.psychophysics.session.journal import FILE, read_journal
 from asperity.psychophysics.session.trials import Answer, Trial
 
 
 @dataclass(frozen=True)
-class Given:
+class AnsweredTrial:
     """A trial and its answer."""
 
     trial: Trial
@@ -21,24 +21,24 @@ class Given:
     right: bool | None
     seconds: float
     measures: tuple[dict[str, float], ...]
-    """Of what was felt in each interval."""
+    """Measures of the exploration of each interval."""
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """One session: all answers, without those of practice."""
+    """One session: all answers except those of practice trials."""
 
     participant: str
     number: int
     design: ExperimentDesign
-    mark: str
-    given: tuple[Given, ...]
+    digest: str
+    answers: tuple[AnsweredTrial, ...]
     complete: bool
     simulated: bool
 
     @property
     def name(self) -> str:
-        """For files and legends."""
+        """Name of the session in files and legends."""
         return f"{self.participant}-{self.number}"
 
 
@@ -48,7 +48,7 @@ def read_results(folder: Path) -> list[SessionResult]:
     Raises
     ------
     AsperityError
-        There is none, or there are several experiments.
+        There is no session, or there are several experiments.
     """
     if not folder.is_dir():
         raise AsperityError(
@@ -64,14 +64,14 @@ def read_results(folder: Path) -> list[SessionResult]:
     results = [_result(place) for place in places]
     first = results[0]
     for place, other in zip(places, results, strict=True):
-        if other.mark != first.mark:
+        if other.digest != first.digest:
             raise AsperityError(
-                f"{place} is of another experiment, or of another state of it, than {places[0]}; "
-                "analyse them apart"
+                f"{place} belongs to another experiment, or another version of it, than "
+                f"{places[0]}; analyse them separately"
             )
-    answered = [result for result in results if result.given]
+    answered = [result for result in results if result.answers]
     if not answered:
-        raise AsperityError(f"no trial of {folder} was answered, but for practice")
+        raise AsperityError(f"{folder} has no answered trials other than practice")
     return answered
 
 
@@ -85,15 +85,17 @@ def _result(folder: Path) -> SessionResult:
         if event["event"] != "answer":
             continue
         by.add(event["by"])
-        trial = Trial.from_plain(event["trial"])
+        trial = Trial.from_json(event["trial"])
         if not trial.practice:
-            given.append(_given(trial, event))
+            given.append(_answered(trial, event))
     return SessionResult(
-        begin["participant"], begin["session"], design_of(begin["document"], folder),
+        begin["participant"], begin["session"], parse_design(begin["document"], folder),
         begin["design"], tuple(given), events[-1]["event"] == "end", "simulated" in by,
     )  # fmt: skip
 
 
-def _given(trial: Trial, event: dict[str, Any]) -> Given:
+def _answered(trial: Trial, event: dict[str, Any]) -> AnsweredTrial:
     measures = tuple(dict(interval["measures"]) for interval in event["intervals"])
-    return Given(trial, event["answer"], event["right"], event["response_seconds"], measures)
+    return AnsweredTrial(
+        trial, event["answer"], event["right"], event["response_seconds"], measures
+    )

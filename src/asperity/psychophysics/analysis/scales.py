@@ -10,6 +10,10 @@
 Scales have a mean of 0. An infinite scale, where one stimulus was always or never chosen, is kept
 finite by a weak prior: every stimulus once more chosen and not chosen, by `PRIOR` of a trial,
 against one of scale 0.
+
+The package choix (MIT licence) also fits Bradley-Terry and Plackett-Luce models, but with a
+Dirichlet prior, which gives other scales than the symmetric one here. Its data carry no weights,
+and it fits one data set at a time; here all bootstrap samples are fitted together.
 """
 
 from __future__ import annotations
@@ -24,14 +28,14 @@ from scipy.special import log_ndtr, ndtr
 from asperity.errors import AsperityError
 
 PRIOR = 0.1
-"""Trials; ours."""
+"""Weight of the prior [trials]; a project choice."""
 _STEPS = 2000
 _CLOSE = 1e-8
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Where each stimulus lies, and how surely."""
+    """Scale values of the stimuli with confidence intervals."""
 
     names: tuple[str, ...]
     values: NDArray[np.float64]
@@ -40,7 +44,7 @@ class Scale:
     high: NDArray[np.float64]
     model: str
     separated: bool
-    """Whether the answers alone give no finite scale, so that the prior does."""
+    """Whether the answers alone give no finite scale, so that the prior limits it."""
 
 
 def fit_scale(
@@ -59,7 +63,7 @@ def fit_scale(
     names : sequence of str
         Of the stimuli.
     orders : sequence of sequence of int
-        For each trial the stimuli by number, the one with most of what was asked for first.
+        For each trial the indices of its stimuli, the one with most of the attribute first.
     model : {"bradley-terry", "thurstone"}
         Thurstone's takes a ranking as all its pairs.
     samples : int
@@ -69,7 +73,7 @@ def fit_scale(
     """
     n = len(names)
     if not orders:
-        raise AsperityError("a scale needs one answer at least")
+        raise AsperityError("a scale needs at least one answer, got 0")
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(len(orders), np.full(len(orders), 1.0 / len(orders)), samples)
     # The first row is the answers themselves: each trial once.

@@ -1,1 +1,1 @@
-"""Who answers: a terminal, the page, or a simulated participant."""
+"""Interfaces to the participant: terminal, page in the browser, simulated participant."""

@@ -1,8 +1,8 @@
-"""An experiment in the live page: what the participant sees there, and what may not be seen.
+"""An experiment in the browser page: what the participant sees, and what is hidden.
 
-The page shows the tool's outline where the hand has it, and a smooth scene: neither the relief of a
-stimulus nor what contact makes of it, forces and contacts, unless the design says `show`. The
-experimenter looks at the terminal that the command was given in.
+The page shows the tool at the pose of the hand in a scene without textures. The relief of a
+stimulus, forces and contacts are hidden unless the design sets `show`. The experimenter watches the
+terminal in which the command runs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.front import Paused, Progress, Reply
+from asperity.psychophysics.interfaces.protocol import Paused, Progress, Reply
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import viser
 
 _LOOKED = 0.2
-"""How often a wait looks for Ctrl-C [s]."""
+"""Longest wait between two checks for Ctrl-C [s]."""
 _QUIET, _LIT = "#e8ecf0", "#0072B2"
 _LAMP = (
     '<div style="flex:1;text-align:center;font-size:2em;font-weight:700;padding:0.3em;'
@@ -40,21 +40,21 @@ _LAMP = (
 
 
 def smooth(scene: Scene) -> Scene:
-    """Return a scene without any texture, to be looked at."""
+    """Return a scene without textures, for display."""
     return scene.changed(
         bodies={name: {"texture": None} for name in scene.document.get("bodies", {})}
     )
 
 
-class TrialLink(ServoClient):
-    """A page's link to the loop of whichever interval is being felt, and to none in between.
+class TrialClient(ServoClient):
+    """The page's client of the servo loop of the current interval; of none between intervals.
 
     Parameters
     ----------
     choice : Choice
-        Device and rate; its scene is what is seen at first.
+        Device and rate; its scene is shown first.
     show : bool
-        Whether the scene of an interval is what is seen.
+        Whether the scene of each interval is shown.
     """
 
     def __init__(self, choice: SessionConfig, *, show: bool = False) -> None:
@@ -63,18 +63,18 @@ class TrialLink(ServoClient):
         self._show = show
 
     def start(self) -> None:
-        """Start nothing: intervals do."""
+        """Do nothing: each interval starts its own loop."""
 
-    def __enter__(self) -> TrialLink:
+    def __enter__(self) -> TrialClient:
         return self
 
     def spec(self, scene: Scene, seconds: float) -> ServoSpec:
-        """Return what the servo process of an interval needs to know."""
+        """Return the specification of the servo process of an interval."""
         choice = replace(self.config, scene=scene, seconds=seconds)
         return choice.spec(self._folder / "pointed")
 
     def feel(self, servo: Servo | None) -> None:
-        """Look at another loop, or at none."""
+        """Follow another loop, or none."""
         with self._lock:
             self._servo = servo
             self.state = "ended" if servo is None else "running"
@@ -84,16 +84,16 @@ class TrialLink(ServoClient):
                     self.config = replace(self.config, scene=servo.spec.scene)
 
     def change(self, **changes: Any) -> None:
-        """Refuse: what is felt is the experiment's."""
-        raise AsperityError("an experiment is going on; nothing can be changed")
+        """Refuse: settings are fixed by the experiment."""
+        raise AsperityError("settings cannot be changed during an experiment")
 
     def restart(self, config: SessionConfig | None = None) -> Any:
         """Refuse, as `change`."""
         self.change()
 
 
-class BlindStage(SceneView):
-    """The smooth scene, with the tool where the hand has it: nothing tells of the texture."""
+class SmoothSceneView(SceneView):
+    """The scene without textures, with the tool at the hand's pose, so that nothing is revealed."""
 
     def update(self, frame: Frame) -> None:
         """Move the tool to the hand."""
@@ -104,8 +104,8 @@ class BlindStage(SceneView):
         self._ghost.visible = False
 
 
-class Desk:
-    """The participant's panel. Buttons put what was done into a queue.
+class ParticipantPanel:
+    """The participant's panel. Its buttons put actions into a queue.
 
     Parameters
     ----------
@@ -121,13 +121,13 @@ class Desk:
         """"welcome", "ready", "feel", "ask", "over"."""
 
     def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
-        """Make all controls; which of them are there depends on the moment."""
+        """Make all controls; `show` makes those of a stage visible."""
         gui: Any = server.gui
         self._title = gui.add_markdown(f"## {self.design.name}")
         self._text = gui.add_markdown(self.design.instructions)
         self._bar = gui.add_progress_bar(0.0)
         self._lamps = gui.add_html("")
-        self._told = gui.add_markdown("")
+        self._message = gui.add_markdown("")
         self._next = gui.add_button("Begin", icon="player-play", color="green")
         self._enough = gui.add_button("I have felt enough", icon="player-skip-forward")
         self._choices = [gui.add_button(str(i)) for i in range(1, 3)]
@@ -143,26 +143,32 @@ class Desk:
         self.show("starting", "Please wait.")
 
     def show(
-        self, stage: str, told: str = "", *, kind: str = "", enough: bool = False, go: str = "Begin"
+        self,
+        stage: str,
+        message: str = "",
+        *,
+        kind: str = "",
+        enough: bool = False,
+        go: str = "Begin",
     ) -> None:
-        """Show what belongs to a moment of the session.
+        """Show the controls of a stage of the session.
 
         Parameters
         ----------
         stage : str
-        told : str
+        message : str
             A question or a notice.
         kind : str
-            Of the trial that is asked about.
+            Kind of the trial in question.
         enough : bool
-            Whether an interval may be ended.
+            Whether the participant may end the interval.
         go : str
-            What the button says that goes on.
+            Label of the button that continues.
         """
         self.stage = stage
         asking = stage == "ask"
         self._text.visible = stage == "welcome"
-        self._told.content = told
+        self._message.content = message
         self._next.label = go
         self._next.visible = stage in ("welcome", "ready")
         self._enough.visible = stage == "feel" and enough
@@ -175,7 +181,7 @@ class Desk:
         self._pause.visible = stage in ("welcome", "ready", "ask")
 
     def light(self, interval: int, count: int) -> None:
-        """Light the lamp of an interval, from 1; 0: none."""
+        """Highlight the marker of an interval, counted from 1; 0: none."""
         lamps = "".join(
             _LAMP.format(
                 back=_LIT if i == interval else _QUIET,
@@ -189,26 +195,26 @@ class Desk:
         )
 
     def progress(self, progress: Progress) -> None:
-        """Show how far the session is."""
+        """Show the progress of the session."""
         self._bar.value = 100.0 * progress.done / max(progress.most, 1)
 
     def update(self, frame: Frame) -> None:
-        """Nothing moves by itself."""
+        """Do nothing: the panel changes with the session only."""
 
     def close(self) -> None:
-        """Whoever waits shall wait no more."""
+        """Pause the session, so that no wait blocks."""
         self.done.put(("pause", None))
 
 
-class PageFront:
-    """Asks in the page.
+class PageInterface:
+    """Questions and answers in the page.
 
     Parameters
     ----------
-    desk : Desk
+    desk : ParticipantPanel
         Built.
     say : callable
-        What the experimenter is told, a line at a time.
+        Prints a line for the experimenter.
     clock : callable
         Time now [s].
     """
@@ -216,7 +222,7 @@ class PageFront:
     kind = "page"
 
     def __init__(
-        self, desk: Desk, say: Callable[[str], None] = lambda _: None, *,
+        self, desk: ParticipantPanel, say: Callable[[str], None] = lambda _: None, *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self._desk, self._say, self._clock = desk, say, clock
@@ -237,21 +243,21 @@ class PageFront:
         self._desk.progress(progress)
         self._desk.light(0, self._count)
         kind = "Practice" if trial.practice else "Trial"
-        told = f"{self._notice}\n\n" if self._notice else ""
-        self._desk.show("ready", f"{told}**{kind} {trial.number}**", go="Start")
+        message = f"{self._notice}\n\n" if self._notice else ""
+        self._desk.show("ready", f"{message}**{kind} {trial.number}**", go="Start")
         self._notice, self._trial = "", trial
         self._wait("next")
         self._desk.show("wait", "Please wait.")
 
     def begun(self, interval: int) -> None:
-        """Light its lamp."""
+        """Highlight the interval's marker."""
         self._empty()
         self._desk.light(interval, self._count)
         paced = self._desk.design.presentation.self_paced
         self._desk.show("feel", "Feel it now.", enough=paced)
 
     def done(self) -> bool:
-        """Return whether the participant has felt enough."""
+        """Return whether the participant wants to end the interval."""
         try:
             what, _ = self._desk.done.get_nowait()
         except queue.Empty:
@@ -259,12 +265,12 @@ class PageFront:
         return what == "enough"
 
     def ended(self, interval: int) -> None:
-        """Put its lamp out."""
+        """Clear the interval's marker."""
         self._desk.light(0, self._count)
         self._desk.show("wait", "")
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
-        """Show the question and what it is answered with."""
+        """Show the question and the controls for its answer."""
         self._empty()
         question = self._desk.design.question
         notice, self._notice = self._notice, ""
@@ -272,7 +278,7 @@ class PageFront:
         begun = self._clock()
         answer = self._wait("answer")
         seconds = self._clock() - begun
-        missed = sum(int(interval.told.get("misses", 0)) for interval in felt)
+        missed = sum(int(interval.loop_report.get("misses", 0)) for interval in felt)
         level = "" if trial.level is None else f", level {trial.level:.4g}"
         right = {None: "", True: ", right", False: ", wrong"}
         self._say(
@@ -282,17 +288,17 @@ class PageFront:
         return Reply(answer, seconds)
 
     def refuse(self, why: str) -> None:
-        """Say why, with the question."""
+        """Show the reason with the question, which is asked again."""
         self._notice = why
 
     def feedback(self, right: bool) -> None:
-        """Say so before the next trial."""
+        """Show the feedback before the next trial."""
         self._notice = "That was right." if right else "That was wrong."
 
-    def over(self, told: str) -> None:
-        """Say so."""
+    def over(self, message: str) -> None:
+        """Show the last message."""
         self._desk.light(0, 0)
-        self._desk.show("over", told)
+        self._desk.show("over", message)
 
     def _wait(self, wanted: str) -> Any:
         while True:
@@ -307,7 +313,7 @@ class PageFront:
                 return value
 
     def _empty(self) -> None:
-        """Forget what was pressed before it was asked for."""
+        """Discard actions made before the present stage."""
         while True:
             try:
                 what, _ = self._desk.done.get_nowait()
@@ -317,7 +323,7 @@ class PageFront:
                 raise Paused
 
 
-def panels(desk: Desk, choice: SessionConfig, *, show: bool) -> list[Panel]:
-    """Return what the participant has: the scene, the desk, and for a mouse its hand."""
-    stage = SceneView() if show else BlindStage()
+def panels(desk: ParticipantPanel, choice: SessionConfig, *, show: bool) -> list[Panel]:
+    """Return the panels of the page: the scene, the participant's panel, and mouse control."""
+    stage = SceneView() if show else SmoothSceneView()
     return [stage, desk, *([MousePanel()] if choice.is_mouse else [])]

@@ -1,6 +1,6 @@
-"""Simulated participants: whoever answers when nobody is there, with a truth that is known.
+"""Simulated participants with known parameters.
 
-They are for trying out an experiment and for testing its analysis. Nothing is claimed of people.
+They serve to try out an experiment and to test its analysis. They are no model of people.
 """
 
 from __future__ import annotations
@@ -19,33 +19,34 @@ if TYPE_CHECKING:
     from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 RATES = ("parameter", "band_rms", "largest_force")
-"""What a simulated participant judges by: the stimulus's value, or what the recording says was
-felt: the RMS of the tangential force in 20 to 200 Hz, or its largest value."""
+"""Quantity that a simulated participant judges: the value of the stimulus, or from the recording
+the RMS of the tangential force in 20 to 200 Hz or its largest value."""
 
-_APART = 0x5EED
+_STREAM = 0x5EED
+"""Separates the random numbers of the participant from those of the procedure."""
 
 
 @dataclass(frozen=True)
 class SimulatedSettings:
-    """The truth of a simulated participant.
+    """True parameters of a simulated participant.
 
     Parameters
     ----------
     rates : {"parameter", "band_rms", "largest_force"}
-        What is judged. With "parameter", forced choices are answered by the psychometric function.
+        Quantity that is judged. With "parameter", forced choices follow the psychometric function.
     threshold : float
         Level of a forced choice where F is a half.
     width : float
-        Of the psychometric function, on the scale of intensities (decades on a logarithmic one).
+        Width of the psychometric function, in intensity (decades on a logarithmic scale).
     lapse : float
-        How often the answer is wrong, or random, whatever the stimulus.
+        Proportion of answers that are wrong, or random, independent of the stimulus.
     function : {"logistic", "normal", "weibull"}
     exponent : float
-        A magnitude grows with this power of what is judged.
+        Exponent of the magnitude as a power law of the judged quantity.
     modulus : float
-        Magnitude of what is judged at 1.
+        Magnitude at a judged quantity of 1.
     noise : float
-        Standard deviation of the decimal logarithm of a magnitude, anew in each interval.
+        Standard deviation of the decimal logarithm of a magnitude, drawn in each interval.
     seed : int
     """
 
@@ -70,7 +71,7 @@ class SimulatedSettings:
 
 
 class SimulatedParticipant:
-    """Answers trials. What is random depends on the seeds and the trial's number alone.
+    """Answers trials. Random numbers depend only on the seeds and the number of the trial.
 
     Parameters
     ----------
@@ -78,15 +79,14 @@ class SimulatedParticipant:
     threshold : float
         On the scale of intensities.
     who : sequence of int
-        Makes one participant differ from another.
+        Seeds of this participant and session.
     """
 
     def __init__(
         self, settings: SimulatedSettings, threshold: float = 0.0, who: Sequence[int] = ()
     ) -> None:
         self.settings = settings
-        # Apart from the random numbers of the procedure, which has the same participant.
-        self._seed = [settings.seed, _APART, *who]
+        self._seed = [settings.seed, _STREAM, *who]
         s = settings
         self.truth = Psychometric(threshold, s.width, s.lapse, 0.5, s.function)
 
@@ -96,8 +96,8 @@ class SimulatedParticipant:
         Parameters
         ----------
         trial : Trial
-        felt : list of Felt
-            What the recordings of its intervals say.
+        felt : list of PresentedInterval
+            Its intervals, with the measures of their recordings.
         """
         rng = np.random.default_rng([*self._seed, trial.number])
         by_parameter = self.settings.rates == "parameter"
@@ -115,7 +115,7 @@ class SimulatedParticipant:
     def _magnitude(
         self, trial: Trial, interval: int, felt: list[PresentedInterval], rng: np.random.Generator
     ) -> float:
-        """Return the decimal logarithm of how much of it was felt in an interval."""
+        """Return the decimal logarithm of the perceived magnitude of an interval."""
         s = self.settings
         value = trial.stimuli[interval].value
         judged = value if s.rates == "parameter" else felt[interval].measures[s.rates]

@@ -1,4 +1,4 @@
-"""Asking at the terminal, while the scene is felt through a device."""
+"""Questions and answers in the terminal, while the scene is rendered on a device."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from collections.abc import Callable
 from typing import TextIO
 
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.front import Paused, Progress, Reply
+from asperity.psychophysics.interfaces.protocol import Paused, Progress, Reply
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 _QUIT = ("q", "quit", "pause")
 
 
-class TerminalFront:
-    """Prompts on one stream, answers from another.
+class TerminalInterface:
+    """Writes prompts to one stream and reads answers from another.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class TerminalFront:
         self._line(f"Trial {progress.done + 1} of at most {progress.most}. Enter begins: ")
 
     def begun(self, interval: int) -> None:
-        """Say which interval it is."""
+        """Show which interval has begun."""
         enough = ", Enter ends it" if self._self_paced else ""
         self._say(f"  >>> {interval} <<<  feel it now{enough}")
 
@@ -70,33 +70,33 @@ class TerminalFront:
             return False
         try:
             waiting, _, _ = select.select([self._read], [], [], 0.0)
-        except (OSError, ValueError, TypeError):  # no stream that can be asked
+        except (OSError, ValueError, TypeError):  # a stream that select cannot poll
             return False
         if waiting:
             self._line("")
         return bool(waiting)
 
     def ended(self, interval: int) -> None:
-        """Say so."""
+        """Show that the interval has ended."""
         self._say(f"  {interval} is over")
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
-        """Ask."""
+        """Ask the question and read a line."""
         begun = self._clock()
         text = self._line(f"{self._question} ")
         return Reply(text, self._clock() - begun)
 
     def refuse(self, why: str) -> None:
-        """Say why."""
+        """Show why the answer is not valid."""
         self._say(f"  {why}")
 
     def feedback(self, right: bool) -> None:
-        """Say so."""
+        """Show whether the answer was right."""
         self._say("  right" if right else "  wrong")
 
-    def over(self, told: str) -> None:
-        """Say so."""
-        self._say(told)
+    def over(self, message: str) -> None:
+        """Show the last message."""
+        self._say(message)
 
     def _say(self, *lines: str) -> None:
         print(*lines, sep="\n", file=self._write, flush=True)

@@ -1,1 +1,1 @@
-"""Which trial comes next: staircases, QUEST+, constant stimuli."""
+"""Procedures that choose the next trial: staircases, QUEST+, constant stimuli."""

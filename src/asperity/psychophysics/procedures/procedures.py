@@ -1,8 +1,8 @@
-"""Which trial comes next: one class a method.
+"""The order of trials: one procedure for each experimental method.
 
-A procedure is a function of the design, the participant, the session and the answers so far.
-Everything random in it is drawn anew for each trial from these, so that a session that is taken up
-again goes on as it would have.
+The next trial depends only on the design, the participant, the session number and the answers so
+far. Random numbers are seeded from these for each trial, so that a resumed session continues
+exactly as it would have without the interruption.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from asperity.psychophysics.stimuli import Stimulus
 
 
 class Procedure(Protocol):
-    """What a session asks a method."""
+    """Chooses the trials of a session."""
 
     @property
     def most(self) -> int:
-        """How many trials there are, at most."""
+        """Largest number of trials."""
 
     def next(self) -> Trial | None:
-        """Return the trial that comes next, the same until it is answered; None after the last."""
+        """Return the next trial, the same one until it is answered; None after the last."""
 
     def answer(self, trial: Trial, answer: Answer) -> None:
-        """Take the answer to that trial into account."""
+        """Record the answer to that trial."""
 
 
 def seeds(design: ExperimentDesign, participant: str, session: int) -> list[int]:
-    """Return what everything random in a session follows from."""
-    told = hashlib.sha256(f"{participant}/{session}".encode()).digest()
-    return [design.seed, int.from_bytes(told[:6], "big")]
+    """Return the seeds of all random numbers of a session."""
+    digest = hashlib.sha256(f"{participant}/{session}".encode()).digest()
+    return [design.seed, int.from_bytes(digest[:6], "big")]
 
 
 def procedure(design: ExperimentDesign, participant: str, session: int) -> Procedure:
@@ -60,7 +60,7 @@ def procedure(design: ExperimentDesign, participant: str, session: int) -> Proce
 
 
 class _Listed:
-    """Trials in an order that does not depend on the answers."""
+    """Trials in a fixed order that does not depend on the answers."""
 
     def __init__(self, trials: list[Trial]) -> None:
         self._trials = trials
@@ -81,11 +81,11 @@ class _Listed:
 def _magnitude(
     design: ExperimentDesign, settings: MagnitudeSettings, seed: list[int]
 ) -> list[Trial]:
-    """Return blocks of all stimuli, each in an order of its own; none twice in a row."""
+    """Return blocks of all stimuli, each in a new random order; no stimulus twice in a row."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     rows: list[tuple[Stimulus, int]] = []
     left = settings.practice
-    while left > 0:  # practice is spread over the range too
+    while left > 0:  # practice also covers the range of stimuli
         for i in rng.permutation(len(stimuli))[:left]:
             rows.append((stimuli[i], 0))
         left = settings.practice - len(rows)
@@ -98,23 +98,23 @@ def _magnitude(
 
 
 def _pairs(design: ExperimentDesign, settings: PairsSettings, seed: list[int]) -> list[Trial]:
-    """Return every pair so often, half of them in either order, in random order within a block."""
+    """Return all pairs in each block, in random order; the order within a pair alternates."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     pairs = list(itertools.combinations(stimuli, 2))
     rows: list[tuple[tuple[Stimulus, Stimulus], int]] = []
     for i in rng.integers(0, len(pairs), settings.practice):
         rows.append((pairs[i], 0))
-    turned = rng.random(len(pairs)) < 0.5
+    reversed_order = rng.random(len(pairs)) < 0.5
     for block in range(1, settings.repeats + 1):
         for i in rng.permutation(len(pairs)):
             a, b = pairs[i]
-            rows.append(((b, a) if turned[i] else (a, b), block))
-        turned = ~turned
+            rows.append(((b, a) if reversed_order[i] else (a, b), block))
+        reversed_order = ~reversed_order
     return [Trial(n, "choice", pair, block) for n, (pair, block) in enumerate(rows, 1)]
 
 
 def _rankings(design: ExperimentDesign, settings: RankingSettings, seed: list[int]) -> list[Trial]:
-    """Return trials of all stimuli, each time in an order of its own."""
+    """Return trials of all stimuli, each in a new random order."""
     rng, stimuli = np.random.default_rng(seed), design.all_stimuli()
     blocks = [0] * settings.practice + list(range(1, settings.repeats + 1))
     return [
@@ -124,7 +124,7 @@ def _rankings(design: ExperimentDesign, settings: RankingSettings, seed: list[in
 
 
 class ForcedChoice:
-    """A standard and a comparison in random order, at the level that the adaptive method wants."""
+    """A standard and a comparison in random order, at the level of the adaptive method."""
 
     def __init__(self, design: ExperimentDesign, seed: list[int]) -> None:
         self._design, self._seed = design, seed
@@ -135,7 +135,7 @@ class ForcedChoice:
 
     @property
     def most(self) -> int:
-        """How many trials there are, at most."""
+        """Largest number of trials."""
         return self._settings.practice + self._levels.most
 
     def next(self) -> Trial | None:
@@ -151,7 +151,7 @@ class ForcedChoice:
         return self._next
 
     def answer(self, trial: Trial, answer: Answer) -> None:
-        """Tell the adaptive method, unless it was practice."""
+        """Update the adaptive method, except after a practice trial."""
         if not trial.practice:
             assert trial.intensity is not None
             self._levels.answer(trial.intensity, trial.track, answer == trial.right)
@@ -163,10 +163,10 @@ class ForcedChoice:
     ) -> Trial:
         settings, stimuli = self._settings, self._design.stimuli
         pair = [stimuli.level(settings.standard), stimuli.level(settings.comparison(level))]
-        turned = bool(rng.random() < 0.5)
-        # The comparison is second, or first if the pair is turned.
+        reversed_order = bool(rng.random() < 0.5)
+        # The comparison is the second interval, or the first if the order is reversed.
         right = 2 if settings.comparison_is_right else 1
-        if turned:
+        if reversed_order:
             pair, right = pair[::-1], 3 - right
         return Trial(
             number, "choice", tuple(pair), block, level, settings.intensity(level), right, track
@@ -174,7 +174,7 @@ class ForcedChoice:
 
 
 class _Levels(Protocol):
-    """Where the next trial is put."""
+    """Chooses the level of the next trial."""
 
     @property
     def most(self) -> int: ...
@@ -198,13 +198,13 @@ def _levels(design: ExperimentDesign, seed: list[int]) -> _Levels:
 
 
 def staircases(design: ExperimentDesign) -> list[Staircase]:
-    """Return the tracks of an experiment with staircases, at their beginnings."""
+    """Return the staircase tracks of an experiment in their initial state."""
     settings, adaptive = design.forced_choice, design.adaptive
     assert isinstance(adaptive, StaircaseSettings)
     return [
         Staircase(
             settings.intensity(start),
-            tuple(map(settings.intensity, adaptive.steps)),  # of a factor: its logarithm
+            tuple(map(settings.intensity, adaptive.steps)),  # a factor as its logarithm
             adaptive.down, adaptive.up_ratio, adaptive.reversals, adaptive.trials,
             settings.intensity(settings.low), settings.intensity(settings.high),
         )
@@ -213,7 +213,7 @@ def staircases(design: ExperimentDesign) -> list[Staircase]:
 
 
 def quest_plus(design: ExperimentDesign) -> QuestPlus:
-    """Return the QUEST+ of an experiment, at its beginning."""
+    """Return the QUEST+ procedure of an experiment in its initial state."""
     settings, adaptive = design.forced_choice, design.adaptive
     assert isinstance(adaptive, QuestPlusSettings)
     low, high = settings.intensity(settings.low), settings.intensity(settings.high)
@@ -237,7 +237,7 @@ class _Staircases:
 
     def next(self, rng: np.random.Generator) -> tuple[float, int | None]:
         live = [i for i, track in enumerate(self._tracks) if not track.is_over]
-        # The one that is behind, or one of those, so that they end at about the same time.
+        # The track with the fewest answers, so that all tracks end at about the same time.
         fewest = min(self._tracks[i].done for i in live)
         behind = [i for i in live if self._tracks[i].done == fewest]
         i = behind[int(rng.integers(len(behind)))]
@@ -279,7 +279,7 @@ class _Constant:
     ) -> None:
         rng = np.random.default_rng(seed)
         levels = np.array(settings.levels)
-        # A block holds each level once, so that none crowds at an end.
+        # Each block holds each level once, so that every level is spread over the session.
         order = [rng.permutation(levels) for _ in range(settings.repeats)]
         self._order = [design.forced_choice.intensity(float(v)) for v in np.concatenate(order)]
         self._done = 0

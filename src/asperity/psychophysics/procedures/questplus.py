@@ -1,9 +1,11 @@
-"""QUEST+: each trial where the answer is expected to tell most about the participant.
+"""QUEST+: each trial at the intensity whose answer is expected to be most informative.
 
 Watson (2017), QUEST+: a general multidimensional Bayesian adaptive psychometric method, J. Vision
-17(3):10. Written from the paper: over a grid of parameters a posterior is kept; for each possible
-intensity the entropy that the posterior is expected to have after the answer is computed, and the
-intensity is taken for which it is least. All of it is three products of matrices a trial.
+17(3):10. A posterior is kept over a grid of parameters. For each possible intensity, the expected
+entropy of the posterior after the answer is computed, and the intensity with the smallest is
+presented next: three matrix products per trial.
+
+Implemented here from the paper because the Python packages of QUEST+ are under the GPL.
 """
 
 from __future__ import annotations
@@ -21,14 +23,14 @@ PARAMETERS = ("threshold", "width", "lapse")
 
 @dataclass(frozen=True)
 class QuestPlusSettings:
-    """What QUEST+ chooses between, and when it ends.
+    """Grid of QUEST+ and its stopping rule.
 
     Parameters
     ----------
     trials : int
-        How many, at most.
+        Largest number of trials.
     levels : int
-        Levels to choose between, from the lowest to the highest of the experiment, on its scale.
+        Number of levels to choose from, from lowest to highest of the experiment, on its scale.
     thresholds : int
         Values of the threshold on the grid of parameters, over the same range.
     widths : tuple of float
@@ -37,7 +39,7 @@ class QuestPlusSettings:
         Values of the lapse rate.
     function : {"logistic", "normal", "weibull"}
     until : float
-        End before, when the posterior's standard deviation of the threshold is below this
+        End earlier when the posterior standard deviation of the threshold falls below this
         [intensity]. Default 0: never.
     """
 
@@ -56,7 +58,7 @@ class QuestPlusSettings:
         require_not_negative("until", self.until)
         require_choice("function", self.function, FUNCTIONS)
         if not self.widths or not self.lapses:
-            raise AsperityError("widths and lapses must hold a value each at least")
+            raise AsperityError("widths and lapses must each hold at least one value")
         for width in self.widths:
             require_between("widths", width, 1e-9, 1e9)
         for lapse in self.lapses:
@@ -65,18 +67,18 @@ class QuestPlusSettings:
 
 @dataclass
 class QuestPlus:
-    """The posterior, and where to ask next.
+    """The posterior over the parameters, and the intensity to present next.
 
     Parameters
     ----------
     intensities : (s,) array
-        To choose between.
+        Intensities to choose from.
     thresholds, widths, lapses : array
         Values of the parameters; the grid is their product.
     guess : float
     function : str
     prior : (thresholds, widths, lapses) array, optional
-        Default: all equally likely.
+        Default: uniform.
     """
 
     intensities: NDArray[np.float64]
@@ -100,14 +102,17 @@ class QuestPlus:
         self._entropy_rate = -np.einsum("asp,asp->sp", self._likelihood, np.log(self._likelihood))
         prior = np.ones(shape) if self.prior is None else np.asarray(self.prior, dtype=np.float64)
         if prior.shape != shape or not np.all(prior >= 0.0) or not prior.sum() > 0.0:
-            raise AsperityError(f"a prior must be of shape {shape}, 0 or above, and not all 0")
+            raise AsperityError(
+                f"prior must have shape {shape} and values of 0 or above, not all 0; "
+                f"got shape {prior.shape}"
+            )
         self.posterior = prior / prior.sum()
 
     def expected_entropy(self) -> NDArray[np.float64]:
-        """Return the entropy [nat] that the posterior is expected to have after asking at each x.
+        """Return the expected entropy [nat] of the posterior after an answer at each intensity.
 
-        H(theta | answer) = H(theta) + H(answer | theta) - H(answer): an identity that spares the
-        posteriors of both answers.
+        H(theta | answer) = H(theta) + H(answer | theta) - H(answer): this identity avoids
+        computing the posterior of either answer.
         """
         p = self.posterior.ravel()
         now = -np.sum(p * np.log(np.where(p > 0.0, p, 1.0)))
@@ -116,24 +121,24 @@ class QuestPlus:
         return np.asarray(now + given + np.sum(answer * np.log(answer), axis=0))
 
     def next(self) -> float:
-        """Return the intensity at which the answer is expected to tell most."""
+        """Return the intensity with the smallest expected entropy."""
         return float(self.intensities[int(np.argmin(self.expected_entropy()))])
 
     def answer(self, intensity: float, right: bool) -> None:
-        """Take an answer into account; `intensity` is taken as the nearest of the grid."""
+        """Update the posterior with an answer at the grid intensity nearest to `intensity`."""
         at = int(np.argmin(np.abs(self.intensities - intensity)))
         posterior = self.posterior * self._likelihood[int(right), at].reshape(self.posterior.shape)
         self.posterior = posterior / posterior.sum()
         self.done += 1
 
     def estimate(self) -> dict[str, tuple[float, float]]:
-        """Return mean and standard deviation of the posterior, by parameter."""
-        told = {}
+        """Return mean and standard deviation of the posterior by parameter."""
+        estimates = {}
         for axis, (name, values) in enumerate(
             zip(PARAMETERS, (self.thresholds, self.widths, self.lapses), strict=True)
         ):
             others = tuple(i for i in range(3) if i != axis)
             marginal = self.posterior.sum(axis=others)
             mean = float(marginal @ values)
-            told[name] = (mean, float(np.sqrt(max(marginal @ (values - mean) ** 2, 0.0))))
-        return told
+            estimates[name] = (mean, float(np.sqrt(max(marginal @ (values - mean) ** 2, 0.0))))
+        return estimates

@@ -1,15 +1,15 @@
 """Adaptive staircases: transformed and weighted up-down methods.
 
 After `down` right answers in a row the level goes down by a step, after a wrong one it goes up by
-`up_ratio` steps. The level then hovers where a step down is as likely, weighed by its size, as one
-up:
+`up_ratio` steps. The level then converges to where a step down, weighed by its size, is as likely
+as one up:
 
     p^down step = (1 - p^down) up_ratio step,  so  p = (up_ratio / (1 + up_ratio))^(1 / down)
 
 `up_ratio` of 1 is the transformed rule (Levitt 1971, J. Acoust. Soc. Am. 49, 467-477: two down, one
 up finds 70.7 % right); `down` of 1 is the weighted one (Kaernbach 1991, Percept. Psychophys. 49,
 227-229: a ratio of 3 finds 75 %). The equation holds for small steps; with large ones the level
-hovers elsewhere (Garcia-Perez 1998, Vision Res. 38, 1861-1881), which is why the analysis fits a
+converges elsewhere (Garcia-Perez 1998, Vision Res. 38, 1861-1881), which is why the analysis fits a
 psychometric function to all answers and does not rest on the reversals alone.
 """
 
@@ -19,29 +19,26 @@ from dataclasses import dataclass, field
 
 from asperity.errors import AsperityError, require_between, require_not_negative, require_positive
 
-DISCARDED = 4
-"""Reversals that the mean of the reversals leaves out, if there are more: the way down; ours."""
-
 
 @dataclass(frozen=True)
 class StaircaseSettings:
-    """How a staircase goes. Levels and steps are on the scale of the experiment's intensities.
+    """Rules of a staircase. Levels and steps are on the scale of the experiment's intensities.
 
     Parameters
     ----------
     start : tuple of float
-        Where each of the interleaved tracks begins [level]; one value for one track.
+        Start level of each interleaved track; one value for one track.
     steps : tuple of float
-        Size of a step down, in turn after each reversal, the last one for good: factors above 1
-        on a logarithmic scale of levels, differences on a linear one.
+        Size of a step down; the next one is taken after each reversal, and the last one is kept.
+        Factors above 1 on a logarithmic scale of levels, differences on a linear one.
     down : int
-        Right answers in a row before a step down, 1 to 8.
+        Consecutive right answers before a step down, 1 to 8.
     up_ratio : float
-        Size of a step up in steps down.
+        Size of a step up relative to a step down.
     reversals : int
-        A track ends after so many.
+        Number of reversals after which a track ends.
     trials : int
-        Or after so many trials, whichever comes first.
+        Number of trials after which a track ends, whichever comes first.
     """
 
     start: tuple[float, ...]
@@ -53,7 +50,7 @@ class StaircaseSettings:
 
     def __post_init__(self) -> None:
         if not self.start or not self.steps:
-            raise AsperityError("start and steps must hold a value each at least")
+            raise AsperityError("start and steps must each hold at least one value")
         for value in self.steps:
             require_positive("steps", value)
         require_between("down", self.down, 1, 8)
@@ -63,13 +60,13 @@ class StaircaseSettings:
 
     @property
     def target(self) -> float:
-        """Proportion of right answers at which the level hovers."""
+        """Proportion of right answers at which the level converges."""
         return float((self.up_ratio / (1.0 + self.up_ratio)) ** (1.0 / self.down))
 
 
 @dataclass
 class Staircase:
-    """One track: where it is, and how it came there.
+    """One staircase track and its state.
 
     Parameters
     ----------
@@ -80,7 +77,7 @@ class Staircase:
     down, up_ratio, reversals, trials
         See `StaircaseSettings`.
     low, high : float
-        Intensities are held between them.
+        Limits of the intensity.
     """
 
     start: float
@@ -93,8 +90,8 @@ class Staircase:
     high: float = float("inf")
     intensity: float = field(init=False)
     done: int = field(init=False, default=0)
-    """Answers so far."""
-    turned: list[float] = field(init=False, default_factory=list)
+    """Number of answers so far."""
+    reversal_intensities: list[float] = field(init=False, default_factory=list)
     """Intensities of the reversals."""
     _row: int = field(init=False, default=0)
     _heading: int = field(init=False, default=0)
@@ -106,11 +103,11 @@ class Staircase:
 
     @property
     def is_over(self) -> bool:
-        """Whether no more trials are wanted."""
-        return len(self.turned) >= self.reversals or self.done >= self.trials
+        """Whether the track has ended."""
+        return len(self.reversal_intensities) >= self.reversals or self.done >= self.trials
 
     def answer(self, right: bool) -> None:
-        """Go on after an answer at `intensity`."""
+        """Update the track with the answer at `intensity`."""
         self.done += 1
         if not right:
             self._row = 0
@@ -123,18 +120,31 @@ class Staircase:
 
     def _go(self, heading: int) -> None:
         if self._heading and heading != self._heading:
-            self.turned.append(self.intensity)
+            self.reversal_intensities.append(self.intensity)
         self._heading = heading
-        step = self.steps[min(len(self.turned), len(self.steps) - 1)]
+        step = self.steps[min(len(self.reversal_intensities), len(self.steps) - 1)]
         size = step * self.up_ratio if heading > 0 else -step
-        # Rounded, so that ways of different steps to one level meet there.
+        # Rounded, so that different step sequences to one level give the same number.
         self.intensity = round(min(max(self.intensity + size, self.low), self.high), 12)
 
-    def threshold(self) -> float:
-        """Return the mean of the reversals, without the first few; NaN before there are two.
+    def threshold(self, discarded: int = 4) -> float:
+        """Return the mean intensity of the reversals, without the first ones.
 
-        The number that is kept is even, so that peaks and valleys count equally.
+        The number of reversals averaged is even, so that peaks and valleys count equally.
+
+        Parameters
+        ----------
+        discarded : int
+            Reversals left out while the track descends from its start, if enough others remain.
+            The default is a project choice.
+
+        Returns
+        -------
+        float
+            NaN before there are two reversals.
         """
-        kept = self.turned[DISCARDED:] if len(self.turned) > DISCARDED + 1 else self.turned
+        kept = self.reversal_intensities
+        if len(kept) > discarded + 1:
+            kept = kept[discarded:]
         kept = kept[len(kept) % 2 :]
         return sum(kept) / len(kept) if kept else float("nan")

@@ -1,11 +1,9 @@
-r"""The journal of a session: every event a line, on the disk before anything else happens.
+r"""The journal of a session: one line per event, flushed to disk before the session continues.
 
-The problem: an answer is given once. Whatever happens afterwards, a power cut between any two
-writes among it, the answer has to be there.
+An answer is given once and must survive any failure afterwards, even a power cut between writes.
 
-The idea: a file to which lines are only ever appended, each by one write and made sure by `fsync`
-before `append` returns. A session goes on, and the participant sees that it does, only after that.
-Each line ends in a checksum of itself:
+So the journal is an append-only file: each line is written by one write and flushed by `fsync`
+before `append` returns, and only then does the session continue. Each line ends in its checksum:
 
     {"event": "answer", "number": 7, "answer": 12.5, ...} #1c291ca3\n
 
@@ -64,17 +62,17 @@ class Journal:
             os.close(self._file)
             raise
 
-    def append(self, event: str, **told: Any) -> dict[str, Any]:
-        """Add an event; return it when it is on the disk.
+    def append(self, event: str, **fields: Any) -> dict[str, Any]:
+        """Append an event; return it when it is on the disk.
 
         Raises
         ------
         OutputError
-            It could not be made sure. Nothing of it is in the journal, and no more is taken.
+            The event could not be flushed. It is not in the journal, which accepts no more events.
         """
         if self._failed:
             raise OutputError(self._failed)
-        entry = {"event": event, **told}
+        entry = {"event": event, **fields}
         line = encoded(entry)
         try:
             written = 0
@@ -111,7 +109,7 @@ class Journal:
         self.close()
 
     def _lock(self) -> None:
-        """Keep other processes out, where the system can."""
+        """Lock the file against other processes, where the system supports it."""
         try:
             import fcntl
         except ImportError:  # Windows
@@ -120,7 +118,7 @@ class Journal:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise OutputError(
-                f"{self.path} is in use by another process: the session is going on there"
+                f"{self.path} is in use by another process, in which the session is running"
             ) from None
 
     def _recovered(self) -> tuple[list[dict[str, Any]], int]:

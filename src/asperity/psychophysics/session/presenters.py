@@ -1,4 +1,4 @@
-"""Letting a stimulus be felt, with every tick of it recorded: in simulated time, or by a device."""
+"""Presenters render a stimulus and record every tick: in simulated time, or on a device."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
 
 _LOOKED_AT = 0.05
-"""How often it is asked whether the participant is done [s]."""
+"""Interval between checks whether the participant ends the interval [s]."""
 _KEPT = 32
-"""Scenes that are kept, made."""
+"""Number of compiled scenes that are cached."""
 
 
 class Presenter(Protocol):
     """Presents stimuli."""
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
-        """Make ready what will be presented next, with its recordings. Returns at once."""
+        """Prepare the next stimuli and their recordings in the background."""
 
     def present(
         self,
@@ -45,17 +45,17 @@ class Presenter(Protocol):
         begun: Callable[[], None],
         done: Callable[[], bool],
     ) -> PresentedInterval:
-        """Let a stimulus be felt so long, or until `done`; return when the recording is whole.
+        """Render a stimulus for `seconds`, or until `done`; return when the recording is complete.
 
-        `begun` is called when it can be felt.
+        `begun` is called when rendering starts.
         """
 
     def drop(self) -> None:
-        """Let go of what was made ready and not presented."""
+        """Release everything that was prepared and not presented."""
 
 
 class _Scenes:
-    """Scenes of stimuli, the latest of them kept."""
+    """Scenes of stimuli, with a cache of the latest."""
 
     def __init__(self, stimuli: Stimuli) -> None:
         self._stimuli = stimuli
@@ -72,8 +72,8 @@ class _Scenes:
 class HeadlessPresenter:
     """Moves the tool along the scene's own trajectory in simulated time.
 
-    In simulated time a stimulus gives the same recording, to the bit, whenever it is presented; so
-    it is computed once, and each further presentation has a copy.
+    In simulated time a stimulus always gives the same recording to the bit, so it is computed once
+    and copied for each further presentation.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class HeadlessPresenter:
         self._before: dict[tuple[str, float], tuple[Path, PresentedInterval]] = {}
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
-        """Nothing needs to be."""
+        """Do nothing: scenes are made when they are presented."""
 
     def present(
         self,
@@ -98,7 +98,7 @@ class HeadlessPresenter:
         begun: Callable[[], None],
         done: Callable[[], bool],
     ) -> PresentedInterval:
-        """Run the scene; `done` is not asked, since nobody is there to be."""
+        """Run the scene to its end; `done` is ignored, as there is no participant."""
         del done
         begun()
         path, before = self._before.get((stimulus.name, seconds), (None, None))
@@ -113,28 +113,30 @@ class HeadlessPresenter:
             scene, recording, motion=motion, hand=self._hand,
             source=self._stimuli.source(stimulus),
         )  # fmt: skip
-        told = felt(recording, read_recording(recording), {"status": run.summary["status"]})
-        self._before[stimulus.name, seconds] = recording, told
-        return told
+        interval = presented_interval(
+            recording, read_recording(recording), {"status": run.summary["status"]}
+        )
+        self._before[stimulus.name, seconds] = recording, interval
+        return interval
 
     def drop(self) -> None:
-        """Nothing was made ready."""
+        """Do nothing: nothing was prepared."""
 
 
 class DevicePresenter:
-    """Lets a scene be felt through a device, by the servo loop.
+    """Renders scenes on a device with the servo loop.
 
-    All intervals of a trial are made ready before it begins, each a servo process of its own that
-    is held, its contact engine compiled and tried. So the pause between two intervals is as long as
-    the design says, and does not depend on the stimulus. Close it when done.
+    All intervals of a trial are prepared before it begins: each has a separate servo process that
+    waits, with its contact solver compiled and warmed up. So the pause between two intervals is
+    that of the design and does not depend on the stimulus. Call `close` at the end.
 
     Parameters
     ----------
     stimuli : Stimuli
     make_spec : callable
-        Returns what a servo process needs to know, of a scene and a duration [s].
+        Returns the specification of a servo process for a scene and a duration [s].
     on_servo : callable
-        Told of each loop when it ticks, and of None when it has ended: for whoever shows it.
+        Called with each servo loop when it starts, and with None when it has ended.
     """
 
     def __init__(
@@ -150,7 +152,7 @@ class DevicePresenter:
         self._ready: dict[Path, Future[Servo]] = {}
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
-        """Have servo processes made ready, one after the other, in the background."""
+        """Start servo processes one after the other in the background."""
         for stimulus, recording in wanted:
             self._ready[recording] = self._making.submit(self._made, stimulus, recording, seconds)
 
@@ -165,7 +167,7 @@ class DevicePresenter:
         """Run the loop until the time is over, or `done`."""
         if recording not in self._ready:
             self.prepare([(stimulus, recording)], seconds)
-        # All intervals of the trial: the pauses between them shall not depend on the making.
+        # Wait for all intervals of the trial, so that pauses do not depend on their preparation.
         for making in self._ready.values():
             making.result()
         with self._ready.pop(recording).result() as servo:
@@ -178,15 +180,15 @@ class DevicePresenter:
             finally:
                 self._on_servo(None)
             result = servo.finish()
-        told = {
+        loop_report = {
             "misses": result["timing"]["misses"], "fallbacks": result["timing"]["fallbacks"],
             "clamped": result["safety"]["clamped_force"], "recorder": result["recorder"]["error"],
             "ended": result["ended"],
         }  # fmt: skip
-        return felt(recording, read_recording(recording), told)
+        return presented_interval(recording, read_recording(recording), loop_report)
 
     def drop(self) -> None:
-        """End what was made ready; nothing of it was felt, so its recordings go."""
+        """End prepared processes and delete their recordings, which contain no exploration."""
         for recording, making in self._ready.items():
             if not making.cancel():
                 with suppress(AsperityError), making.result():
@@ -195,7 +197,7 @@ class DevicePresenter:
         self._ready.clear()
 
     def close(self) -> None:
-        """End everything."""
+        """End all processes."""
         self.drop()
         self._making.shutdown()
 
@@ -212,15 +214,19 @@ class DevicePresenter:
         return servo
 
 
-def felt(path: Path, recording: Recording, told: dict[str, Any]) -> PresentedInterval:
-    """Return what a recording says was felt."""
+def presented_interval(
+    path: Path, recording: Recording, loop_report: dict[str, Any]
+) -> PresentedInterval:
+    """Return the facts of a presented interval from its recording."""
     ticks = len(recording.time)
     seconds = float(recording.time[-1] - recording.time[0]) if ticks > 1 else 0.0
-    return PresentedInterval(path.name, ticks, seconds, measured(recording), told)
+    return PresentedInterval(
+        path.name, ticks, seconds, exploration_measures(recording), loop_report
+    )
 
 
-def measured(recording: Recording) -> dict[str, float]:
-    """Return measures of what the hand felt.
+def exploration_measures(recording: Recording) -> dict[str, float]:
+    """Return measures of the exploration of an interval.
 
     `band_rms` is the RMS of the force along the direction in which the handle mostly moved, in 20
     to 200 Hz, as the studies' metric takes it of the acceleration; `largest_force` the largest
@@ -245,7 +251,7 @@ def measured(recording: Recording) -> dict[str, float]:
 
 @contextmanager
 def private_files() -> Iterator[None]:
-    """Let files that are made in a block, by child processes too, be readable by the owner only."""
+    """Make files that are created in the block, also by child processes, private to the owner."""
     before = os.umask(0o077)
     try:
         yield

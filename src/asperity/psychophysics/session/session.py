@@ -1,15 +1,15 @@
-"""A session of an experiment: trial after trial, each answer on the disk before the next.
+"""A session of an experiment: each answer is on the disk before the next trial begins.
 
-What a session leaves in its folder:
+A session writes into its folder:
 
-    experiment.toml    the design, as it was
-    journal.jsonl      every event; the one file from which all else follows
+    experiment.toml    the design
+    journal.jsonl      every event; all other tables are derived from it
     answers.csv        a row for each answer
     trials.csv         a row for each interval that was presented
     recordings/        NUMBER-INTERVAL.h5: every tick of it
 
-With the same design, participant and session number it goes on where it was: the journal is read,
-each answer is given to the procedure again, and the trial that was not answered is presented anew.
+With the same design, participant and session number a session resumes: the journal is read, each
+answer is passed to the procedure again, and the unanswered trial is presented again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from asperity import __version__
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError, OutputError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.front import Front, Paused, Progress
+from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Paused, Progress
 from asperity.psychophysics.procedures.procedures import Procedure, procedure
 from asperity.psychophysics.session.journal import Journal
 from asperity.psychophysics.session.presenters import Presenter, private_files
@@ -46,17 +46,17 @@ _CHANGED = {
 
 @dataclass(frozen=True)
 class SessionOutcome:
-    """How a run of a session ended."""
+    """State of a session when `Session.run` returns."""
 
     folder: Path
     answers: int
     most: int
     complete: bool
-    """Whether there are no more trials."""
+    """Whether all trials are answered."""
 
 
 def participant_code(text: str) -> str:
-    """Return a participant's code, or refuse what may be more than one."""
+    """Return a participant's code, or raise if the text may identify a person."""
     if not _CODE.fullmatch(text):
         raise AsperityError(
             f"--participant must be a code of up to 32 letters, digits, - and _, such as P07, not "
@@ -72,7 +72,7 @@ class Session:
     ----------
     design : Design
     folder : Path
-        Of this session alone; made if need be. A session that is in it goes on.
+        Folder of this session only; created if missing. A session in it is resumed.
     participant : str
         A code.
     number : int
@@ -83,7 +83,7 @@ class Session:
     Raises
     ------
     AsperityError
-        There is another session in the folder, or the design or a stimulus has changed since.
+        The folder holds another session, or the design or a stimulus has changed.
     OutputError
         The folder holds something else, cannot be written, or is in use.
     """
@@ -103,41 +103,44 @@ class Session:
         self.answers = 0
         self._attempts: dict[int, int] = {}
         if folder.is_dir() and any(folder.iterdir()) and not (folder / "journal.jsonl").exists():
-            raise OutputError(f"{folder} holds something else than a session; give another --out")
-        marks = {
-            "design": design.mark, "scenes": design.check_scenes(),
+            raise OutputError(f"{folder} is not empty and holds no session; give another --out")
+        digests = {
+            "design": design.digest, "scenes": design.check_scenes(),
             "participant": participant, "session": number,
         }  # fmt: skip
         with private_files():
             self.journal = Journal(folder)
             try:
                 self.resumed = bool(self.journal.events)
-                self._begin(marks)
+                self._begin(digests)
             except BaseException:
                 self.journal.close()
                 raise
 
-    def _begin(self, marks: dict[str, Any]) -> None:
-        """Take up what is there, or begin."""
+    def _begin(self, digests: dict[str, Any]) -> None:
+        """Resume the session in the folder, or begin one."""
         events = self.journal.events
         if events:
-            self._resume(list(events), marks)
+            self._resume(list(events), digests)
             self.journal.append("resume", time=self._time(), version=__version__)
         else:
             self.journal.append(
-                "begin", schema=SCHEMA, time=self._time(), version=__version__, **marks,
+                "begin", schema=SCHEMA, time=self._time(), version=__version__, **digests,
                 document=self.design.document, method=self.design.method,
             )  # fmt: skip
         (self.folder / RECORDINGS).mkdir(mode=0o700, exist_ok=True)
         write_whole(self.folder / "experiment.toml", write_toml(self.design.document))
         write_tables(self.journal.events, self.folder)
 
-    def _resume(self, events: list[dict[str, Any]], marks: dict[str, Any]) -> None:
+    def _resume(self, events: list[dict[str, Any]], digests: dict[str, Any]) -> None:
         begin = events[0]
         if begin["event"] != "begin" or begin["schema"] != SCHEMA:
-            raise AsperityError(f"{self.journal.path} does not begin as a session of this version")
-        for name, mark in marks.items():
-            if begin[name] != mark:
+            raise AsperityError(
+                f"{self.journal.path} is not the journal of a session of "
+                f"this version (schema {SCHEMA})"
+            )
+        for name, digest in digests.items():
+            if begin[name] != digest:
                 raise AsperityError(
                     f"{self.folder} holds a session that began with another state of "
                     f"{_CHANGED[name]}; put it back as it was, or give another --out or --session"
@@ -147,7 +150,7 @@ class Session:
                 number = event["trial"]["number"]
                 self._attempts[number] = self._attempts.get(number, 0) + 1
             elif event["event"] == "answer":
-                trial = Trial.from_plain(event["trial"])
+                trial = Trial.from_json(event["trial"])
                 if self.procedure.next() != trial:
                     raise AsperityError(
                         f"{self.folder}: trial {trial.number} would be another one now than in the "
@@ -158,28 +161,32 @@ class Session:
 
     @property
     def progress(self) -> Progress:
-        """How far it is."""
+        """Progress of the session."""
         return Progress(self.answers, self.procedure.most, self.resumed)
 
     def run(
-        self, presenter: Presenter, front: Front, *, sleep: Callable[[float], None] = time.sleep
+        self,
+        presenter: Presenter,
+        interface: ParticipantInterface,
+        *,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> SessionOutcome:
-        """Go through the trials that are left, or until the front end wants to pause.
+        """Run the remaining trials, or until the participant pauses.
 
         Parameters
         ----------
         presenter : Presenter
-        front : Front
+        interface : ParticipantInterface
         sleep : callable
-            Lets time go by between intervals [s].
+            Waits between intervals [s].
         """
         with private_files():
             try:
                 trial = self.procedure.next()
                 if trial is not None:
-                    front.welcome(self.design, self.progress)
+                    interface.welcome(self.design, self.progress)
                 while trial is not None:
-                    self.do(trial, presenter, front, sleep)
+                    self.do(trial, presenter, interface, sleep)
                     trial = self.procedure.next()
             except Paused:
                 self.journal.append("pause", time=self._time())
@@ -188,72 +195,81 @@ class Session:
                 presenter.drop()
         if self.journal.events[-1]["event"] != "end":
             self.journal.append("end", time=self._time(), answers=self.answers)
-        front.over(f"That was the last of {self.answers} trials. Thank you.")
+        interface.over(f"That was the last of {self.answers} trials. Thank you.")
         return SessionOutcome(self.folder, self.answers, self.answers, True)
 
     def do(
-        self, trial: Trial, presenter: Presenter, front: Front, sleep: Callable[[float], None]
+        self,
+        trial: Trial,
+        presenter: Presenter,
+        interface: ParticipantInterface,
+        sleep: Callable[[float], None],
     ) -> None:
-        """Present a trial, ask, keep the answer, and go on."""
+        """Present a trial, ask, and store the answer."""
         attempt = self._attempts.get(trial.number, 0) + 1
         wanted = [
             (stimulus, self.folder / RECORDINGS / recording_name(trial.number, i, attempt))
             for i, stimulus in enumerate(trial.stimuli, 1)
         ]
         for _, recording in wanted:
-            # Of a trial that was made ready and never began: the journal does not know of it.
+            # Left by a trial that was prepared but never began; the journal does not contain it.
             recording.unlink(missing_ok=True)
         presenter.prepare(wanted, self.design.presentation.seconds)
-        front.ready(trial, self.progress)
-        self.journal.append("trial", time=self._time(), trial=trial.plain(), attempt=attempt)
+        interface.ready(trial, self.progress)
+        self.journal.append("trial", time=self._time(), trial=trial.to_json(), attempt=attempt)
         self._attempts[trial.number] = attempt
         felt = []
         for interval, (stimulus, recording) in enumerate(wanted, 1):
             if interval > 1:
                 sleep(self.design.presentation.pause)
-            felt.append(self._present(stimulus, recording, interval, presenter, front))
-        answer, seconds = self._asked(trial, felt, front)
+            felt.append(self._present(stimulus, recording, interval, presenter, interface))
+        answer, seconds = self._asked(trial, felt, interface)
         right = trial.is_right(answer)
         self.journal.append(
-            "answer", time=self._time(), trial=trial.plain(), attempt=attempt, answer=answer,
-            right=right, response_seconds=round(seconds, 4), by=front.kind,
-            intervals=[interval.plain() for interval in felt],
+            "answer", time=self._time(), trial=trial.to_json(), attempt=attempt, answer=answer,
+            right=right, response_seconds=round(seconds, 4), by=interface.kind,
+            intervals=[interval.to_json() for interval in felt],
         )  # fmt: skip
         # From here on the answer is on the disk.
         self.procedure.answer(trial, answer)
         self.answers += 1
         write_tables(self.journal.events, self.folder)
         if right is not None and getattr(self.design.settings, "feedback", False):
-            front.feedback(right)
+            interface.feedback(right)
 
     def _present(
-        self, stimulus: Stimulus, recording: Path, interval: int, presenter: Presenter, front: Front
+        self,
+        stimulus: Stimulus,
+        recording: Path,
+        interval: int,
+        presenter: Presenter,
+        interface: ParticipantInterface,
     ) -> PresentedInterval:
         felt = presenter.present(
             stimulus, recording, self.design.presentation.seconds,
-            lambda: front.begun(interval),
-            front.done if self.design.presentation.self_paced else lambda: False,
+            lambda: interface.begun(interval),
+            interface.done if self.design.presentation.self_paced else lambda: False,
         )  # fmt: skip
-        front.ended(interval)
+        interface.ended(interval)
         return felt
 
     def _asked(
-        self, trial: Trial, felt: list[PresentedInterval], front: Front
+        self, trial: Trial, felt: list[PresentedInterval], interface: ParticipantInterface
     ) -> tuple[Any, float]:
         spent = 0.0
         while True:
-            reply = front.ask(trial, felt)
+            reply = interface.ask(trial, felt)
             spent += reply.seconds
             try:
-                return trial.checked(reply.answer), spent
+                return trial.parse_answer(reply.answer), spent
             except AsperityError as error:
-                front.refuse(str(error))
+                interface.refuse(str(error))
 
     def _time(self) -> str:
         return self._now().isoformat(timespec="milliseconds")
 
     def close(self) -> None:
-        """Let go of the journal."""
+        """Close the journal."""
         self.journal.close()
 
     def __enter__(self) -> Session:

@@ -1,4 +1,4 @@
-"""Answers and trials as tidy tables: CSV, derived from the journal and never read back."""
+"""Answers and intervals as tidy CSV tables, written from the journal and never read back."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 from asperity._core.output import write_whole
 
-ANSWERS = (
+ANSWER_COLUMNS = (
     "participant", "session", "trial", "block", "practice", "track", "level", "intensity",
     "right_interval", "answer", "right", "response_seconds", "answered_at", "answered_by",
     "attempt",
 )  # fmt: skip
-TRIALS = (
+INTERVAL_COLUMNS = (
     "participant", "session", "trial", "block", "practice", "interval", "stimulus", "value",
     "recording", "ticks", "seconds", "band_rms", "largest_force", "normal_force", "speed",
     "misses", "fallbacks", "attempt",
@@ -27,7 +27,7 @@ def answers_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for event in _of(events, "answer"):
         trial, answer = event["trial"], event["answer"]
         rows.append(
-            _told(begin, trial) | {
+            _common_columns(begin, trial) | {
                 "track": trial["track"], "level": trial["level"], "intensity": trial["intensity"],
                 "right_interval": trial["right"],
                 "answer": " ".join(map(str, answer)) if isinstance(answer, list) else answer,
@@ -47,7 +47,7 @@ def trials_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
         pairs = zip(trial["stimuli"], event["intervals"], strict=True)
         for number, (stimulus, interval) in enumerate(pairs, 1):
             rows.append(
-                _told(begin, trial) | {
+                _common_columns(begin, trial) | {
                     "interval": number, "stimulus": stimulus["name"], "value": stimulus["value"],
                     "recording": f"recordings/{interval['recording']}",
                     "ticks": interval["ticks"], "seconds": interval["seconds"],
@@ -60,13 +60,13 @@ def trials_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def write_tables(events: list[dict[str, Any]], folder: Path) -> None:
-    """Write `answers.csv` and `trials.csv`, each whole."""
-    write_whole(folder / "answers.csv", as_csv(ANSWERS, answers_table(events)))
-    write_whole(folder / "trials.csv", as_csv(TRIALS, trials_table(events)))
+    """Write `answers.csv` and `trials.csv`, each atomically."""
+    write_whole(folder / "answers.csv", as_csv(ANSWER_COLUMNS, answers_table(events)))
+    write_whole(folder / "trials.csv", as_csv(INTERVAL_COLUMNS, trials_table(events)))
 
 
 def as_csv(columns: tuple[str, ...], rows: list[dict[str, Any]]) -> str:
-    """Return rows as CSV; what is not there is empty."""
+    """Return rows as CSV; missing values are empty."""
     out = io.StringIO()
     writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
     writer.writeheader()
@@ -78,7 +78,7 @@ def _begin(events: list[dict[str, Any]]) -> dict[str, Any]:
     return {"participant": events[0]["participant"], "session": events[0]["session"]}
 
 
-def _told(begin: dict[str, Any], trial: dict[str, Any]) -> dict[str, Any]:
+def _common_columns(begin: dict[str, Any], trial: dict[str, Any]) -> dict[str, Any]:
     return begin | {
         "trial": trial["number"], "block": trial["block"], "practice": int(trial["block"] == 0),
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""A trial: what is presented in it, and what may be answered."""
+"""A trial: its stimuli, the valid answers, and the presented intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asperity.errors import AsperityError
 from asperity.psychophysics.stimuli import Stimulus
 
 Answer = float | int | list[int]
-"""A number above 0; an interval, from 1; or intervals in order, the one with most first."""
+"""A number above 0; an interval, from 1; or a ranking of intervals, largest first."""
 
 
 @dataclass(frozen=True)
@@ -23,17 +23,17 @@ class Trial:
     number : int
         From 1.
     kind : {"number", "choice", "order"}
-        What is answered.
+        Kind of answer.
     stimuli : tuple of Stimulus
         One for each interval.
     block : int
-        From 1; 0 of practice.
+        Counted from 1; 0 for practice.
     level, intensity : float, optional
-        Of a forced choice: how far the comparison is from the standard, and that on its scale.
+        In a forced choice, the level of the comparison, and the same on the intensity scale.
     right : int, optional
-        The interval, from 1, that has more of what is asked for.
+        The interval, from 1, that is the correct answer.
     track : int, optional
-        Which of the interleaved staircases it belongs to, from 1.
+        Interleaved staircase to which it belongs, from 1.
     """
 
     number: int
@@ -47,30 +47,30 @@ class Trial:
 
     @property
     def practice(self) -> bool:
-        """Whether it is left out of the analysis."""
+        """Whether it is a practice trial, left out of the analysis."""
         return self.block == 0
 
-    def plain(self) -> dict[str, Any]:
-        """Return it for JSON."""
+    def to_json(self) -> dict[str, Any]:
+        """Return a dict of JSON values."""
         return {
             "number": self.number, "kind": self.kind, "block": self.block, "level": self.level,
             "intensity": self.intensity, "right": self.right, "track": self.track,
-            "stimuli": [stimulus.plain() for stimulus in self.stimuli],
+            "stimuli": [stimulus.to_json() for stimulus in self.stimuli],
         }  # fmt: skip
 
     @staticmethod
-    def from_plain(told: Mapping[str, Any]) -> Trial:
-        """Return a trial as `plain` told it."""
-        stimuli = tuple(Stimulus(s["name"], s["value"]) for s in told["stimuli"])
-        return Trial(**{**told, "stimuli": stimuli})
+    def from_json(entry: Mapping[str, Any]) -> Trial:
+        """Return a trial from what `to_json` returned."""
+        stimuli = tuple(Stimulus(s["name"], s["value"]) for s in entry["stimuli"])
+        return Trial(**{**entry, "stimuli": stimuli})
 
-    def checked(self, answer: Any) -> Answer:
-        """Return an answer as it is kept, or refuse one that is none.
+    def parse_answer(self, answer: Any) -> Answer:
+        """Return a valid answer in the form that is stored, or raise.
 
         Raises
         ------
         AsperityError
-            One line that says what would be an answer; fit to be shown to the participant.
+            The answer is not valid. The message is one line for the participant.
         """
         count = len(self.stimuli)
         if self.kind == "number":
@@ -94,26 +94,26 @@ class Trial:
         return order
 
     def is_right(self, answer: Answer) -> bool | None:
-        """Return whether an answer is right, or None where there is no right one."""
+        """Return whether an answer is right, or None if there is no right answer."""
         return None if self.right is None else answer == self.right
 
 
 @dataclass(frozen=True)
 class PresentedInterval:
-    """What came of presenting one interval."""
+    """Facts of one presented interval."""
 
     recording: str
     """File, in the session's folder."""
     ticks: int
     seconds: float
     measures: Mapping[str, float] = field(default_factory=dict)
-    """Of what was felt, by name: see `presenters.measured`."""
-    told: Mapping[str, Any] = field(default_factory=dict)
-    """Of the loop: ticks missed, and the like."""
+    """Measures of the exploration, by name: see `presenters.exploration_measures`."""
+    loop_report: Mapping[str, Any] = field(default_factory=dict)
+    """Report of the servo loop: missed ticks, fallbacks, ..."""
 
-    def plain(self) -> dict[str, Any]:
-        """Return it for JSON."""
+    def to_json(self) -> dict[str, Any]:
+        """Return a dict of JSON values."""
         return {
             "recording": self.recording, "ticks": self.ticks, "seconds": self.seconds,
-            "measures": dict(self.measures), **self.told,
+            "measures": dict(self.measures), **self.loop_report,
         }  # fmt: skip

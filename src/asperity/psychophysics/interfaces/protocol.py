@@ -1,4 +1,4 @@
-"""Who stands before the participant: asks, is told, and says when."""
+"""The interface between a session and its participant, and a simulated one."""
 
 from __future__ import annotations
 
@@ -12,63 +12,63 @@ from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 
 class Paused(Exception):  # noqa: N818  (no error)
-    """The participant, or the experimenter, wants to go on another time."""
+    """The participant or the experimenter pauses the session."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a session is."""
+    """Progress of a session."""
 
     done: int
     """Trials answered."""
     most: int
-    """Trials there are at most; adaptive methods may end before."""
+    """Largest number of trials; adaptive methods may end earlier."""
     resumed: bool = False
 
 
 class Reply(NamedTuple):
-    """What was answered, unchecked, and how long it took from the question [s]."""
+    """An unchecked answer, and the response time from the question [s]."""
 
     answer: Any
     seconds: float
 
 
-class Front(Protocol):
-    """What a session asks of a front end. Any of these may raise `Paused`."""
+class ParticipantInterface(Protocol):
+    """Shows trials to a participant and returns the answers. Any method may raise `Paused`."""
 
     kind: str
-    """For the journal: who answered, by what."""
+    """Kind of interface, for the journal."""
 
     def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Show the instructions; return when the participant is ready."""
 
     def ready(self, trial: Trial, progress: Progress) -> None:
-        """Return when the participant wants the trial to begin."""
+        """Return when the participant starts the trial."""
 
     def begun(self, interval: int) -> None:
-        """Be told that an interval, from 1, can be felt now."""
+        """Show that an interval, counted from 1, has begun."""
 
     def done(self) -> bool:
-        """Return whether the participant has felt enough of the interval."""
+        """Return whether the participant wants to end the interval."""
 
     def ended(self, interval: int) -> None:
-        """Be told that an interval is over."""
+        """Show that an interval has ended."""
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
-        """Ask the question of a trial; return what was answered."""
+        """Ask the question of a trial; return the reply."""
 
     def refuse(self, why: str) -> None:
-        """Say why something was no answer; it is asked again."""
+        """Show why a reply is not a valid answer; `ask` is called again."""
 
     def feedback(self, right: bool) -> None:
-        """Say whether the answer was right."""
+        """Show whether the answer was right."""
 
-    def over(self, told: str) -> None:
-        """Say that the session is over."""
+    def over(self, message: str) -> None:
+        """Show that the session has ended."""
 
 
-class SimulatedFront:
-    """A simulated participant, who needs no asking twice."""
+class SimulatedInterface:
+    """A simulated participant, who answers at once."""
 
     kind = "simulated"
 
@@ -82,31 +82,31 @@ class SimulatedFront:
         )
 
     def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
-        """Say nothing."""
+        """Show nothing."""
 
     def ready(self, trial: Trial, progress: Progress) -> None:
         """Begin at once."""
 
     def begun(self, interval: int) -> None:
-        """Say nothing."""
+        """Show nothing."""
 
     def done(self) -> bool:
-        """Feel everything to its end."""
+        """Feel every interval to its end."""
         return False
 
     def ended(self, interval: int) -> None:
-        """Say nothing."""
+        """Show nothing."""
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
-        """Answer as the truth and the trial's number want it."""
+        """Return the simulated participant's answer."""
         return Reply(self._participant.answer(trial, felt), 0.0)
 
     def refuse(self, why: str) -> None:
-        """Never happens; a loop without end would be worse."""
-        raise AssertionError(f"a simulated participant was refused: {why}")
+        """Fail: a simulated answer is always valid, and asking again would never end."""
+        raise AssertionError(f"the answer of a simulated participant was refused: {why}")
 
     def feedback(self, right: bool) -> None:
-        """Learn nothing."""
+        """Ignore the feedback."""
 
-    def over(self, told: str) -> None:
-        """Say nothing."""
+    def over(self, message: str) -> None:
+        """Show nothing."""
