@@ -235,7 +235,7 @@ def test_the_page_asks(in_page, tmp_path):
         told[1].split(", ")[1][:12],
     ]
     assert desk.stage == "over"
-    with pytest.raises(AsperityError, match="nothing can be changed"):
+    with pytest.raises(AsperityError, match="settings cannot be changed"):
         link.change(stiffness=100.0)
 
 

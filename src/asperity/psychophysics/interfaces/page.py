@@ -51,14 +51,14 @@ class TrialClient(ServoClient):
 
     Parameters
     ----------
-    choice : Choice
+    config : SessionConfig
         Device and rate; its scene is shown first.
     show : bool
         Whether the scene of each interval is shown.
     """
 
-    def __init__(self, choice: SessionConfig, *, show: bool = False) -> None:
-        super().__init__(choice)
+    def __init__(self, config: SessionConfig, *, show: bool = False) -> None:
+        super().__init__(config)
         self.state = "ended"
         self._show = show
 
@@ -70,8 +70,8 @@ class TrialClient(ServoClient):
 
     def spec(self, scene: Scene, seconds: float) -> ServoSpec:
         """Return the specification of the servo process of an interval."""
-        choice = replace(self.config, scene=scene, seconds=seconds)
-        return choice.spec(self._folder / "pointed")
+        config = replace(self.config, scene=scene, seconds=seconds)
+        return config.spec(self._folder / "pointed")
 
     def feel(self, servo: Servo | None) -> None:
         """Follow another loop, or none."""
@@ -323,7 +323,7 @@ class PageInterface:
                 raise Paused
 
 
-def panels(desk: ParticipantPanel, choice: SessionConfig, *, show: bool) -> list[Panel]:
+def panels(desk: ParticipantPanel, config: SessionConfig, *, show: bool) -> list[Panel]:
     """Return the panels of the page: the scene, the participant's panel, and mouse control."""
     stage = SceneView() if show else SmoothSceneView()
-    return [stage, desk, *([MousePanel()] if choice.is_mouse else [])]
+    return [stage, desk, *([MousePanel()] if config.is_mouse else [])]
