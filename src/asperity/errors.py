@@ -1,4 +1,4 @@
-"""What asperity raises when its input is wrong: one line that names the value and what is valid."""
+"""Errors for invalid input; messages are one line that names the value and what would be valid."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class SurfaceError(AsperityError):
 
 
 class OutputError(AsperityError):
-    """A result that cannot be written where it was asked for."""
+    """A result that cannot be written to the requested place."""
 
 
 def require_positive(name: str, value: float, unit: str = "") -> float:

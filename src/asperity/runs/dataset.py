@@ -107,12 +107,12 @@ def dataset_of(variables: Mapping[str, NDArray[Any]], attributes: Mapping[str, A
     """
     import xarray as xr
 
-    told = described()
+    text = described()
     raw = xr.Dataset(
         {
-            name: (told[name][0], values, told[name][1])
+            name: (text[name][0], values, text[name][1])
             for name, values in variables.items()
-            if name in told
+            if name in text
         },
         coords={"time": ("time", variables["time"], {"units": "s"})},
         attrs=dict(attributes),
@@ -125,7 +125,7 @@ def _split(raw: xr.Dataset) -> xr.Dataset:
     import xarray as xr
 
     parts: dict[str, Any] = {}
-    for name, (whole, first, dim, units, told) in _SPLIT.items():
+    for name, (whole, first, dim, units, text) in _SPLIT.items():
         along = raw[whole].dims[1]
         count = len(_AXES if dim == "axis" else _PARTS)
         part = (
@@ -133,7 +133,7 @@ def _split(raw: xr.Dataset) -> xr.Dataset:
             .isel({along: slice(first, first + count)})
             .drop_vars([along], errors="ignore")
         )
-        parts[name] = part.rename({along: dim}).assign_attrs(units=units, long_name=told)
+        parts[name] = part.rename({along: dim}).assign_attrs(units=units, long_name=text)
         if dim == "axis":
             parts[name].attrs["frame"] = "world"
     for name in _WHOLE:

@@ -95,7 +95,7 @@ def is_prescribed(data: xr.Dataset) -> bool:
 def sound_of(shown: Traces, *, rate: int = 44100, source: str = "") -> Sound:
     """Return the acceleration of the tool as sound: its three axes in one wave (DFT321).
 
-    The loudest sample stands 1 dB below full scale; `Sound.gain` says what full scale stands for.
+    The loudest sample stands 1 dB below full scale; `Sound.gain` is the acceleration at full scale.
     A loop of 1 kHz knows nothing above 500 Hz, and nothing is made up there.
 
     Parameters

@@ -79,7 +79,7 @@ class RecordingWriter:
     attributes : mapping
         Texts and numbers to keep with it: scene, tick, and the like.
     clock : callable
-        Says when half a second has gone by [s].
+        Monotonic time [s], which determines when to flush.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class RecordingWriter:
             self._flush()
 
     def close(self) -> None:
-        """Write what is left and close the file."""
+        """Write the remaining rows and close the file."""
         if self._file:
             self._write()
             self._file.close()
@@ -158,10 +158,10 @@ def described() -> dict[str, tuple[tuple[str, ...], dict[str, Any]]]:
     """Return the dimensions and the attributes of each variable but time."""
     masks = np.array(list(FLAGS), dtype=np.int32)
     # As the CF conventions say it.
-    meanings = " ".join(told.replace(",", "").replace(" ", "_") for told in FLAGS.values())
+    meanings = " ".join(text.replace(",", "").replace(" ", "_") for text in FLAGS.values())
     out: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
-        name: (dims, {"units": units, "long_name": told})
-        for name, (dims, _, units, told) in _VARIABLES.items()
+        name: (dims, {"units": units, "long_name": text})
+        for name, (dims, _, units, text) in _VARIABLES.items()
     }
     out["flags"][1].update({"flag_masks": masks, "flag_meanings": meanings})
     return out
@@ -239,7 +239,7 @@ def read_recording(path: str | Path) -> Recording:
 
 
 def read_attributes(path: Path) -> dict[str, Any]:
-    """Return what a recording says of itself."""
+    """Return the attributes of a recording."""
     with _opened(path) as file:
         return {key: _plain(value) for key, value in file.attrs.items()}
 
@@ -270,13 +270,14 @@ def _opened(path: Path) -> Iterator[Any]:
                 name for name in ("time", *_VARIABLES) if name not in file and name not in _LATER
             ]
             if schema != SCHEMA or missing:
-                told = f"no {missing[0]}" if missing else f"schema {schema!r}, valid: {SCHEMA}"
-                raise AsperityError(f"{path} is no recording of asperity's: {told}")
+                reason = f"no {missing[0]}" if missing else f"schema {schema!r}, valid: {SCHEMA}"
+                raise AsperityError(f"{path} is no recording of asperity's: {reason}")
             yield file
     except OSError as error:
         if error.errno in (errno.EAGAIN, errno.EACCES) and os.access(path, os.R_OK):
-            told = "it is still being written; stop the recording first"
-            raise AsperityError(f"{path} cannot be read yet: {told}") from None
+            raise AsperityError(
+                f"{path} cannot be read yet: it is still being written; stop the recording first"
+            ) from None
         reason = " ".join(str(error).split())
         raise AsperityError(f"{path} cannot be read as HDF5: {reason}") from None
 

@@ -22,9 +22,9 @@ from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
 
 Array = NDArray[np.float64]
 HEADING = 0.1
-"""The direction of motion is that of the mean velocity over so long [s]; ours."""
+"""The direction of motion is that of the mean velocity over this time [s]."""
 STANDING = 1e-3
-"""Slower than this [m/s] a tool goes nowhere, and has no direction of motion; ours."""
+"""Slower than this [m/s] a tool goes nowhere, and has no direction of motion."""
 
 
 def last_run(time: Array) -> int:
@@ -163,10 +163,10 @@ def roughness(
 ) -> Roughness:
     """Return the studies' metrics of vibration over a stretch of a tool's motion.
 
-    The studies move a hand along a line at an even speed, with an even force, over one texture.
-    Here the tool goes as it is led: the numbers are comparable with those of a study only as far
-    as it does the same. Nobody's judgement of roughness went into either metric; see
-    `perception.metrics`.
+    The studies move a hand in one dimension, at constant speed and force, over one texture. The
+    motion here is arbitrary, so the numbers are comparable with those of a study only as far as it
+    is similar. Neither metric was derived from judgements of roughness; see
+    `runs.vibration_metrics`.
 
     Parameters
     ----------

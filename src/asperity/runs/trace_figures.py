@@ -13,7 +13,7 @@ from asperity.runs.vibration_metrics import DEFAULT_BAND
 
 _DPI = 160
 _POINTS = 4000
-"""So many points of a line can be told apart on paper; of longer records, extremes are drawn."""
+"""So many points of a line can be distinguished on paper; of longer records, extremes are drawn."""
 
 
 def traces_figure(traces: Traces, title: str) -> Figure:

@@ -21,7 +21,7 @@ from asperity.dynamics.dragged_hand.hand import Motion, MotionStatus
 from asperity.errors import AsperityError, require_choice
 
 DEFAULT_BAND = (20.0, 200.0)
-"""[Hz]; ours, see the module's docstring."""
+"""[Hz]; see the module's docstring."""
 
 
 class Metric(NamedTuple):
@@ -128,7 +128,7 @@ def threshold_weighted_power(
     """Return `sum (A_f / (reference 10^(T/20)))^2` of the amplitudes of u''.
 
     The curve is relative; an acceleration amplitude of `reference` [m/s^2] at a frequency where
-    T is 0 dB counts 1. The default, 1 m/s^2, is ours, and changes no order and no place of a
+    T is 0 dB counts 1. The default, 1 m/s^2, is a choice that changes no order and no place of a
     peak.
     """
     weight = 10.0 ** (-detection_threshold_db(frequencies) / 20.0) / reference

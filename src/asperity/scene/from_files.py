@@ -1,7 +1,7 @@
 """A scene of two meshes and two textures, straight from files: `make_scene`.
 
-What files do not say is chosen here, and told in the scene's notes: how high an image's relief
-is, how far it reaches, where the tool begins and how it moves. All such numbers are ours.
+What files do not say is chosen here and reported in the scene's notes: how high an image's relief
+is, how far it reaches, where the tool starts and how it moves. These numbers are project defaults.
 """
 
 from __future__ import annotations
@@ -144,8 +144,8 @@ def make_scene(
     reach = [max(b.texture.highest, 0.0) for b in scene.bodies if b.texture is not None]
     place[2] += sum(reach) + _CLEARANCE
     scene = scene_of(_xml(name, parts, place), document, name=name)
-    told = tuple(f"{key}: {note}" for key, part in parts.items() for note in part.notes)
-    return replace(scene, notes=(*told, *scene.notes))
+    notes = tuple(f"{key}: {note}" for key, part in parts.items() for note in part.notes)
+    return replace(scene, notes=(*notes, *scene.notes))
 
 
 def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
@@ -164,11 +164,11 @@ def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
     body: dict[str, Any] = {"mesh": table}
     if texture is not None:
         key = f"{which}_texture"
-        told = _table(key, texture)
-        mesh = _with_mapping(told, table, mesh, key, notes)
-        if "file" in told:
-            _scale(told, mesh, key, notes)
-        body["texture"] = told
+        laid = _table(key, texture)
+        mesh = _with_mapping(laid, table, mesh, key, notes)
+        if "file" in laid:
+            _scale(laid, mesh, key, notes)
+        body["texture"] = laid
     return _Part(mesh, body_pieces(table, which, mesh), body, tuple(notes))
 
 
@@ -244,16 +244,16 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = float(np.linalg.norm(high - low))
 
-    def told(values: Any) -> str:
+    def numbers(values: Any) -> str:
         return " ".join(f"{value:.9g}" for value in values)
 
     return _XML.format(
         name=name.replace("&", "and").replace('"', "").replace("<", ""),
         extent=extent,
-        centre=told(0.5 * (low + high)),
-        light=told(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
+        centre=numbers(0.5 * (low + high)),
+        light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
         assets="\n".join(mesh_assets(key, part.mesh, part.pieces) for key, part in parts.items()),
-        tool_pos=told(place),
+        tool_pos=numbers(place),
         **{
             f"{key}_geoms": mesh_geoms(
                 key,
@@ -272,7 +272,7 @@ def _image_shape(path: Path) -> tuple[int, int]:
         rows, columns = read_pixels(path)[0].shape[:2]
     except AsperityError:
         raise
-    except Exception as error:  # every format's reader has errors of its own
+    except Exception as error:  # every format's reader raises different errors
         line = " ".join(str(error).split())[:200]
         raise AsperityError(f"{path}: cannot be read: {line}") from None
     return int(rows), int(columns)

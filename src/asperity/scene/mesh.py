@@ -33,7 +33,7 @@ MESHES: dict[str, Callable[..., Shape]] = {
 }
 """All makers of meshes by name, as scenes name them."""
 SMOOTH_UP_TO = 30.0
-"""Edges of a plain MuJoCo mesh that bend more are hard [degrees]; ours."""
+"""Edges of a plain MuJoCo mesh that bend more are hard [degrees]."""
 _ALIKE = 0.25
 """By how much, in diagonals of the mesh, it and its pieces may be apart."""
 _LARGER = 3.0
@@ -54,7 +54,7 @@ def geoms_mesh(
     geoms : sequence of (int, Geom)
         Its geoms and their numbers in the model.
     table : mapping
-        What `scene.toml` says of its mesh.
+        Its mesh table in `scene.toml`.
     key : str
         The table's dotted key.
     folder : Path or None
@@ -66,7 +66,7 @@ def geoms_mesh(
     if simple:
         raise AsperityError(
             f"{key if table else f'body {name!r}'}: the geoms of a body with a mesh are all of "
-            f"type mesh, but scene.xml has a {simple[0]}; put it into a body of its own"
+            f"type mesh, but scene.xml has a {simple[0]}; put it into a separate body"
         )
     mesh = body_mesh(table, key, folder)
     if mesh is None:
@@ -224,13 +224,13 @@ def check_pieces(mesh: Mesh, geoms: Sequence[Geom], key: str) -> None:
         of_mesh[1] < of_pieces[1] + slack
     ).all()
     if not covered or np.linalg.norm(of_pieces[1] - of_pieces[0]) > _LARGER * diagonal:
-        told = [
+        boxes = [
             f"({', '.join(f'{1e3 * x:.4g}' for x in low)}) to "
             f"({', '.join(f'{1e3 * x:.4g}' for x in high)}) mm"
             for low, high in (of_mesh, of_pieces)
         ]
         raise AsperityError(
-            f"{key}: the mesh reaches from {told[0]}, but the geoms of scene.xml from {told[1]}; "
+            f"{key}: the mesh reaches from {boxes[0]}, but the geoms of scene.xml from {boxes[1]}; "
             "they must be one body in one frame (is the unit right?)"
         )
 

@@ -37,7 +37,7 @@ def explore(
     Parameters
     ----------
     scene : Scene
-        Its own motion says where and along which line.
+        Its own motion defines the start and the line.
     speeds, forces : sequence of float
         [m/s], and pressed with at the start [N].
     rate : float
@@ -84,7 +84,7 @@ def explore(
 
 
 def _steady(whole: Exploration, run: Rollout, speed: float) -> Exploration:
-    """Return the longest stretch at the speed that was asked for."""
+    """Return the longest stretch at the requested speed."""
     velocity = np.linalg.norm(
         np.gradient(run.tool_pose[:, :3], run.time[1] - run.time[0], axis=0)[:, :2], axis=1
     )

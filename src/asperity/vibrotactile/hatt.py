@@ -2,7 +2,7 @@
 
 Culbertson, Lopez Delgado & Kuchenbecker (2014), "One hundred data-driven haptic texture models and
 open-source methods for rendering on 3D objects". Their files may be used for non-profit research
-and not be passed on, so none comes with asperity. `docs/vibration.md` says what of the format a
+and not be passed on, so none comes with asperity. `docs/vibration.md` lists what of the format a
 source confirms. A file is data: document types, and so entities, are refused.
 """
 
@@ -35,7 +35,7 @@ def read_hatt(path: str | Path) -> TextureModel:
     Raises
     ------
     AsperityError
-        There is no such file, or it is no such model: one line says what is wrong and where.
+        There is no such file, or it is no such model; the message names what is wrong and where.
     """
     path = Path(path)
     if not path.is_file():
@@ -86,9 +86,9 @@ def _parsed(path: Path) -> Element:
 
 def _model(root: Element, stem: str) -> TextureModel:
     for tag, unit in _UNITS.items():
-        told = root.findtext(tag)
-        if told is not None and told.strip() != unit:
-            raise AsperityError(f"<{tag}> is {told.strip()!r}; valid: {unit!r}")
+        text = root.findtext(tag)
+        if text is not None and text.strip() != unit:
+            raise AsperityError(f"<{tag}> is {text.strip()!r}; valid: {unit!r}")
     n = _count(root, "numMod", 3, MOST_MODELS)
     p = _count(root, "numARCoeff", 1, HIGHEST_ORDER)
     q = _count(root, "numMACoeff", 0, HIGHEST_ORDER, default=0)
@@ -97,7 +97,7 @@ def _model(root: Element, stem: str) -> TextureModel:
     triangles = _triangles(root, n)
     models = root.findall("model")
     if len(models) != n:
-        raise AsperityError(f"{len(models)} <model> where <numMod> says {n}")
+        raise AsperityError(f"{len(models)} <model> where <numMod> is {n}")
     ar, ma = np.empty((n, p)), np.empty((n, q))
     variance, gain = np.empty(n), np.ones(n)
     for i, model in enumerate(models):
@@ -110,7 +110,7 @@ def _model(root: Element, stem: str) -> TextureModel:
         for tag, listed in (("speedMod", speeds[i] * 1e3), ("forceMod", forces[i])):
             own = _number(model, tag, where)
             if abs(own - listed) > 1e-5 * max(1.0, abs(listed)):
-                raise AsperityError(f"{where}<{tag}> is {own:g}, but its list says {listed:g}")
+                raise AsperityError(f"{where}<{tag}> is {own:g}, but its list has {listed:g}")
     return TextureModel(
         name=(root.findtext("material") or stem).strip() or stem,
         rate=_number(root, "SampleRate"), speeds=speeds, forces=forces, ar=ar, ma=ma, gain=gain,
@@ -163,9 +163,9 @@ def _values(parent: Element, tag: str, count: int, where: str = "") -> Array:
 def _triangles(root: Element, n: int) -> NDArray[np.int64] | None:
     """Return the triangles, counted from 0, or None where the file has none."""
     found = root.findall("tri")
-    told = _number(root, "numTri", default=float(len(found)))
-    if told != len(found):
-        raise AsperityError(f"{len(found)} <tri> where <numTri> says {told:g}")
+    count = _number(root, "numTri", default=float(len(found)))
+    if count != len(found):
+        raise AsperityError(f"{len(found)} <tri> where <numTri> is {count:g}")
     out = np.empty((len(found), 3), np.int64)
     for i, tri in enumerate(found):
         values = [value.text or "" for value in tri.findall("value")]

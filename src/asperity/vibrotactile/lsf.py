@@ -30,7 +30,7 @@ def frequencies_of(coefficients: ArrayLike) -> Array:
     Raises
     ------
     AsperityError
-        The filter is not stable, or so nearly unstable that the frequencies cannot be told apart.
+        The filter is not stable, or so nearly unstable that the frequencies cannot be separated.
     """
     a = np.asarray(coefficients, dtype=np.float64)
     order = a.size - 1

@@ -112,16 +112,16 @@ class TextureModel:
                     f"model {worst + 1}: {name} must be 0 or above, "
                     f"got {getattr(self, name)[worst]:g}"
                 )
-        for name, told in (("ar", "AR"), ("ma", "MA")):
+        for name, kind in (("ar", "AR"), ("ma", "MA")):
             values = getattr(self, name)
             if values.shape[1] > HIGHEST_ORDER:
                 raise AsperityError(
-                    f"{values.shape[1]} {told} coefficients; valid: {HIGHEST_ORDER} at most"
+                    f"{values.shape[1]} {kind} coefficients; valid: {HIGHEST_ORDER} at most"
                 )
             for i, row in enumerate(values):
                 if not are_stable(row):
                     raise AsperityError(
-                        f"model {i + 1}: {told} line spectral frequencies must increase strictly "
+                        f"model {i + 1}: {kind} line spectral frequencies must increase strictly "
                         "between 0 and pi, or the filter is not stable"
                     )
 

@@ -8,7 +8,10 @@ shortest description,
 
 They search it with a genetic algorithm, and the orders with it. Here (asperity's own) one order
 serves for all stretches, as mixing them wants in the end, log m is left out, cuts fall on a grid
-of blocks, and dynamic programming finds the very best such cut, the same at every run.
+of blocks, and dynamic programming finds the best such cut, the same at every run.
+
+The package ruptures is not used: it evaluates a custom cost one segment at a time, where this
+module evaluates all candidate starts at once, and it has no longest segment.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,7 +11,7 @@ from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 from asperity.vibrotactile.lsf import fill_coefficients
 from asperity.vibrotactile.model import TextureModel
-from asperity.vibrotactile.triangles import weigh
+from asperity.vibrotactile.triangles import Triangulation, weigh
 
 Array = NDArray[np.float64]
 
@@ -57,16 +59,53 @@ class Synthesiser:
             raise AsperityError("speeds and forces must be finite numbers")
         model, out = self.model, np.empty(v.size)
         noise = self._noise.standard_normal(v.size)
+        filters = FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain)
         self._triangle = synthesise(
-            model.mesh, model.ar, model.ma, model.variance, model.gain, v, f, noise,
-            self._out, self._in, self._triangle, out,
-        )  # fmt: skip
+            filters, Drive(v, f, noise), History(self._out, self._in), self._triangle, out
+        )
         return out
 
 
+class FilterBank(NamedTuple):
+    """The filters of a `TextureModel`, whose fields these are."""
+
+    mesh: Triangulation
+    ar: Array
+    ma: Array
+    variance: Array
+    gain: Array
+
+
+class Drive(NamedTuple):
+    """Input of the filters at n samples, (n,) each."""
+
+    speeds: Array
+    """[m/s]"""
+    forces: Array
+    """[N]"""
+    noise: Array
+    """White, of variance 1."""
+
+
+class History(NamedTuple):
+    """Last samples, the newest first; changed in place."""
+
+    outputs: Array
+    """(p,) [m/s^2]"""
+    excitations: Array
+    """(q,) [m/s^2]"""
+
+
 @kernel
-def synthesise(mesh, ar, ma, variance, gain, speeds, forces, noise, before, excited, triangle, out):
-    """Fill `out`; keep the last outputs and excitations; return the last triangle."""
+def synthesise(filters, drive, history, triangle, out):
+    """Fill samples (n,) [m/s^2]; return the triangle of the last one.
+
+    `filters` is a `FilterBank`, `drive` a `Drive`, `history` a `History`; `triangle` is where the
+    search for the first sample's triangle starts.
+    """
+    mesh, ar, ma, variance, gain = filters
+    speeds, forces, noise = drive
+    before, excited = history
     p, q = ar.shape[1], ma.shape[1]
     a, b = np.empty(p + 1), np.empty(q + 1)
     mixed_a, mixed_b = np.empty(p), np.empty(q)
