@@ -9,7 +9,8 @@ OUT    ?= out
 # seconds longer to start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test test-slow lint bench compare pictures docs reference wheel-test install clean
+.PHONY: demo view test test-slow lint bench compare pictures readme docs reference wheel-test \
+  install clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/installed-run          ## run the paper's studies and write out/report.html
@@ -25,11 +26,15 @@ test: $(VENV)/installed-dev          ## the tests (two processes, one shared com
 test-slow: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -m slow
 
-lint: $(VENV)/installed-dev          ## style, types, and the order of imports
+# The rules of CONTRIBUTING.md that hold everywhere.
+RULES := classes imports
+
+lint: $(VENV)/installed-dev          ## style, types, the order of imports, the rules of CONTRIBUTING.md
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/check_source.py $(RULES)
 
 # The servo for ten minutes of each scene; SERVO_SECONDS=3600 is an hour.
 SERVO_SECONDS ?= 600
@@ -44,13 +49,18 @@ bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the pe
 compare: $(VENV)/installed-compare   ## methods side by side, into the documentation: docs/comparison.md
 	$(BIN)/asperity compare probe-plate --seconds 0.5 --docs docs --out $(OUT)/compare --overwrite
 
-pictures: $(VENV)/installed-dev      ## the page with each scene, for the README and the report
+pictures: $(VENV)/installed-dev      ## the README's animation, and the page with each scene
+	$(BIN)/python docs/images/demo.py
+	$(BIN)/python docs/images/scenes.py
 	@sh .ci/browser.sh
 	for scene in probe-plate-dots hammer-blocks file-cad; do $(BIN)/asperity view $$scene --no-open \
 	  --port 0 --screenshot src/asperity/viewer/pictures/$$scene.jpg || exit 1; done
 
 reference: $(VENV)/installed-run     ## the command reference, docs/cli.md, from the parser
 	$(BIN)/python tools/cli_reference.py
+
+readme: $(VENV)/installed-dev        ## the shell commands of README.md, in order, in a fresh folder
+	$(BIN)/python -m pytest -m slow tests/test_documents.py
 
 docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html

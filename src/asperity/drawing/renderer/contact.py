@@ -109,7 +109,7 @@ def close_picture(
         _middle(moment) + 0.17 * width * vertical, vertical, along, width=width,
         azimuth=_CLOSE[0], elevation=_CLOSE[1], columns=2 * columns, rows=2 * rows,
     )  # fmt: skip
-    return _picture(scene, moment, camera, vertical, _CLOSE[1], glass=True)
+    return picture_from(scene, moment, camera, vertical, glass=True)
 
 
 def whole_picture(
@@ -132,21 +132,28 @@ def whole_picture(
         middle, vertical, along, azimuth=_AZIMUTHS[best], elevation=_ELEVATION,
         width=widths[best], columns=2 * columns, rows=2 * rows,
     )  # fmt: skip
-    return _picture(scene, moment, camera, vertical, _ELEVATION, glass=False)
+    return picture_from(scene, moment, camera, vertical, glass=False)
 
 
-def _picture(
-    scene: Scene,
-    moment: ContactMoment,
-    camera: Camera,
-    vertical: Array,
-    elevation: float,
-    *,
-    glass: bool,
+def picture_from(
+    scene: Scene, moment: ContactMoment, camera: Camera, vertical: Array, *, glass: bool
 ) -> Picture:
-    """Draw the scene at twice the size and downsample it."""
+    """Render a scene at one moment as a camera sees it.
+
+    Parameters
+    ----------
+    scene : Scene
+    moment : ContactMoment
+        Pose of the tool, and its contacts. The tool is drawn raised by its depth.
+    camera : Camera
+        With an even number of rows and columns; the picture has half as many.
+    vertical : (3,) array
+        Unit vector that points up in the picture; the light comes from above.
+    glass : bool
+        Whether the tool is drawn translucent.
+    """
     # Level ground must fill the image.
-    tall = camera.rows * camera.pixel / np.sin(elevation)
+    tall = camera.rows * camera.pixel / max(float(camera.towards @ vertical), 0.1)
     radius = 0.5 * float(np.hypot(camera.width, tall))
     view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
     raised = moment.pose.copy()
