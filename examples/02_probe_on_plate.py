@@ -1,4 +1,4 @@
-"""A spherical tip is dragged over a plate of raised dots: force and torque on the hand."""
+"""Drag a spherical tip over a plate of raised dots; print force and torque on the hand."""
 
 from asperity import ScriptedMotion, Simulation, load_scene
 

@@ -31,7 +31,7 @@ def blocks(text, *languages):
 def commands(text):
     """Return the lines of shell blocks that run asperity, comments removed."""
     lines = "\n".join(blocks(text, *SHELL)).replace("\\\n", " ").splitlines()
-    found = [" ".join(shlex.split(line, comments=True)) for line in lines if "'" not in line]
+    found = [shlex.join(shlex.split(line, comments=True)) for line in lines if "'" not in line]
     return [line for line in found if line.startswith("asperity ")]
 
 
@@ -93,6 +93,8 @@ def test_the_python_block_of_the_readme_is_an_example():
 def test_commands_of_the_documents_are_understood(path):
     text = path.read_text("utf-8")
     for line in commands(text) + inline_commands(text):
+        if len(line.split()) < 3 and not line.startswith("asperity doctor"):
+            continue  # a command's name, not a call of it
         if PLACEHOLDER.search(line.replace("TEST", "")) or "..." in line or line.endswith("--help"):
             continue
         assert not isinstance(_parse(shlex.split(line)[1:]), int), line

@@ -19,4 +19,7 @@ install()
 
 
 def __getattr__(name: str) -> Any:
-    return renamed(name) or _lazy(name)
+    old = renamed(name)
+    if old is None and name not in __all__:
+        raise AttributeError(f"module 'asperity' has no attribute {name!r}")
+    return _lazy(name) if old is None else old
