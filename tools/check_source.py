@@ -99,13 +99,11 @@ def _terms(index: ast.expr) -> Iterator[ast.Name]:
     elif isinstance(index, ast.Tuple):
         for part in index.elts:
             yield from _terms(part)
-    elif isinstance(index, ast.BinOp):
+    elif isinstance(index, ast.BinOp) and isinstance(index.op, ast.Add | ast.Sub | ast.Mult):
         yield from _terms(index.left)
         yield from _terms(index.right)
-    elif isinstance(index, ast.Slice):
-        for end in (index.lower, index.upper):
-            if end is not None:
-                yield from _terms(end)
+    elif isinstance(index, ast.Slice) and index.lower is not None:
+        yield from _terms(index.lower)
 
 
 def classes(files: dict[Path, ast.Module]) -> Iterator[Place]:
