@@ -28,6 +28,7 @@ WORDS = (
 )  # fmt: skip
 """Words that hide who does what to which quantity; plain terms of the field take their place."""
 ALLOWED_WORDS: dict[str, tuple[str, ...]] = {
+    "src/asperity/dynamics/passivity/controller.py": ("told",),
     "src/asperity/psychophysics": ("asked",),
     "src/asperity/realtime/servo/safety.py": ("told",),
     "docs/experiments.md": ("asked",),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from asperity._core.compile_time import speed_up
 from asperity._core.kernels import inner_kernel, kernel
 
 PARTS = """
@@ -124,3 +125,8 @@ def test_inner_kernels_come_from_the_cache_for_others_and_their_errors_with_them
     error = "('not even',)"
     # The third finds its own kernel and asks for no inner one.
     assert told == [["4", error, "0"], ["5", error, "1"], ["5", error, "0"]]
+
+
+def test_another_version_of_numba_is_left_alone():
+    assert speed_up("0.99.0") == []
+    assert speed_up("0.6") == []

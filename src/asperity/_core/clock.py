@@ -1,4 +1,4 @@
-"""The system's monotonic clock, for kernels that keep to a time, and for who tells them how long.
+"""The monotonic clock of the system, for kernels with a time limit and for their callers.
 
 A call takes some tens of nanoseconds. Where there is no `clock_gettime`, on Windows, kernels know
 no time, and so are never late.
@@ -20,7 +20,7 @@ _WHICH = getattr(time, "CLOCK_MONOTONIC", 0)
 
 
 def ends_in(seconds: float) -> float:
-    """Return what `seconds_now` says in so many seconds; 0, which is no time, if in inf."""
+    """Return the value of `seconds_now` after `seconds` have passed; 0 (no limit) for inf."""
     if math.isinf(seconds) or not IS_KNOWN:
         return 0.0
     return time.clock_gettime(_WHICH) + seconds

@@ -1,22 +1,23 @@
-"""What Numba does again and again when it compiles, done once or faster.
+"""Patches of Numba that shorten compilation, and one that shortens a tick.
 
-The first force after an installation waits for about 140 kernels to be compiled. Half of that
-went on
+The first force after an installation waits for about 140 kernels to be compiled. Without these
+patches that takes more than twice as long; half of the time goes on
 
-- finding out what an operator on the same types means: asked anew at each place and in each
-  round of type inference, 23,000 times in 4,000 cases;
-- optimising inner kernels as wholes: each is optimised once more within every kernel that it
-  becomes part of, up to the one that is called from Python, and only that one's code is run;
-- making machine code of inner kernels, which for the same reason nobody runs;
-- two small functions that are called millions of times: which variables an instruction names, and
-  what the options of a kernel are;
-- collecting garbage, where there is hardly any; telling what is being done to nobody who listens.
+- resolving the same operator on the same types again, at each place and in each round of type
+  inference: 23,000 times for 4,000 distinct cases;
+- optimising an inner kernel as a module, and again within every kernel that it is linked into,
+  although only the code of the one called from Python runs;
+- generating machine code for inner kernels, which nothing calls directly;
+- two small functions that are called millions of times: the variables of an instruction, and the
+  options of a kernel;
+- garbage collection with next to no garbage, and events that nothing listens to.
 
-None changes what is computed: the wrenches are the same to the bit. One more, `own_parts`, may in
-the last bits, and saves a fifth of a tick instead of time to compile.
+None of them changes a result: wrenches are the same to the bit. `own_parts` may change the last
+bits; it saves a fifth of a tick instead of time to compile.
 
-All rest on Numba's inner names; where these are not as expected, nothing is done, and compiling, or
-a tick, takes longer.
+The patches replace private names of Numba. They are applied only to the versions in `TESTED`, and
+each one only where the signature that it replaces is as expected; otherwise compilation, or a
+tick, takes longer. Measurements: docs/design/compile_cache.md.
 """
 
 from __future__ import annotations
@@ -27,9 +28,27 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+import numba
 
-def speed_up() -> list[str]:
-    """Make Numba compile faster from now on; return the names of what could be done."""
+TESTED = ("0.68",)
+"""Versions of Numba, major and minor, that the patches were tested with."""
+
+
+def speed_up(version: str = numba.__version__) -> list[str]:
+    """Apply the patches; return the names of those that could be applied.
+
+    Parameters
+    ----------
+    version : str
+        Of Numba. None is applied to a version that is not in `TESTED`.
+    """
+    if ".".join(version.split(".")[:2]) not in TESTED:
+        logging.getLogger(__name__).info(
+            "Numba %s is not among the tested versions %s: compilation takes longer",
+            version,
+            ", ".join(TESTED),
+        )
+        return []
     changes = (
         remember_calls, mark_inner, optimise_once, own_parts, emit_once, list_options,
         list_variables, leave_garbage, tell_listeners,
@@ -75,12 +94,12 @@ def remember_calls() -> bool:
 
 _INNER = "asperity-inner:"
 """How the names of the code libraries of inner kernels begin; the cache on disk keeps them."""
-_OURS = "_ZN8asperity"
+_PACKAGE_SYMBOL = "_ZN8asperity"
 """How the names of compiled functions of this package begin."""
 
 
 def mark_inner() -> bool:
-    """Have the code libraries of kernels that only other kernels of ours call be named so."""
+    """Mark the code libraries of inner kernels by their names."""
     try:
         from numba.core.typed_passes import BaseNativeLowering
 
@@ -124,7 +143,7 @@ def _is_inner(library: Any) -> bool:
 
 
 def optimise_once() -> bool:
-    """Leave the optimisation of a module that only other kernels of ours call to these."""
+    """Leave the optimisation of an inner kernel to the kernels that it is linked into."""
     try:
         from numba.core.codegen import CPUCodeLibrary
 
@@ -143,7 +162,7 @@ def optimise_once() -> bool:
 
 
 def own_parts() -> bool:
-    """Have all that a kernel of ours is made of be its own.
+    """Give every function that a kernel is linked from internal linkage.
 
     Numba leaves inner kernels visible to others. So LLVM has to keep each as it is, with all its
     arguments: seven numbers for every array of a structure, of which most need a few. What is a
@@ -163,7 +182,7 @@ def own_parts() -> bool:
 
     def _optimize_final_module(self: Any) -> None:
         functions = [f for f in self._final_module.functions if not f.is_declaration]
-        if not _is_inner(self) and any(f.name.startswith(_OURS) for f in functions):
+        if not _is_inner(self) and any(f.name.startswith(_PACKAGE_SYMBOL) for f in functions):
             for function in functions:
                 if function.linkage == shared:
                     function.linkage = own
@@ -357,5 +376,5 @@ def tell_listeners() -> bool:
     for make in tell:
         setattr(event, make.__name__, if_heard(make))
     if not log.isEnabledFor(logging.DEBUG):
-        log.disabled = True  # asked half a million times
+        log.disabled = True  # it would be called half a million times
     return True

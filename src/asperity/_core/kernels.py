@@ -2,7 +2,7 @@
 
 Numba's disk cache keys a compiled function by the source of *its own* file: edit a function
 that it calls in another file and the cache silently returns the old machine code, with wrong
-numbers. So every module of kernels has a cache folder of its own, named by a hash of its source
+numbers. So every module of kernels has its own cache folder, named by a hash of its source
 and of all that it imports from the package, directly or not. An edit compiles anew what stands
 on it, and nothing else.
 
@@ -91,7 +91,7 @@ def cache_folder() -> Path:
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen and Path(chosen).name.startswith(_PREFIX):
-        # Set by a parent process of ours: stay beside its folder, not inside it.
+        # Set by a parent process: stay beside its folder, not inside it.
         root = Path(chosen).parent
     elif chosen:
         root = Path(chosen)
@@ -194,7 +194,7 @@ class Repeated:
     """A kernel that is called again and again with arguments of the same types.
 
     Numba asks for the types of all arguments in every call, of structures part by part: for those
-    of a tick that takes twice as long as its sums. Here they are asked for at the first call.
+    of a tick that takes twice as long as its sums. Here they are inferred at the first call only.
     Whoever calls sees to it that they stay: an array of another layout would be read wrongly.
     """
 

@@ -1,6 +1,6 @@
 """Modules that have moved: their old names still work for one version, with a warning.
 
-`install` adds a finder behind those of Python, which is asked only for names that nothing else
+`install` adds a finder behind those of Python, which sees only names that no other finder
 knows. A module under its old name hands on every attribute of the one that took its place.
 """
 

@@ -66,10 +66,11 @@ def run_scene(
     dt : float
         Tick [s].
     hand : bool or Hand
-        Whether a simulated hand holds the handle and yields to what it feels, aiming along the
-        trajectory and pressing as it says; kept passive by a controller. A `Hand` says which.
+        Whether a simulated hand holds the handle: it follows the trajectory through a spring and
+        damper, presses with the trajectory's force, and yields to the wrench; a passivity
+        controller is on. A `Hand` sets its mass, spring and damper.
     source : str
-        What `load_scene` makes the scene of, for `replay`. Default: the scene's name.
+        What `load_scene` needs to load the scene again, for `replay`. Default: its name.
     on_tick : callable
         Called after each tick with its number and what there is so far.
     """
@@ -107,7 +108,7 @@ def run_scene(
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
         if writer:
             writer.add_rows(_rows(rollout, written, len(rollout.time)))
-    summary = summary_of(scene, _told(motion), rollout) | {
+    summary = summary_of(scene, _described(motion), rollout) | {
         "coupling": _coupling(simulation),
         "hand": None if controller is None else _energy(controller, rollout),
     }
@@ -151,7 +152,7 @@ def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
     return {name: rows[first:last] for name, rows in variables_of(rollout).items()}
 
 
-def _told(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
+def _described(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
     """Return a motion as texts and numbers."""
     if isinstance(motion, Trajectory):
         return {"kind": "poses", "file": motion.name, "seconds": motion.seconds}
@@ -160,13 +161,13 @@ def _told(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
     return {k: v for k, v in values.items() if v is not None and k not in unused}
 
 
-def summary_of(scene: Scene, told: dict[str, Any], rollout: Rollout) -> dict[str, Any]:
+def summary_of(scene: Scene, trajectory: dict[str, Any], rollout: Rollout) -> dict[str, Any]:
     """Return the numbers of a run, in SI units but for the times of ticks.
 
     Parameters
     ----------
     scene : Scene
-    told : dict
+    trajectory : dict
         What moved the handle, with its `kind`.
     rollout : Rollout
         Of one tick at least.
@@ -185,7 +186,7 @@ def summary_of(scene: Scene, told: dict[str, Any], rollout: Rollout) -> dict[str
         "schema": 1,
         "version": __version__,
         "scene": scene.name,
-        "trajectory": told,
+        "trajectory": trajectory,
         "ticks": ticks,
         "tick_seconds": dt,
         "tick_us": {name: float(np.percentile(us, q)) for name, q in quantiles.items()},

@@ -217,7 +217,7 @@ def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> N
     normals = str(texture.get("kind", "height")).startswith("normal")
     if "height_range" not in texture and not normals:
         texture["height_range"] = HEIGHT_RANGE
-        notes.append(f"no height_range for {path.name}: {1e3 * HEIGHT_RANGE:g} mm (ours)")
+        notes.append(f"no height_range for {path.name}: {1e3 * HEIGHT_RANGE:g} mm (default)")
     if "pixel_size" in texture or "size" in texture:
         return
     rows, columns = _image_shape(path)
@@ -234,7 +234,7 @@ def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> N
         texture["pixel_size"] = math.sqrt(size[0] / columns * size[1] / rows)
         size = (texture["pixel_size"] * columns, texture["pixel_size"] * rows)
     notes.append(
-        f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, {why} (ours)"
+        f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, {why} (default)"
     )
 
 

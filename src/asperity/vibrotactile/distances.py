@@ -51,9 +51,9 @@ def match(recorded: Array, made: Array, rate: float) -> Match:
     of total 1; a band with less than -40 dB of the loudest in both does not count. Third octaves,
     because hands tell frequencies apart no better than by some 20 to 30 % (asperity's choice).
     """
-    for told, values in (("recorded", recorded), ("synthesised", made)):
+    for name, values in (("recorded", recorded), ("synthesised", made)):
         if values.size < 16 or not np.any(values):
-            raise AsperityError(f"the {told} vibration is too short or zero: nothing to compare")
+            raise AsperityError(f"the {name} vibration is too short or zero: nothing to compare")
     frequency, a = spectrum(recorded, rate)
     other, b = spectrum(made, rate)
     if other.size != frequency.size:

@@ -117,7 +117,7 @@ class Held(NamedTuple):
     made: Array
     match: Match
     itself: Match
-    """Its first half against its second: no model can be asked for more."""
+    """The first half of the recording against its second: an upper limit for any model."""
     noise: Match
     """White noise of the same size: what is to be beaten."""
 

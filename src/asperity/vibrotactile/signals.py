@@ -65,7 +65,8 @@ def explored(
 
     Notes
     -----
-    The force below 20 Hz, along the velocity, is the drag, what is left of it the normal force.
+    Below 20 Hz, the component of the force along the velocity is drag; the remainder is the
+    normal force.
     The force above 20 Hz, over the mass, is the vibration; its three axes become one by DFT321.
     """
     require_positive("mass", mass, "kg")

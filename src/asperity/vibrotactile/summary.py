@@ -48,7 +48,10 @@ def _one(one: Held) -> dict[str, Any]:
         "force_n": one.stretch.force,
         "rms_m_s2": float(np.std(one.stretch.vibration)),
         "made_rms_m_s2": float(np.std(one.made)),
-        **{told: getattr(one, told)._asdict() for told in ("match", "itself", "noise")},
+        **{
+            comparison: getattr(one, comparison)._asdict()
+            for comparison in ("match", "itself", "noise")
+        },
     }
 
 
@@ -56,11 +59,11 @@ def _medians(held: Sequence[Held]) -> dict[str, dict[str, float]]:
     if not held:
         return {}
     return {
-        told: {
-            name: float(np.median([getattr(getattr(one, told), name) for one in held]))
+        comparison: {
+            name: float(np.median([getattr(getattr(one, comparison), name) for one in held]))
             for name in Match._fields
         }
-        for told in ("match", "itself", "noise")
+        for comparison in ("match", "itself", "noise")
     }
 
 
@@ -76,14 +79,14 @@ def in_words(summary: dict[str, Any]) -> str:
             f"fitted to {summary['stretches']} stretches, {summary['seconds']:.1f} s, in "
             f"{summary['fitted']} places of force and speed; {summary['left_out']} left out"
         )
-    told = {
+    comparison = {
         "match": "synthesised against held out",
         "itself": "held out against its other half",
         "noise": "white noise of the same size",
     }
     if summary["held_out"]:
         lines.append(f"{len(summary['held_out'])} held-out stretches, medians:")
-        for key, words in told.items():
+        for key, words in comparison.items():
             row = summary["median"][key]
             lines.append(
                 f"  {words:<32} fit {row['fit']:.3f}  Itakura-Saito {row['itakura_saito']:.3f}  "

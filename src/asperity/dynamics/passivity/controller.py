@@ -24,6 +24,7 @@ of at most `max_damping` pays the debt back.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -136,6 +137,13 @@ class PassivityController:
             "interventions": self.interventions,
             "dissipated_j": self.dissipated,
         }
+
+    def told(self) -> dict[str, Any]:
+        """Return `summary()`; deprecated."""
+        warnings.warn(
+            "PassivityController.told is deprecated: use summary", DeprecationWarning, stacklevel=2
+        )
+        return self.summary()
 
     @property
     def gained(self) -> float:

@@ -53,7 +53,7 @@ class HandleMotion(NamedTuple):
     """Velocity of its origin [m/s] and angular velocity [rad/s], world axes (6,)."""
 
 
-class Workspace(NamedTuple):
+class IntegratorWorkspace(NamedTuple):
     """Scratch memory of one tick, allocated once."""
 
     moved: NDArray[np.float64]
@@ -78,9 +78,9 @@ class Workspace(NamedTuple):
     """(3,)"""
 
 
-def workspace() -> Workspace:
+def workspace() -> IntegratorWorkspace:
     """Return scratch memory for one tick."""
-    return Workspace(
+    return IntegratorWorkspace(
         moved=np.zeros(6),
         extension=np.zeros(6),
         handle_velocity=np.zeros(6),
