@@ -202,7 +202,7 @@ def test_wrong_meshes_are_refused(table, names):
 
 @pytest.mark.parametrize("table", [None, BLOCK])
 def test_meshes_and_simple_geoms_do_not_mix(table):
-    with pytest.raises(AsperityError, match=r"block.*sphere.*body of its own"):
+    with pytest.raises(AsperityError, match=r"block.*sphere.*separate body"):
         scene_of(*mesh_scene(table, geoms='<geom size="0.01"/>'))
 
 
