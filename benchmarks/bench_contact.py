@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
-from asperity.contact.broad_phase.mujoco_pairs import Collider
+from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
 from asperity.contact.geom_tick import tick
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
@@ -40,6 +40,7 @@ from asperity.contact.narrow_phase.geom_depth import (
     depth_along,
 )
 from asperity.contact.narrow_phase.records import PENETRATION
+from asperity.contact.records import Output, Query
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.geometry.bodies import Body, Geom
@@ -76,19 +77,18 @@ Times = NDArray[np.float64]
 
 @kernel
 def timed_ticks(
-    textures, geometry, tool, poses, centre, number, starts, geoms, places, distances, margins,
-    path, parameters, grid, baseline, memory, space, contacts, ns_out, wrench_out, found_out,
+    model, law, starts, candidates, path, memory, space, contacts, ns_out, wrench_out, found_out
 ):  # fmt: skip
     """Fill time [ns], wrench (6,), and depth, gap, nodes and status of each pose of `path`."""
     stamp = np.zeros(2, np.int64)
     for q in range(len(path)):
         a, b = starts[q], starts[q + 1]
         begun = now(stamp)
-        tick(
-            textures, geometry, tool, poses, centre, number, b - a, geoms[a:b], places[a:b],
-            distances[a:b], margins[a:b], path[q], DT, parameters, grid, baseline, memory, space,
-            contacts, wrench_out[q],
+        near = Candidates(
+            b - a, candidates.geoms[a:b], candidates.points[a:b], candidates.distances[a:b],
+            candidates.margins[a:b],
         )  # fmt: skip
+        tick(model, law, Query(path[q], DT, near), memory, space, Output(contacts, wrench_out[q]))
         ns_out[q] = now(stamp) - begun
         found_out[q] = 0.0
         if contacts.count[0] > 0:
@@ -150,9 +150,9 @@ class Case:
         model = mujoco.MjModel.from_xml_string(XML)
         self.engine = ContactSolver(model, bodies, "tip", settings)
         e = self.engine
-        self._geoms = [np.flatnonzero(e._geometry.body == i) for i in (1, 0)]
+        self._geoms = [np.flatnonzero(e._scene.geometry.body == i) for i in (1, 0)]
         self.per_metre = 1.0 / field.pixel_size[0]
-        self._pyramids = coefficient_pyramid(field), sharper_pyramid(e._textures)
+        self._pyramids = coefficient_pyramid(field), sharper_pyramid(e._scene.textures)
         self.tolerance = max(1e-9, 1e-3 * field.rms)
         places, wanted = drag(count)
         self.path = np.zeros((count, 7))
@@ -167,8 +167,9 @@ class Case:
         ns, depths = np.empty(len(places)), np.empty(len(places))
         tolerance, budget = (1e-9, 10**7) if exact else (self.tolerance, e.settings.max_nodes)
         timed_depths(
-            e._textures, e._geometry, *self._geoms, places, tolerance, budget, e._space, ns, depths
-        )
+            e._scene.textures, e._scene.geometry, *self._geoms, places, tolerance, budget,
+            e._space, ns, depths,
+        )  # fmt: skip
         return ns * 1e-3, depths
 
     def ticks(self) -> tuple[Times, Times, Times]:
@@ -185,7 +186,7 @@ class Case:
         ns, depths = np.empty(len(self.path)), np.empty(len(self.path))
         centres, wrenches = np.ascontiguousarray(self.path[:, :3]), np.empty((len(self.path), 6))
         timed_uncertified(
-            self.engine._textures,
+            self.engine._scene.textures,
             *self._pyramids[sharper],
             RADIUS,
             400.0,
@@ -203,27 +204,26 @@ class Case:
         return timed(lambda pose: self.engine.wrench(pose, DT), self.path)
 
 
-def answers(collider: Collider, path: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
-    """Return MuJoCo's answer to all poses in a row, and where each begins."""
+def answers(collider: Collider, path: NDArray[np.float64]) -> tuple[NDArray[np.int64], Candidates]:
+    """Return where MuJoCo's answer to each pose begins, and the answers to all in a row."""
     parts = []
     for pose in path:
         count, *found = collider.query(pose)
         parts.append(tuple(np.array(part[:count]) for part in found))
     starts = np.cumsum([0, *(len(part[2]) for part in parts)])
-    return starts, *(np.concatenate([part[i] for part in parts]) for i in range(4))
+    rows = [np.concatenate([part[i] for part in parts]) for i in range(4)]
+    return starts, Candidates(int(starts[-1]), *rows)
 
 
 def compiled_ticks(
-    e: ContactSolver, answers: tuple[NDArray[Any], ...], path: NDArray[np.float64]
+    e: ContactSolver, answers: tuple[NDArray[np.int64], Candidates], path: NDArray[np.float64]
 ) -> tuple[Times, Times, Times]:
     """Return times [us], wrenches and what was found of ticks in compiled code."""
     ns, wrench, found = np.empty(len(path)), np.empty((len(path), 6)), np.empty((len(path), 4))
     e.reset()
     timed_ticks(
-        e._textures, e._geometry, e._tool, e._collider.poses, e._collider.centre,
-        e._collider.number, *answers, path, e._parameters, e._grid, e._baseline, e._memory,
-        e._space, e.contacts, ns, wrench, found,
-    )  # fmt: skip
+        e._model, e._law, *answers, path, e._memory, e._space, e.contacts, ns, wrench, found
+    )
     return ns * 1e-3, wrench, found
 
 
@@ -357,15 +357,11 @@ def tick_parts(bars: list[dict[str, Any]]) -> dict[str, Any]:
     e = plain.stage.engine
     collider = e._collider
     prepared = answers(collider, path)
-    starts = prepared[0]
-    parts = [tuple(part[a:b] for part in prepared[1:]) for a, b in pairwise(starts)]
+    starts, (_, *rows) = prepared
+    parts = [Candidates(int(b - a), *(part[a:b] for part in rows)) for a, b in pairwise(starts)]
 
     def kernel_call(q: int) -> None:
-        tick(
-            e._textures, e._geometry, e._tool, collider.poses, collider.centre, collider.number,
-            len(parts[q][0]), *parts[q], path[q], DT, e._parameters, e._grid, e._baseline,
-            e._memory, e._space, e.contacts, e._wrench,
-        )  # fmt: skip
+        tick(e._model, e._law, Query(path[q], DT, parts[q]), e._memory, e._space, e._out)
 
     laps: dict[str, list[Times]] = {}
     for _ in range(ROUNDS):

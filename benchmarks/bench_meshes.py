@@ -180,7 +180,7 @@ def _noted(engine: ContactSolver) -> tuple[int, int, int, float, float, float, b
         float(sum(nodes for _, _, nodes in searches)),
         float(c.depth[:k].max(initial=0.0)),
         # Where nothing is left of a contact there is none whose status could say so.
-        bool((c.status[:k] == 2).any() or engine._facets.space.rows.count[1] > 0),
+        bool((c.status[:k] == 2).any() or engine._mesh.space.manifold.count["dropped"][0] > 0),
     )
 
 
@@ -447,7 +447,7 @@ def beside_fcl(
         for which in (scene.tool, part)
     }
     size = {which: len(faces) for which, (_, faces) in meshes.items()}
-    fixed = engine._collider.poses[bodies[part]]
+    fixed = engine._collider.frames[bodies[part]]
     pair = FclPair(meshes[scene.tool], meshes[part], fixed, (PAIRS, EVERY))
     sizes = " and ".join(f"{n} triangles ({which})" for which, n in size.items())
     print(f"  python-fcl on {sizes}; at poses with {PAIRS} pairs of triangles or more")

@@ -447,8 +447,8 @@ class Paper:
     """The paper's method beside an engine."""
 
     def __init__(self, engine: ContactSolver) -> None:
-        assert engine._facets is not None
-        self._engine, self._table = engine, engine._facets.table
+        assert engine._mesh is not None
+        self._engine, self._table = engine, engine._mesh.model.facets
         self._room, self._patches = np.empty((2, GRID, GRID)), np.zeros(1, PATCH)
         self.depths = np.empty(11)
         self.off: list[Array] = []
@@ -460,7 +460,7 @@ class Paper:
         turn = rotation(where.pose)
         origin = where.pose[:3] + turn @ e._collider.centre
         body_a = np.column_stack([turn, where.pose[:3] - origin])
-        body_b = e._collider.poses[where.body].copy()
+        body_b = e._collider.frames[where.body].copy()
         body_b[:, 3] -= origin
         n = where.normal
         u = np.cross(np.eye(3)[np.argmin(np.abs(n))], n)
@@ -469,17 +469,17 @@ class Paper:
         cu, cv, _ = frame @ (where.middle - origin)
         window = 2.0 * where.spread + e.settings.window
         facets = []
-        for number, body, sign in ((e._tool, body_a, -1.0), (where.body, body_b, 1.0)):
+        for number, body, sign in ((e._scene.tool, body_a, -1.0), (where.body, body_b, 1.0)):
             mine = np.flatnonzero(table.body == number)
             seen = sign * (table.axes[mine, 2] @ (n @ body[:, :3])) >= FLATTEST
             places = table.points[mine] @ body[:, :3].T @ frame[:2].T + frame[:2] @ body[:, 3]
-            k = e._geometry.texture[number]
-            height = e._textures.maps["max_abs_height"][k] if k >= 0 else 0.0
+            k = e._scene.geometry.texture[number]
+            height = e._scene.textures.maps["max_abs_height"][k] if k >= 0 else 0.0
             reach = 0.5 * window + height + 2.0 * STEP
             near = (places.min(axis=1) <= [cu + reach, cv + reach]).all(axis=1)
             near &= (places.max(axis=1) >= [cu - reach, cv - reach]).all(axis=1)
             facets.append(mine[seen & near])
-        scene = (e._textures, table, e._geometry)
+        scene = (e._scene.textures, table, e._scene.geometry)
         spread = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 2)) * window + [cu, cv]
         for number, body, sign in zip(facets, (body_a, body_b), (-1.0, 1.0), strict=True):
             into = frame * [[1.0], [1.0], [sign]]

@@ -1,10 +1,9 @@
-"""Which directions a contact between meshes has, and that the others cost nothing."""
+"""Directions of contact between meshes: which are searched, and that the others are not."""
 
 import numpy as np
 import pytest
 from naive_engine import pose
 
-from asperity.contact.manifold.directions import ROWS
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.scene.builtin import load_scene
 from asperity.simulation.tool_contact import ToolContact
@@ -54,7 +53,7 @@ def test_a_ball_is_handed_over_from_a_face_to_its_chamfer(back):
 
 
 def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
-    """From the first touch on: what its rounded rim overlaps is accounted for by the top."""
+    """From the first touch on, the overlap of its rounded rim is accounted for by the top."""
     scene = load_scene("file-cad").changed(force={"anti_alias": "off"})
     engine = ToolContact(scene).engine
     here, searched = scene.start.copy(), []
@@ -65,8 +64,8 @@ def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
         engine.wrench(here, DT)
         contacts = engine.contacts
         count = contacts.count[0]
-        ways = engine._facets.space.directions
-        searched.append(int(np.sum(ways[:, ROWS] > 0.0)))
+        directions = engine._mesh.space.directions
+        searched.append(int(np.sum(directions["patches"] > 0)))
         if count:
             assert (contacts.normal[:count, 2] > 0.99).all()
     assert count == 4
@@ -74,14 +73,14 @@ def test_a_file_that_lies_on_a_boss_touches_its_top_alone():
     assert max(searched) == 1
 
 
-def test_mujoco_is_asked_only_of_bodies_that_are_not_in_contact():
+def test_mujoco_is_queried_only_for_bodies_that_are_not_in_contact():
     """The wrenches are the same to the bit, also where the tool leaps away and back."""
     scene = load_scene("file-cad").changed(force={"anti_alias": "off"})
     one, two = ToolContact(scene).engine, ToolContact(scene).engine
-    asked, query = [], one._collider.query
+    queried, query = [], one._collider.query
 
     def counted(where, without=None):
-        asked.append(without is None or not without.any())
+        queried.append(without is None or not without.any())
         return query(where, without)
 
     one._collider.query = counted
@@ -90,11 +89,11 @@ def test_mujoco_is_asked_only_of_bodies_that_are_not_in_contact():
     path += [scene.start + np.array([30e-3, 0, 0, 0, 0, 0, 0]), *path[-5:], path[0]]
     for here in path:
         first = one.wrench(here, DT).copy()
-        two._facets.memory.held[:] = False
+        two._mesh.memory.in_contact[:] = False
         assert (two.wrench(here, DT) == first).all()
-    assert 10 < sum(asked) < len(asked) - 10
+    assert 10 < sum(queried) < len(queried) - 10
     plate = engine_of(thing("tool", ball_mesh(2e-3, 3)), slab())
     plate.wrench(pose(0, 0, 1.9e-3), DT)
-    assert plate._facets.memory.held.any()
+    assert plate._mesh.memory.in_contact.any()
     plate.reset()
-    assert not plate._facets.memory.held.any()
+    assert not plate._mesh.memory.in_contact.any()

@@ -44,7 +44,7 @@ def felt(engine, path, forgets):
     wrenches, depths = [], []
     for there in path:
         if forgets:
-            engine._facets.memory.guess[:] = np.nan
+            engine._mesh.memory.guess[:] = np.nan
         wrenches.append(engine.wrench(there, DT).copy())
         count = engine.contacts.count[0]
         depths.append((engine.contacts.depth[:count].copy(), engine.contacts.gap[:count].copy()))
@@ -79,7 +79,7 @@ def test_few_pairs_are_searched():
         counts = []
         for there in path:
             if forgets:
-                engine._facets.memory.guess[:] = np.nan
+                engine._mesh.memory.guess[:] = np.nan
             candidates["bound"] = np.nan
             engine.wrench(there, DT)
             counts.append(np.count_nonzero(candidates["bound"] > -np.inf))
@@ -99,7 +99,7 @@ def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
     for there in path[:20]:
         engine._space.candidates["bound"] = np.nan
         engine.wrench(there, DT)
-    memory, lines = engine._space, engine._facets.space.lines
+    memory, lines = engine._space, engine._mesh.space.lines
     # Whatever was bounded last may have been left out.
     pairs, rng = (
         np.count_nonzero(memory.candidates["bound"] > -np.inf) - 1,
@@ -118,7 +118,7 @@ def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
         here, depths = np.sign(away), np.zeros(4)
         parts = np.array([here, -here, here * [1, -1], here * [-1, 1]])
         regions = SubRegions(np.tile(at, (4, 1)), parts, depths, 0.0)
-        _known_depths(engine._textures, pairs, regions, lines, memory)
+        _known_depths(engine._scene.textures, pairs, regions, lines, memory)
         assert (depths[1:] == -np.inf).all()
         known += depths[0] > -np.inf
         left_out += 1

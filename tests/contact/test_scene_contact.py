@@ -64,7 +64,7 @@ def test_depth_is_that_of_brute_force_with_the_scenes_own_textures(name, tilt):
         deepest = max(same, key=lambda i: found.depth[i])
         ground = scene.bodies[number]
         exact = reference_depth(
-            tool, at, ground, pose_of(engine._collider.poses[number]), found.normal[deepest],
+            tool, at, ground, pose_of(engine._collider.frames[number]), found.normal[deepest],
             samples=160, zooms=5, depth_range=(-1.5e-3, 3e-3),
         ).depth  # fmt: skip
         depth, gap = found.depth[deepest], max(found.gap[i] for i in same)

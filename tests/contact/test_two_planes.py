@@ -58,7 +58,7 @@ def test_no_place_of_a_quarter_is_deeper_than_its_bound(name, tilt):
     memory, rng = engine._space, np.random.default_rng(5)
     for above in (1e-3, 5e-4, 2.5e-4, 0.0):
         # Nothing is known of where it was deepest: all pairs that may touch are searched.
-        engine._facets.memory.guess[:] = np.nan
+        engine._mesh.memory.guess[:] = np.nan
         memory.candidates["bound"] = np.nan
         engine.wrench(at_pose + above * np.eye(7)[2], 1e-3)
     # Whatever was bounded last may have been left out.
@@ -76,7 +76,7 @@ def test_no_place_of_a_quarter_is_deeper_than_its_bound(name, tilt):
         given = (memory, int(candidate["number"]), box)
 
         def bounded(threshold, given=given):
-            _evaluate(engine._textures, *given, threshold, bounds, highest)
+            _evaluate(engine._scene.textures, *given, threshold, bounds, highest)
             return bounds.copy(), highest.copy()
 
         wide, high = bounded(-np.inf)

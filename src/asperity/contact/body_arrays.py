@@ -1,4 +1,4 @@
-"""The bodies of a scene in flat arrays, as compiled kernels want them."""
+"""The geoms and textures of a scene's bodies in flat arrays, for compiled kernels."""
 
 from __future__ import annotations
 
@@ -15,28 +15,32 @@ from asperity.texture.packed import PackedTextures, pack
 
 
 class Geometry(NamedTuple):
-    """All geoms of a scene, as kernels want them; rows are geoms."""
+    """All geoms of a scene. Rows are geoms unless stated otherwise."""
 
     kind: NDArray[np.int64]
+    """Index into `geometry.bodies.KINDS`, (geoms,)."""
     size: NDArray[np.float64]
+    """As in MuJoCo [m], (geoms, 3)."""
     position: NDArray[np.float64]
     """In the body's frame [m], (geoms, 3)."""
     rotation: NDArray[np.float64]
-    """From the geom's frame into the body's, (geoms, 3, 3)."""
+    """From the geom's frame to the body's, (geoms, 3, 3)."""
     body: NDArray[np.int64]
+    """Number of the body, (geoms,)."""
     texture: NDArray[np.int64]
-    """Of each body: which texture, -1 for none."""
+    """Number of each body's texture, -1 for none; (bodies,)."""
     mapping: NDArray[np.int64]
+    """Index of each body's texture mapping in `geometry.bodies.MAPPINGS`, (bodies,)."""
     origin: NDArray[np.float64]
-    """Of each body: where (u, v) = (0, 0) lies in its frame [m], (bodies, 3)."""
+    """Where (u, v) = (0, 0) of the texture lies in each body's frame [m], (bodies, 3)."""
     around: NDArray[np.float64]
-    """Of each geom: by how much a cylindrical map is stretched to go round whole times."""
+    """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
     no_texture: NDArray[np.int64]
-    """In the place of `texture`: -1 for each body."""
+    """-1 for each body, to be used in place of `texture` for smooth bodies; (bodies,)."""
 
 
 def flattened(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
-    """Return textures and geoms of `bodies` as arrays. A map of zeros is no texture."""
+    """Return the textures and geoms of `bodies` as arrays; a map of zeros counts as no texture."""
     fields = [
         body.texture
         if body.texture is not None and (body.texture.lowest or body.texture.highest)
@@ -72,7 +76,7 @@ def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geom
 
 
 def _around(body: Body, geom: Geom) -> float:
-    """Return how much a body's cylindrical map is stretched on a geom, so that it has no seam."""
+    """Return the factor that stretches a cylindrical map so that it has no seam on a geom."""
     if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
         return 1.0
     times = 2.0 * math.pi * geom.size[0] / body.texture.size[0]

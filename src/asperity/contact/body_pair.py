@@ -1,4 +1,4 @@
-"""Penetration depth of two bodies, asked for one pose at a time."""
+"""Penetration depth of two bodies at given poses."""
 
 from __future__ import annotations
 
@@ -29,25 +29,28 @@ from asperity.geometry.poses import rotation_of
 
 
 class Depth(NamedTuple):
-    """The directional penetration depth of a tool A in a body B.
+    """Directional penetration depth of a tool A in a body B.
 
     Attributes
     ----------
     depth : float
-        delta [m], above 0 where they overlap; -inf where nothing of A lies over B along n.
+        delta [m], above 0 where the textured bodies overlap; -inf where no part of A is over B
+        along n.
     gradient : (6,) array
-        Of the depth, by A's translation [-] and by its rotation about the origin of its frame
-        [m], world axes, n fixed in B's frame.
+        Derivative of the depth by A's translation [-] and by its rotation about the origin of its
+        frame [m], world axes, with n fixed in B's frame.
     point : (3,) array
-        The deepest place, on A's textured surface [m]; world axes.
+        Deepest point, on A's textured surface, world axes [m].
     slope_normal : (3,) array
-        m = n - s_u u - s_v v, the normal of the textured surfaces there.
+        m = n - s_u u - s_v v, the normal of the textured surfaces there, not of unit length.
     gap : float
         The true depth is at most this much larger [m].
     certified : bool
         Whether the gap is within the tolerance.
-    nodes, ties : int
-        Boxes looked at; places that are equally deep.
+    nodes : int
+        Boxes that the search evaluated.
+    ties : int
+        Points that are equally deep.
     """
 
     depth: float
@@ -61,15 +64,21 @@ class Depth(NamedTuple):
 
 
 class BodyPair:
-    """A tool A and a body B, ready to be asked for their penetration depth.
+    """A tool A and a body B, prepared for queries of their penetration depth.
 
     Parameters
     ----------
     body_a, body_b : Body
+        The tool and the other body.
     tolerance : float
-        The gap that is asked for [m], above 0.
+        Gap at which a depth counts as certified [m], above 0.
     max_nodes : int
-        Most boxes that one search looks at.
+        Most boxes that one search evaluates, 100 to 1e9.
+
+    Raises
+    ------
+    AsperityError
+        A value is outside its range.
 
     Examples
     --------
@@ -85,10 +94,10 @@ class BodyPair:
         bodies = (body_a, body_b)
         self._textures, self._geometry = flattened(bodies)
         self._geoms = [np.flatnonzero(self._geometry.body == i).astype(np.int64) for i in (0, 1)]
-        self._table = None
+        self._facets = None
         if any(body.mesh is not None for body in bodies):
-            self._table = facet_table(bodies, self._textures, self._geometry)
-            self._room = facet_space(self._table, len(self._geometry.kind))
+            self._facets = facet_table(bodies, self._textures, self._geometry)
+            self._facet_space = facet_space(self._facets, len(self._geometry.kind))
             self._space = workspace(MAX_SURFACE_PATCHES, MAX_CANDIDATES)
         else:
             most = max(len(body.geoms) for body in bodies)
@@ -109,10 +118,20 @@ class BodyPair:
         pose_a, pose_b : (7,)
             Position [m] and unit quaternion wxyz of each body's frame.
         normal : (3,)
-            n, the unit normal of B's smooth surface towards A; world axes.
+            n, the unit normal of B's smooth surface towards A, world axes.
         smooth_overlap : float
-            Where one of the two is a mesh: facets count that are nearer to each other, along the
-            normal of B's, than this [m]. So the far side of a body can be left out.
+            If a body is a mesh: facets whose smooth overlap along the normal of B's facet is
+            below this count [m], above 0. It excludes the far side of a body.
+
+        Returns
+        -------
+        Depth
+
+        Raises
+        ------
+        AsperityError
+            A pose or the normal has a wrong shape or is not finite, the normal is not of unit
+            length, or too many pairs of facets are within `smooth_overlap`.
         """
         a, b = (np.array(require_finite("pose", pose, 7)) for pose in (pose_a, pose_b))
         n = np.array(require_finite("normal", normal, 3))
@@ -120,17 +139,17 @@ class BodyPair:
             raise AsperityError(f"normal must have length 1, got {normal!r}")
         found = np.zeros(1, PENETRATION)
         limits = SearchLimits(self.tolerance, self.max_nodes)
-        at_a, at_b, n = _placed(a, a[:3]), _placed(b, a[:3]), n / np.linalg.norm(n)
-        if self._table is not None:
+        at_a, at_b, n = _relative_frame(a, a[:3]), _relative_frame(b, a[:3]), n / np.linalg.norm(n)
+        if self._facets is not None:
             fits = facets_along(
-                (self._textures, self._table, self._geometry), (at_a, at_b), n,
+                (self._textures, self._facets, self._geometry), (at_a, at_b), n,
                 require_positive("smooth_overlap", smooth_overlap, "[m]"), limits,
-                self._space, self._room, found,
+                self._space, self._facet_space, found,
             )  # fmt: skip
             if not fits:
                 raise AsperityError(
                     f"more than {MAX_CANDIDATES} pairs of facets face each other within "
-                    f"smooth_overlap = {smooth_overlap:g} m; give less, or a coarser mesh"
+                    f"smooth_overlap = {smooth_overlap:g} m; reduce it, or use a coarser mesh"
                 )
         else:
             geoms_a, geoms_b = self._geoms
@@ -152,7 +171,7 @@ class BodyPair:
         )
 
 
-def _placed(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rotation and place (3, 4) of a pose as seen from `origin`."""
-    turn = rotation_of(unit_quaternion(tuple(pose[3:])))
-    return np.ascontiguousarray(np.hstack([turn, (pose[:3] - origin)[:, None]]))
+def _relative_frame(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the frame (3, 4) of a pose relative to `origin`."""
+    rotation = rotation_of(unit_quaternion(tuple(pose[3:])))
+    return np.ascontiguousarray(np.hstack([rotation, (pose[:3] - origin)[:, None]]))

@@ -1,10 +1,11 @@
-"""From a pose of the tool to the wrench on it: query, patches, depths, forces, their sum.
+"""The contact solver: from a pose of the tool to the contacts and the wrench on it.
 
-A *patch* is where the tool touches one body of the scene with one normal: the pairs of geoms
-whose normals agree. Its normal and its bristle are remembered while it lasts, in the scene body's
-frame; a pair's normal turns only continuously, so that pushing past the middle of a thin plate
-does not flip its side. All patches on one body share its stiffness, by weights that follow their
-depths and sum to one.
+A *patch* is where the tool touches one body with one normal: the pairs of geoms with about the same
+normal, or a part of the overlap region of two meshes. Its normal and its bristle are remembered
+while it lasts, in the frame of the scene's body. The normal of a pair of geoms turns only
+continuously, so that it does not flip to the other side when the tool is pushed past the middle of
+a thin plate. All patches on one body share its stiffness by weights that follow their depths and
+sum to one.
 """
 
 from __future__ import annotations
@@ -19,24 +20,13 @@ from numpy.typing import NDArray
 
 from asperity._core.clock import ends_in
 from asperity._core.kernels import Repeated
-from asperity.contact.body_arrays import Geometry, flattened
-from asperity.contact.broad_phase.facet_bvh import FacetTable, facet_table
+from asperity.contact.body_arrays import flattened
+from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.broad_phase.mujoco_pairs import Collider
-from asperity.contact.contacts import (
-    Baseline,
-    Contacts,
-    ForceParameters,
-    GridMethod,
-    Memory,
-    contacts_for,
-    memory_for,
-)
+from asperity.contact.contacts import Contacts, empty_contacts
 from asperity.contact.geom_tick import tick
-from asperity.contact.manifold.mesh_memory import (
-    FacetMemory,
-    facet_memory,
-    forget,
-)
+from asperity.contact.manifold.mesh_memory import MeshMemory, forget, mesh_memory
+from asperity.contact.manifold.records import MAX_PATCHES as MAX_MESH_PATCHES
 from asperity.contact.mesh_tick import mesh_tick
 from asperity.contact.narrow_phase.mesh_workspace import (
     MAX_CANDIDATES,
@@ -44,20 +34,32 @@ from asperity.contact.narrow_phase.mesh_workspace import (
     FacetSpace,
     facet_space,
 )
-from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES as FACET_PATCHES
-from asperity.contact.narrow_phase.workspace import workspace
+from asperity.contact.narrow_phase.workspace import Workspace, workspace
+from asperity.contact.records import (
+    ForceLaw,
+    ForceParameters,
+    GridMethod,
+    MeshModel,
+    Output,
+    PointLaw,
+    Query,
+    SceneModel,
+    forget_geoms,
+    geom_memory,
+)
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
 from asperity.contact.response.stiffness import contact_stiffness
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.texture.packed import PackedTextures
 
 if TYPE_CHECKING:
     import mujoco
 
 MAX_PATCHES = 32
+"""Room for patches of contact between geoms."""
 MAX_PAIRS = 512
+"""Room for pairs of geoms."""
 
 
 class ContactSolver:
@@ -66,12 +68,36 @@ class ContactSolver:
     Parameters
     ----------
     model : mujoco.MjModel
-        The scene; the tool is its body with a freejoint. It is not changed.
+        The scene; the tool is its body with a freejoint. The model is not changed.
     bodies : sequence of Body
-        The same bodies with their textures; geoms in the order of the model.
+        The bodies of the model with their textures, in any order; the geoms of each in the order
+        of the model.
     tool : str
         Name of the tool.
-    settings : ForceSettings
+    settings : ForceSettings, optional
+        Force law and its parameters; by default those of `ForceSettings()`.
+
+    Attributes
+    ----------
+    contacts : Contacts
+        The contacts of the last pose, in arrays that are used again; only the first
+        `contacts.count[0]` rows are valid.
+    centre : (3,) array
+        The tool's centre of mass in its own frame [m].
+    by_facets : (bodies,) array of int
+        Whether contact of the tool with a body is between facets: where either is a mesh.
+
+    Raises
+    ------
+    AsperityError
+        No body has the name `tool`; a body has not as many geoms as its body in the model; or a
+        mesh is involved and `settings` has another law than "otaduy-lin" or another gradient
+        than "exact".
+
+    Notes
+    -----
+    Forces are those of Otaduy & Lin (2004, Eqs 2 and 3), with certified penetration depths and
+    exact gradients. The baselines are listed in `response.point_laws`.
     """
 
     def __init__(
@@ -84,56 +110,48 @@ class ContactSolver:
         self.settings = settings or ForceSettings()
         self._collider = Collider(model, bodies, tool)
         self.centre = self._collider.centre
-        """The tool's centre of mass in its own frame [m]."""
-        self._textures, self._geometry = flattened(bodies)
-        self._tool = [body.name for body in bodies].index(tool)
-        most = max(len(body.geoms) for body in bodies)
-        mesh = [body.mesh is not None for body in bodies]
-        self.by_facets = np.array(
-            [i != self._tool and (mesh[i] or mesh[self._tool]) for i in range(len(bodies))],
-            np.int64,
-        )
-        """Which bodies the tool meets facet by facet: all, if it is a mesh itself (bodies,)."""
+        self._scene = _scene_model(bodies, tool, self._collider)
+        self.by_facets = _meets_by_facets(bodies, self._scene.tool)
         if self.by_facets.any():
             _refuse_for_meshes(self.settings)
-        self._facets = _facet_side(bodies, self._textures, self._geometry, self.by_facets)
+        self._mesh = _mesh_side(bodies, self._scene, self.by_facets)
         self._by_geoms = sum(self.by_facets) < len(bodies) - 1
-        patches, pairs = (3 * most, 9 * most * most) if self._by_geoms else (1, 1)
-        if self._facets is not None:
-            patches, pairs = max(patches, MAX_SURFACE_PATCHES), max(pairs, MAX_CANDIDATES)
-        self._space = workspace(patches, pairs)
-        self._number_by_geoms = self._collider.number.copy()
-        for i, geom in enumerate(self._collider.number):
-            if geom >= 0 and self.by_facets[self._geometry.body[geom]]:
-                self._number_by_geoms[i] = -1
-        self._memory: Memory = memory_for(MAX_PAIRS, MAX_PATCHES, most)
-        most_patches = MAX_PATCHES if self._facets is None else MAX_PATCHES + FACET_PATCHES
-        self.contacts: Contacts = contacts_for(most_patches)
-        """The contacts of the last pose; only the first `contacts.count[0]` rows are valid."""
-        self._pose, self._wrench = np.zeros(7), np.zeros(6)
+        self._model = _without_meshes(self._scene, self.by_facets)
+        most = max(len(body.geoms) for body in bodies)
+        self._memory = geom_memory(MAX_PAIRS, MAX_PATCHES, most)
+        self._space = _search_space(most, self._by_geoms, self._mesh is not None)
+        # Fields of one record: much faster to set than those of `search[0]`.
+        self._deadline = self._space.search["deadline"]
+        self._is_cut_short = self._space.search["is_cut_short"]
+        most_patches = MAX_PATCHES if self._mesh is None else MAX_PATCHES + MAX_MESH_PATCHES
+        self.contacts: Contacts = empty_contacts(most_patches)
+        # The kernels look up the types of their arguments at the first call only.
+        self._pose, self._out = np.zeros(7), Output(self.contacts, np.zeros(6))
         self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
-        self._stiffness, self._room = Repeated(contact_stiffness), np.zeros(9)
-        self._parameters = _parameters(self.settings)
-        # None compiles a tick without them, in half the time.
-        self._grid, self._baseline = _grid_method(self.settings), _baseline(self.settings)
+        self._stiffness = Repeated(contact_stiffness)
+        self._law = _force_law(self.settings)
         self.reset()
 
     def change(self, settings: ForceSettings) -> None:
-        """Take another stiffness and friction from the next pose on; the law stays what it is."""
-        kept = replace(
+        """Change stiffness and friction from the next pose on.
+
+        Parameters
+        ----------
+        settings : ForceSettings
+            Its `stiffness`, `friction` and `bristle_stiffness` are used; all else stays.
+        """
+        self.settings = replace(
             self.settings, stiffness=settings.stiffness, friction=settings.friction,
             bristle_stiffness=settings.bristle_stiffness,
         )  # fmt: skip
-        self.settings, self._parameters = kept, _parameters(kept)
+        self._law = self._law._replace(parameters=_parameters(self.settings))
 
     def reset(self) -> None:
-        """Forget all normals, bristles and noise of the past."""
-        if self._facets is not None:
-            forget(self._facets.memory)
-        self._memory.counts[:] = 0
-        self._memory.noise[:] = 0.0
-        # The generator counts on from here: seeds must not begin a few steps apart.
-        self._memory.noise[3] = float(np.random.default_rng(self.settings.seed).integers(2**48))
+        """Forget all contacts, their bristles, and the noise of Siira & Pai."""
+        if self._mesh is not None:
+            forget(self._mesh.memory)
+        # The generator counts up from here: seeds must not begin a few steps apart.
+        forget_geoms(self._memory, np.random.default_rng(self.settings.seed).integers(2**48).item())
         self.contacts.count[:] = 0
 
     def wrench(
@@ -146,69 +164,119 @@ class ContactSolver:
         pose : (7,)
             Of the tool's frame: position [m], unit quaternion wxyz.
         dt : float
-            Time since the last call [s], by which bristles and noise advance; 0 only looks.
+            Time since the last call [s], by which bristles and noise advance. With 0 nothing is
+            remembered of this pose.
         seconds : float
-            After so long [s] searches end with what they have found; what they do not know any
-            closer is the `gap` of their contacts, and `was_cut` is true. What comes before a
-            search is not cut short.
+            Time limit of the searches [s]. A search that reaches it returns the best that it has
+            found; its remaining uncertainty is the `gap` of the contact, and `was_cut` is true.
+            Only the searches are cut short.
 
         Returns
         -------
         (6,) array
             Force [N] and torque about the tool's centre of mass [N m], world axes. The same
-            array every time.
+            array in every call.
         """
-        # Of its own, whatever the caller's are like: the kernels are told their types only once.
         self._pose[:] = pose
-        pose, dt = self._pose, float(dt)
-        search = self._space.search[0]
-        search["deadline"], search["is_cut_short"] = ends_in(seconds), False
-        held = None if self._facets is None else self._facets.memory.held
-        count, geoms, places, distances, margins = self._collider.query(pose, held)
+        self._deadline[0], self._is_cut_short[0] = ends_in(seconds), False
+        in_contact = None if self._mesh is None else self._mesh.memory.in_contact
+        query = Query(self._pose, float(dt), self._collider.query(self._pose, in_contact))
         if self._by_geoms:
-            self._tick(
-                self._textures, self._geometry, self._tool, self._collider.poses,
-                self.centre, self._number_by_geoms, count, geoms, places, distances,
-                margins, pose, dt, self._parameters, self._grid, self._baseline, self._memory,
-                self._space, self.contacts, self._wrench,
-            )  # fmt: skip
+            self._tick(self._model, self._law, query, self._memory, self._space, self._out)
         else:
-            self._wrench[:] = 0.0
+            self._out.wrench[:] = 0.0
             self.contacts.count[:] = 0
-        if self._facets is not None and self._touch(count, geoms, distances, dt):
-            count, geoms, _, distances, _ = self._collider.query(pose)
-            self._touch(count, geoms, distances, dt)
-        return self._wrench
+        if self._mesh is not None and self._add_meshes(self._mesh, query):
+            # The tool has jumped: bodies that it was in contact with have to be queried after all.
+            self._add_meshes(
+                self._mesh, query._replace(candidates=self._collider.query(self._pose))
+            )
+        return self._out.wrench
+
+    def _add_meshes(self, mesh: _MeshSide, query: Query) -> bool:
+        """Add contact between facets; return whether candidates of all bodies are needed."""
+        missing: bool = self._mesh_tick(
+            mesh.model, self._law.parameters, query, mesh.memory, mesh.space, self._space, self._out
+        )
+        return missing
 
     @property
     def was_cut(self) -> bool:
-        """Whether a search of the last pose was ended by its time."""
-        return bool(self._space.search[0]["is_cut_short"])
-
-    def _touch(
-        self, count: int, geoms: NDArray[np.int32], distances: NDArray[np.float64], dt: float
-    ) -> bool:
-        """Add what the tool meets facet by facet; return whether all contacts are needed first."""
-        assert self._facets is not None
-        missing: bool = self._mesh_tick(
-            self._textures, self._facets.table, self._geometry, self.by_facets, self._tool,
-            self._collider.poses, self.centre, self._collider.number, count, geoms,
-            distances, self._pose, dt, self._parameters, self._facets.memory, self._facets.space,
-            self._space, self.contacts, self._wrench,
-        )  # fmt: skip
-        return missing
+        """Whether the time limit ended a search of the last pose."""
+        return bool(self._is_cut_short[0])
 
     def stiffness(self) -> NDArray[np.float64]:
-        """Return how the last wrench falls with the tool's motion, (6, 6): see `LinearContact`.
+        """Return the negative derivative of the last wrench by the tool's motion.
 
-        Without the term that grows with the depth (`engine.stiffness`).
+        Returns
+        -------
+        (6, 6) array
+            About the tool's centre of mass, world axes [N/m, N/rad; N, N m/rad]; symmetric and
+            positive semidefinite but for friction. Without the term that grows with the depth
+            (see `response.stiffness`).
         """
         out = np.empty((6, 6))
         self._stiffness(
-            self.contacts, self._pose, self.centre, self._parameters, self.by_facets, self._room,
-            out,
-        )  # fmt: skip
+            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets, out
+        )
         return out
+
+
+class _MeshSide(NamedTuple):
+    """What contact with meshes needs in addition."""
+
+    model: MeshModel
+    memory: MeshMemory
+    space: FacetSpace
+
+
+def _scene_model(bodies: Sequence[Body], tool: str, collider: Collider) -> SceneModel:
+    textures, geometry = flattened(bodies)
+    return SceneModel(
+        textures=textures,
+        geometry=geometry,
+        tool=[body.name for body in bodies].index(tool),
+        centre=collider.centre,
+        frames=collider.frames,
+        geom_number=collider.geom_number,
+    )
+
+
+def _meets_by_facets(bodies: Sequence[Body], tool: int) -> NDArray[np.int64]:
+    """Return which bodies the tool meets facet by facet: all of them if it is a mesh itself."""
+    mesh = [body.mesh is not None for body in bodies]
+    return np.array([i != tool and (mesh[i] or mesh[tool]) for i in range(len(bodies))], np.int64)
+
+
+def _without_meshes(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneModel:
+    """Return the scene without the geoms of bodies that the tool meets facet by facet."""
+    number = scene.geom_number.copy()
+    for i, geom in enumerate(number):
+        if geom >= 0 and by_facets[scene.geometry.body[geom]]:
+            number[i] = -1
+    return scene._replace(geom_number=number)
+
+
+def _mesh_side(
+    bodies: Sequence[Body], scene: SceneModel, by_facets: NDArray[np.int64]
+) -> _MeshSide | None:
+    """Return what contact with meshes needs, None if no mesh is involved."""
+    if not by_facets.any():
+        return None
+    facets = facet_table(bodies, scene.textures, scene.geometry)
+    return _MeshSide(
+        model=MeshModel(scene, facets, by_facets),
+        memory=mesh_memory(len(bodies)),
+        space=facet_space(facets, len(scene.geometry.kind)),
+    )
+
+
+def _search_space(geoms: int, by_geoms: bool, by_facets: bool) -> Workspace:
+    """Allocate the memory of the search for bodies of at most so many geoms."""
+    patches, pairs = (3 * geoms, 9 * geoms * geoms) if by_geoms else (1, 1)
+    if by_facets:
+        patches, pairs = max(patches, MAX_SURFACE_PATCHES), max(pairs, MAX_CANDIDATES)
+    return workspace(patches, pairs)
 
 
 def _refuse_for_meshes(settings: ForceSettings) -> None:
@@ -221,25 +289,8 @@ def _refuse_for_meshes(settings: ForceSettings) -> None:
             raise AsperityError(f"where a mesh is involved, {name} must be {only!r}, got {value!r}")
 
 
-class _FacetSide(NamedTuple):
-    """What contact with meshes needs besides."""
-
-    table: FacetTable
-    memory: FacetMemory
-    space: FacetSpace
-
-
-def _facet_side(
-    bodies: Sequence[Body],
-    textures: PackedTextures,
-    geometry: Geometry,
-    by_facets: NDArray[np.int64],
-) -> _FacetSide | None:
-    if not by_facets.any():
-        return None
-    table = facet_table(bodies, textures, geometry)
-    space = facet_space(table, len(geometry.kind))
-    return _FacetSide(table, facet_memory(len(bodies)), space)
+def _force_law(settings: ForceSettings) -> ForceLaw:
+    return ForceLaw(_parameters(settings), _grid_method(settings), _point_law(settings))
 
 
 def _parameters(settings: ForceSettings) -> ForceParameters:
@@ -269,11 +320,11 @@ def _grid_method(settings: ForceSettings) -> GridMethod | None:
     )
 
 
-def _baseline(settings: ForceSettings) -> Baseline | None:
+def _point_law(settings: ForceSettings) -> PointLaw | None:
     law = LAWS.index(settings.law)
     if law == OTADUY_LIN:
         return None
-    return Baseline(
+    return PointLaw(
         law=law,
         ho_gain=float(settings.ho_gain),
         noise_level=float(settings.noise_level),

@@ -1,9 +1,10 @@
-"""The facets of all bodies of a scene in flat arrays, with a tree of boxes over each body's.
+"""The facets of all bodies of a scene in flat arrays, with a bounding volume hierarchy per body.
 
-Facets serve two ends. They are what touches: the *footprint* of a contact, its area, middle and
-normal, is summed over pairs of facets that face each other. And those of meshes, boxes and planes
-are also the charts on which depths are searched. Round geoms have exact charts of their own
-(`chart`); their facets only approximate them for the footprint, and name their geom.
+Facets serve two purposes. The *overlap region* of a contact, its area, centroid and normal, is
+integrated over pairs of facets that face each other. And the facets of meshes, boxes and planes are
+the patches of surface on which depths are searched. Round geoms have exact patches
+(`narrow_phase.surface_patch`): their facets only approximate them in the overlap region, and refer
+to their geom.
 """
 
 from __future__ import annotations
@@ -26,67 +27,80 @@ from asperity.texture.highest import texture_top
 from asperity.texture.packed import PackedTextures
 
 _LEAF = 2
-BINS = 6
-"""Directions by which facets of a scene's body are told apart: along its axes, both ways."""
+"""Most facets of a leaf of a tree."""
+DIRECTIONS = 6
+"""Directions of contact with a body: the axes of its frame, both ways."""
 _SHARPNESS = 8
 _LEAST_SHARE = 0.02
+"""Shares of a facet below this are dropped."""
 _EVERYWHERE = 1e9
 
 Array = NDArray[np.float64]
 
 
 class FacetTable(NamedTuple):
-    """All facets, as kernels want them; rows are facets but where said otherwise."""
+    """All facets of a scene. Rows are facets, in the order of the trees, unless stated otherwise.
+
+    A facet is parametrised by (x, y) in its plane, measured from the centre of its rectangle.
+    """
 
     points: Array
     """Corners in the body's frame [m], (n, 8, 3)."""
     sides: NDArray[np.int64]
+    """Number of corners, (n,)."""
     origin: Array
+    """Centre of the bounding rectangle in the body's frame [m], (n, 3)."""
     axes: Array
+    """Unit vectors x, y and the normal z in the body's frame, (n, 3, 3)."""
     corners: Array
+    """Corners in the plane [m], (n, 8, 2)."""
     half: Array
+    """Half sides of the bounding rectangle [m], (n, 2)."""
     rows: Array
-    """Borders `k0 + k1 x + k2 y <= 0` and whether they are edges, (n, 8, 4)."""
+    """Borders `k0 + k1 x + k2 y <= 0`, and whether they are edges of the body; (n, 8, 4)."""
     count_rows: NDArray[np.int64]
-    """0 for a rectangle, whose borders are those of its chart."""
+    """Number of borders, (n,); 0 for a rectangle, whose borders are its sides."""
     w: Array
-    """(n, 9)"""
+    """Interpolated normal, before normalisation: at the centre, by x, by y; (n, 9)."""
     unit: Array
-    """1 where w is constant."""
+    """1 where the normal is constant, else 0; (n,)."""
     bends: Array
+    """Bounds of the first [1/m] and second [1/m^2] derivatives of the normal, (n, 2)."""
     least: Array
-    """Least length of w before it is made a unit vector."""
+    """Least length of w, (n,)."""
     place: Array
-    """Place on the texture, or base point in the texture's frame, at a = 0, by x, by y; (n, 9)."""
+    """Place on the texture, or base point in the texture's frame: at the centre, by x, by y;
+    (n, 9) [m]."""
     spread: Array
-    """Singular values of the map from a to the texture, (n, 2)."""
+    """Singular values of the map from (x, y) to the texture, (n, 2)."""
     body: NDArray[np.int64]
-    """Which body each facet belongs to."""
+    """Body that the facet belongs to, (n,)."""
     mapping: Array
-    """Of each body, as a chart has it."""
+    """PLANAR or TRIPLANAR, (bodies,)."""
     top: Array
-    """Highest point of the texture on the facet [m]."""
+    """Highest point of the texture on the facet [m], (n,)."""
     shares: Array
     """How much the facet counts for each of the six directions, summing to 1; (n, 6)."""
     geom: NDArray[np.int64]
-    """The round geom that a facet approximates, -1 if it is itself a chart."""
+    """Round geom that the facet approximates, -1 for a facet that is itself searched; (n,)."""
     slack: Array
-    """Of each body: how far its facets may lie within its smooth surface [m]."""
+    """How far the facets of a body may lie inside its smooth surface [m], (bodies,)."""
     middle: Array
-    """Middles of the boxes of the trees in the body's frame [m], (nodes, 3)."""
+    """Centres of the trees' boxes in the body's frame [m], (nodes, 3)."""
     reach: Array
-    """Their half sides [m], (nodes, 3)."""
+    """Half sides of the boxes [m], (nodes, 3)."""
     child: NDArray[np.int64]
-    """First of the two children, which follow one another; of a leaf -1. (nodes,)"""
+    """First of the two children of a box, which follow one another; -1 for a leaf; (nodes,)."""
     first: NDArray[np.int64]
-    """First facet of a node, (nodes,)."""
+    """First facet in a box, (nodes,)."""
     last: NDArray[np.int64]
+    """One past the last facet in a box, (nodes,)."""
     root: NDArray[np.int64]
-    """Of each body."""
+    """Root of the tree of each body, (bodies,)."""
 
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
-    """Return the facets of `bodies`, in the order of their trees."""
+    """Build the facets and trees of `bodies`."""
     sets, geoms, trees, roots, slacks = [], [], [], [], []
     first_facet = first_node = first_geom = 0
     for number, body in enumerate(bodies):
@@ -123,7 +137,7 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
 def _body_facets(
     body: Body, geometry: Geometry, number: int, first_geom: int
 ) -> tuple[Facets, NDArray[np.int64], float]:
-    """Return a body's facets in its frame, the round geom of each or -1, and their slack."""
+    """Return a body's facets in its frame, the round geom of each (or -1), and their slack [m]."""
     if body.mesh is not None:
         mesh = body.mesh
         facets = mesh_facets(mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body))
@@ -131,9 +145,9 @@ def _body_facets(
     parts, owners, slack = [], [], 0.0
     for i, geom in enumerate(body.geoms):
         vertices, faces, normals, off = geom_triangles(geom)
-        turn = rotation_of(geom.quaternion)
-        vertices = vertices @ turn.T + np.asarray(geom.position)
-        normals = normals @ turn.T
+        rotation = rotation_of(geom.quaternion)
+        vertices = vertices @ rotation.T + np.asarray(geom.position)
+        normals = normals @ rotation.T
         facets = mesh_facets(vertices, faces, normals, None)
         if not is_round(geom):
             facets = taken(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
@@ -144,7 +158,7 @@ def _body_facets(
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:
-    """Return which flat facets lie wholly against or within one other box of the body."""
+    """Return which facets are covered by another box of the body: wholly within or against it."""
     hidden = np.zeros(len(facets), dtype=bool)
     for geom in geoms:
         if geom is own or geom.kind != "box":
@@ -158,7 +172,7 @@ def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.boo
 def _on_texture(
     facets: Facets, owner: NDArray, bodies: Sequence[Body], geometry: Geometry
 ) -> tuple[Array, Array, Array]:
-    """Return where facets lie on their textures, how that map stretches, and its kind."""
+    """Return `place`, `spread` and `mapping` of a `FacetTable`."""
     place = np.zeros((len(facets), 3, 3))
     spread = np.zeros((len(facets), 2))
     kinds = np.full(len(bodies), PLANAR)
@@ -182,7 +196,7 @@ def _on_texture(
 
 
 def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
-    """Return the sides of facets as borders; none for rectangles along their axes."""
+    """Return the borders of facets and their number: 0 for rectangles along their axes."""
     corners = facets.corners
     rows = np.zeros((len(facets), MOST_SIDES, 4))
     count = facets.sides.copy()
@@ -209,8 +223,8 @@ def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _shares(normals: Array) -> Array:
-    """Return how much facets count for each direction, shared smoothly where two are near."""
-    along = np.stack([normals, -normals], axis=2).reshape(-1, BINS)
+    """Return how much facets count for each direction, divided smoothly between directions."""
+    along = np.stack([normals, -normals], axis=2).reshape(-1, DIRECTIONS)
     raw = np.maximum(along, 0.0) ** _SHARPNESS
     raw /= raw.sum(axis=1)[:, None]
     raw = np.maximum(raw - _LEAST_SHARE, 0.0)
@@ -221,7 +235,7 @@ def _tops(
     facets: Facets, owner: NDArray, textures: PackedTextures, geometry: Geometry, place: Array,
     mapping: Array,
 ) -> Array:  # fmt: skip
-    """Return the highest point of the texture on each facet."""
+    """Return the highest point of the texture on each facet [m]."""
     which = geometry.texture[owner]
     at = place.reshape(-1, 3, 3)
     corners = facets.corners
@@ -236,6 +250,7 @@ def _tops(
 
 @kernel
 def _highest(textures, which, box, out):
+    """Fill the highest point of each texture `which` within a box of (u, v), (n, 2, 2) [m]."""
     for i in range(which.size):
         if which[i] >= 0:
             out[i] = texture_top(
@@ -246,7 +261,7 @@ def _highest(textures, which, box, out):
 def _tree(
     points: Array, sides: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], tuple[Array, Array, NDArray, NDArray, NDArray]]:
-    """Return an order of facets and a tree of boxes over them: low, high, child, first, last."""
+    """Return an order of facets, and a tree of boxes over them: low, high, child, first, last."""
     low, high = points.min(axis=1), points.max(axis=1)
     middle = 0.5 * (low + high)
     order = np.arange(len(points))

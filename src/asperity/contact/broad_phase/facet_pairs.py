@@ -1,8 +1,8 @@
-"""Which facets of two bodies face each other and are near.
+"""Pairs of facets of two bodies that face each other and may overlap.
 
-Boxes round the facets of each body, in trees, are gone through from the top: for two bodies of
-seven hundred facets that visits some five thousand pairs of boxes. So what is found is noted for
-some ticks: `noted_facets`.
+A simultaneous traversal of both bodies' bounding volume hierarchies finds them. For two bodies of
+seven hundred facets that visits about five thousand pairs of boxes, so its result is kept over
+several ticks: see `neighbour_list`.
 """
 
 from __future__ import annotations
@@ -17,66 +17,121 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import FacetTable
 
-MAX_FACINGS = 32768
-_ALL = np.int64(1) << 40
+MAX_FACET_PAIRS = 32768
 STACK = 512
-"""Pairs of boxes that a walk may have before it."""
+"""Room for pairs of boxes that a traversal has still to visit."""
+_UNLIMITED = np.int64(1) << 40
+
+PLACED_FACET = np.dtype(
+    [
+        ("normal", "f8", 3),  # unit normal
+        ("centre", "f8", 3),  # centre of its bounding rectangle [m]
+        ("radius", "f8"),  # largest distance of a corner from the centre [m]
+        ("tick", "i8"),  # `SEARCH_STATE.tick` at which the facet was transformed
+    ],
+    align=True,
+)
+"""A facet of body A in B's frame."""
+
+SEARCH_STATE = np.dtype(
+    [
+        ("tick", "i8"),  # counts the relative poses for which facets were transformed
+        ("dropped", "i8"),  # pairs of the last search that there was no room for
+    ],
+    align=True,
+)
 
 
-class Facing(NamedTuple):
-    """The pairs of facets that face each other at one pose, and the room to find them."""
+class FacetPairs(NamedTuple):
+    """Facet pairs of bodies A and B at one relative pose, and the memory to find them in."""
 
     pairs: NDArray[np.int64]
-    """Of A, of B; (n, 2)."""
+    """Facet of A, facet of B; (MAX_FACET_PAIRS, 2)."""
     stack: NDArray[np.int64]
-    turned: NDArray[np.float64]
-    """Corners of A's facets in B's frame, (facets, 8, 3)."""
-    normals: NDArray[np.float64]
-    """Of A's facets in B's frame: normal, middle, how far the corners are from it; (facets, 7)."""
-    stamp: NDArray[np.int64]
-    """When a facet was turned, (facets,)."""
-    clock: NDArray[np.int64]
-    """Counts the poses; and how often there was no room for all pairs at this one. (2,)"""
+    """Pairs of boxes that a traversal has still to visit, (STACK, 2)."""
+    corners: NDArray[np.float64]
+    """Corners of A's facets in B's frame [m], (facets, 8, 3)."""
+    placed: NDArray[np.void]
+    """A's facets in B's frame, `PLACED_FACET` records (facets,)."""
+    state: NDArray[np.void]
+    """One `SEARCH_STATE` record, (1,)."""
 
 
-def facing_space(facets: int) -> Facing:
-    """Return room for the facing facets of bodies with so many facets in all."""
-    return Facing(
-        pairs=np.zeros((MAX_FACINGS, 2), np.int64),
+class PairLimits(NamedTuple):
+    """Which pairs of facets are wanted."""
+
+    max_depth: float
+    """Largest smooth overlap [m]."""
+    reach: float
+    """Largest distance of facets that do not overlap, along B's normal and beside it [m]."""
+    margin: float
+    """Largest distance of facets by their bounding boxes [m]."""
+    min_cosine: float
+    """Least cosine of the angle between A's normal and the reverse of B's."""
+
+
+class BvhTraversal(NamedTuple):
+    """A simultaneous traversal of two BVHs that can be interrupted and resumed."""
+
+    stack: NDArray[np.int64]
+    """Pairs of boxes still to be visited, (STACK, 2)."""
+    stack_size: int
+    """Number of them."""
+    pairs: NDArray[np.int64]
+    """Pairs of facets found, (n, 2)."""
+    pair_count: int
+    """Number of them."""
+
+
+def facet_pairs(facets: int) -> FacetPairs:
+    """Allocate memory for the facet pairs of bodies with `facets` facets altogether."""
+    return FacetPairs(
+        pairs=np.zeros((MAX_FACET_PAIRS, 2), np.int64),
         stack=np.zeros((STACK, 2), np.int64),
-        turned=np.zeros((facets, 8, 3)),
-        normals=np.zeros((facets, 7)),
-        stamp=np.zeros(facets, np.int64),
-        clock=np.zeros(2, np.int64),
+        corners=np.zeros((facets, 8, 3)),
+        placed=np.zeros(facets, PLACED_FACET),
+        state=np.zeros(1, SEARCH_STATE),
     )
 
 
+@small_kernel
+def pair_limits(max_depth, reach, min_cosine):
+    """Return the limits for pairs that overlap by less than `max_depth`; see `PairLimits`."""
+    # Textures displace points no farther sideways than they rise.
+    return PairLimits(max_depth, reach, math.hypot(max_depth, reach), min_cosine)
+
+
 @inner_kernel
-def between_bodies(body_a, body_b, turn_out, shift_out):
-    """Fill the way from A's frame to B's, (3, 3) and (3,), from their poses (3, 4)."""
+def relative_transform(body_a, body_b, transform_out):
+    """Fill the rotation and translation (3, 4) from A's frame to B's, from the poses (3, 4)."""
     for i in range(3):
-        shift_out[i] = 0.0
+        transform_out[i, 3] = 0.0
         for j in range(3):
-            shift_out[i] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
-            turn_out[i, j] = 0.0
+            transform_out[i, 3] += body_b[j, i] * (body_a[j, 3] - body_b[j, 3])
+            transform_out[i, j] = 0.0
             for k in range(3):
-                turn_out[i, j] += body_b[k, i] * body_a[k, j]
+                transform_out[i, j] += body_b[k, i] * body_a[k, j]
 
 
 @inner_kernel
-def size_of(table: FacetTable, a):
-    """Return half the diagonal of the box round a body [m]."""
+def half_diagonal(table: FacetTable, a):
+    """Return half the diagonal of the bounding box of body `a` [m]."""
     reach = table.reach[table.root[a]]
     return math.sqrt(reach[0] * reach[0] + reach[1] * reach[1] + reach[2] * reach[2])
 
 
 @inner_kernel
-def moved_since(table: FacetTable, a, before, after):
-    """Return how far a point of body `a` has moved at most [m].
+def largest_displacement(table: FacetTable, a, before, after):
+    """Return an upper bound of the distance that any point of body `a` has moved [m].
 
-    `before` and `after` (3, 4) are its rotation and, in the last column, its origin's place. No
-    corner of the box round it has moved farther. And it is no less than what `size_of` makes of
-    the turn: a direction fixed in the body has changed by at most this over that size.
+    It is the largest displacement of a corner of the body's bounding box, and at least the chord
+    of the rotation times `half_diagonal`. So a direction fixed in the body has changed by at most
+    the returned distance over `half_diagonal`.
+
+    Parameters
+    ----------
+    before, after : (3, 4) arrays
+        The body's rotation and, in the last column, its position [m].
     """
     middle, reach = table.middle[table.root[a]], table.reach[table.root[a]]
     turned = farthest = 0.0
@@ -92,85 +147,86 @@ def moved_since(table: FacetTable, a, before, after):
                 away += (after[i, k] - before[i, k]) * place
             square += away * away
         farthest = max(farthest, square)
-    # Half the sum of squares is the square of the chord, of whatever is turned most.
-    return max(math.sqrt(farthest), math.sqrt(0.5 * turned) * size_of(table, a))
+    # Half the squared Frobenius norm is the largest squared chord of a rotated unit vector.
+    return max(math.sqrt(farthest), math.sqrt(0.5 * turned) * half_diagonal(table, a))
 
 
 @inner_kernel
-def turn_facet(table: FacetTable, f, turn, shift, facing):
-    """Note a facet of A in B's frame."""
-    facing.stamp[f] = facing.clock[0]
+def place_facet(table: FacetTable, f, transform, facets):
+    """Transform facet `f` of A to B's frame."""
+    placed = facets.placed[f]
+    placed.tick = facets.state[0].tick
     for i in range(3):
-        total, middle = 0.0, shift[i]
+        total, middle = 0.0, transform[i, 3]
         for k in range(3):
-            total += turn[i, k] * table.axes[f, 2, k]
-            middle += turn[i, k] * table.origin[f, k]
-        facing.normals[f, i], facing.normals[f, 3 + i] = total, middle
+            total += transform[i, k] * table.axes[f, 2, k]
+            middle += transform[i, k] * table.origin[f, k]
+        placed.normal[i], placed.centre[i] = total, middle
         for c in range(table.sides[f]):
-            place = shift[i]
+            place = transform[i, 3]
             for k in range(3):
-                place += turn[i, k] * table.points[f, c, k]
-            facing.turned[f, c, i] = place
+                place += transform[i, k] * table.points[f, c, k]
+            facets.corners[f, c, i] = place
     half_x, half_y = table.half[f, 0], table.half[f, 1]
-    facing.normals[f, 6] = math.sqrt(half_x * half_x + half_y * half_y)
+    placed.radius = math.sqrt(half_x * half_x + half_y * half_y)
 
 
 @small_kernel
-def far_by(table: FacetTable, f, g, near, beside, facing):
-    """Return by how much facets are farther apart than `near` [m], or `beside` sideways.
+def sphere_separation(table: FacetTable, f, g, limits, facets):
+    """Return a lower bound of the motion until a pair is within `limits` [m]; 0 or less: it may be.
 
-    By the middle of A's, whatever way it is turned; most are. 0 or less if they may be near.
+    It takes A's facet as its bounding sphere, whatever its orientation: most pairs fail that.
     """
-    m, o = facing.normals[f], table.origin[g]
+    c, o = facets.placed[f].centre, table.origin[g]
+    radius = facets.placed[f].radius
     x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    d0, d1, d2 = m[3] - o[0], m[4] - o[1], m[5] - o[2]
-    round_f = m[6] + beside
-    off_x = abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) - (table.half[g, 0] + round_f)
-    off_y = abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) - (table.half[g, 1] + round_f)
-    off_z = abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) - (near + m[6])
+    d0, d1, d2 = c[0] - o[0], c[1] - o[1], c[2] - o[2]
+    beside = radius + limits.reach
+    off_x = abs(d0 * x[0] + d1 * x[1] + d2 * x[2]) - (table.half[g, 0] + beside)
+    off_y = abs(d0 * y[0] + d1 * y[1] + d2 * y[2]) - (table.half[g, 1] + beside)
+    off_z = abs(d0 * z[0] + d1 * z[1] + d2 * z[2]) - (limits.margin + radius)
     return max(off_x, off_y, off_z)
 
 
 @small_kernel
-def cosine_of(table: FacetTable, f, g, facing):
-    """Return the cosine between a facet of A and the one of B that it faces."""
-    n, other = facing.normals[f], table.axes[g, 2]
+def facing_cosine(table: FacetTable, f, g, facets):
+    """Return the cosine of the angle between A's normal and the reverse of B's."""
+    n, other = facets.placed[f].normal, table.axes[g, 2]
     return -(n[0] * other[0] + n[1] * other[1] + n[2] * other[2])
 
 
 @inner_kernel
-def walk(
-    table: FacetTable, turn, shift, margin, beside, flattest, stack, top, visits, pairs_io, count,
-    facing,
-):  # fmt: skip
-    """Go through pairs of boxes from the top of a stack; add facets that are near and face.
+def traverse_bvh(table: FacetTable, transform, limits, traversal, visits, facets):
+    """Visit pairs of boxes from the top of the stack; append pairs of facets within `limits`.
 
     Parameters
     ----------
-    turn, shift : (3, 3), (3,) arrays
+    transform : (3, 4) array
         From A's frame to B's.
-    margin, beside : float
-        How near [m]; sideways.
-    flattest : float
-        The least cosine between two that face each other.
-    stack : (512, 2) array
-        Pairs of boxes, of which there are `top`.
+    limits : PairLimits
+    traversal : BvhTraversal
+        Its arrays are changed.
     visits : int
-        After so many pairs of boxes it ends, and may go on another time.
-    pairs_io : (n, 2) array
-        Facets of A, of B; there are `count`.
+        Interrupt the traversal after this many pairs of boxes.
 
     Returns
     -------
-    int, int, int, int
-        How many pairs of boxes and of facets there are now, of how many visits nothing has come,
-        and how often there was no room.
+    stack_size, count : int
+        Number of pairs of boxes, and of facets, that there are now.
+    visits : int
+        How many visits were not needed.
+    dropped : int
+        Pairs that there was no room for.
     """
-    lost = np.int64(0)
+    stack, top, pairs, count = (
+        traversal.stack, traversal.stack_size, traversal.pairs, traversal.pair_count,
+    )  # fmt: skip
+    margin = limits.margin
+    dropped = np.int64(0)
     size = stack_array((3, 3))
     for k in range(3):
         for m in range(3):
-            size[k, m] = abs(turn[k, m])
+            size[k, m] = abs(transform[k, m])
     while top > 0 and visits > 0:
         top -= 1
         visits -= 1
@@ -178,16 +234,16 @@ def walk(
         inner_a, inner_b = table.child[i] >= 0, table.child[j] >= 0
         if inner_a or inner_b:
             if top + 4 > STACK:
-                lost += 1
+                dropped += 1
                 continue
-            # Without branches: which boxes are apart no processor can foretell.
+            # Without branches, since which boxes overlap cannot be predicted.
             first_a, last_a = (table.child[i], table.child[i] + 2) if inner_a else (i, i + 1)
             first_b, last_b = (table.child[j], table.child[j] + 2) if inner_b else (j, j + 1)
             for c in range(first_a, last_a):
-                m, h = table.middle[c], table.reach[c]
-                x = shift[0] + turn[0, 0] * m[0] + turn[0, 1] * m[1] + turn[0, 2] * m[2]
-                y = shift[1] + turn[1, 0] * m[0] + turn[1, 1] * m[1] + turn[1, 2] * m[2]
-                z = shift[2] + turn[2, 0] * m[0] + turn[2, 1] * m[1] + turn[2, 2] * m[2]
+                m, h, t = table.middle[c], table.reach[c], transform
+                x = t[0, 3] + t[0, 0] * m[0] + t[0, 1] * m[1] + t[0, 2] * m[2]
+                y = t[1, 3] + t[1, 0] * m[0] + t[1, 1] * m[1] + t[1, 2] * m[2]
+                z = t[2, 3] + t[2, 0] * m[0] + t[2, 1] * m[1] + t[2, 2] * m[2]
                 wide_x = size[0, 0] * h[0] + size[0, 1] * h[1] + size[0, 2] * h[2] + margin
                 wide_y = size[1, 0] * h[0] + size[1, 1] * h[1] + size[1, 2] * h[2] + margin
                 wide_z = size[2, 0] * h[0] + size[2, 1] * h[1] + size[2, 2] * h[2] + margin
@@ -199,31 +255,29 @@ def walk(
                     top += np.int64(near_x & near_y & near_z)
             continue
         for f in range(table.first[i], table.last[i]):
-            if facing.stamp[f] != facing.clock[0]:
-                turn_facet(table, f, turn, shift, facing)
+            if facets.placed[f].tick != facets.state[0].tick:
+                place_facet(table, f, transform, facets)
             for g in range(table.first[j], table.last[j]):
-                if count == pairs_io.shape[0]:
-                    lost += 1
+                if count == pairs.shape[0]:
+                    dropped += 1
                     continue
-                faces = cosine_of(table, f, g, facing) >= flattest
-                far = far_by(table, f, g, margin, beside, facing) > 0.0
-                pairs_io[count, 0], pairs_io[count, 1] = f, g
+                faces = facing_cosine(table, f, g, facets) >= limits.min_cosine
+                far = sphere_separation(table, f, g, limits, facets) > 0.0
+                pairs[count, 0], pairs[count, 1] = f, g
                 count += np.int64(faces & ~far)
-    return top, count, visits, lost
+    return top, count, visits, dropped
 
 
 @inner_kernel
-def facing_pairs(table: FacetTable, a, b, turn, shift, margin, beside, flattest, facing):
-    """Fill `facing.pairs` with facets of bodies a and b that are near and face each other.
+def overlapping_facet_pairs(table, a, b, transform, limits, facets):
+    """Fill `facets.pairs` with the facets of bodies `a` and `b` that may be within `limits`.
 
-    `a`, `b` are the numbers of the bodies; for the others see `walk`. Returns how many pairs there
-    are. Those that there is no room for are left out, and counted in `facing.clock[1]`.
+    Returns how many there are. Pairs that there was no room for are left out, and counted in
+    `facets.state[0].dropped`.
     """
-    facing.clock[0] += 1
-    facing.stack[0, 0], facing.stack[0, 1] = table.root[a], table.root[b]
-    _, count, _, lost = walk(
-        table, turn, shift, margin, beside, flattest, facing.stack, np.int64(1), _ALL,
-        facing.pairs, np.int64(0), facing,
-    )  # fmt: skip
-    facing.clock[1] = lost
+    facets.state[0].tick += 1
+    facets.stack[0, 0], facets.stack[0, 1] = table.root[a], table.root[b]
+    start = BvhTraversal(facets.stack, np.int64(1), facets.pairs, np.int64(0))
+    _, count, _, dropped = traverse_bvh(table, transform, limits, start, _UNLIMITED, facets)
+    facets.state[0].dropped = dropped
     return count

@@ -1,78 +1,93 @@
-"""What facets were near, and face each other: noted for some ticks, in two rings.
+"""Verlet neighbour lists of facets, so that a tick need not traverse the BVH.
 
-A tool moves little in a tick. So facets are looked for somewhat farther than they have to be, and
-noted; what is noted holds until the tool has moved that far (Verlet, 1967, of molecules). The inner
-ring is gone through in each tick. It is taken, every ten ticks or so, from the outer one, which
-reaches several times as far; of each pair it is known how far the tool has to move until it may be
-of the inner ring. While that outer ring still holds, the trees are gone through for the next one, a
-few boxes in each tick, so that no tick has to wait for it.
+A tool moves little in a tick. Pairs of facets are therefore listed with a *skin*: somewhat farther
+apart than necessary, so that a list stays valid until the tool has moved by the skin (Verlet,
+1967, for molecules). There are three lists for each body of the scene:
+
+- the *inner list* is tested in every tick;
+- the *outer list* has a skin several times as wide. The inner list is rebuilt from it about every
+  ten ticks; for each of its pairs a lower bound of the motion is known before which the pair
+  cannot belong to the inner list;
+- the *pending list* is the next outer list. While the present one is still valid, some boxes are
+  visited in each tick to fill it, so that no tick has to wait for a full traversal.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.facet_pairs import (
-    cosine_of,
-    facing_pairs,
-    far_by,
-    moved_since,
-    size_of,
-    turn_facet,
-    walk,
+    BvhTraversal,
+    facing_cosine,
+    largest_displacement,
+    overlapping_facet_pairs,
+    pair_limits,
+    place_facet,
+    sphere_separation,
+    traverse_bvh,
 )
 from asperity.contact.broad_phase.neighbour_records import (
-    COUNT,
-    MAX_NOTED,
-    NEAR,
-    NONE,
-    REACH,
-    SPARE,
-    TIMES,
-    TOO_MANY,
-    TOP,
-    USUAL,
-    VISITS,
-    keep_pair,
-    keep_ring,
-    keep_way,
+    EMPTY,
+    MAX_LISTED,
+    OVERFLOWED,
+    append_pair,
+    copy_list,
+    copy_transform,
 )
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 _TICKS = 10.0
-"""For so many ticks of the present speed what is noted should hold,"""
-_LEAST_SPARE, _MOST_SPARE = 2e-4, 1e-3
-"""looked for this much farther at least, and at most [m]."""
-_NARROWEST = 2.0
-"""Where there is no room for an outer ring the next one reaches half as many times as far; there is
-none that would reach less than so many times as far as the inner one.
-"""
-_OLD = 0.55
-"""When so much of its spare is used up, the next outer ring is begun,"""
-_IN_TICKS = 4.0
-"""to be done after so many ticks, if it takes as many visits as the last."""
+"""Ticks at the present speed for which an inner list should stay valid."""
+_LEAST_SKIN, _MOST_SKIN = 2e-4, 1e-3
+"""Range of the inner list's skin [m]."""
+_LEAST_WIDTH = 2.0
+"""Narrowest outer list, in skins of the inner list. A pending list that overflows is begun again
+half as wide; below this width there is none."""
+_WORN = 0.55
+"""Part of the outer list's skin after which the pending list is begun,"""
+_PENDING_TICKS = 4.0
+"""and the number of ticks over which it is filled if it takes as many visits as the last one."""
+
+
+class RelativePose(NamedTuple):
+    """Where the tool is in the frame of a body of the scene."""
+
+    tool: int
+    """Number of the tool among the bodies."""
+    body: int
+    """Number of the body."""
+    transform: NDArray[np.float64]
+    """Rotation and translation [m] from the tool's frame to the body's, (3, 4)."""
+    size: float
+    """Half the diagonal of the tool's bounding box [m]."""
+    step: float
+    """Distance that the tool has moved since the last tick [m]."""
 
 
 @inner_kernel
-def _apart_by(table: FacetTable, f, g, near, reach, facing):
-    """Return by how much more than `reach` a facet of A is beside g, or out of g's [-reach, near].
+def _separation(table: FacetTable, f, g, limits, facets):
+    """Return a lower bound of the motion until two facets are within `limits` [m].
 
-    As seen along g's normal: one side of either has the other beyond it. At least by so much [m]; 0
-    or less if it is neither.
+    Both are seen along g's normal. The bound is the distance by which one side of either facet has
+    the other facet beyond it, or by which the overlap is outside [-reach, max_depth]; 0 or less
+    means that there is none.
     """
+    reach = limits.reach
     seen = stack_array((8, 2))
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     count = table.sides[f]
     low_x, low_y, shallowest = np.inf, np.inf, np.inf
     high_x, high_y, deepest = -np.inf, -np.inf, -np.inf
     for c in range(count):
-        # Seen from B's side A's facet runs round the other way.
-        p = facing.turned[f, count - 1 - c]
+        # Seen from B's side the corners of A's facet run the other way round.
+        p = facets.corners[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         on_x = d0 * x[0] + d1 * x[1] + d2 * x[2]
         on_y = d0 * y[0] + d1 * y[1] + d2 * y[2]
@@ -82,7 +97,7 @@ def _apart_by(table: FacetTable, f, g, near, reach, facing):
         low_y, high_y = min(low_y, on_y), max(high_y, on_y)
         shallowest, deepest = min(shallowest, deep), max(deepest, deep)
     wide_x, wide_y = table.half[g, 0] + reach, table.half[g, 1] + reach
-    apart = max(shallowest - near, -deepest - reach)
+    apart = max(shallowest - limits.max_depth, -deepest - reach)
     apart = max(apart, low_x - wide_x, -high_x - wide_x, low_y - wide_y, -high_y - wide_y)
     if apart > 0.0:
         return apart
@@ -113,175 +128,199 @@ def _apart_by(table: FacetTable, f, g, near, reach, facing):
 
 
 @inner_kernel
-def _beyond_by(table: FacetTable, f, g, near, reach, flattest, size, facing):
-    """Return how far A has to move, at least, until a pair is wanted [m]; 0 or less if it is."""
-    by = (flattest - cosine_of(table, f, g, facing)) * size
-    by = max(by, far_by(table, f, g, math.hypot(near, reach), reach, facing))
-    return by if by > 0.0 else _apart_by(table, f, g, near, reach, facing)
+def _motion_until_listed(table: FacetTable, f, g, limits, size, facets):
+    """Return a lower bound of the tool's motion until a pair is within `limits` [m].
+
+    0 or less if it is now. `size` is half the diagonal of the tool's bounding box [m].
+    """
+    motion = (limits.min_cosine - facing_cosine(table, f, g, facets)) * size
+    motion = max(motion, sphere_separation(table, f, g, limits, facets))
+    return motion if motion > 0.0 else _separation(table, f, g, limits, facets)
 
 
 @inner_kernel
-def _take_from_outer(table: FacetTable, b, way, near, reach, flattest, size, noted, facing):
-    """Note what is wanted of the facets of the outer ring; return how many."""
-    facing.clock[0] += 1
-    facing.clock[1] = 0
-    turn, shift, travelled = way[:, :3], way[:, 3], noted.travelled[b]
-    outer, kept = noted.outer, np.int64(0)
-    for i in range(int(outer.holds[b, COUNT])):
-        if travelled < outer.beyond[b, i]:
+def _rebuild_from_outer(table: FacetTable, pose, limits, lists, facets):
+    """Fill the inner list with pairs of the outer one; return the number of pairs wanted."""
+    facets.state[0].tick += 1
+    facets.state[0].dropped = 0
+    b, outer = pose.body, lists.outer
+    travelled, count = lists.travelled[b], np.int64(0)
+    for i in range(outer.state[b].count):
+        if travelled < outer.needed_at[b, i]:
             continue
         f, g = outer.pairs[b, i, 0], outer.pairs[b, i, 1]
-        if facing.stamp[f] != facing.clock[0]:
-            turn_facet(table, f, turn, shift, facing)
-        beyond = _beyond_by(table, f, g, near, reach, flattest, size, facing)
-        outer.beyond[b, i] = travelled + max(beyond, 0.0)
-        if beyond <= 0.0:
-            kept = keep_pair(noted.inner.pairs, b, kept, f, g)
-    return kept
+        if facets.placed[f].tick != facets.state[0].tick:
+            place_facet(table, f, pose.transform, facets)
+        motion = _motion_until_listed(table, f, g, limits, pose.size, facets)
+        outer.needed_at[b, i] = travelled + max(motion, 0.0)
+        if motion <= 0.0:
+            count = append_pair(lists.inner.pairs, b, count, f, g)
+    return count
 
 
 @inner_kernel
-def _take_from_all(table: FacetTable, a, b, way, near, reach, flattest, noted, facing):
-    """Do so of all facets."""
-    # Sideways textures move points no farther than they rise.
-    margin = math.hypot(near, reach)
-    count = facing_pairs(table, a, b, way[:, :3], way[:, 3], margin, reach, flattest, facing)
-    kept = np.int64(0)
-    for i in range(count):
-        f, g = facing.pairs[i, 0], facing.pairs[i, 1]
-        if _apart_by(table, f, g, near, reach, facing) <= 0.0:
-            kept = keep_pair(noted.inner.pairs, b, kept, f, g)
-    return kept
+def _rebuild_from_bvh(table: FacetTable, pose, limits, lists, facets):
+    """Fill the inner list by a full BVH traversal; return the number of pairs wanted."""
+    found = overlapping_facet_pairs(table, pose.tool, pose.body, pose.transform, limits, facets)
+    count = np.int64(0)
+    for i in range(found):
+        f, g = facets.pairs[i, 0], facets.pairs[i, 1]
+        if _separation(table, f, g, limits, facets) <= 0.0:
+            count = append_pair(lists.inner.pairs, pose.body, count, f, g)
+    return count
 
 
 @inner_kernel
-def _note(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing):
-    """Note the facets that `near_pairs` wants, and those that it may while A moves by `spare`."""
-    near, reach, flattest = near + spare, reach + spare, FLATTEST - spare / size
-    holds, outer = noted.inner.holds[b], noted.outer.holds[b]
-    # What was too far away by something may be near when the tool has moved by that, or when that
-    # much farther ones are wanted.
-    wider = max(near - holds[NEAR], reach - holds[REACH], spare - holds[SPARE], 0.0)
-    noted.travelled[b] += moved_since(table, a, noted.inner.way[b], way) + wider
-    holds[NEAR], holds[REACH], holds[SPARE] = near, reach, spare
-    keep_way(way, noted.inner.way[b])
-    moved = moved_since(table, a, noted.outer.way[b], way)
+def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
+    """Rebuild the inner list for `limits` widened by `skin` [m]."""
+    b = pose.body
+    inner, outer = lists.inner.state[b], lists.outer.state[b]
+    max_depth, reach = limits.max_depth + skin, limits.reach + skin
+    wide = pair_limits(max_depth, reach, FLATTEST - skin / pose.size)
+    # A pair that was outside the old limits by some distance may be inside the new ones once the
+    # tool has moved, and the limits have widened, by that distance together.
+    wider = max(max_depth - inner.max_depth, reach - inner.reach, skin - inner.skin, 0.0)
+    lists.travelled[b] += (
+        largest_displacement(table, pose.tool, inner.transform, pose.transform) + wider
+    )
+    inner.max_depth, inner.reach, inner.skin = max_depth, reach, skin
+    copy_transform(pose.transform, inner.transform)
+    moved = largest_displacement(table, pose.tool, outer.transform, pose.transform)
     if (
-        outer[COUNT] >= 0.0
-        and moved + spare <= outer[SPARE]
-        and near + moved <= outer[NEAR]
-        and reach + moved <= outer[REACH]
+        outer.count >= 0
+        and moved + skin <= outer.skin
+        and max_depth + moved <= outer.max_depth
+        and reach + moved <= outer.reach
     ):
-        kept = _take_from_outer(table, b, way, near, reach, flattest, size, noted, facing)
+        count = _rebuild_from_outer(table, pose, wide, lists, facets)
     else:
-        kept = _take_from_all(table, a, b, way, near, reach, flattest, noted, facing)
-    fits = kept <= MAX_NOTED and facing.clock[1] == 0
-    holds[COUNT] = float(kept) if fits else TOO_MANY
+        count = _rebuild_from_bvh(table, pose, wide, lists, facets)
+    fits = count <= MAX_LISTED and facets.state[0].dropped == 0
+    inner.count = count if fits else OVERFLOWED
 
 
 @inner_kernel
-def _measure(table: FacetTable, a, b, way, size, first, last, noted, facing):
-    """Fill from when on pairs of the next outer ring may be wanted, as seen from here."""
-    holds, pairs = noted.inner.holds[b], noted.coming.pairs
-    # From here to wherever the next note is made is at most as far as from here back to where the
-    # last one was, and from there to the next.
-    travelled = noted.travelled[b] - moved_since(table, a, noted.inner.way[b], way)
-    flattest = FLATTEST - holds[SPARE] / size
+def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
+    """Fill `needed_at` of the pending pairs from `first` to `last`."""
+    b = pose.body
+    inner, pending = lists.inner.state[b], lists.pending
+    limits = pair_limits(inner.max_depth, inner.reach, FLATTEST - inner.skin / pose.size)
+    # By the triangle inequality: from here to the next rebuild the tool moves at most as far as
+    # from here back to the last rebuild and from there to the next.
+    moved = largest_displacement(table, pose.tool, inner.transform, pose.transform)
+    travelled = lists.travelled[b] - moved
     for i in range(first, last):
-        f, g = pairs[b, i, 0], pairs[b, i, 1]
-        beyond = _beyond_by(table, f, g, holds[NEAR], holds[REACH], flattest, size, facing)
-        noted.coming.beyond[b, i] = travelled + max(beyond, 0.0)
+        f, g = pending.pairs[b, i, 0], pending.pairs[b, i, 1]
+        motion = _motion_until_listed(table, f, g, limits, pose.size, facets)
+        pending.needed_at[b, i] = travelled + max(motion, 0.0)
 
 
 @inner_kernel
-def _go_on(table: FacetTable, a, b, way, near, reach, spare, size, noted, facing):
-    """Look at some boxes for the next outer ring, if the present one will not hold much longer."""
-    outer, coming, progress = noted.outer.holds[b], noted.coming.holds[b], noted.progress[b]
-    if progress[TOP] == TOO_MANY or spare == 0.0:
+def _outer_will_last(table: FacetTable, pose, limits, skin, lists):
+    """Return whether the outer list will be valid for some more rebuilds of the inner list."""
+    outer = lists.outer.state[pose.body]
+    moved = largest_displacement(table, pose.tool, outer.transform, pose.transform)
+    return (
+        outer.count >= 0
+        and moved <= _WORN * outer.skin
+        and limits.max_depth + skin + moved <= outer.max_depth
+        and limits.reach + skin + moved <= outer.reach
+    )
+
+
+@inner_kernel
+def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
+    """Visit some boxes for the pending list, if the outer list will not last much longer."""
+    b = pose.body
+    pending, progress = lists.pending.state[b], lists.pending_state[b]
+    if progress.stack_size == OVERFLOWED or skin == 0.0:
         return
-    if progress[TOP] == NONE:
-        moved = moved_since(table, a, noted.outer.way[b], way)
-        if (
-            outer[COUNT] >= 0.0
-            and moved <= _OLD * outer[SPARE]
-            and near + spare + moved <= outer[NEAR]
-            and reach + spare + moved <= outer[REACH]
-        ):
+    if progress.stack_size == EMPTY:
+        if _outer_will_last(table, pose, limits, skin, lists):
             return
-        wide = progress[TIMES] * spare
-        coming[NEAR], coming[REACH], coming[SPARE] = near + wide, reach + wide, wide
-        coming[COUNT], progress[TOP], progress[VISITS] = 0.0, 1.0, 0.0
-        noted.stack[b, 0, 0], noted.stack[b, 0, 1] = table.root[a], table.root[b]
-        keep_way(way, noted.coming.way[b])
-    # What is looked for is what may be near while the tool is within the spare of where it was when
-    # this began; seen from where it is now that is farther by how far it has moved since.
-    moved = moved_since(table, a, noted.coming.way[b], way)
-    if moved > coming[SPARE]:
-        progress[TOP], progress[USUAL] = NONE, 2.0 * progress[USUAL]
+        pending.skin = progress.width * skin
+        pending.max_depth = limits.max_depth + pending.skin
+        pending.reach = limits.reach + pending.skin
+        pending.count, progress.stack_size, progress.visits = 0, 1, 0
+        lists.stack[b, 0, 0], lists.stack[b, 0, 1] = table.root[pose.tool], table.root[b]
+        copy_transform(pose.transform, pending.transform)
+    # The list is to hold what may be within its limits while the tool is within the skin of where
+    # the list was begun; as seen from the present pose, the limits are wider by the motion since.
+    moved = largest_displacement(table, pose.tool, pending.transform, pose.transform)
+    if moved > pending.skin:
+        progress.stack_size, progress.expected_visits = EMPTY, 2.0 * progress.expected_visits
         return
-    near, reach = coming[NEAR] + moved, coming[REACH] + moved
-    visits, before = np.int64(progress[USUAL] / _IN_TICKS) + 1, np.int64(coming[COUNT])
-    top, count, left, lost = walk(
-        table, way[:, :3], way[:, 3], math.hypot(near, reach), reach,
-        FLATTEST - (coming[SPARE] + moved) / size, noted.stack[b], np.int64(progress[TOP]),
-        visits, noted.coming.pairs[b], before, facing,
+    wide = pair_limits(
+        pending.max_depth + moved, pending.reach + moved,
+        FLATTEST - (pending.skin + moved) / pose.size,
     )  # fmt: skip
-    _measure(table, a, b, way, size, before, count, noted, facing)
-    progress[VISITS] += float(visits - left)
-    progress[TOP], coming[COUNT] = float(top), float(count)
-    if lost > 0:
-        progress[TIMES] *= 0.5
-        progress[TOP] = NONE if progress[TIMES] >= _NARROWEST else TOO_MANY
-    elif top == 0:
-        keep_ring(noted.coming, b, count, noted.outer)
-        progress[TOP], progress[USUAL] = NONE, progress[VISITS]
+    visits, before = np.int64(progress.expected_visits / _PENDING_TICKS) + 1, pending.count
+    traversal = BvhTraversal(lists.stack[b], progress.stack_size, lists.pending.pairs[b], before)
+    stack_size, count, unused, dropped = traverse_bvh(
+        table, pose.transform, wide, traversal, visits, facets
+    )
+    _measure_pending(table, pose, before, count, lists, facets)
+    progress.visits += visits - unused
+    progress.stack_size, pending.count = stack_size, count
+    if dropped > 0:
+        progress.width *= 0.5
+        progress.stack_size = EMPTY if progress.width >= _LEAST_WIDTH else OVERFLOWED
+    elif stack_size == 0:
+        copy_list(lists.pending, b, count, lists.outer)
+        progress.stack_size, progress.expected_visits = EMPTY, float(progress.visits)
 
 
 @inner_kernel
-def near_pairs(table: FacetTable, a, b, way, near, reach, speed, noted, facing):
-    """Do what `facing_pairs` does, mostly from what was noted before.
+def _facing_pairs(table: FacetTable, pose, lists, facets):
+    """Fill `facets.pairs` with the pairs of the inner list that face each other; count them."""
+    b, inner, count = pose.body, lists.inner, np.int64(0)
+    for i in range(inner.state[b].count):
+        f, g = inner.pairs[b, i, 0], inner.pairs[b, i, 1]
+        if facets.placed[f].tick != facets.state[0].tick:
+            place_facet(table, f, pose.transform, facets)
+        if facing_cosine(table, f, g, facets) >= FLATTEST:
+            facets.pairs[count, 0], facets.pairs[count, 1] = f, g
+            count += 1
+    return count
 
-    Pairs are those of facets that overlap by more than `-reach` and by less than `near`, and are
-    not farther apart than `reach` sideways; few others.
+
+@inner_kernel
+def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
+    """Fill `facets.pairs` as `overlapping_facet_pairs` does, mostly from the neighbour lists.
+
+    Listed are all pairs of facets that overlap by more than `-reach` and less than `max_depth` and
+    lie no farther beside each other than `reach`, and few others.
 
     Parameters
     ----------
-    way : (3, 4) array
-        From A's frame to B's: rotation, and in the last column the shift.
-    near, reach : float
-        [m]
-    speed : float
-        How far the tool has moved in the last tick [m].
+    pose : RelativePose
+    limits : PairLimits
+        With `min_cosine` FLATTEST.
+    lists : NeighbourList
+    facets : FacetPairs
+
+    Returns
+    -------
+    int
+        Number of pairs.
     """
-    size = size_of(table, a)
-    inner, holds, seen = noted.inner, noted.inner.holds[b], facing.clock[0]
-    turn, shift = way[:, :3], way[:, 3]
-    moved = moved_since(table, a, inner.way[b], way)
-    spare = min(_LEAST_SPARE + _TICKS * speed, _MOST_SPARE)
-    if spare < 2.0 * speed:
-        spare = 0.0  # nothing noted would hold
+    inner, before = lists.inner.state[pose.body], facets.state[0].tick
+    moved = largest_displacement(table, pose.tool, inner.transform, pose.transform)
+    skin = min(_LEAST_SKIN + _TICKS * pose.step, _MOST_SKIN)
+    if skin < 2.0 * pose.step:
+        skin = 0.0  # no list would stay valid for a tick
     if (
-        holds[COUNT] == NONE
-        or moved > holds[SPARE]
-        or near + moved > holds[NEAR]
-        or reach + moved > holds[REACH]
+        inner.count == EMPTY
+        or moved > inner.skin
+        or limits.max_depth + moved > inner.max_depth
+        or limits.reach + moved > inner.reach
     ):
-        _note(table, a, b, way, near, reach, spare, size, noted, facing)
-    if holds[COUNT] == TOO_MANY:
-        return facing_pairs(
-            table, a, b, turn, shift, math.hypot(near, reach), reach, FLATTEST, facing
-        )
-    if facing.clock[0] == seen:
-        facing.clock[0] += 1
-        facing.clock[1] = 0
-        # In a tick in which nothing was noted.
-        _go_on(table, a, b, way, near, reach, spare, size, noted, facing)
-    count = np.int64(0)
-    for i in range(int(holds[COUNT])):
-        f, g = inner.pairs[b, i, 0], inner.pairs[b, i, 1]
-        if facing.stamp[f] != facing.clock[0]:
-            turn_facet(table, f, turn, shift, facing)
-        if cosine_of(table, f, g, facing) >= FLATTEST:
-            facing.pairs[count, 0], facing.pairs[count, 1] = f, g
-            count += 1
-    return count
+        _rebuild_inner(table, pose, limits, skin, lists, facets)
+    if inner.count == OVERFLOWED:
+        return overlapping_facet_pairs(table, pose.tool, pose.body, pose.transform, limits, facets)
+    if facets.state[0].tick == before:
+        # The inner list is still valid, so that there is time for the pending one.
+        facets.state[0].tick += 1
+        facets.state[0].dropped = 0
+        _advance_pending(table, pose, limits, skin, lists, facets)
+    return _facing_pairs(table, pose, lists, facets)

@@ -1,4 +1,4 @@
-"""What is noted of facets that were near: pairs of them in rings, and for how long they hold."""
+"""Storage of the neighbour lists: pairs of facets, and the motion for which they stay valid."""
 
 from __future__ import annotations
 
@@ -8,109 +8,127 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
+from asperity._core.records import copy_record
 from asperity.contact.broad_phase.facet_pairs import STACK
 
-MAX_NOTED = 8192
-OUTER = 4.0
-"""So many times as far as those of the inner ring facets of the outer one are looked for."""
+MAX_LISTED = 8192
+"""Room for pairs in one list."""
+FIRST_WIDTH = 4.0
+"""Skin of the first outer list, in skins of the inner list."""
 FIRST_VISITS = 5000.0
-"""Pairs of boxes that the first outer ring is thought to take."""
+"""Box pairs that the traversal for the first outer list is expected to visit."""
 
-# Of `PairList.holds`.
-NEAR, REACH, SPARE, COUNT = 0, 1, 2, 3
-# Of `NotedFacets.progress`.
-TOP, VISITS, USUAL, TIMES = 0, 1, 2, 3
-NONE, TOO_MANY = -1.0, -2.0
-"""Instead of a count, or of how much there is to be gone through: why there is none."""
+EMPTY, OVERFLOWED = -1, -2
+"""Values of `count` and `stack_size`: nothing listed; more pairs than there is room for."""
+
+LIST_STATE = np.dtype(
+    [
+        ("max_depth", "f8"),  # listed: facets whose smooth overlap is below this [m]
+        ("reach", "f8"),  # and which are no farther apart, or beside each other, than this [m]
+        ("skin", "f8"),  # how far the tool may move before the list is stale [m]
+        ("count", "i8"),  # number of pairs, or EMPTY or OVERFLOWED
+        ("transform", "f8", (3, 4)),  # from the tool's frame to the body's at the time of listing
+    ],
+    align=True,
+)
+"""What a list of pairs with one body covers."""
+
+PENDING_STATE = np.dtype(
+    [
+        ("stack_size", "i8"),  # box pairs still to be visited, or EMPTY or OVERFLOWED
+        ("visits", "i8"),  # box pairs visited so far
+        ("expected_visits", "f8"),  # box pairs that the traversal is expected to visit
+        ("width", "f8"),  # skin of the list, in skins of the inner list
+    ],
+    align=True,
+)
+"""Progress of the interrupted BVH traversal that fills the pending list of one body."""
 
 
 class PairList(NamedTuple):
-    """Pairs of facets of a tool and of each body of the scene, and for how long they hold."""
+    """Facet pairs of the tool with each body of the scene."""
 
     pairs: NDArray[np.int64]
-    """(bodies, n, 2)"""
-    holds: NDArray[np.float64]
-    """For what depths, and how far sideways [m]; until the tool has moved so far [m]; how many
-    there are, or why there are none. (bodies, 4)"""
-    way: NDArray[np.float64]
-    """From the tool's frame to the body's when they were noted, (bodies, 3, 4)."""
-    beyond: NDArray[np.float64]
-    """How far the tool will have moved, at least, when a pair may be one of the inner ring [m],
-    (bodies, n); of the inner ring itself nothing."""
+    """Facet of the tool, facet of the body; (bodies, MAX_LISTED, 2)."""
+    state: NDArray[np.void]
+    """`LIST_STATE` records, (bodies,)."""
+    needed_at: NDArray[np.float64]
+    """`NeighbourList.travelled` from which on a pair may belong to the inner list [m],
+    (bodies, MAX_LISTED); the inner list itself has none, (bodies, 0)."""
 
 
-class NotedFacets(NamedTuple):
-    """What facets of a tool were near each body of the scene, and for how long that holds."""
+class NeighbourList(NamedTuple):
+    """The Verlet lists of a tool with each body of the scene; see `neighbour_list`."""
 
     inner: PairList
+    """Tested in every tick."""
     outer: PairList
-    coming: PairList
-    """The next outer ring, as far as it is there."""
-    progress: NDArray[np.float64]
-    """Of the next outer ring: how many pairs of boxes are still to be gone through, how many were,
-    and how many were for the last one; and how many times as far it reaches. (bodies, 4)"""
+    """Wider; the inner list is rebuilt from it."""
+    pending: PairList
+    """The next outer list, as far as it has been filled."""
+    pending_state: NDArray[np.void]
+    """`PENDING_STATE` records, (bodies,)."""
     stack: NDArray[np.int64]
-    """Those pairs of boxes, (bodies, 512, 2)."""
+    """Box pairs that the pending list still has to visit, (bodies, STACK, 2)."""
     travelled: NDArray[np.float64]
-    """How far the tool has moved from note to note, and what is near has widened [m], (bodies,)."""
+    """Distance that the tool has moved from one rebuild of the inner list to the next, and by
+    which the lists have widened, summed [m]; (bodies,)."""
 
 
-def noted_facets(bodies: int) -> NotedFacets:
-    """Return room for the facets near so many bodies; none are noted."""
-    noted = NotedFacets(
-        inner=_ring(bodies, 0),
-        outer=_ring(bodies, MAX_NOTED),
-        coming=_ring(bodies, MAX_NOTED),
-        progress=np.zeros((bodies, 4)),
+def neighbour_list(bodies: int) -> NeighbourList:
+    """Allocate empty lists for a scene of `bodies` bodies."""
+    lists = NeighbourList(
+        inner=_pair_list(bodies, 0),
+        outer=_pair_list(bodies, MAX_LISTED),
+        pending=_pair_list(bodies, MAX_LISTED),
+        pending_state=np.zeros(bodies, PENDING_STATE),
         stack=np.zeros((bodies, STACK, 2), np.int64),
         travelled=np.zeros(bodies),
     )
-    note_nothing(noted)
-    return noted
+    clear_lists(lists)
+    return lists
 
 
-def _ring(bodies: int, measured: int) -> PairList:
-    """Return a ring with no pairs in it, for so many of which is known when they may be near."""
+def _pair_list(bodies: int, measured: int) -> PairList:
+    """Allocate a list; `measured` is its number of columns of `needed_at`."""
     return PairList(
-        np.zeros((bodies, MAX_NOTED, 2), np.int64),
-        np.zeros((bodies, 4)),
-        np.zeros((bodies, 3, 4)),
-        np.zeros((bodies, measured)),
+        pairs=np.zeros((bodies, MAX_LISTED, 2), np.int64),
+        state=np.zeros(bodies, LIST_STATE),
+        needed_at=np.zeros((bodies, measured)),
     )
 
 
-def note_nothing(noted: NotedFacets) -> None:
-    """Forget what facets were near."""
-    noted.inner.holds[:, COUNT] = NONE
-    noted.outer.holds[:, COUNT] = NONE
-    noted.progress[:, TOP] = NONE
-    noted.progress[:, USUAL], noted.progress[:, TIMES] = FIRST_VISITS, OUTER
-    noted.travelled[:] = 0.0
+def clear_lists(lists: NeighbourList) -> None:
+    """Empty all lists, so that the next tick traverses the BVH."""
+    lists.inner.state["count"] = EMPTY
+    lists.outer.state["count"] = EMPTY
+    lists.pending_state["stack_size"] = EMPTY
+    lists.pending_state["expected_visits"] = FIRST_VISITS
+    lists.pending_state["width"] = FIRST_WIDTH
+    lists.travelled[:] = 0.0
 
 
 @inner_kernel
-def keep_way(way, way_out):
-    """Copy rotation and shift (3, 4)."""
+def copy_transform(transform, transform_out):
+    """Copy a rotation and translation (3, 4)."""
     for i in range(3):
         for k in range(4):
-            way_out[i, k] = way[i, k]
+            transform_out[i, k] = transform[i, k]
 
 
 @inner_kernel
-def keep_ring(ring, b, count, ring_out):
-    """Let a body have `count` pairs of one ring in another."""
-    for k in range(4):
-        ring_out.holds[b, k] = ring.holds[b, k]
+def copy_list(source, b, count, list_out):
+    """Copy the first `count` pairs of body `b`, and what they cover, to another list."""
+    copy_record(list_out.state[b], source.state[b])
     for i in range(count):
         for k in range(2):
-            ring_out.pairs[b, i, k] = ring.pairs[b, i, k]
-        ring_out.beyond[b, i] = ring.beyond[b, i]
-    keep_way(ring.way[b], ring_out.way[b])
+            list_out.pairs[b, i, k] = source.pairs[b, i, k]
+        list_out.needed_at[b, i] = source.needed_at[b, i]
 
 
 @small_kernel
-def keep_pair(pairs, b, kept, f, g):
-    """Put a pair among those of a body, if there is room; return how many are wanted by now."""
-    if kept < MAX_NOTED:
-        pairs[b, kept, 0], pairs[b, kept, 1] = f, g
-    return kept + 1
+def append_pair(pairs, b, count, f, g):
+    """Append a pair to those of body `b` if there is room; return the number of pairs wanted."""
+    if count < MAX_LISTED:
+        pairs[b, count, 0], pairs[b, count, 1] = f, g
+    return count + 1

@@ -1,4 +1,4 @@
-"""Pairs of geoms that may touch, their normals, and the patches that they make."""
+"""Pairs of geoms that may touch, their normals, and the patches that they form."""
 
 from __future__ import annotations
 
@@ -7,25 +7,32 @@ import math
 import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
+from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.normals import normal_under
 from asperity.geometry.frames import to_body
 
 _STEADY = 0.85
-"""A pair's normal that turns by more than this cosine in one tick is not believed."""
+"""A held normal does not turn by more than the angle of this cosine in one tick."""
 _TOGETHER = 0.9
-"""Pairs whose normals agree to this cosine are one patch."""
+"""Pairs belong to one patch if the cosine between their normals is above this."""
+_SAME_PATCH = 0.5
+"""A patch continues a remembered one if the cosine between their normals is above this."""
 _LEAST_BLEND = 1e-4
+_LEAST_WEIGHT = 1e-12
 
 
 @inner_kernel
-def _blend(geometry, textures, g, h):
-    """Return how near an edge the faces are mixed: about the radius of the contact [m]."""
-    reach = 2e-5
+def _blend_width(scene, g, h):
+    """Return the distance from an edge within which normals are blended [m].
+
+    It is about the radius of the contact between the geoms `g` of the tool and `h` of the scene.
+    """
+    geometry, reach = scene.geometry, 2e-5
     for geom in (g, h):
         texture = geometry.texture[geometry.body[geom]]
         if texture >= 0:
-            reach += textures.maps[texture].max_abs_height
+            reach += scene.textures.maps[texture].max_abs_height
     size = geometry.size[g]
     least = size[0]
     for i in range(1, 3):
@@ -35,163 +42,202 @@ def _blend(geometry, textures, g, h):
 
 
 @inner_kernel
-def held_below(geometry, textures, g, h):
-    """Return the depth [m] from which a pair's normal is held: a shallower one may turn an edge."""
-    least = np.inf
+def hold_depth(scene, g, h):
+    """Return the depth from which on the normal of a pair is held [m].
+
+    The normal of a shallower pair may turn round an edge.
+    """
+    geometry, least = scene.geometry, np.inf
     for i in range(3):
         if geometry.size[h, i] > 0.0 and geometry.kind[h] > 0:
             least = min(least, geometry.size[h, i])
-    return min(_blend(geometry, textures, g, h), 0.25 * least)
+    return min(_blend_width(scene, g, h), 0.25 * least)
 
 
 @inner_kernel
-def collect_pairs(
-    textures, geometry, tool, poses, number, met, geoms, places, distances, margins, memory
-):  # fmt: skip
-    """Fill `memory.now_*` with the pairs that MuJoCo found; return how many."""
+def _find_pair(memory, count, g, h):
+    """Return the row of the pair of geoms `g` and `h` among the first `count`; -1 if none is."""
+    for i in range(count):
+        if memory.pairs[i].geom_a == g and memory.pairs[i].geom_b == h:
+            return i
+    return -1
+
+
+@inner_kernel
+def _candidate_geoms(scene, candidates, c):
+    """Return the geoms of the tool and of the scene of a candidate; -1, -1 for one to ignore."""
+    geometry, tool = scene.geometry, scene.tool
+    g, h = scene.geom_number[candidates.geoms[c, 0]], scene.geom_number[candidates.geoms[c, 1]]
+    if g < 0 or h < 0:
+        return np.int64(-1), np.int64(-1)
+    if geometry.body[h] == tool:
+        g, h = h, g
+    if geometry.body[g] != tool or geometry.body[h] == tool:
+        return np.int64(-1), np.int64(-1)
+    return g, h
+
+
+@inner_kernel
+def collect_pairs(scene, candidates, memory):
+    """Fill `memory.pairs` with the pairs of geoms that MuJoCo found.
+
+    The normal of a pair is the sum of those of its candidate points, weighted by their overlap.
+    """
     count = 0
     point, n = stack_array((3,)), stack_array((3,))
-    for c in range(met):
-        g, h = number[geoms[c, 0]], number[geoms[c, 1]]
-        if g < 0 or h < 0:
+    for c in range(candidates.count):
+        g, h = _candidate_geoms(scene, candidates, c)
+        if g < 0:
             continue
-        if geometry.body[h] == tool:
-            g, h = h, g
-        if geometry.body[g] != tool or geometry.body[h] == tool:
-            continue
-        # Contacts weigh by how deep they are, so that they come and go smoothly.
-        weight = max(margins[c] - distances[c], 0.0) + 1e-12
-        body = poses[geometry.body[h]]
+        # Weighted by their overlap, candidates come and go smoothly.
+        weight = max(candidates.margins[c] - candidates.distances[c], 0.0) + _LEAST_WEIGHT
+        body = scene.frames[scene.geometry.body[h]]
         for i in range(3):
-            point[i] = places[c, i] - body[i, 3]
-        to_body(body, point, n)
-        for i in range(3):
-            point[i] = n[i]
-        normal_under(geometry, h, point, _blend(geometry, textures, g, h), n)
-        at = -1
-        for i in range(count):
-            if memory.now_pairs[i, 0] == g and memory.now_pairs[i, 1] == h:
-                at = i
-                break
+            n[i] = candidates.points[c, i] - body[i, 3]
+        to_body(body, n, point)
+        normal_under(scene.geometry, h, point, _blend_width(scene, g, h), n)
+        at = _find_pair(memory, count, g, h)
         if at < 0:
-            if count == memory.now_weights.size:
-                memory.counts[3] += 1
+            if count == memory.pairs.size:
+                memory.state[0].dropped += 1
                 continue
             at = count
-            memory.now_pairs[at, 0], memory.now_pairs[at, 1] = g, h
-            memory.now_weights[at] = 0.0
-            clear(memory.now_normals[at])
+            pair = memory.pairs[at]
+            pair.geom_a, pair.geom_b, pair.deep, pair.weight = g, h, 0, 0.0
+            clear(pair.normal)
             count += 1
-        memory.now_weights[at] += weight
+        pair = memory.pairs[at]
+        pair.weight += weight
         for i in range(3):
-            memory.now_normals[at, i] += weight * n[i]
-    return count
+            pair.normal[i] += weight * n[i]
+    memory.state[0].pairs = count
 
 
 @inner_kernel
-def steady_normals(memory, count):
-    """Hold the normals of deep pairs to the remembered ones; take up deep pairs that are unseen."""
-    for j in range(memory.counts[0]):
-        memory.pairs[j, 2] &= 1  # whether it is deep; the bit above it: seen now
+def steady_normals(memory):
+    """Keep the normals of deep pairs steady; append deep pairs that MuJoCo no longer finds."""
+    count, remembered = memory.state[0].pairs, memory.state[0].last_pairs
+    for j in range(remembered):
+        memory.last_pairs[j].seen = 0
     for i in range(count):
-        n = memory.now_normals[i]
+        pair = memory.pairs[i]
+        n = pair.normal
         size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
         if size > 0.0:
             for k in range(3):
                 n[k] /= size
-        for j in range(memory.counts[0]):
-            if (
-                memory.pairs[j, 0] == memory.now_pairs[i, 0]
-                and memory.pairs[j, 1] == memory.now_pairs[i, 1]
-            ):
-                old = memory.normals[j]
+        for j in range(remembered):
+            last = memory.last_pairs[j]
+            if last.geom_a == pair.geom_a and last.geom_b == pair.geom_b:
+                old = last.normal
                 turned = n[0] * old[0] + n[1] * old[1] + n[2] * old[2] < _STEADY
-                if turned and memory.pairs[j, 2] & 1:
+                if turned and last.deep == 1:
                     for k in range(3):
                         n[k] = old[k]
-                memory.pairs[j, 2] |= 2
-    for j in range(memory.counts[0]):
-        if memory.pairs[j, 2] == 1 and count < memory.now_weights.size:
-            memory.now_pairs[count, 0] = memory.pairs[j, 0]
-            memory.now_pairs[count, 1] = memory.pairs[j, 1]
-            for k in range(3):
-                memory.now_normals[count, k] = memory.normals[j, k]
-            memory.now_weights[count] = 1e-12
+                last.seen = 1
+    for j in range(remembered):
+        last = memory.last_pairs[j]
+        if last.deep == 1 and last.seen == 0 and count < memory.pairs.size:
+            copy_record(memory.pairs[count], last)
+            memory.pairs[count].deep = 0
+            memory.pairs[count].weight = _LEAST_WEIGHT
             count += 1
-    return count
+    memory.state[0].pairs = count
 
 
 @inner_kernel
-def group(geometry, memory, count):
-    """Give every pair the number of its patch in `now_pairs[:, 3]`; return how many patches."""
-    patches = 0
-    for i in range(count):
-        body = geometry.body[memory.now_pairs[i, 1]]
-        n = memory.now_normals[i]
-        mine = -1
-        for j in range(patches):
-            if memory.new_bodies[j] != body:
-                continue
-            total = memory.new_patches[j]
-            size = math.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
-            along = n[0] * total[0] + n[1] * total[1] + n[2] * total[2]
-            if along > _TOGETHER * size:
-                mine = j
-                break
-        if mine < 0:
-            if patches == memory.new_bodies.size:
-                memory.counts[3] += 1
-                memory.now_pairs[i, 3] = -1
-                continue
-            mine = patches
-            memory.new_bodies[mine] = body
-            clear(memory.new_patches[mine])
-            patches += 1
-        memory.now_pairs[i, 3] = mine
-        for k in range(3):
-            memory.new_patches[mine, k] += memory.now_weights[i] * n[k]
+def _patch_of(memory, patches, body, n):
+    """Return the first patch of a body whose mean normal is near `n`; -1 if none is."""
     for j in range(patches):
-        n = memory.new_patches[j]
+        if memory.patches[j].body != body:
+            continue
+        total = memory.patches[j].normal
+        size = math.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
+        along = n[0] * total[0] + n[1] * total[1] + n[2] * total[2]
+        if along > _TOGETHER * size:
+            return j
+    return -1
+
+
+@inner_kernel
+def group_pairs(geometry, memory):
+    """Assign every pair to a patch, filling `memory.patches` with their bodies and normals."""
+    patches = 0
+    for i in range(memory.state[0].pairs):
+        pair = memory.pairs[i]
+        body = geometry.body[pair.geom_b]
+        patch = _patch_of(memory, patches, body, pair.normal)
+        if patch < 0:
+            if patches == memory.patches.size:
+                memory.state[0].dropped += 1
+                pair.patch = -1
+                continue
+            patch = patches
+            memory.patches[patch].body = body
+            clear(memory.patches[patch].normal)
+            patches += 1
+        pair.patch = patch
+        for k in range(3):
+            memory.patches[patch].normal[k] += pair.weight * pair.normal[k]
+    for j in range(patches):
+        n = memory.patches[j].normal
         size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
         for k in range(3):
             n[k] /= size
-    return patches
+    memory.state[0].patches = patches
 
 
 @inner_kernel
-def recall(memory, patch):
-    """Copy deepest place and bristle of the remembered patch that this one goes on from."""
-    n = memory.new_patches[patch]
-    best, which = 0.5, -1
-    for j in range(memory.counts[1]):
-        if memory.bodies[j] != memory.new_bodies[patch]:
+def recall_patch(memory, p):
+    """Copy deepest point and bristle from the remembered patch that patch `p` continues."""
+    patch = memory.patches[p]
+    n = patch.normal
+    best, which = _SAME_PATCH, -1
+    for j in range(memory.state[0].last_patches):
+        last = memory.last_patches[j]
+        if last.body != patch.body:
             continue
-        old = memory.patches[j]
-        along = n[0] * old[0] + n[1] * old[1] + n[2] * old[2]
+        along = n[0] * last.normal[0] + n[1] * last.normal[1] + n[2] * last.normal[2]
         if along > best:
             best, which = along, j
-    for k in range(3, 9):
-        n[k] = memory.patches[which, k] if which >= 0 else (np.nan if k < 6 else 0.0)
+    for k in range(3):
+        patch.point[k] = memory.last_patches[which].point[k] if which >= 0 else np.nan
+        patch.bristle[k] = memory.last_patches[which].bristle[k] if which >= 0 else 0.0
 
 
 @inner_kernel
-def geoms_of(memory, count, patch):
-    """Fill the geoms of a patch, each once; return how many of the tool and of the scene."""
+def _add_geom(geoms, count, g):
+    """Append a geom unless it is among the first `count`; return how many there are."""
+    for j in range(count):
+        if geoms[j] == g:
+            return count
+    geoms[count] = g
+    return count + 1
+
+
+@inner_kernel
+def geoms_of_patch(memory, p):
+    """Fill the geoms of patch `p`, each once; return how many of the tool and of the scene."""
     count_a = count_b = 0
-    for i in range(count):
-        if memory.now_pairs[i, 3] != patch:
-            continue
-        g, h = memory.now_pairs[i, 0], memory.now_pairs[i, 1]
-        known = False
-        for j in range(count_a):
-            known = known or memory.geoms[0, j] == g
-        if not known:
-            memory.geoms[0, count_a] = g
-            count_a += 1
-        known = False
-        for j in range(count_b):
-            known = known or memory.geoms[1, j] == h
-        if not known:
-            memory.geoms[1, count_b] = h
-            count_b += 1
+    for i in range(memory.state[0].pairs):
+        pair = memory.pairs[i]
+        if pair.patch == p:
+            count_a = _add_geom(memory.geoms[0], count_a, pair.geom_a)
+            count_b = _add_geom(memory.geoms[1], count_b, pair.geom_b)
     return count_a, count_b
+
+
+@inner_kernel
+def remember(memory, frame):
+    """Store pairs, patches that touch, and the tool's frame (3, 4) for the next tick."""
+    state, kept = memory.state[0], 0
+    for p in range(state.patches):
+        if memory.patches[p].body >= 0:
+            copy_record(memory.last_patches[kept], memory.patches[p])
+            kept += 1
+    for i in range(state.pairs):
+        copy_record(memory.last_pairs[i], memory.pairs[i])
+    state.last_pairs, state.last_patches, state.has_frame = state.pairs, kept, 1
+    for i in range(3):
+        for j in range(4):
+            memory.frame[i, j] = frame[i, j]

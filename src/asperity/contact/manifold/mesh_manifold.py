@@ -1,274 +1,321 @@
-"""Contact where a mesh is involved: footprints, patches, depths, and the stiffness they share.
+"""The contact manifold between a tool and one body, of which at least one is a mesh.
 
-For each body of the scene that the tool is near, the footprint (`contact.footprint`) is summed for
-six directions of that body's frame. A direction in which there is some has a normal (the mean of
-B's, by how deep it is), and one to four patches (`contact.regions`) whose depths are searched.
+The overlap region of the two smooth bodies is integrated for each of six directions of the body's
+frame (`overlap_region`). A direction in which there is an overlap has a normal, the mean of the
+body's facet normals weighted by the overlap, and one to four patches (`split`), whose depths are
+searched (`narrow_phase`).
 
-A contact has to begin at the surface: a direction comes in only where its depth was about zero at
-the last pose, so that pushing through a thin plate does not meet the far side. It is
-believed while it lasts, however deep it gets.
+A contact must begin at the surface: a direction becomes a contact only if its depth was about zero
+in the last tick, so that a tool that is pushed through a thin plate does not touch the far side.
+It stays a contact however deep it gets.
 
-Stiffness is shared. With delta_p the depths of the patches of a direction, of which there are m,
-and delta their mean, a patch has the weight
+The patches share the stiffness of the body. With delta_p the depths of the m patches of a
+direction and delta their mean, a patch has the weight
 
-    w_p = W s v delta / (m sum of s v delta over directions),
+    w_p = W s v delta / (m sum of s v delta over directions).
 
-s the part that a direction has of those with about the same normal, so that a plane that counts
-for two directions counts once. Where a tool lies across an edge of B, the same overlap is seen from
-two sides: v is 0 where another direction accounts for it (`directions`). And W fades from 1 to 0
-over the last of a footprint that slides off an edge.
+s divides the weight between directions with nearly the same normal, so that a plane that counts
+for two directions counts once. v is 0 where another direction accounts for the contact, since
+across a convex edge the same overlap is seen from two sides (`directions`). W fades from 1 to 0 as
+the last sliver of the region slides off an edge.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel
-from asperity.contact.broad_phase.facet_bvh import BINS
-from asperity.contact.broad_phase.facet_pairs import between_bodies
-from asperity.contact.broad_phase.neighbour_list import near_pairs
+from asperity._core.records import clear_record
+from asperity._core.stack import stack_array
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.broad_phase.facet_pairs import half_diagonal, pair_limits, relative_transform
+from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
 from asperity.contact.manifold.directions import (
-    DEPTH_OF,
-    FADE,
-    FIRST,
-    IS_EXPLAINED,
-    MOST,
-    PART,
-    ROWS,
-    SEEN,
-    TWIN,
-    VALID,
-    N,
     is_explained,
     next_direction,
+    reset_directions,
     share_stiffness,
     twin_of,
-    weigh,
+    validate_directions,
 )
 from asperity.contact.manifold.overlap_region import (
-    DEEPEST,
-    MASS,
-    NORMAL,
-    WHERE,
     add_piece,
-    cut_deep,
-    deepest_of,
-    piece,
-    sliver,
-    steady_normal,
+    clip_depth,
+    clip_pair,
+    deepest_corner,
+    robust_normal,
+    sliver_thickness,
 )
+from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery, collect_candidates
-from asperity.contact.narrow_phase.mesh_workspace import MAX_PATCHES, WINDOWS
-from asperity.geometry.frames import to_world
+from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.geometry.frames import depth_tolerance, to_world
 
 _BIRTH = 2e-4
-"""A contact may begin this deep, and the motion of a tick besides [m]."""
+"""Overlap at which a contact may begin, in addition to the motion of a tick [m]."""
 _NEAR_ZERO = 1e-4
-"""A depth that counts as none when a contact begins, besides the motion of a tick [m]."""
+"""Depth that counts as none when a contact begins, in addition to the motion of a tick [m]."""
 _BESIDE = 2e-4
-"""How much deeper than a contact may be facets are looked for [m]."""
+"""How much deeper than a contact facets are looked for [m]."""
+
+
+class BodyQuery(NamedTuple):
+    """The tool and one scene body at one pose; positions are relative to the tool's centre."""
+
+    body: int
+    """Number of the scene body."""
+    frame_a: NDArray[np.float64]
+    """The tool's frame, (3, 4) [m]."""
+    frame_b: NDArray[np.float64]
+    """The body's frame, (3, 4) [m]."""
+    overlap: float
+    """Largest overlap of the smooth bodies as MuJoCo finds it [m]; -inf if not known."""
+    step: float
+    """Distance that the tool has moved since the last tick [m]."""
 
 
 @inner_kernel
-def _limits(memory, b, reach, hollow, moved, pressed, limit_out):
-    """Fill how deep the smooth bodies may overlap in each direction; return the largest.
+def _texture_reach(model, b):
+    """Return how much textures raise, and how much they lower, the tool and body `b` [m]."""
+    scene = model.scene
+    raised = lowered = 1e-7 + model.facets.slack[scene.tool] + model.facets.slack[b]
+    for body in (scene.tool, b):
+        if scene.geometry.texture[body] >= 0:
+            texture = scene.textures.maps[scene.geometry.texture[body]]
+            raised += texture.max_abs_height
+            lowered += max(-texture.lowest, 0.0)
+    return raised, lowered
 
-    Where they overlap by more than the textures are hollow, the textured surfaces do.
+
+@inner_kernel
+def _limit_overlaps(memory, query, raised, lowered, limit_out):
+    """Fill the largest smooth overlap that a contact may have in each direction; return the most.
+
+    Where the smooth bodies overlap by more than the textures lower them, the textured ones do too.
     """
-    most = 0.0
-    for d in range(BINS):
+    b, most = query.body, 0.0
+    for d in range(DIRECTIONS):
         if memory.active[b, d] == 1:
-            limit_out[d] = max(memory.deepest[b, d], 0.0) + hollow + _BIRTH + 2.0 * moved
+            limit_out[d] = max(memory.deepest[b, d], 0.0) + lowered + _BIRTH + 2.0 * query.step
         elif memory.known[b] == 1:
-            limit_out[d] = hollow + _BIRTH + 2.0 * moved
+            limit_out[d] = lowered + _BIRTH + 2.0 * query.step
         else:
-            limit_out[d] = 1.5 * max(pressed, 0.0) + reach + _BIRTH
+            limit_out[d] = 1.5 * max(query.overlap, 0.0) + raised + _BIRTH
         most = max(most, limit_out[d])
     return most
 
 
 @inner_kernel
-def _sum_footprint(table, count, reach, near, space):
+def _listed_pairs(model, query, max_depth, reach, memory, space):
+    """Fill `region.facets.pairs` with the facets that may touch; return how many pairs."""
+    table, tool, facets = model.facets, model.scene.tool, space.region.facets
+    transform = stack_array((3, 4))
+    relative_transform(query.frame_a, query.frame_b, transform)
+    pose = RelativePose(tool, query.body, transform, half_diagonal(table, tool), query.step)
+    limits = pair_limits(max_depth, reach, FLATTEST)
+    count = neighbour_pairs(table, pose, limits, memory.lists, facets)
+    if facets.state[0].dropped > 0:
+        space.manifold.count[0].dropped += 1
+    return count
+
+
+@inner_kernel
+def _integrate_region(table, count, max_depth, reach, region):
     """Fill the sums of all directions; keep the pairs of facets that may touch, return how many."""
-    sums, limit = space.sums, space.limit
-    for d in range(BINS):
-        clear(sums[d])
-        sums[d, DEEPEST] = -np.inf
+    sums, limit = region.sums, region.limit
+    for d in range(DIRECTIONS):
+        clear_record(sums[d])
+        sums[d].deepest = -np.inf
     kept = 0
     for i in range(count):
-        f, g = space.facing.pairs[i, 0], space.facing.pairs[i, 1]
-        here, corners = piece(table, f, g, reach, reach, near, space)
-        if corners < 0:
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        piece = clip_pair(table, f, g, reach, reach, max_depth, region)
+        if piece[1] < 0:
             continue
-        space.facing.pairs[kept, 0], space.facing.pairs[kept, 1] = f, g
+        region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
         kept += 1
-        masses = space.masses[kept - 1]
-        clear(masses)
-        if corners < 3:
+        volumes = region.volumes[kept - 1]
+        clear(volumes)
+        if piece[1] < 3:
             continue
-        most, corner = deepest_of(space, here, corners)
-        for d in range(BINS):
+        deepest, corner = deepest_corner(region, piece)
+        for d in range(DIRECTIONS):
             share = table.shares[g, d]
             if share == 0.0:
                 continue
-            if most > sums[d, DEEPEST]:
-                sums[d, DEEPEST] = most
-                p = space.polygon[here, corner]
+            if deepest > sums[d].deepest:
+                sums[d].deepest = deepest
+                p = region.polygon[piece[0], corner]
                 for k in range(3):
                     place = table.origin[g, k] + p[0] * table.axes[g, 0, k]
-                    sums[d, WHERE + k] = place + p[1] * table.axes[g, 1, k]
-            if most <= limit[d]:
-                masses[d] = add_piece(table, g, here, corners, reach, share, space, sums[d])
+                    sums[d].deepest_point[k] = place + p[1] * table.axes[g, 1, k]
+            if deepest <= limit[d]:
+                volumes[d] = add_piece(table, g, piece, reach, share, region, sums[d])
             else:
-                there, left = cut_deep(space, here, corners, limit[d])
-                if left >= 3:
-                    masses[d] = add_piece(table, g, there, left, reach, share, space, sums[d])
+                part = clip_depth(region, piece, limit[d])
+                if part[1] >= 3:
+                    volumes[d] = add_piece(table, g, part, reach, share, region, sums[d])
     return kept
 
 
 @inner_kernel
-def _may_touch(memory, b, d, sums, moved, shallowest):
+def _shallowest(region):
+    """Return the least of the largest overlaps of all directions with an overlap [m]."""
+    shallowest = np.inf
+    for d in range(DIRECTIONS):
+        if region.sums[d].volume > 0.0:
+            shallowest = min(shallowest, region.sums[d].deepest)
+    return shallowest
+
+
+@inner_kernel
+def _may_touch(memory, query, d, region):
     """Return whether a direction is, or may become, a contact."""
-    if sums[MASS] <= 0.0:
+    b, sums = query.body, region.sums[d]
+    if sums.volume <= 0.0:
         return False
     if memory.active[b, d] == 1:
         return True
     if memory.known[b] == 0:
-        return sums[DEEPEST] <= 2.0 * max(shallowest, 0.0) + _BIRTH
-    return memory.depth[b, d] <= moved + _NEAR_ZERO
+        return sums.deepest <= 2.0 * max(_shallowest(region), 0.0) + _BIRTH
+    return memory.depth[b, d] <= query.step + _NEAR_ZERO
 
 
 @inner_kernel
-def touch(
-    textures, table, geometry, tool, b, near_a, near_b, pressed, moved, radius, fade,
-    tolerance, max_nodes, memory, space, work_space,
-):  # fmt: skip
-    """Add the patches between the tool and body b to `space.rows`, with their weights.
+def _fill_normal(table, count, d, region, normal_out):
+    """Fill the unit normal (3,) of a direction in B's frame."""
+    total = region.sums[d].normal
+    size = math.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
+    for k in range(3):
+        normal_out[k] = total[k] / size
+    robust_normal(table, count, d, region, normal_out)
+
+
+@inner_kernel
+def _search_patches(model, parameters, query, d, count, memory, space, work_space):
+    """Search the patches of direction `d`, appended to the manifold; return how many there are."""
+    scene, manifold = model.scene, space.manifold
+    direction, frame = space.directions[d], work_space.frame
+    n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
+    for k in range(3):
+        n[k] = direction.normal[k]
+    # The axes turn with B, so that a region is split the same way wherever B is.
+    frame_round(n, local)
+    for i in range(2):
+        to_world(query.frame_b, local[i], frame[i])
+    to_world(query.frame_b, n, world)
+    for k in range(3):
+        frame[2, k] = world[k]
+    facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
+    candidates, made_a, has_room = collect_candidates(
+        scene.textures, model.facets, scene.geometry, facets, work_space, space
+    )
+    if not has_room:
+        manifold.count[0].dropped += 1
+    start = manifold.count[0].patches
+    tolerance = depth_tolerance(
+        scene.textures, scene.geometry, scene.tool, query.body, parameters.tolerance
+    )
+    region = SplitRegion(
+        space.region.sums[d], local[0], local[1], parameters.patch_radius,
+        memory.guess[query.body, d],
+    )  # fmt: skip
+    patches = region_depths(
+        scene.textures, region, (candidates, made_a), facets,
+        SearchLimits(tolerance, parameters.max_nodes), work_space, space, manifold.result[start:],
+    )  # fmt: skip
+    for p in range(patches):
+        patch = manifold.patches[start + p]
+        patch.body, patch.direction, patch.part = query.body, d, p
+        for k in range(3):
+            patch.normal[k] = world[k]
+    return patches
+
+
+@inner_kernel
+def _search_direction(model, parameters, query, d, count, memory, space, work_space):
+    """Find whether direction `d` is a contact; append its patches to the manifold if it is."""
+    b, table, region, manifold = query.body, model.facets, space.region, space.manifold
+    direction, begins = space.directions[d], memory.known[b] == 1 and memory.active[b, d] == 0
+    direction.first = manifold.count[0].patches
+    if not _may_touch(memory, query, d, region):
+        return
+    if direction.first + MAX_PARTS > MAX_PATCHES:
+        manifold.count[0].dropped += 1
+        return
+    _fill_normal(table, count, d, region, direction.normal)
+    twin = twin_of(space, d)
+    if twin >= 0:
+        # The same plane counts for two directions; it is searched once.
+        direction.depth, direction.twin = space.directions[twin].depth, twin
+        direction.deepest = space.directions[twin].deepest
+        return
+    if begins and is_explained(table, count, d, space):
+        direction.explained = 1
+        return
+    patches = _search_patches(model, parameters, query, d, count, memory, space, work_space)
+    total = deepest = 0.0
+    for p in range(patches):
+        depth = manifold.result[direction.first + p].depth
+        total += max(depth, 0.0)
+        deepest = max(deepest, depth)
+    depth = total / patches
+    if begins and depth > _NEAR_ZERO + 2.0 * query.step:
+        # Rejected: the direction first appears at a non-zero depth, so it is a back face.
+        return
+    fade, thickness = parameters.edge_fade, sliver_thickness(region.sums[d])
+    direction.patches, direction.depth, direction.deepest = patches, depth, deepest
+    direction.fade = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
+    manifold.count[0].patches += patches
+
+
+@inner_kernel
+def add_mesh_manifold(model, parameters, query, memory, space, work_space):
+    """Append the patches between the tool and one body to `space.manifold`, with their weights.
 
     Parameters
     ----------
-    near_a, near_b : (3, 4) arrays
-        The bodies as seen from the tool's centre of mass, world axes.
-    pressed : float
-        How deep MuJoCo finds the two [m].
-    moved : float
-        How far the tool has moved since the last pose [m].
-    radius : float
-        How far patches reach over the middle of the footprint [m].
-    fade : float
-        Thickness of a sliver below which its stiffness fades [m].
+    model : MeshModel
+    parameters : ForceParameters
+    query : BodyQuery
+    memory : MeshMemory
+        Only read, but for the neighbour lists: see `remember`.
+    space : FacetSpace
+    work_space : Workspace
     """
-    rows, foot = space.rows, space.footprint
-    turn, shift = space.frames[3, :, :3], space.frames[3, :, 3]
-    between_bodies(near_a, near_b, turn, shift)
-    reach = hollow = 1e-7 + table.slack[tool] + table.slack[b]
-    for body in (tool, b):
-        if geometry.texture[body] >= 0:
-            reach += textures.maps[geometry.texture[body]].max_abs_height
-            hollow += max(-textures.maps[geometry.texture[body]].lowest, 0.0)
-    most = _limits(memory, b, reach, hollow, moved, pressed, foot.limit)
-    scan = most + moved + _BESIDE
-    count = near_pairs(
-        table, tool, b, space.frames[3], scan, reach, moved, memory.noted, foot.facing
-    )
-    if foot.facing.clock[1] > 0:
-        rows.count[1] += 1
-    count = _sum_footprint(table, count, reach, scan, foot)
-    shallowest = np.inf
-    for d in range(BINS):
-        if foot.sums[d, MASS] > 0.0:
-            shallowest = min(shallowest, foot.sums[d, DEEPEST])
-    frame = work_space.frame
-    n, world = space.frames[4, 0, :3], space.frames[5, 0, :3]
-    local = space.frames[6, :, :3]
-    u, v = local[0], local[1]
-    for d in range(BINS):
-        way = space.directions[d]
-        way[DEPTH_OF], way[ROWS], way[FIRST] = -np.inf, 0.0, 0.0
-        way[MOST], way[PART], way[TWIN] = -np.inf, 0.0, d
-        way[IS_EXPLAINED], way[SEEN] = 0.0, 0.0
-    for _ in range(BINS):
-        d = next_direction(memory, b, space)
-        beginning = memory.known[b] == 1 and memory.active[b, d] == 0
-        way, sums = space.directions[d], foot.sums[d]
-        way[FIRST] = rows.count[0]
-        if not _may_touch(memory, b, d, sums, moved, shallowest):
-            continue
-        if rows.count[0] + WINDOWS > MAX_PATCHES:
-            rows.count[1] += 1
-            continue
-        size = math.sqrt(sums[NORMAL] ** 2 + sums[NORMAL + 1] ** 2 + sums[NORMAL + 2] ** 2)
-        for k in range(3):
-            n[k] = sums[NORMAL + k] / size
-        steady_normal(table, count, d, foot, n)
-        for k in range(3):
-            way[N + k] = n[k]
-        twin = twin_of(space, foot.sums, d)
-        if twin >= 0:
-            # The same plane counts for two directions: what is known of the one holds for both.
-            way[DEPTH_OF], way[TWIN] = space.directions[twin, DEPTH_OF], twin
-            way[MOST] = space.directions[twin, MOST]
-            continue
-        if beginning and is_explained(table, count, d, space):
-            way[IS_EXPLAINED] = 1.0
-            continue
-        # Axes that turn with B: what is split along them is the same wherever B is.
-        frame_round(n, local)
-        to_world(near_b, u, frame[0])
-        to_world(near_b, v, frame[1])
-        to_world(near_b, n, world)
-        for k in range(3):
-            frame[2, k] = world[k]
-        query = FacetQuery(np.int64(count), np.int64(d), n, frame, near_a, near_b)
-        candidates, made_a, has_room = collect_candidates(
-            textures, table, geometry, query, work_space, space
-        )
-        if not has_room:
-            rows.count[1] += 1
-        start = rows.count[0]
-        patches = region_depths(
-            textures, SplitRegion(sums, u, v, radius, memory.guess[b, d]), (candidates, made_a),
-            query, SearchLimits(tolerance, max_nodes), work_space, space, rows.result[start:],
-        )  # fmt: skip
-        total = deepest = 0.0
-        for p in range(patches):
-            depth = rows.result[start + p].depth
-            total += max(depth, 0.0)
-            deepest = max(deepest, depth)
-            rows.where[start + p, 0], rows.where[start + p, 1] = b, d
-            rows.where[start + p, 2] = p
-            for k in range(3):
-                rows.normal[start + p, k] = world[k]
-        depth = total / patches
-        if memory.known[b] == 1 and memory.active[b, d] == 0 and depth > _NEAR_ZERO + 2.0 * moved:
-            # It did not begin at the surface: a side that has come into view within the other body.
-            continue
-        thickness = sliver(sums)
-        way[ROWS], way[DEPTH_OF], way[MOST] = patches, depth, deepest
-        way[FADE] = min(thickness / fade, 1.0) if fade > 0.0 else 1.0
-        rows.count[0] += patches
-    weigh(table, count, near_b, space)
+    raised, lowered = _texture_reach(model, query.body)
+    most = _limit_overlaps(memory, query, raised, lowered, space.region.limit)
+    max_depth = most + query.step + _BESIDE
+    count = _listed_pairs(model, query, max_depth, raised, memory, space)
+    count = _integrate_region(model.facets, count, max_depth, raised, space.region)
+    reset_directions(space.directions)
+    for _ in range(DIRECTIONS):
+        d = next_direction(memory, query.body, space)
+        _search_direction(model, parameters, query, d, count, memory, space, work_space)
+    validate_directions(model.facets, count, query.frame_b, space)
     share_stiffness(space)
 
 
 @inner_kernel
 def remember(memory, space, b):
-    """Note what the next pose has to know of body b."""
-    sums = space.footprint.sums
+    """Store the state of contact with body `b` for the next tick."""
+    sums = space.region.sums
     memory.known[b] = 1
-    memory.held[b] = False
-    for d in range(BINS):
-        way = space.directions[d]
-        searched = way[DEPTH_OF] > -np.inf
-        buried = not searched and sums[d, DEEPEST] > 0.0
-        memory.depth[b, d] = np.inf if buried else way[DEPTH_OF]
-        if way[IS_EXPLAINED] == 1.0:
-            memory.depth[b, d] = max(sums[d, DEEPEST], 0.0)
-        memory.deepest[b, d] = way[MOST]
-        # What does not count is let go: it has to begin at the surface again.
-        memory.active[b, d] = 1 if way[DEPTH_OF] > 0.0 and way[VALID] > 0.0 else 0
-        memory.held[b] = memory.held[b] or memory.active[b, d] == 1
+    memory.in_contact[b] = False
+    for d in range(DIRECTIONS):
+        direction = space.directions[d]
+        searched = direction.depth > -np.inf
+        buried = not searched and sums[d].deepest > 0.0
+        memory.depth[b, d] = np.inf if buried else direction.depth
+        if direction.explained == 1:
+            memory.depth[b, d] = max(sums[d].deepest, 0.0)
+        memory.deepest[b, d] = direction.deepest
+        # A direction that does not count ends, and must begin at the surface again.
+        memory.active[b, d] = 1 if direction.depth > 0.0 and direction.valid > 0.0 else 0
+        memory.in_contact[b] = memory.in_contact[b] or memory.active[b, d] == 1

@@ -1,4 +1,4 @@
-"""What contact between meshes is handed from tick to tick, and the room that it works in."""
+"""What contact with meshes remembers from one tick to the next."""
 
 from __future__ import annotations
 
@@ -7,61 +7,66 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.contact.broad_phase.facet_bvh import BINS
-from asperity.contact.broad_phase.neighbour_records import NotedFacets, note_nothing, noted_facets
-from asperity.contact.narrow_phase.mesh_workspace import WINDOWS
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.broad_phase.neighbour_records import (
+    NeighbourList,
+    clear_lists,
+    neighbour_list,
+)
+from asperity.contact.manifold.records import MAX_PARTS
 
 
-class FacetMemory(NamedTuple):
-    """What is remembered of each body of the scene and each direction; see `touch`."""
+class MeshMemory(NamedTuple):
+    """State of contact with each scene body in each of the six directions."""
 
     known: NDArray[np.int64]
-    """Whether the body was met at the last pose, (bodies,)."""
+    """Whether the tool was near the body in the last tick, (bodies,)."""
     active: NDArray[np.int64]
     """Whether there was contact, (bodies, 6)."""
     depth: NDArray[np.float64]
-    """Of the textured surfaces, the patches' mean [m]: 0 where they do not touch, -inf where
-    nothing overlapped, inf where it was too deep to be a contact; (bodies, 6)."""
+    """Mean depth of the patches [m], (bodies, 6): 0 where they did not touch, -inf where nothing
+    overlapped, inf where the overlap was too deep to be a contact."""
     deepest: NDArray[np.float64]
-    """Of the deepest patch [m]; -inf where nothing overlapped; (bodies, 6)."""
+    """Depth of the deepest patch [m], (bodies, 6); -inf where nothing overlapped."""
     guess: NDArray[np.float64]
-    """Deepest place of each patch in the tool's frame, nan if unknown; (bodies, 6, 4, 3)."""
-    pose: NDArray[np.float64]
-    """The tool's last rotation and position, (3, 4);"""
-    at: NDArray[np.int64]
-    """and whether there was one, (1,)."""
+    """Deepest point of each patch in the tool's frame [m], (bodies, 6, 4, 3); nan if unknown."""
+    frame: NDArray[np.float64]
+    """The tool's frame in the last tick, (3, 4)."""
+    has_frame: NDArray[np.int64]
+    """Whether there was a last tick, (1,)."""
     bristle: NDArray[np.float64]
     """Deflection of each patch's bristle in the body's frame [m], (bodies, 6, 4, 3)."""
-    held: NDArray[np.bool_]
-    """Whether a body is in contact, of which MuJoCo need not be asked; (bodies,)."""
-    noted: NotedFacets
-    """What facets were near each body."""
+    in_contact: NDArray[np.bool_]
+    """Whether there was contact in any direction, so that MuJoCo's query is not needed; (bodies,).
+    """
+    lists: NeighbourList
+    """Pairs of facets near each other."""
 
 
-def facet_memory(bodies: int) -> FacetMemory:
-    """Return a memory of nothing."""
-    return FacetMemory(
+def mesh_memory(bodies: int) -> MeshMemory:
+    """Allocate the memory for a scene of `bodies` bodies, with no contact in it."""
+    return MeshMemory(
         known=np.zeros(bodies, np.int64),
-        active=np.zeros((bodies, BINS), np.int64),
-        depth=np.full((bodies, BINS), -np.inf),
-        deepest=np.full((bodies, BINS), -np.inf),
-        guess=np.full((bodies, BINS, WINDOWS, 3), np.nan),
-        pose=np.zeros((3, 4)),
-        at=np.zeros(1, np.int64),
-        bristle=np.zeros((bodies, BINS, WINDOWS, 3)),
-        held=np.zeros(bodies, np.bool_),
-        noted=noted_facets(bodies),
+        active=np.zeros((bodies, DIRECTIONS), np.int64),
+        depth=np.full((bodies, DIRECTIONS), -np.inf),
+        deepest=np.full((bodies, DIRECTIONS), -np.inf),
+        guess=np.full((bodies, DIRECTIONS, MAX_PARTS, 3), np.nan),
+        frame=np.zeros((3, 4)),
+        has_frame=np.zeros(1, np.int64),
+        bristle=np.zeros((bodies, DIRECTIONS, MAX_PARTS, 3)),
+        in_contact=np.zeros(bodies, np.bool_),
+        lists=neighbour_list(bodies),
     )
 
 
-def forget(memory: FacetMemory) -> None:
-    """Make a memory one of nothing."""
+def forget(memory: MeshMemory) -> None:
+    """Reset the memory to that of a tool that has not touched anything."""
     memory.known[:] = 0
-    memory.at[:] = 0
+    memory.has_frame[:] = 0
     memory.active[:] = 0
     memory.depth[:] = -np.inf
     memory.deepest[:] = -np.inf
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0
-    memory.held[:] = False
-    note_nothing(memory.noted)
+    memory.in_contact[:] = False
+    clear_lists(memory.lists)

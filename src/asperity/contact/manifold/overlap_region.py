@@ -1,13 +1,13 @@
-"""The footprint of a contact: what of two smooth bodies overlaps, summed over facing facets.
+"""The region in which two smooth bodies overlap, as integrals over pairs of facets.
 
-A facet of A that faces a facet of B is projected onto B's along B's normal and clipped to where
-the two overlap by more than `-reach` (nearer than the textures reach) and less than the deepest
-overlap that a contact may have. The sums over all such pieces do not depend on how the bodies
-were cut into facets, and change continuously with the pose: everything about a contact that is
-not its depth comes from them.
+A facet of A that faces a facet of B is projected onto B's plane along B's normal, and clipped to
+where the overlap d exceeds `-reach`, the height of both textures, and is less than the largest
+overlap that a contact may have. The integrals over all such pieces do not depend on how the bodies
+are divided into facets, and they change continuously with the pose. Everything about a contact
+but its depth follows from them.
 
-The pieces are summed for up to six directions of B's frame, into which a facet's normal counts
-by `FacetTable.shares`: opposite walls of a hole are contacts of their own.
+The pieces are summed for six directions, the axes of B's frame both ways. A facet counts for a
+direction by `FacetTable.shares`, so that the opposite walls of a hole are separate contacts.
 """
 
 from __future__ import annotations
@@ -20,56 +20,66 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.broad_phase.facet_bvh import BINS, FacetTable
-from asperity.contact.broad_phase.facet_pairs import MAX_FACINGS, Facing, facing_space
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
+from asperity.contact.broad_phase.facet_pairs import MAX_FACET_PAIRS, FacetPairs, facet_pairs
+from asperity.contact.manifold.records import OVERLAP_SUMS
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 _CORNERS = 24
-
-# Sums of one direction; one row of numbers.
-AREA, MASS, MEAN, SPREAD, NORMAL = 0, 1, 2, 5, 11  # weighted by how deep, (1, 1, 3, 6, 3)
-EDGE_A, EDGE_B = 14, 17  # outward normals of the border, times its length: A's edges, and B's
-DEEPEST, WHERE = 20, 21  # smooth overlap [m], and on B where it is (1, 3)
-SUMS_SIZE = 24
-
-_ON = 1e-6  # a place this far beyond a facet is still on it [m]
+_ON = 1e-6
+"""Tolerance within which a point beyond the border of a facet is taken to be on it [m]."""
 _ASTRAY = math.cos(math.radians(20.0))
 
-# Codes of a piece's sides.
+# The fourth number of a corner: which body the side to the next corner belongs to.
 _CUT, _OF_A, _OF_B = 0.0, 1.0, 2.0
 
 
-class FootprintSpace(NamedTuple):
-    """What the footprint writes to, allocated once."""
+class OverlapRegion(NamedTuple):
+    """The overlap region of two bodies and the memory to integrate over it."""
 
-    facing: Facing
+    facets: FacetPairs
     polygon: NDArray[np.float64]
-    sums: NDArray[np.float64]
-    """(6, 24)"""
+    """Two buffers for a piece, rows x, y, d [m] and the side's owner; (2, corners, 4)."""
+    sums: NDArray[np.void]
+    """`OVERLAP_SUMS` of each direction, (6,)."""
     limit: NDArray[np.float64]
-    """Deepest overlap of each direction [m], (6,)."""
-    masses: NDArray[np.float64]
-    """What each facing pair adds to each direction's MASS, (n, 6)."""
+    """Largest overlap that counts for each direction [m], (6,)."""
+    volumes: NDArray[np.float64]
+    """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
 
 
-def footprint_space(facets: int) -> FootprintSpace:
-    """Return room for the footprints of bodies with so many facets in all."""
-    return FootprintSpace(
-        facing_space(facets),
-        np.zeros((2, _CORNERS, 4)),
-        np.zeros((BINS, SUMS_SIZE)),
-        np.zeros(BINS),
-        np.zeros((MAX_FACINGS, BINS)),
+def overlap_region(facets: int) -> OverlapRegion:
+    """Allocate memory for the overlap regions of bodies with `facets` facets altogether."""
+    return OverlapRegion(
+        facets=facet_pairs(facets),
+        polygon=np.zeros((2, _CORNERS, 4)),
+        sums=np.zeros(DIRECTIONS, OVERLAP_SUMS),
+        limit=np.zeros(DIRECTIONS),
+        volumes=np.zeros((MAX_FACET_PAIRS, DIRECTIONS)),
     )
 
 
 @inner_kernel
-def _clip(polygon, source, count, k0, k1, k2, k3, code):
-    """Cut a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`.
+def _clip(polygon, source, count, plane, code):
+    """Clip a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`.
 
-    Rows of `polygon[source]` are x, y, d and the code of the side to the next corner. Returns
-    which half the result is in, and how many corners are left.
+    Parameters
+    ----------
+    polygon : (2, corners, 4) array
+        Rows of `polygon[source]` are x, y, d and the owner of the side to the next corner.
+    count : int
+        Number of its corners.
+    plane : tuple of float
+        k0, k1, k2, k3.
+    code : float
+        Owner of the new side.
+
+    Returns
+    -------
+    int, int
+        The buffer that the result is in, and its number of corners.
     """
+    k0, k1, k2, k3 = plane
     p, q = polygon[source], polygon[1 - source]
     over = stack_array((_CORNERS,))
     least, most = np.inf, -np.inf
@@ -92,31 +102,42 @@ def _clip(polygon, source, count, k0, k1, k2, k3, code):
             t = here / (here - there)
             for k in range(3):
                 q[kept, k] = p[i, k] + t * (p[j, k] - p[i, k])
-            # Leaving, the cut begins here; entering, the old side goes on.
+            # On the way out the new side begins here; on the way in the old one goes on.
             q[kept, 3] = code if here <= 0.0 else p[i, 3]
             kept += 1
     return 1 - source, kept
 
 
 @small_kernel
-def piece(table: FacetTable, f, g, reach, beside, near, space):
-    """Project facet f of A onto facet g of B and clip it to their overlap.
+def _project(table: FacetTable, f, g, region):
+    """Fill `region.polygon[0]` with facet f of A in the frame of facet g of B; count its corners.
 
-    Returns which half of `space.polygon` it is in, and how many corners it has; the overlap d
-    is above `-reach` in all of them. There are -1 corners if the two are farther apart than
-    `beside` sideways, or overlap by more than `near`.
+    A corner's coordinates are x, y in g's plane and its overlap d.
     """
-    polygon = space.polygon
+    polygon = region.polygon
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     count = table.sides[f]
     for c in range(count):
-        # Seen from B's side A's facet runs round the other way.
-        p = space.facing.turned[f, count - 1 - c]
+        # Seen from B's side the corners of A's facet run the other way round.
+        p = region.facets.corners[f, count - 1 - c]
         d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
         polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
         polygon[0, c, 3] = _OF_A
+    return count
+
+
+@small_kernel
+def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
+    """Project facet f of A onto facet g of B and clip it to their overlap.
+
+    Returns the buffer of `region.polygon` that the piece is in, and its number of corners; its
+    overlap is above `-reach` everywhere. There are -1 corners if the facets lie farther beside
+    each other than `beside`, or overlap by more than `max_depth` everywhere. All in [m].
+    """
+    polygon = region.polygon
+    count = _project(table, f, g, region)
     low_x = low_y = low_d = np.inf
     high_x = high_y = high_d = -np.inf
     for c in range(count):
@@ -125,13 +146,13 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
         high_x, high_y, high_d = max(high_x, x), max(high_y, y), max(high_d, d)
     half_x, half_y = table.half[g, 0], table.half[g, 1]
     gap = max(max(low_x, -high_x) - half_x, max(low_y, -high_y) - half_y)
-    if gap > beside or low_d > near or high_d < -reach:
+    if gap > beside or low_d > max_depth or high_d < -reach:
         return np.int64(0), np.int64(-1)
     if gap > 0.0:
         return np.int64(0), np.int64(0)
     here = np.int64(0)
     if low_d < -reach:
-        here, count = _clip(polygon, here, count, -reach, 0.0, 0.0, -1.0, _CUT)
+        here, count = _clip(polygon, here, count, (-reach, 0.0, 0.0, -1.0), _CUT)
     rows = table.count_rows[g]
     for i in range(rows if rows > 0 else 4):
         if rows > 0:
@@ -140,106 +161,124 @@ def piece(table: FacetTable, f, g, reach, beside, near, space):
             sign = 1.0 if i & 1 else -1.0
             k0 = -table.half[g, i >> 1]
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
-        # Mostly all of it is on the right side of most sides.
+        # Most pieces lie wholly inside most sides.
         if k0 + max(k1 * low_x, k1 * high_x) + max(k2 * low_y, k2 * high_y) > 0.0:
-            here, count = _clip(polygon, here, count, k0, k1, k2, 0.0, _OF_B)
+            here, count = _clip(polygon, here, count, (k0, k1, k2, 0.0), _OF_B)
             if count == 0:
                 break
     return here, count
 
 
 @inner_kernel
-def _mix(f0, f1, f2, g0, g1, g2, h0, h1, h2):
-    """Return 60 / area times the integral of a product of three linear functions of a triangle.
+def _product_integral(f, g, h):
+    """Return 60 / area times the integral over a triangle of the product of linear functions.
 
-    They are given by their values in its corners.
+    Each of the three is given by its values at the corners, a tuple of 3.
     """
-    sf, sg, sh = f0 + f1 + f2, g0 + g1 + g2, h0 + h1 + h2
-    fg, fh = f0 * g0 + f1 * g1 + f2 * g2, f0 * h0 + f1 * h1 + f2 * h2
-    gh = g0 * h0 + g1 * h1 + g2 * h2
-    fgh = f0 * g0 * h0 + f1 * g1 * h1 + f2 * g2 * h2
+    sf, sg, sh = f[0] + f[1] + f[2], g[0] + g[1] + g[2], h[0] + h[1] + h[2]
+    fg, fh = f[0] * g[0] + f[1] * g[1] + f[2] * g[2], f[0] * h[0] + f[1] * h[1] + f[2] * h[2]
+    gh = g[0] * h[0] + g[1] * h[1] + g[2] * h[2]
+    fgh = f[0] * g[0] * h[0] + f[1] * g[1] * h[1] + f[2] * g[2] * h[2]
     return sf * sg * sh + sf * gh + sg * fh + sh * fg + 2.0 * fgh
 
 
 @inner_kernel
-def add_piece(table: FacetTable, g, here, count, reach, share, space, sums):
-    """Add a piece on facet g of B to the sums of one direction, counting `share` of it.
+def add_piece(table: FacetTable, g, piece, reach, share, region, sums):
+    """Add a piece on facet g of B to the sums of one direction.
 
-    Weights are `d + reach`: places count by how deep they are. Returns the weight added.
+    Parameters
+    ----------
+    piece : tuple of int
+        Buffer of `region.polygon`, number of corners: see `clip_pair`.
+    reach : float
+        Height of both textures [m]; the weight is w = d + reach, so that deep places count more.
+    share : float
+        How much the facet counts for the direction.
+    region : OverlapRegion
+    sums : OVERLAP_SUMS
+        Added to.
+
+    Returns
+    -------
+    float
+        The volume added [m^3].
     """
-    p = space.polygon[here]
+    here, count = piece
+    p, one = region.polygon[here], (1.0, 1.0, 1.0)
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    area = mass = m_x = m_y = m_xx = m_xy = m_yy = 0.0
-    x0, y0, g0 = p[0, 0], p[0, 1], p[0, 2] + reach
+    area = volume = m_x = m_y = m_xx = m_xy = m_yy = 0.0
+    x0, y0, w0 = p[0, 0], p[0, 1], p[0, 2] + reach
     for i in range(1, count - 1):
-        x1, y1, g1 = p[i, 0], p[i, 1], p[i, 2] + reach
-        x2, y2, g2 = p[i + 1, 0], p[i + 1, 1], p[i + 1, 2] + reach
+        x1, y1, w1 = p[i, 0], p[i, 1], p[i, 2] + reach
+        x2, y2, w2 = p[i + 1, 0], p[i + 1, 1], p[i + 1, 2] + reach
         size = 0.5 * ((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0))
         part = size / 60.0
+        on_x, on_y, w = (x0, x1, x2), (y0, y1, y2), (w0, w1, w2)
         area += size
-        mass += size * (g0 + g1 + g2) / 3.0
-        m_x += part * _mix(g0, g1, g2, x0, x1, x2, 1.0, 1.0, 1.0)
-        m_y += part * _mix(g0, g1, g2, y0, y1, y2, 1.0, 1.0, 1.0)
-        m_xx += part * _mix(g0, g1, g2, x0, x1, x2, x0, x1, x2)
-        m_xy += part * _mix(g0, g1, g2, x0, x1, x2, y0, y1, y2)
-        m_yy += part * _mix(g0, g1, g2, y0, y1, y2, y0, y1, y2)
-    sums[AREA] += share * area
-    sums[MASS] += share * mass
-    at = SPREAD
+        volume += size * (w0 + w1 + w2) / 3.0
+        m_x += part * _product_integral(w, on_x, one)
+        m_y += part * _product_integral(w, on_y, one)
+        m_xx += part * _product_integral(w, on_x, on_x)
+        m_xy += part * _product_integral(w, on_x, on_y)
+        m_yy += part * _product_integral(w, on_y, on_y)
+    sums.area += share * area
+    sums.volume += share * volume
+    at = 0
     for i in range(3):
-        sums[MEAN + i] += share * (mass * o[i] + m_x * x[i] + m_y * y[i])
-        sums[NORMAL + i] += share * mass * z[i]
+        sums.first_moment[i] += share * (volume * o[i] + m_x * x[i] + m_y * y[i])
+        sums.normal[i] += share * volume * z[i]
         for k in range(i, 3):
-            total = mass * o[i] * o[k] + m_xx * x[i] * x[k] + m_yy * y[i] * y[k]
+            total = volume * o[i] * o[k] + m_xx * x[i] * x[k] + m_yy * y[i] * y[k]
             total += m_x * (o[i] * x[k] + x[i] * o[k]) + m_y * (o[i] * y[k] + y[i] * o[k])
-            sums[at] += share * (total + m_xy * (x[i] * y[k] + y[i] * x[k]))
+            sums.second_moment[at] += share * (total + m_xy * (x[i] * y[k] + y[i] * x[k]))
             at += 1
     for i in range(count):
         if p[i, 3] == _CUT:
             continue
         j = i + 1 if i + 1 < count else 0
         out_x, out_y = p[j, 1] - p[i, 1], p[i, 0] - p[j, 0]
-        start = EDGE_A if p[i, 3] == _OF_A else EDGE_B
+        edge = sums.edge_a if p[i, 3] == _OF_A else sums.edge_b
         for k in range(3):
-            sums[start + k] += share * (out_x * x[k] + out_y * y[k])
-    return share * mass
+            edge[k] += share * (out_x * x[k] + out_y * y[k])
+    return share * volume
 
 
 @inner_kernel
-def deepest_of(space, here, count):
-    """Return the largest overlap of a piece [m], and its corner."""
-    most, corner = -np.inf, 0
+def deepest_corner(region, piece):
+    """Return the largest overlap of a piece [m], and the corner where it is attained."""
+    here, count = piece
+    deepest, corner = -np.inf, 0
     for i in range(count):
-        if space.polygon[here, i, 2] > most:
-            most, corner = space.polygon[here, i, 2], i
-    return most, corner
+        if region.polygon[here, i, 2] > deepest:
+            deepest, corner = region.polygon[here, i, 2], i
+    return deepest, corner
 
 
 @inner_kernel
-def cut_deep(space, here, count, most):
-    """Clip a piece to overlaps of at most `most`; return where it is, and its corners."""
-    return _clip(space.polygon, here, count, -most, 0.0, 0.0, 1.0, _CUT)
+def clip_depth(region, piece, max_depth):
+    """Clip a piece to overlaps of at most `max_depth` [m]; return its buffer, its corners."""
+    return _clip(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), _CUT)
 
 
 @inner_kernel
-def steady_normal(table: FacetTable, count, direction, space, n):
-    """Turn a mean normal (3,) to the mean of those within 20 degrees of it, less towards the end.
+def robust_normal(table: FacetTable, count, direction, region, n):
+    """Turn a mean normal (3,) towards the mean of those facet normals within 20 degrees of it.
 
-    So a chamfer beside a wide face does not tilt the normal of the face. As less of the footprint
-    is that near the mean, the more the mean itself counts: between two faces that are both astray
-    it is all there is, and a tool that goes round the edge between them must not feel it come in.
+    So a chamfer beside a wide face does not tilt the normal of the face. The less of the region
+    has such normals, the more the mean itself counts: between two faces that both deviate by more
+    it is all there is, and a tool that moves round the edge between them must see no jump.
     """
     x = y = z = near = total = 0.0
     for i in range(count):
-        mass = space.masses[i, direction]
-        if mass == 0.0:
+        volume = region.volumes[i, direction]
+        if volume == 0.0:
             continue
-        f = table.axes[space.facing.pairs[i, 1], 2]
+        f = table.axes[region.facets.pairs[i, 1], 2]
         along = f[0] * n[0] + f[1] * n[1] + f[2] * n[2]
-        total += mass
-        mass *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
-        near += mass
-        x, y, z = x + mass * f[0], y + mass * f[1], z + mass * f[2]
+        total += volume
+        volume *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        near += volume
+        x, y, z = x + volume * f[0], y + volume * f[1], z + volume * f[2]
     size = math.sqrt(x * x + y * y + z * z)
     if size > 0.0:
         share = near / total
@@ -250,42 +289,43 @@ def steady_normal(table: FacetTable, count, direction, space, n):
 
 
 @inner_kernel
-def sliver(sums):
-    """Return how thick the footprint is between an edge of A and the edge of B that it leaves.
+def sliver_thickness(sums):
+    """Return the thickness of the region between an edge of A and one of B [m]; inf if none.
 
-    Along a border that closes round a body's whole face outward normals cancel. What is left of
-    A's edges and of B's, where the two oppose each other, is the width of a sliver that is about
-    to slide off; its area over that width is its thickness [m], infinite if there is none.
+    Along a border that encloses a whole face of a body the outward normals cancel. Where the
+    remaining sums of A's edges and of B's are opposed, their geometric mean is the width of a
+    sliver that is about to slide off, and area over width is its thickness.
     """
     opposed = 0.0
     for k in range(3):
-        opposed -= sums[EDGE_A + k] * sums[EDGE_B + k]
-    if opposed <= 0.0 or sums[AREA] <= 0.0:
+        opposed -= sums.edge_a[k] * sums.edge_b[k]
+    if opposed <= 0.0 or sums.area <= 0.0:
         return np.inf
-    return sums[AREA] / math.sqrt(opposed)
+    return sums.area / math.sqrt(opposed)
 
 
 @inner_kernel
-def way_out(table: FacetTable, count, direction, n, place, space):
-    """Return how far a place (3,) within B is from B's surface along n [m]; infinite if unknown.
+def distance_to_surface(table: FacetTable, count, direction, n, point, region):
+    """Return the distance along n from a point within B to B's surface [m]; inf if unknown.
 
-    All in B's frame; facets that face some of A and count for `direction` are the surface.
+    The surface is made of those facets that face A and count for `direction`. `n` and `point`
+    (3,) are in B's frame.
     """
     nearest = np.inf
     for i in range(count):
-        g = space.facing.pairs[i, 1]
+        g = region.facets.pairs[i, 1]
         if table.shares[g, direction] == 0.0:
             continue
         o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
         along = n[0] * z[0] + n[1] * z[1] + n[2] * z[2]
         if along < FLATTEST:
             continue
-        t = ((o[0] - place[0]) * z[0] + (o[1] - place[1]) * z[1] + (o[2] - place[2]) * z[2]) / along
+        t = ((o[0] - point[0]) * z[0] + (o[1] - point[1]) * z[1] + (o[2] - point[2]) * z[2]) / along
         if t < -_ON or t >= nearest:
             continue
         a = b = 0.0
         for k in range(3):
-            off = place[k] + t * n[k] - o[k]
+            off = point[k] + t * n[k] - o[k]
             a, b = a + off * x[k], b + off * y[k]
         if abs(a) > table.half[g, 0] + _ON or abs(b) > table.half[g, 1] + _ON:
             continue

@@ -1,11 +1,11 @@
-"""Patches of a footprint: where wide contacts are split, so that their torque does not hop.
+"""Division of wide overlap regions into parts, so that their torque does not jump.
 
-The deepest point of a wide contact hops from end to end when it tilts a little. So its footprint
-is split along two lines through its middle, and each part has a deepest point of its own, with an
-equal share of the stiffness: with middle c and covariance S of the footprint, the parts lie round
-`c + S^(1/2) (+-1, +-1)`, the points of Gauss's rule with the same area, middle and second moments.
-They overlap by a radius about the middle, so that a footprint that is not wide has one part, and
-one that grows is split without a jump.
+The deepest point of a wide contact jumps from end to end when the contact tilts a little. A wide
+overlap region is therefore split along two lines through its centroid, and each part has a deepest
+point and an equal share of the stiffness. With centroid c and covariance S of the region, the
+parts lie around `c + S^(1/2) (+-1, +-1)`: the points of the Gauss rule with the same area, centroid
+and second moments. The parts overlap by a radius about the centroid, so that a narrow region has
+one part, and a region that grows is split without a jump.
 """
 
 from __future__ import annotations
@@ -13,23 +13,44 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel
-from asperity.contact.manifold.overlap_region import MASS, MEAN, SPREAD
 from asperity.contact.narrow_phase.surface_patch import add_border
 
 _NARROW = 3.0
-"""A footprint whose standard deviation is below the radius over this is not split. (An evenly
-loaded one ends within 1.8 deviations.)"""
-_LEAST_SPREAD = 1e-12
+"""A region is not split along an axis on which its standard deviation is below the radius over
+this. (An evenly loaded region ends within 1.8 standard deviations.)"""
+_LEAST_VARIANCE = 1e-12
+"""Added to variances so that they can be divided by [m^2]."""
+
+
+@inner_kernel
+def _tangential_moments(sums, u, v):
+    """Return the centroid and covariance of a region along two axes: mu, mv, uu, uv, vv."""
+    volume = sums.volume
+    mu = mv = 0.0
+    for i in range(3):
+        mu += u[i] * sums.first_moment[i] / volume
+        mv += v[i] * sums.first_moment[i] / volume
+    uu = uv = vv = 0.0
+    at = 0
+    for i in range(3):
+        for k in range(i, 3):
+            s = sums.second_moment[at] / volume
+            at += 1
+            twice = 1.0 if i == k else 2.0
+            uu += twice * s * u[i] * u[k]
+            vv += twice * s * v[i] * v[k]
+            uv += s * (u[i] * v[k] if i == k else u[i] * v[k] + u[k] * v[i])
+    return mu, mv, uu - mu * mu, uv - mu * mv, vv - mv * mv
 
 
 @inner_kernel
 def split_lines(sums, u, v, radius, lines_out):
-    """Fill the lines that split a footprint; return whether it is split along the first, second.
+    """Fill the lines that split a region; return whether each of the two does split it.
 
     Parameters
     ----------
-    sums : (21,) array
-        Of a footprint; see `footprint`.
+    sums : OVERLAP_SUMS
+        Of the region.
     u, v : (3,) arrays
         Axes of the tangent plane in B's frame.
     radius : float
@@ -38,24 +59,9 @@ def split_lines(sums, u, v, radius, lines_out):
         `l_u, l_v, l_0`, so that the distance from a line is `l_u u + l_v v + l_0` [m], with u and
         v measured from the origin of B's frame.
     """
-    mass = sums[MASS]
-    mu = mv = 0.0
-    for i in range(3):
-        mu += u[i] * sums[MEAN + i] / mass
-        mv += v[i] * sums[MEAN + i] / mass
-    uu = uv = vv = 0.0
-    at = SPREAD
-    for i in range(3):
-        for k in range(i, 3):
-            s = sums[at] / mass
-            at += 1
-            twice = 1.0 if i == k else 2.0
-            uu += twice * s * u[i] * u[k]
-            vv += twice * s * v[i] * v[k]
-            uv += s * (u[i] * v[k] if i == k else u[i] * v[k] + u[k] * v[i])
-    uu, uv, vv = uu - mu * mu, uv - mu * mv, vv - mv * mv
-    uu, vv = max(uu, 0.0) + _LEAST_SPREAD, max(vv, 0.0) + _LEAST_SPREAD
-    # The inverse of the symmetric square root, by Cayley and Hamilton.
+    mu, mv, uu, uv, vv = _tangential_moments(sums, u, v)
+    uu, vv = max(uu, 0.0) + _LEAST_VARIANCE, max(vv, 0.0) + _LEAST_VARIANCE
+    # Inverse of the symmetric square root, by the theorem of Cayley and Hamilton.
     s = math.sqrt(max(uu * vv - uv * uv, 1e-30))
     t = math.sqrt(uu + vv + 2.0 * s)
     a, b, c = (uu + s) / t, uv / t, (vv + s) / t

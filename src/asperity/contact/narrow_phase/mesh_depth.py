@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.broad_phase.facet_pairs import between_bodies, facing_pairs
-from asperity.contact.manifold.overlap_region import piece
+from asperity.contact.broad_phase.facet_pairs import (
+    PairLimits,
+    overlapping_facet_pairs,
+    relative_transform,
+)
+from asperity.contact.manifold.overlap_region import clip_pair
 from asperity.contact.manifold.split import bound_by, split_lines
 from asperity.contact.narrow_phase.best_first import best_first_search
 from asperity.contact.narrow_phase.geom_depth import frame_round
@@ -34,8 +38,8 @@ _ANYWHERE = 1e3
 class SplitRegion(NamedTuple):
     """The overlap region of one direction, to be split into sub-regions."""
 
-    sums: NDArray[np.float64]
-    """Integrals over the region; see `overlap_region`."""
+    sums: np.void
+    """Integrals over the region, an `OVERLAP_SUMS` record."""
     axis_u: NDArray[np.float64]
     """Axes of the tangent plane, B's frame, (3,)."""
     axis_v: NDArray[np.float64]
@@ -189,19 +193,17 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     """
     (textures, table, geometry), (body_a, body_b) = model, frames
     tolerance, max_nodes = limits
-    foot, frame, search = space.footprint, memory.frame, memory.search[0]
-    rotation, translation = space.frames[3, :, :3], space.frames[3, :, 3]
-    between_bodies(body_a, body_b, rotation, translation)
-    count = facing_pairs(
-        table, 0, 1, rotation, translation, overlap, _ANYWHERE, FLATTEST, foot.facing
-    )
+    frame, search, region = memory.frame, memory.search[0], space.region
+    facets, transform, local = region.facets, stack_array((3, 4)), stack_array((3,))
+    relative_transform(body_a, body_b, transform)
+    pair_limits = PairLimits(overlap, _ANYWHERE, overlap, FLATTEST)
+    count = overlapping_facet_pairs(table, 0, 1, transform, pair_limits, facets)
     kept = 0
     for i in range(count):
-        f, g = foot.facing.pairs[i, 0], foot.facing.pairs[i, 1]
-        if piece(table, f, g, overlap, _ANYWHERE, overlap, foot)[1] >= 0:
-            foot.facing.pairs[kept, 0], foot.facing.pairs[kept, 1] = f, g
+        f, g = facets.pairs[i, 0], facets.pairs[i, 1]
+        if clip_pair(table, f, g, overlap, _ANYWHERE, overlap, region)[1] >= 0:
+            facets.pairs[kept, 0], facets.pairs[kept, 1] = f, g
             kept += 1
-    local = space.frames[4, 0, :3]
     for i in range(3):
         local[i] = 0.0
         for k in range(3):
@@ -215,4 +217,4 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     guess = (np.nan, np.nan)
     best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, np.int64(0))
     fill_penetration(textures, stride, n, tolerance, memory, result_out[0])
-    return has_room and foot.facing.clock[1] == 0
+    return has_room and facets.state[0].dropped == 0

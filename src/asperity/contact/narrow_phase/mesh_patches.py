@@ -89,7 +89,7 @@ def _faces_direction(table, f, g, n, space):
     along_a = along_b = 0.0
     for k in range(3):
         along_b += table.axes[g, 2, k] * n[k]
-        along_a -= space.footprint.facing.normals[f, k] * n[k]
+        along_a -= space.region.facets.placed[f].normal[k] * n[k]
     # Exact patches of round geoms decide for themselves.
     return (along_b >= FLATTEST or table.geom[g] >= 0) and (
         along_a >= FLATTEST or table.geom[f] >= 0
@@ -151,7 +151,7 @@ def collect_candidates(textures, table, geometry, query, memory, space):
     view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b)
     made_a = made_b = count = 0
     has_room = True
-    candidates, facets = memory.candidates, space.footprint.facing.pairs
+    candidates, facets = memory.candidates, space.region.facets.pairs
     for i in range(query.facet_pairs):
         f, g = facets[i, 0], facets[i, 1]
         if not _faces_direction(table, f, g, query.normal, space):

@@ -1,4 +1,4 @@
-"""How depth becomes force: the parameters of all force laws, with their ranges."""
+"""Parameters of the force laws, with their ranges."""
 
 from __future__ import annotations
 
@@ -28,63 +28,68 @@ _RANGES = {
     "noise_level": (0.0, 100.0, ""),
     "noise_bandwidth": (1e-3, 1e6, "Hz"),
 }
-"""Far beyond what is of use, and far from what numbers cannot hold."""
+"""Least and largest values and units: wider than any useful range, and numerically safe."""
 
 
 @dataclass(frozen=True)
 class ForceSettings:
     """Parameters of the contact force.
 
-    All defaults are asperity's; the paper prints none.
+    The defaults are asperity's; Otaduy & Lin (2004) print none.
 
     Parameters
     ----------
     stiffness : float
-        k of Eq. 1 [N/m]; 400 is what a Touch can do.
+        k of Eq. 1 [N/m], 1e-6 to 1e9; a Touch can render 400.
     law : {"otaduy-lin", "minsky", "ho", "siira-pai"}
-        Otaduy & Lin's, or a baseline that takes the texture at one point of the smooth contact.
+        Force law: Otaduy & Lin's, or a baseline that reads the texture at one point of the smooth
+        bodies' contact (`response.point_laws`).
     friction : float
-        Coulomb's coefficient, 0 or above. The texture's force carries the slope already: this is
-        the material's alone.
+        Coulomb's coefficient [-], 0 to 100. The force of the texture already contains the effect
+        of its slopes: the coefficient is that of the material alone.
     bristle_stiffness : float, optional
-        Of the elastic bristle that holds a contact in place [N/m]; `stiffness` if not given.
+        Stiffness of the elastic bristle that holds a contact in place [N/m], 1e-6 to 1e9;
+        `stiffness` by default.
     gradient : {"exact", "differences", "soft"}
-        Of the depth: by the envelope theorem; by the paper's central differences of depths on a
-        grid, whose step is a low-pass; or of a soft maximum. For "otaduy-lin" alone.
+        How the depth's gradient is computed: exactly, by the envelope theorem; by the paper's
+        central differences of depths on a grid, whose step acts as a low-pass; or as that of a
+        soft maximum. The last two are for the law "otaduy-lin".
     step : float
-        Of the central differences [m]. Rotations step by `step / lever`.
+        Step of the central differences [m]. Rotations step by `step / lever` [rad].
     lever : float
-        Arm that turns a rotation into a length [m].
+        Length that converts a rotation to a distance [m].
     grid : int
-        Samples a side of the grid for "differences" and "soft", 4 to 1000.
+        Samples along a side of the grid for "differences" and "soft", 4 to 1000.
     window : float
-        Side of the square that the grid covers, round the contact [m].
+        Side of the square around the contact that the grid covers [m].
     softness : float
-        1 / beta of the soft maximum [m]; samples should be finer than that in height.
+        1 / beta of the soft maximum [m]. The samples should differ by less in height.
     soft_area : float
-        A0, the fixed reference area of the soft maximum [m^2].
+        A0, the reference area of the soft maximum [m^2].
     ho_gain : float
-        K of Ho et al.
-    noise_level, noise_bandwidth : float
-        Of Siira & Pai: standard deviation over the normal force; corner of its low-pass [Hz].
+        K of Ho et al. [-].
+    noise_level : float
+        Standard deviation of Siira & Pai's noise over the normal force [-].
+    noise_bandwidth : float
+        Corner frequency of that noise [Hz].
     seed : int
-        Of that noise.
+        Seed of that noise.
     max_nodes : int
-        Most boxes that a search looks at, 100 or more; 4000 take about 2 ms.
+        Most boxes that a search evaluates, 100 or more; 4000 take about 2 ms.
     tolerance : float, optional
-        Gap between the bounds of a depth that counts as certified [m]. If not given, a thousandth
-        of the textures' rms height, and a nanometre at least.
+        Gap between the bounds of a depth at which it counts as certified [m]. By default a
+        thousandth of the textures' rms height, but at least a nanometre.
     patch_radius : float
-        Where a mesh is involved: how far the parts into which a wide contact is split reach over
-        its middle [m]. Contacts with a standard deviation of a third of it or less have one part.
+        For meshes: how far the parts into which a wide contact is split reach over its centroid
+        [m]. Contacts with a standard deviation of at most a third of it have one part.
     edge_fade : float
-        Where a mesh is involved: thickness of the overlap [m] below which a tool that slides off
-        an edge loses its force, in proportion. 0: it drops at once.
+        For meshes: thickness of the overlap [m] below which the force of a tool that slides off an
+        edge decreases in proportion. 0: the force ends abruptly.
 
     Raises
     ------
     AsperityError
-        A value outside its range, one line.
+        A value is outside its range; the message names it and the range.
     """
 
     stiffness: float = 400.0
@@ -122,5 +127,5 @@ class ForceSettings:
             require_between(name, value, low, high)
         if self.gradient != "exact" and self.law != "otaduy-lin":
             raise AsperityError(
-                f"gradient {self.gradient!r} is for the law 'otaduy-lin', got law {self.law!r}"
+                f"gradient {self.gradient!r} requires the law 'otaduy-lin', got law {self.law!r}"
             )

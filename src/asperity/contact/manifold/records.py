@@ -1,0 +1,89 @@
+"""Records of the contact manifold, each one element of a structured array."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact.narrow_phase.records import PENETRATION
+
+MAX_PARTS = 4
+"""Parts into which the overlap region of one direction may be split."""
+MAX_PATCHES = 288
+"""Room for the patches of one tick."""
+
+OVERLAP_SUMS = np.dtype(
+    [
+        ("area", "f8"),  # of the region [m^2]
+        ("volume", "f8"),  # integral of w = d + reach over the region [m^3]
+        ("first_moment", "f8", 3),  # integral of w x, x a point on B's surface [m^4]
+        ("second_moment", "f8", 6),  # integral of w x x^T: xx, xy, xz, yy, yz, zz [m^5]
+        ("normal", "f8", 3),  # integral of w n [m^3]
+        ("edge_a", "f8", 3),  # outward normals of A's edges, times their length [m]
+        ("edge_b", "f8", 3),  # outward normals of B's edges, times their length [m]
+        ("deepest", "f8"),  # largest overlap d of the smooth bodies [m]; -inf if none
+        ("deepest_point", "f8", 3),  # point on B's surface where it is attained [m]
+    ],
+    align=True,
+)
+"""Integrals over the overlap region of one direction, in B's frame. d is the overlap [m]."""
+
+DIRECTION = np.dtype(
+    [
+        ("normal", "f8", 3),  # unit normal of B's surface, B's frame
+        ("fade", "f8"),  # 1; less for a sliver that slides off an edge
+        ("depth", "f8"),  # mean depth of the patches [m]; -inf if not searched
+        ("deepest", "f8"),  # depth of the deepest patch [m]; -inf if not searched
+        ("first", "i8"),  # row of the first patch
+        ("patches", "i8"),  # number of patches; 0 if the direction is no contact
+        ("share", "f8"),  # share of the body's stiffness, not normalised
+        ("twin", "i8"),  # the direction whose patches count for this one: mostly itself
+        ("valid", "f8"),  # 0 if another direction accounts for the contact, 1 if none does
+        ("explained", "i8"),  # whether it was not searched because another one accounts for it
+        ("visited", "i8"),  # whether its turn has come in this tick
+    ],
+    align=True,
+)
+"""One of the six directions of contact with a body, in one tick."""
+
+MESH_PATCH = np.dtype(
+    [
+        ("body", "i8"),  # number of the scene body
+        ("direction", "i8"),  # 0 to 5
+        ("part", "i8"),  # part of the direction's overlap region, 0 to 3
+        ("normal", "f8", 3),  # n, world axes
+        ("weight", "f8"),  # share of the body's stiffness, 0 to 1
+    ],
+    align=True,
+)
+"""One patch of contact between meshes: a part of the overlap region of one direction."""
+
+PATCH_COUNT = np.dtype(
+    [
+        ("patches", "i8"),  # number of patches
+        ("dropped", "i8"),  # how often there was no room, for a patch or a pair of facets
+    ],
+    align=True,
+)
+
+
+class ContactManifold(NamedTuple):
+    """The patches between the tool and all scene bodies, in one tick."""
+
+    count: NDArray[np.void]  # type: ignore[assignment]  # hides tuple.count
+    """One `PATCH_COUNT` record, (1,)."""
+    patches: NDArray[np.void]
+    """`MESH_PATCH` records, (MAX_PATCHES,)."""
+    result: NDArray[np.void]
+    """Depth of each, `PENETRATION` records (MAX_PATCHES,)."""
+
+
+def contact_manifold() -> ContactManifold:
+    """Allocate an empty manifold."""
+    return ContactManifold(
+        count=np.zeros(1, PATCH_COUNT),
+        patches=np.zeros(MAX_PATCHES, MESH_PATCH),
+        result=np.zeros(MAX_PATCHES, PENETRATION),
+    )

@@ -1,0 +1,227 @@
+"""What a tick works on: the model, the query, the memory, and the output.
+
+The compiled ticks take these as `(model, law, query, memory, workspace, out)`. All arrays are
+allocated once and written to in place.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.contact.body_arrays import Geometry
+from asperity.contact.broad_phase.facet_bvh import FacetTable
+from asperity.contact.broad_phase.mujoco_pairs import Candidates
+from asperity.contact.contacts import Contacts
+from asperity.contact.narrow_phase.records import PENETRATION
+from asperity.texture.packed import PackedTextures
+
+
+class SceneModel(NamedTuple):
+    """The bodies of a scene; constant, but for the tool's frame."""
+
+    textures: PackedTextures
+    geometry: Geometry
+    tool: int
+    """Number of the tool among the bodies."""
+    centre: NDArray[np.float64]
+    """The tool's centre of mass in its own frame [m], (3,)."""
+    frames: NDArray[np.float64]
+    """Frames of the bodies, (bodies, 3, 4); the tool's is filled by each tick."""
+    geom_number: NDArray[np.int64]
+    """For each geom of the MuJoCo model its number in `geometry`; -1 for one to be ignored."""
+
+
+class MeshModel(NamedTuple):
+    """A scene with meshes."""
+
+    scene: SceneModel
+    facets: FacetTable
+    by_facets: NDArray[np.int64]
+    """Whether contact of the tool with a body is between facets, (bodies,)."""
+
+
+class ForceParameters(NamedTuple):
+    """The part of `ForceSettings` that every force law uses."""
+
+    stiffness: float
+    """[N/m]"""
+    friction: float
+    """Coulomb's coefficient [-]."""
+    bristle_stiffness: float
+    """[N/m]"""
+    max_nodes: int
+    """Most boxes that a search evaluates."""
+    tolerance: float
+    """Gap of a depth that counts as certified [m]; negative: derived from the textures."""
+    patch_radius: float
+    """How far the parts of an overlap region reach over the lines that split it [m]."""
+    edge_fade: float
+    """Thickness of a sliver below which its stiffness fades [m]."""
+
+
+class GridMethod(NamedTuple):
+    """How a depth and its gradient are computed from samples on a grid; see `ForceSettings`."""
+
+    soft: bool
+    """Soft maximum; otherwise central differences."""
+    step: float
+    """Of the central differences [m]."""
+    lever: float
+    """Length that converts a rotation to a distance [m]."""
+    grid: int
+    """Samples along a side."""
+    window: float
+    """Side of the grid [m]."""
+    beta: float
+    """Of the soft maximum [1/m]."""
+    soft_area: float
+    """Reference area of the soft maximum [m^2]."""
+
+
+class PointLaw(NamedTuple):
+    """A force law that reads the texture at one point; see `ForceSettings`."""
+
+    law: int
+    """Index into `settings.LAWS`."""
+    ho_gain: float
+    """K of Ho et al. [-]."""
+    noise_level: float
+    """Standard deviation of the noise over the normal force [-]."""
+    noise_bandwidth: float
+    """Corner frequency of the noise [Hz]."""
+
+
+class ForceLaw(NamedTuple):
+    """How depths become forces."""
+
+    parameters: ForceParameters
+    grid: GridMethod | None
+    """None: exact gradients. (A tick that has no grid compiles in half the time.)"""
+    point: PointLaw | None
+    """None: the law of Otaduy & Lin."""
+
+
+class Query(NamedTuple):
+    """What the contact is wanted for."""
+
+    pose: NDArray[np.float64]
+    """Of the tool's frame: position [m], unit quaternion wxyz; (7,)."""
+    dt: float
+    """Time since the last tick [s]; 0 leaves the memory as it is."""
+    candidates: Candidates
+    """Pairs of geoms that MuJoCo finds close to each other."""
+
+
+GEOM_PAIR = np.dtype(
+    [
+        ("geom_a", "i8"),  # geom of the tool
+        ("geom_b", "i8"),  # geom of the scene
+        ("deep", "i8"),  # whether the depth is such that the normal is held
+        ("seen", "i8"),  # whether MuJoCo has found the pair in this tick
+        ("patch", "i8"),  # number of its patch; -1 for none
+        ("normal", "f8", 3),  # unit normal of the scene's body, in that body's frame
+        ("weight", "f8"),  # sum of MuJoCo's overlaps, by which normals are averaged [m]
+    ],
+    align=True,
+)
+"""A geom of the tool and one of the scene that may touch."""
+
+GEOM_PATCH = np.dtype(
+    [
+        ("body", "i8"),  # number of the scene body; -1 if the patch does not touch
+        ("normal", "f8", 3),  # unit normal
+        ("point", "f8", 3),  # deepest point [m]; nan if unknown
+        ("bristle", "f8", 3),  # deflection of the bristle [m]
+    ],
+    align=True,
+)
+"""A patch of contact: pairs of geoms with about the same normal. Vectors in the body's frame."""
+
+MEMORY_STATE = np.dtype(
+    [
+        ("pairs", "i8"),  # number of pairs in this tick
+        ("patches", "i8"),  # number of patches in this tick
+        ("last_pairs", "i8"),  # number of pairs remembered
+        ("last_patches", "i8"),  # number of patches remembered
+        ("has_frame", "i8"),  # whether there was a last tick
+        ("dropped", "i8"),  # pairs and patches of this tick that there was no room for
+    ],
+    align=True,
+)
+
+NOISE = np.dtype(
+    [
+        ("value", "f8", 3),  # low-passed Gaussian noise of unit variance, world axes
+        ("counter", "f8"),  # state of the random number generator, a whole number
+    ],
+    align=True,
+)
+"""State of the noise of Siira & Pai."""
+
+
+class GeomMemory(NamedTuple):
+    """What contact of geoms remembers from one tick to the next, and the room of one tick."""
+
+    state: NDArray[np.void]
+    """One `MEMORY_STATE` record, (1,)."""
+    last_pairs: NDArray[np.void]
+    """`GEOM_PAIR` records of the last tick, (pairs,)."""
+    last_patches: NDArray[np.void]
+    """`GEOM_PATCH` records of the last tick, (patches,)."""
+    frame: NDArray[np.float64]
+    """The tool's frame in the last tick, (3, 4)."""
+    noise: NDArray[np.void]
+    """One `NOISE` record, (1,)."""
+    pairs: NDArray[np.void]
+    """`GEOM_PAIR` records of this tick, (pairs,)."""
+    patches: NDArray[np.void]
+    """`GEOM_PATCH` records of this tick, (patches,)."""
+    geoms: NDArray[np.int64]
+    """Geoms of one patch, those of the tool and those of the scene; (2, geoms)."""
+    results: NDArray[np.void]
+    """Depth of each patch, `PENETRATION` records (patches,)."""
+
+
+class Output(NamedTuple):
+    """What a tick returns."""
+
+    contacts: Contacts
+    wrench: NDArray[np.float64]
+    """Force [N] and torque about the tool's centre of mass [N m], world axes; (6,)."""
+
+
+def geom_memory(pairs: int, patches: int, geoms: int) -> GeomMemory:
+    """Allocate an empty memory.
+
+    Parameters
+    ----------
+    pairs, patches : int
+        Room for pairs of geoms, and for patches.
+    geoms : int
+        Most geoms of one body.
+    """
+    return GeomMemory(
+        state=np.zeros(1, MEMORY_STATE),
+        last_pairs=np.zeros(pairs, GEOM_PAIR),
+        last_patches=np.zeros(patches, GEOM_PATCH),
+        frame=np.zeros((3, 4)),
+        noise=np.zeros(1, NOISE),
+        pairs=np.zeros(pairs, GEOM_PAIR),
+        patches=np.zeros(patches, GEOM_PATCH),
+        geoms=np.zeros((2, geoms), np.int64),
+        results=np.zeros(patches, PENETRATION),
+    )
+
+
+def forget_geoms(memory: GeomMemory, seed: int) -> None:
+    """Reset the memory to that of a tool that has not touched anything.
+
+    `seed` is the first value of the noise's counter.
+    """
+    for name in MEMORY_STATE.names or ():
+        memory.state[name] = 0
+    memory.noise["value"] = 0.0
+    memory.noise["counter"] = float(seed)
