@@ -168,7 +168,7 @@ class Pair:
 
     def __init__(self, a: Body, b: Body) -> None:
         self.bodies = a, b
-        self._textures, self._geometry = flat.flattened((a, b))
+        self._textures, self._geometry = flat.flatten_bodies((a, b))
         most = len(a.geoms) + len(b.geoms)
         self._space = workspace(3 * most, 9 * most * most)
         self._geoms = [np.flatnonzero(self._geometry.body == i) for i in (0, 1)]

@@ -39,7 +39,7 @@ class Geometry(NamedTuple):
     """-1 for each body, to be used in place of `texture` for smooth bodies; (bodies,)."""
 
 
-def flattened(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
+def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     """Return the textures and geoms of `bodies` as arrays; a map of zeros counts as no texture."""
     fields = [
         body.texture

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.contact.body_arrays import flattened
+from asperity.contact.body_arrays import flatten_bodies
 from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
@@ -92,7 +92,7 @@ class BodyPair:
         self.tolerance = require_positive("tolerance", tolerance, "[m]")
         self.max_nodes = int(require_between("max_nodes", max_nodes, 100, 1e9))
         bodies = (body_a, body_b)
-        self._textures, self._geometry = flattened(bodies)
+        self._textures, self._geometry = flatten_bodies(bodies)
         self._geoms = [np.flatnonzero(self._geometry.body == i).astype(np.int64) for i in (0, 1)]
         self._facets = None
         if any(body.mesh is not None for body in bodies):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from asperity._core.clock import ends_in
 from asperity._core.kernels import Repeated
-from asperity.contact.body_arrays import flattened
+from asperity.contact.body_arrays import flatten_bodies
 from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.broad_phase.mujoco_pairs import Collider
 from asperity.contact.contacts import Contacts, empty_contacts
@@ -231,7 +231,7 @@ class _MeshSide(NamedTuple):
 
 
 def _scene_model(bodies: Sequence[Body], tool: str, collider: Collider) -> SceneModel:
-    textures, geometry = flattened(bodies)
+    textures, geometry = flatten_bodies(bodies)
     return SceneModel(
         textures=textures,
         geometry=geometry,

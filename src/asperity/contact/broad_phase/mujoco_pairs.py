@@ -135,7 +135,7 @@ class Collider:
         self._data.qpos[:] = self._model.qpos0
         mujoco.mj_kinematics(self._model, self._data)
         self._qpos = self._data.qpos[self._place : self._place + 7]
-        self._room_for(64)
+        self._allocate(64)
         self._left_out = b""
         self._body_bits = (self._model.body_contype.copy(), self._model.body_conaffinity.copy())
         self._bodies = np.array([self._model.body(name).id for name in names])
@@ -171,7 +171,7 @@ class Collider:
         mujoco.mj_collision(self._model, self._data)
         contact, count = self._data.contact, self._data.ncon
         if count > len(self._geoms):
-            self._room_for(2 * count)
+            self._allocate(2 * count)
         # Copied, since MuJoCo's arrays are strided unless there is one contact: two array types.
         self._geoms[:count], self._points[:count] = contact.geom, contact.pos
         self._distances[:count], self._margins[:count] = contact.dist, contact.includemargin
@@ -184,7 +184,8 @@ class Collider:
         out = self._bodies[: len(bodies)][np.frombuffer(bodies, np.bool_)]
         self._model.body_contype[out] = self._model.body_conaffinity[out] = 0
 
-    def _room_for(self, count: int) -> None:
+    def _allocate(self, count: int) -> None:
+        """Allocate the arrays of `count` candidates."""
         self._geoms = np.zeros((count, 2), np.int32)
         self._points = np.zeros((count, 3))
         self._distances, self._margins = np.zeros(count), np.zeros(count)

@@ -130,7 +130,7 @@ def validate_directions(table, count, near_b, space):
 
 
 @inner_kernel
-def twin_of(space, d):
+def find_twin(space, d):
     """Return a searched direction whose region is the same but for its share; -1 if none is."""
     sums = space.region.sums
     for c in range(DIRECTIONS):

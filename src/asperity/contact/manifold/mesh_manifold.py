@@ -35,11 +35,11 @@ from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.broad_phase.facet_pairs import half_diagonal, pair_limits, relative_transform
 from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_pairs
 from asperity.contact.manifold.directions import (
+    find_twin,
     is_explained,
     next_direction,
     reset_directions,
     share_stiffness,
-    twin_of,
     validate_directions,
 )
 from asperity.contact.manifold.overlap_region import (
@@ -198,10 +198,10 @@ def _fill_normal(table, count, d, region, normal_out):
 
 
 @inner_kernel
-def _search_patches(model, parameters, query, d, count, memory, space, work_space):
+def _search_patches(model, parameters, query, d, count, memory, space, workspace):
     """Search the patches of direction `d`, appended to the manifold; return how many there are."""
     scene, manifold = model.scene, space.manifold
-    direction, frame = space.directions[d], work_space.frame
+    direction, frame = space.directions[d], workspace.frame
     n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
     for k in range(3):
         n[k] = direction.normal[k]
@@ -214,7 +214,7 @@ def _search_patches(model, parameters, query, d, count, memory, space, work_spac
         frame[2, k] = world[k]
     facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
     candidates, made_a, has_room = collect_candidates(
-        scene.textures, model.facets, scene.geometry, facets, work_space, space
+        scene.textures, model.facets, scene.geometry, facets, workspace, space
     )
     if not has_room:
         manifold.count[0].dropped += 1
@@ -228,7 +228,7 @@ def _search_patches(model, parameters, query, d, count, memory, space, work_spac
     )  # fmt: skip
     patches = region_depths(
         scene.textures, region, (candidates, made_a), facets,
-        SearchLimits(tolerance, parameters.max_nodes), work_space, space, manifold.result[start:],
+        SearchLimits(tolerance, parameters.max_nodes), workspace, space, manifold.result[start:],
     )  # fmt: skip
     for p in range(patches):
         patch = manifold.patches[start + p]
@@ -239,7 +239,7 @@ def _search_patches(model, parameters, query, d, count, memory, space, work_spac
 
 
 @inner_kernel
-def _search_direction(model, parameters, query, d, count, memory, space, work_space):
+def _search_direction(model, parameters, query, d, count, memory, space, workspace):
     """Find whether direction `d` is a contact; append its patches to the manifold if it is."""
     b, table, region, manifold = query.body, model.facets, space.region, space.manifold
     direction, begins = space.directions[d], memory.known[b] == 1 and memory.active[b, d] == 0
@@ -250,7 +250,7 @@ def _search_direction(model, parameters, query, d, count, memory, space, work_sp
         manifold.count[0].dropped += 1
         return
     _fill_normal(table, count, d, region, direction.normal)
-    twin = twin_of(space, d)
+    twin = find_twin(space, d)
     if twin >= 0:
         # The same plane counts for two directions; it is searched once.
         direction.depth, direction.twin = space.directions[twin].depth, twin
@@ -259,7 +259,7 @@ def _search_direction(model, parameters, query, d, count, memory, space, work_sp
     if begins and is_explained(table, count, d, space):
         direction.explained = 1
         return
-    patches = _search_patches(model, parameters, query, d, count, memory, space, work_space)
+    patches = _search_patches(model, parameters, query, d, count, memory, space, workspace)
     total = deepest = 0.0
     for p in range(patches):
         depth = manifold.result[direction.first + p].depth
@@ -276,7 +276,7 @@ def _search_direction(model, parameters, query, d, count, memory, space, work_sp
 
 
 @inner_kernel
-def add_mesh_manifold(model, parameters, query, memory, space, work_space):
+def add_mesh_manifold(model, parameters, query, memory, space, workspace):
     """Append the patches between the tool and one body to `space.manifold`, with their weights.
 
     Parameters
@@ -287,7 +287,7 @@ def add_mesh_manifold(model, parameters, query, memory, space, work_space):
     memory : MeshMemory
         Only read, but for the neighbour lists: see `remember`.
     space : FacetSpace
-    work_space : Workspace
+    workspace : Workspace
     """
     raised, lowered = _texture_reach(model, query.body)
     most = _limit_overlaps(memory, query, raised, lowered, space.region.limit)
@@ -297,7 +297,7 @@ def add_mesh_manifold(model, parameters, query, memory, space, work_space):
     reset_directions(space.directions)
     for _ in range(DIRECTIONS):
         d = next_direction(memory, query.body, space)
-        _search_direction(model, parameters, query, d, count, memory, space, work_space)
+        _search_direction(model, parameters, query, d, count, memory, space, workspace)
     validate_directions(model.facets, count, query.frame_b, space)
     share_stiffness(space)
 

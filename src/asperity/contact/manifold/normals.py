@@ -1,10 +1,10 @@
-"""The normal of B's smooth surface under a contact.
+"""The normal of the smooth surface of the scene's body under a contact of two geoms.
 
-MuJoCo's normals follow the tool, and their sign the order of the geoms; they are not used. On a
-curved geom the normal is that of the surface nearest to the contact. On a box or cylinder it is
-the face's; within `blend` of an edge the faces are mixed by how near they are, so that the normal
-turns continuously round the edge. A face that another geom of the same body covers is no face: a
-plate of many boxes has the normals of a plate.
+MuJoCo's normals depend on the tool, and their sign on the order of the geoms; they are not used. On
+a curved geom the normal is that of its surface nearest to the contact. On a box or cylinder it is
+that of the face; within `blend` of an edge the normals of the faces are averaged with weights that
+fall off linearly, so that the normal turns continuously around the edge. A face that is covered by
+another geom of the same body does not count: a plate made of many boxes has the normals of a plate.
 """
 
 from __future__ import annotations
@@ -13,29 +13,32 @@ import math
 
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
+from asperity.geometry.bodies import KINDS
+
+_PLANE, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER = (KINDS.index(kind) for kind in KINDS[:5])
 
 
 @inner_kernel
 def _solid_distance(kind, size, p):
-    """Return a number that is negative within a geom and positive outside it, roughly [m]."""
-    if kind == 0:
+    """Return roughly the signed distance of a point from a geom's surface [m]; negative inside."""
+    if kind == _PLANE:
         return p[2]
-    if kind == 1:
+    if kind == _SPHERE:
         return math.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2) - size[0]
-    if kind == 2:
+    if kind == _CAPSULE:
         z = p[2] - min(max(p[2], -size[1]), size[1])
         return math.sqrt(p[0] ** 2 + p[1] ** 2 + z * z) - size[0]
-    if kind == 3:
+    if kind == _ELLIPSOID:
         r = math.sqrt((p[0] / size[0]) ** 2 + (p[1] / size[1]) ** 2 + (p[2] / size[2]) ** 2)
         return (r - 1.0) * min(size[0], size[1], size[2])
-    if kind == 4:
+    if kind == _CYLINDER:
         return max(math.sqrt(p[0] ** 2 + p[1] ** 2) - size[0], abs(p[2]) - size[1])
     return max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])
 
 
 @inner_kernel
 def _covered(geometry, g, x, y, z):
-    """Return whether a point of geom g's frame lies within another geom of its body."""
+    """Return whether a point in the frame of geom `g` [m] lies within another geom of its body."""
     body = geometry.body[g]
     p, q = stack_array((3,)), stack_array((3,))
     for i in range(3):
@@ -55,7 +58,7 @@ def _covered(geometry, g, x, y, z):
 
 @inner_kernel
 def normal_under(geometry, g, point, blend, out):
-    """Fill the unit normal, in the body's frame, of geom g's smooth surface near a point.
+    """Fill the unit normal (3,) of geom `g`'s smooth surface near a point, in the body's frame.
 
     Parameters
     ----------
@@ -64,7 +67,7 @@ def normal_under(geometry, g, point, blend, out):
     point : (3,) array
         In the body's frame [m].
     blend : float
-        How near an edge its faces are mixed [m].
+        Distance from an edge within which the normals of its faces are averaged [m].
     out : (3,) array
     """
     p, n = stack_array((3,)), stack_array((3,))
@@ -74,17 +77,17 @@ def normal_under(geometry, g, point, blend, out):
         p[i] = 0.0
         for k in range(3):
             p[i] += rotation[k, i] * (point[k] - geometry.position[g, k])
-    if kind == 0:
+    if kind == _PLANE:
         n[2] = 1.0
-    elif kind == 1:
+    elif kind == _SPHERE:
         n[0], n[1], n[2] = p[0], p[1], p[2]
-    elif kind == 2:
+    elif kind == _CAPSULE:
         n[0], n[1] = p[0], p[1]
         n[2] = p[2] - min(max(p[2], -size[1]), size[1])
-    elif kind == 3:
+    elif kind == _ELLIPSOID:
         for i in range(3):
             n[i] = p[i] / (size[i] * size[i])
-    elif kind == 4:
+    elif kind == _CYLINDER:
         r = math.sqrt(p[0] * p[0] + p[1] * p[1])
         side, end = r - size[0], abs(p[2]) - size[1]
         most = max(side, end)
@@ -104,7 +107,7 @@ def normal_under(geometry, g, point, blend, out):
         most = max(abs(p[0]) - size[0], abs(p[1]) - size[1], abs(p[2]) - size[2])
         inside = stack_array((3,))
         for i in range(3):
-            # A hair inside the box, so that a touching neighbour is met only where it covers.
+            # Just inside the box, so that an adjacent geom counts only where it covers the face.
             inside[i] = min(max(p[i], 1e-6 - size[i]), size[i] - 1e-6)
         for i in range(3):
             weight = 1.0 + (abs(p[i]) - size[i] - most) / blend
