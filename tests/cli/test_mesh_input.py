@@ -239,7 +239,7 @@ def test_a_smooth_run_says_nothing_on_stderr(cube, slab, tmp_path):
         ),
         (
             ["--tool-texture", "rough.png", "--tool-relief-mm", "-0.2"],
-            ["--tool-relief-mm must lie between 1e-06 and 100, got -0.2"],
+            ["--tool-relief-mm must lie between 1e-06 and 100 mm, got -0.2"],
         ),
         (
             ["--target-texture", "rough.png", "--target-relief-mm", "0"],

@@ -42,7 +42,7 @@ def test_a_run_leaves_numbers_a_recording_and_figures(tmp_path, capsys):
         assert len(np.unique(np.asarray(picture.convert("L")))) > 100
     said = capsys.readouterr().out
     assert "201 of 201 depths certified" in said
-    assert "averaged (band)" in said
+    assert "anti-aliased (band)" in said
 
 
 def test_a_hand_holds_the_tool_on_its_coupling(tmp_path, capsys):
