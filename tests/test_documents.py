@@ -6,6 +6,8 @@ import shlex
 import shutil
 import subprocess
 import sys
+import warnings
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,6 +18,8 @@ import asperity
 from asperity.cli.main import _parse
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [path for path in PAGES if "_build" not in path.parts]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHELL = ("sh", "shell", "text")
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b")
@@ -98,6 +102,19 @@ def test_commands_of_the_documents_are_understood(path):
         if PLACEHOLDER.search(line.replace("TEST", "")) or "..." in line or line.endswith("--help"):
             continue
         assert not isinstance(_parse(shlex.split(line)[1:]), int), line
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_what_python_blocks_of_the_documents_import_exists(path):
+    imports = re.findall(
+        r"^\s*from (asperity[\w.]*) import ([\w ,]+)$", path.read_text("utf-8"), re.M
+    )
+    for module, names in imports:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)
+            loaded = import_module(module)
+            for name in (part.split(" as ")[0].strip() for part in names.split(",")):
+                assert hasattr(loaded, name) or find_spec(f"{module}.{name}"), f"{module}.{name}"
 
 
 def test_links_of_the_documents_lead_somewhere():
