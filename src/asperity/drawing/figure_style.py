@@ -9,7 +9,10 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
 # Okabe & Ito (2008): distinguishable by colour-blind readers, and in grey by the markers.
@@ -53,6 +56,30 @@ def save(
         metadata = {"Date": None} if path.suffix == ".svg" else None
         figure.savefig(path, metadata=metadata)
     return paths
+
+
+def log_scale(axis: Axes, *, x: bool = True, y: bool = True) -> None:
+    """Make the axes x and y of a plot logarithmic, with ticks as of `plain_ticks`."""
+    if x:
+        axis.set_xscale("log")
+        plain_ticks(axis.xaxis)
+    if y:
+        axis.set_yscale("log")
+        plain_ticks(axis.yaxis)
+
+
+def plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis, whose limits are final, with plain numbers at readable ticks."""
+    low, high = sorted(axis.get_view_interval())
+    if high / low < 1e4:
+        fine = (
+            (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low <= 120.0 else (1, 3)
+        )
+        ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
+        axis.set_ticks([t for t in ticks if low <= t <= high])
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_tick_params(which="minor", length=0)
 
 
 def spectrum_limits(amplitude: NDArray[np.floating[Any]]) -> tuple[float, float]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from asperity.contact.solver import ContactSolver
 from asperity.errors import AsperityError
 from asperity.scene.builtin import load_scene
-from asperity.studies.baselines import METHODS, choose_methods
-from asperity.studies.baselines.voxmap import VoxmapMethod
+from asperity.studies.baselines import METHODS, choose_methods, voxmap
 from asperity.studies.comparison import stimuli
 
 SLOW_TO_PREPARE = {"voxmap-full", "full-meshes"}
@@ -75,7 +76,7 @@ def test_a_voxmap_feels_the_relief_that_its_voxels_resolve():
     poses[:, 2] -= 2.5e-4
     along = []
     for smooth in (False, True):
-        method = VoxmapMethod("v", "v", "", smooth, 24_000_000, 300_000, size=6e-5)
+        method = replace(voxmap.FULL, smooth=smooth, size=6e-5)
         renderer = method.prepare(scene)
         forces = np.array([renderer.wrench(pose).force for pose in poses])
         along.append(float(np.ptp(forces[:, 0]) / forces[:, 2].mean()))

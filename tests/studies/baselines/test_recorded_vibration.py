@@ -22,7 +22,7 @@ def model():
 @pytest.fixture(scope="module")
 def felt():
     """Return wrenches of a slide along x at 0.1 m/s, and of a rest of a second after it."""
-    renderer = VibrationMethod(model(), MASS).prepare(load_scene("probe-plate"), dt=DT)
+    renderer = VibrationMethod(model=model(), mass=MASS).prepare(load_scene("probe-plate"), dt=DT)
     x = -0.03 + 0.1 * DT * np.minimum(np.arange(1500), 500)
     wrenches = [renderer.wrench(np.array([place, 0, 0.5e-3, 1.0, 0, 0, 0])) for place in x]
     renderer.reset()
@@ -38,7 +38,7 @@ def test_it_vibrates_across_the_motion_while_it_slides(felt):
     sliding = slice(100, 500)
     assert force[:, 2] == pytest.approx(400.0 * 1e-3)
     assert np.abs(force[:, 0]).max() < 1e-9
-    there = VibrationMethod(model()).model.filter_at(0.1, 0.4).variance
+    there = VibrationMethod(model=model()).model.filter_at(0.1, 0.4).variance
     assert force[sliding, 1].std() == pytest.approx(MASS * np.sqrt(there), rel=0.15)
     # The push across acts at the tip, below the centre of mass.
     assert np.corrcoef(torque[sliding, 0], force[sliding, 1])[0, 1] > 0.99

@@ -14,7 +14,6 @@ from asperity.geometry.bodies import Body, Geom
 from asperity.studies.baselines import voxmap
 from asperity.studies.baselines.displaced_surfaces import area, displaced_surface
 from asperity.studies.baselines.placement import Standing
-from asperity.studies.baselines.voxel_points import number_layers
 from asperity.studies.baselines.voxmap import Pointshell, Voxmap, VoxmapRenderer
 from asperity.studies.comparison import stimuli
 from asperity.texture.patterns.patterns import sinusoid
@@ -92,16 +91,17 @@ def test_a_tick_costs_as_many_times_more_as_there_are_points():
 
 
 def test_layers_count_from_the_surface_inwards():
-    rng = np.random.default_rng(0)
-    inside = np.zeros((20, 21, 22), bool)
-    inside[2:-2, 2:-2, 2:-2] = True
-    inside &= rng.random(inside.shape) > 0.01
-    codes = np.zeros(inside.shape, np.uint8)
-    number_layers(inside, codes)
+    half = 3e-3, 2e-3, 1e-3
+    grid = voxmap.build_voxmap(Body("block", [Geom("box", half)]), 1e-4)
+    codes = grid.codes.astype(int)
+    inside = codes > 1
+    # Each layer is as many voxels from the nearest that are not inside, rounded.
     exact = ndimage.distance_transform_edt(inside)
-    off = codes[inside] - 1.0 - exact[inside]
-    assert np.abs(off).max() < 0.5 + 0.11 * exact.max()
-    assert (codes[~inside] == 0).all()
+    assert np.abs(codes[inside] - 1 - exact[inside]).max() <= 0.5
+    taken = np.argwhere(codes)
+    middle = codes[tuple((taken.min(axis=0) + taken.max(axis=0)) // 2)] - 1
+    assert middle == codes.max() - 1
+    assert middle == pytest.approx(min(half) / grid.size, abs=1.0)
 
 
 @pytest.mark.parametrize("textured", [False, True])

@@ -45,4 +45,4 @@ def choose_methods(names: Iterable[str]) -> list[Method]:
     return [method for name, method in METHODS.items() if not wanted or name in wanted]
 
 
-__all__ = ["METHODS", "Method", "MethodWrench", "Renderer", "chosen"]
+__all__ = ["METHODS", "Method", "MethodWrench", "Renderer", "choose_methods"]

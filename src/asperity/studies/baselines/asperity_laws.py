@@ -20,11 +20,10 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.scene.scene import Scene
 from asperity.simulation.tool_contact import announce_compiling
-from asperity.studies.baselines.placement import require_renderable
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 
-class SolverRenderer:
+class SolverRenderer(Renderer):
     """Renders a scene by its `ContactSolver`."""
 
     def __init__(self, scene: Scene, settings: ForceSettings, dt: float) -> None:
@@ -47,35 +46,28 @@ class SolverRenderer:
 
 
 @dataclass(frozen=True)
-class SolverMethod:
+class SolverMethod(Method):
     """One of the force laws of the contact solver.
 
     Parameters
     ----------
-    name, label, source, what_it_is_not : str
-        See `Method`.
     law : str
         One of the laws of `ForceSettings`.
     """
 
-    name: str
-    label: str
-    source: str
-    what_it_is_not: str
     law: str
 
     def can(self, scene: Scene) -> str | None:
         """Return why the law cannot render a scene, or None."""
         if self.law == "otaduy-lin":
             return None
-        meshes = [body.name for body in scene.bodies if body.mesh is not None]
-        if meshes:
-            return f"a law of one point on simple solids, and {meshes[0]} is a mesh"
-        return None
+        mesh = next((body.name for body in scene.bodies if body.mesh is not None), None)
+        return (
+            None if mesh is None else f"a law of one point on simple solids, and {mesh} is a mesh"
+        )
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> SolverRenderer:
+    def renderer(self, scene: Scene, dt: float) -> SolverRenderer:
         """Return a renderer with the scene's friction, stiffness and parameters of the law."""
-        require_renderable(self.can(scene), self.label, scene)
         # The gradient setting of the scene's law does not apply to another law.
         changes = {} if scene.force.law == self.law else {"law": self.law, "gradient": None}
         return SolverRenderer(scene, scene.changed(force=changes).force, dt)

@@ -23,6 +23,7 @@ contact is asperity's, on the surfaces of its level.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,8 +34,8 @@ from asperity.scene.scene import Scene
 from asperity.studies.baselines import voxmap
 from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.displaced_surfaces import smooth_area
-from asperity.studies.baselines.placement import place_bodies, require_renderable
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.placement import place_bodies, without_textures
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
 TOLERANCE = 10e-6
@@ -66,33 +67,29 @@ def build_levels(scene: Scene) -> list[Level]:
     relief = max(b.texture.relief for b in scene.bodies if b.texture is not None)
     for i in range(1, _MOST_LEVELS + 1):
         size = shortest * 2.0**i
-        bodies = tuple(_low_passed(body, size) for body in scene.bodies)
-        deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, bodies, strict=True))
+        bodies = tuple(
+            replace(body, texture=None if body.texture is None else body.texture.low_passed(size))
+            for body in scene.bodies
+        )
         remaining = max((b.texture.relief for b in bodies if b.texture is not None), default=0.0)
         if remaining <= 1e-3 * relief or i == _MOST_LEVELS:
-            smooth = tuple(replace(body, texture=None) for body in scene.bodies)
-            deviation = max(_deviation(a, b) for a, b in zip(scene.bodies, smooth, strict=True))
-            return [*found, Level(size, deviation, smooth)]
-        found.append(Level(size, deviation, bodies))
-    raise AssertionError("unreachable")
+            break
+        found.append(Level(size, _deviation(scene.bodies, bodies), bodies))
+    smooth = without_textures(scene).bodies
+    return [*found, Level(size, _deviation(scene.bodies, smooth), smooth)]
 
 
-def _low_passed(body: Body, size: float) -> Body:
-    if body.texture is None:
-        return body
-    return replace(body, texture=body.texture.low_passed(size))
+def _deviation(full: Sequence[Body], coarse: Sequence[Body]) -> float:
+    """Return the largest deviation of the heights of coarse bodies from those of full ones [m]."""
+    most = 0.0
+    for one, other in zip(full, coarse, strict=True):
+        if one.texture is not None:
+            heights = 0.0 if other.texture is None else other.texture.samples
+            most = max(most, float(np.abs(one.texture.samples - heights).max()))
+    return most
 
 
-def _deviation(full: Body, coarse: Body) -> float:
-    if full.texture is None:
-        return 0.0
-    samples = full.texture.samples
-    return float(
-        np.abs(samples - (0.0 if coarse.texture is None else coarse.texture.samples)).max()
-    )
-
-
-class LevelsRenderer:
+class LevelsRenderer(Renderer):
     """Renders each contact of a scene at its own level.
 
     Parameters
@@ -108,7 +105,7 @@ class LevelsRenderer:
         self.levels = build_levels(scene)
         self._scene, self._dt, self._tolerance = scene, dt, tolerance
         bodies = place_bodies(scene)
-        self._probe = voxmap.LOW.prepare(scene)
+        self._probe = voxmap.LOW.renderer(scene, dt)
         self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
         names = [body.name for body in scene.bodies]
         self._number = [names.index(there.body.name) for there in bodies.standing]
@@ -161,7 +158,7 @@ class LevelsRenderer:
 
 
 @dataclass(frozen=True)
-class LevelsMethod:
+class LevelsMethod(Method):
     """Contact levels of detail.
 
     Parameters
@@ -170,7 +167,6 @@ class LevelsMethod:
         s_0 [m].
     """
 
-    tolerance: float = TOLERANCE
     name: str = "contact-levels"
     label: str = "contact levels of detail"
     source: str = "Otaduy & Lin 2003"
@@ -178,19 +174,15 @@ class LevelsMethod:
         "Levels of height fields on one base body, not of simplified meshes; the criterion is "
         "recalled, and the tolerance is asperity's."
     )
+    tolerance: float = TOLERANCE
 
-    def can(self, scene: Scene) -> str | None:
-        """Return None: it can render all scenes."""
-        return None
-
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LevelsRenderer:
+    def renderer(self, scene: Scene, dt: float) -> LevelsRenderer:
         """Return a renderer of a scene."""
-        require_renderable(self.can(scene), self.label, scene)
         return LevelsRenderer(scene, dt, self.tolerance)
 
 
 @dataclass(frozen=True)
-class SmoothMethod:
+class SmoothMethod(Method):
     """The low-resolution bodies alone, without texture: the limit of filtering."""
 
     name: str = "low-resolution"
@@ -198,14 +190,9 @@ class SmoothMethod:
     source: str = "the base of Otaduy & Lin 2003 and 2004"
     what_it_is_not: str = "No texture at all: the contact of the base bodies, for comparison."
 
-    def can(self, scene: Scene) -> str | None:
-        """Return None: it can render all scenes."""
-        return None
-
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> SolverRenderer:
+    def renderer(self, scene: Scene, dt: float) -> SolverRenderer:
         """Return a renderer of a scene."""
-        smooth = tuple(replace(body, texture=None) for body in scene.bodies)
-        return SolverRenderer(replace(scene, bodies=smooth), scene.force, dt)
+        return SolverRenderer(without_textures(scene), scene.force, dt)
 
 
 CONTACT_LEVELS = LevelsMethod()

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
-from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.placement import centre_at
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def cluster_contacts(
     return np.array(where).reshape(-1, 3), np.array(along).reshape(-1, 3), np.array(deep)
 
 
-class ConvexRenderer:
+class ConvexRenderer(Renderer):
     """Renders the clustered contacts of MuJoCo between the pieces of a scene."""
 
     def __init__(self, scene: Scene, size: float) -> None:
@@ -74,9 +74,6 @@ class ConvexRenderer:
         self._qpos = int(self._model.jnt_qposadr[self._model.body(scene.tool).jntadr[0]])
         self._centre = np.array(self._model.body_ipos[self._tool])
         self._stiffness, self._size = scene.force.stiffness, size
-
-    def reset(self) -> None:
-        """Do nothing: the wrench depends on the pose alone."""
 
     def contacts(self, pose: Array) -> tuple[Array, Array, Array]:
         """Return place, direction (of the force on the tool) and depth of each overlapping pair."""
@@ -108,13 +105,12 @@ class ConvexRenderer:
             return NOTHING
         places, normals, depths = cluster_contacts(places, normals, depths, self._size)
         forces = self._stiffness * depths[:, None] * normals
-        middle = pose[:3] + rotation_of(pose[3:]) @ self._centre
-        torque = np.cross(places - middle, forces).sum(axis=0)
+        torque = np.cross(places - centre_at(pose, self._centre), forces).sum(axis=0)
         return MethodWrench(forces.sum(axis=0), torque, float(depths.max()), len(depths))
 
 
 @dataclass(frozen=True)
-class ConvexMethod:
+class ConvexMethod(Method):
     """Penetration depths of convex pieces, clustered.
 
     Parameters
@@ -123,7 +119,6 @@ class ConvexMethod:
         Radius of a cluster [m], above 0.
     """
 
-    size: float = 5e-3
     name: str = "convex-pieces"
     label: str = "convex pieces, clustered"
     source: str = "Kim, Otaduy, Lin & Manocha 2003"
@@ -131,15 +126,12 @@ class ConvexMethod:
         "Depths are MuJoCo's (GJK and EPA), computed afresh every tick, not the authors' "
         "incremental ones; a piece is a geom of the scene. It never feels a texture."
     )
+    size: float = 5e-3
 
     def __post_init__(self) -> None:
         require_positive("size of a cluster", self.size, "m")
 
-    def can(self, scene: Scene) -> str | None:
-        """Return None: every scene has convex pieces."""
-        return None
-
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> ConvexRenderer:
+    def renderer(self, scene: Scene, dt: float) -> ConvexRenderer:
         """Return a renderer of a scene."""
         return ConvexRenderer(scene, self.size)
 

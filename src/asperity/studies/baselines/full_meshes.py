@@ -33,8 +33,8 @@ from asperity.studies.baselines.displaced_surfaces import (
     is_unbounded,
     spacing_for,
 )
-from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.placement import Standing, centre_at, place_bodies
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
 _PER_WAVE = 12.0
@@ -82,7 +82,7 @@ def _face_normals(surface: DisplacedSurface) -> Array:
     return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12))
 
 
-class FullMeshRenderer:
+class FullMeshRenderer(Renderer):
     """Renders the meshes of a tool against those of the other bodies."""
 
     def __init__(
@@ -105,7 +105,7 @@ class FullMeshRenderer:
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         rotation = rotation_of(pose[3:])
-        middle = pose[:3] + rotation @ self._centre
+        middle = centre_at(pose, self._centre)
         force, torque, deepest, count = np.zeros(3), np.zeros(3), 0.0, 0
         for i, (other, there) in enumerate(self.others):
             self.tool.place(rotation, pose[:3])
@@ -195,7 +195,7 @@ def _facing(normals: Array, n: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class FullMeshMethod:
+class FullMeshMethod(Method):
     """Penalty contact of meshes of full detail.
 
     Parameters
@@ -206,8 +206,6 @@ class FullMeshMethod:
         Tolerance of the depth [m].
     """
 
-    points: int = 150_000
-    tolerance: float = 1e-6
     name: str = "full-meshes"
     label: str = "full-detail meshes"
     source: str = "Otaduy & Lin 2004, section 3.3; FCL: Pan, Chitta & Manocha 2012"
@@ -215,6 +213,8 @@ class FullMeshMethod:
         "Not the constraint-based simulation that the paper calls ideal: a penalty, along one "
         "direction for each body."
     )
+    points: int = 150_000
+    tolerance: float = 1e-6
 
     def can(self, scene: Scene) -> str | None:
         """Return why the method cannot render a scene, or None."""
@@ -224,9 +224,8 @@ class FullMeshMethod:
             return "python-fcl is not installed: pip install 'asperity[compare]'"
         return next(filter(None, map(finite_reason, scene.bodies)), None)
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> FullMeshRenderer:
+    def renderer(self, scene: Scene, dt: float) -> FullMeshRenderer:
         """Return a renderer of a scene."""
-        require_renderable(self.can(scene), self.label, scene)
         bodies = place_bodies(scene)
         others = [(self._meshes(there.body), there) for there in bodies.standing]
         tool = self._meshes(bodies.tool)

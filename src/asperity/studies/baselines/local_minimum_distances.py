@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from asperity.errors import require_positive
 from asperity.geometry.bodies import Body
-from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.displaced_surfaces import (
     displaced_surface,
@@ -35,8 +34,8 @@ from asperity.studies.baselines.displaced_surfaces import (
     spacing_for,
 )
 from asperity.studies.baselines.normal_cones import Tree, crossing, local_minima, tree_of
-from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.placement import Standing, centre_at, place_bodies
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
 _MOST = 4096
@@ -45,7 +44,7 @@ _SAME_WAY = 0.9
 """Least cosine between the directions of local minima that count as one."""
 
 
-class LmdRenderer:
+class LmdRenderer(Renderer):
     """Renders the tree of the tool against those of the bodies around it.
 
     Parameters
@@ -84,20 +83,18 @@ class LmdRenderer:
         Points (n, 3, 3): on the tool, on the body, and the unit direction from there to the tool,
         world axes; and distances (n,) [m]. Surfaces that cross add one at distance 0.
         """
-        rotation = rotation_of(pose[3:])
         points, distances = [np.empty((0, 3, 3))], [np.empty(0)]
         for tree, there in self.others:
-            turn = np.ascontiguousarray(there.rotation.T @ rotation)
-            shift = np.ascontiguousarray(there.rotation.T @ (pose[:3] - there.position))
+            rotation, shift = there.relative(pose)
             found = local_minima(
-                self.tool, tree, turn, shift, self._stand_off, self._points, self._distances,
+                self.tool, tree, rotation, shift, self._stand_off, self._points, self._distances,
                 self.looked,
             )  # fmt: skip
             own = self._points[:found] @ there.rotation.T
             own[:, :2] += there.position
             points.append(own)
             distances.append(self._distances[:found].copy())
-            if crossing(self.tool, tree, turn, shift, self._crossing):
+            if crossing(self.tool, tree, rotation, shift, self._crossing):
                 place, direction = self._crossing @ there.rotation.T
                 size = float(np.linalg.norm(direction))
                 if size > 0.0:
@@ -112,8 +109,8 @@ class LmdRenderer:
         if not len(distances):
             return NOTHING
         forces = self._stiffness * (self._stand_off - distances)[:, None] * points[:, 2]
-        middle = pose[:3] + rotation_of(pose[3:]) @ self._centre
-        torque = np.cross(points[:, 0] - middle, forces).sum(axis=0)
+        arms = points[:, 0] - centre_at(pose, self._centre)
+        torque = np.cross(arms, forces).sum(axis=0)
         deepest = self._stand_off - float(distances[0])
         return MethodWrench(forces.sum(axis=0), torque, deepest, len(distances))
 
@@ -134,7 +131,7 @@ def _merged(points: Array, distances: Array, near: float) -> tuple[Array, Array]
 
 
 @dataclass(frozen=True)
-class LmdMethod:
+class LmdMethod(Method):
     """Local minimum distances between two surfaces.
 
     Parameters
@@ -149,11 +146,7 @@ class LmdMethod:
 
     detail: bool
     points: int
-    name: str
-    label: str
-    what_it_is_not: str
     stand_off: float = 2e-3
-    source: str = "Johnson & Willemsen 2003"
 
     def __post_init__(self) -> None:
         require_positive("stand_off", self.stand_off, "m")
@@ -165,9 +158,8 @@ class LmdMethod:
                 return f"{body.name} is an unbounded plane: no tree of triangles"
         return next(filter(None, map(finite_reason, scene.bodies)), None)
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> LmdRenderer:
+    def renderer(self, scene: Scene, dt: float) -> LmdRenderer:
         """Return a renderer of a scene."""
-        require_renderable(self.can(scene), self.label, scene)
         bodies = place_bodies(scene)
         others = [(self._tree(there.body), there) for there in bodies.standing]
         merged = max(self._spacing(there.body) for there in bodies.standing)
@@ -184,12 +176,14 @@ class LmdMethod:
 
 
 LOW = LmdMethod(
-    False, 4000, "lmd", "local minimum distances",
+    "lmd", "local minimum distances", "Johnson & Willemsen 2003",
     "Of the smooth surfaces: it never feels a texture. Repulsion is linear from a stand-off of "
     "2 mm, so that nothing touches while less than k s presses.",
+    detail=False, points=4000,
 )  # fmt: skip
 DETAIL = LmdMethod(
-    True, 60_000, "lmd-detail", "local minimum distances, displaced",
+    "lmd-detail", "local minimum distances, displaced", "Johnson & Willemsen 2003",
     "Of the displaced surfaces, no finer than 60,000 points each; the authors had models of tens "
     "of thousands of triangles. Local minima come and go, and the force jumps where one does.",
+    detail=True, points=60_000,
 )  # fmt: skip

@@ -33,15 +33,15 @@ from numpy.typing import NDArray
 from asperity.geometry.bodies import Body, Geom, origin_of_map
 from asperity.geometry.offsets import sphere_search
 from asperity.geometry.offsets.sampled import CERTIFIED_TO
-from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.placement import (
     Standing,
+    centre_at,
     only_one_target,
     place_bodies,
-    require_renderable,
+    tool_and_others,
 )
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 from asperity.texture.bounds import Pyramid, pyramid_of
 from asperity.texture.spline import spline_coefficients
 
@@ -105,7 +105,7 @@ class OffsetSurface:
         return height * self._pixel, float(self._shift[0] / root), float(self._shift[1] / root)
 
 
-class OffsetRenderer:
+class OffsetRenderer(Renderer):
     """A sphere of the tool over the tops of one body."""
 
     def __init__(self, sphere: Geom, there: Standing, centre: Array, stiffness: float) -> None:
@@ -120,8 +120,7 @@ class OffsetRenderer:
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        rotation = rotation_of(pose[3:])
-        middle = pose[:3] + rotation @ self._sphere
+        middle = centre_at(pose, self._sphere)
         x, y, z = self._there.rotation.T @ (middle - self._there.position)
         top = _top_under(self._there.body, x, y)
         if top is None:
@@ -133,7 +132,7 @@ class OffsetRenderer:
             return NOTHING
         normal = np.array([-along, -across, 1.0]) / math.sqrt(1.0 + along**2 + across**2)
         force = self._there.rotation @ (self._stiffness * depth * normal[2] * normal)
-        arm = middle - (pose[:3] + rotation @ self._centre)
+        arm = middle - centre_at(pose, self._centre)
         return MethodWrench(force, np.cross(arm, force), float(depth), 1)
 
 
@@ -163,7 +162,7 @@ def _sphere_of(body: Body) -> Geom | None:
 
 
 @dataclass(frozen=True)
-class OffsetMethod:
+class OffsetMethod(Method):
     """A sphere as a point on the offset surface."""
 
     name: str = "offset-sphere"
@@ -179,8 +178,7 @@ class OffsetMethod:
         reason = only_one_target(scene)
         if reason is not None:
             return reason
-        tool = next(body for body in scene.bodies if body.name == scene.tool)
-        target = next(body for body in scene.bodies if body.name != scene.tool)
+        tool, (target,) = tool_and_others(scene)
         sphere = _sphere_of(tool)
         if sphere is None or tool.texture is not None:
             return f"made for a smooth sphere, and {tool.name} is none"
@@ -199,9 +197,8 @@ class OffsetMethod:
             return f"the map of {target.name} is smaller than the sphere"
         return None
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> OffsetRenderer:
+    def renderer(self, scene: Scene, dt: float) -> OffsetRenderer:
         """Return a renderer of a scene."""
-        require_renderable(self.can(scene), self.label, scene)
         bodies = place_bodies(scene)
         sphere = _sphere_of(bodies.tool)
         assert sphere is not None

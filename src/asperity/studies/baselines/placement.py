@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -23,6 +24,13 @@ class Standing(NamedTuple):
     """Rotation from its frame to the world, (3, 3)."""
     position: Array
     """Origin of its frame in the world [m], (3,)."""
+
+    def relative(self, pose: Array) -> tuple[Array, Array]:
+        """Return rotation (3, 3) and translation (3,) [m] from the frame at a pose into its own."""
+        return (
+            self.rotation.T @ rotation_of(pose[3:]),
+            self.rotation.T @ (pose[:3] - self.position),
+        )
 
 
 class Placed(NamedTuple):
@@ -38,28 +46,33 @@ def place_bodies(scene: Scene) -> Placed:
     """Return the bodies of a scene and their poses."""
     data = mujoco.MjData(scene.model)
     mujoco.mj_kinematics(scene.model, data)
-    standing, tool = [], None
-    for body in scene.bodies:
-        if body.name == scene.tool:
-            tool = body
-            continue
+    tool, others = tool_and_others(scene)
+    standing = []
+    for body in others:
         there = data.body(body.name)
         rotation = np.array(there.xmat, dtype=np.float64).reshape(3, 3)
         standing.append(Standing(body, rotation, np.array(there.xpos, dtype=np.float64)))
-    assert tool is not None
     centre = np.array(scene.model.body_ipos[scene.model.body(scene.tool).id], dtype=np.float64)
     return Placed(tool, centre, tuple(standing))
 
 
+def tool_and_others(scene: Scene) -> tuple[Body, list[Body]]:
+    """Return the tool of a scene, and its other bodies in their order."""
+    tool = next(body for body in scene.bodies if body.name == scene.tool)
+    return tool, [body for body in scene.bodies if body is not tool]
+
+
 def only_one_target(scene: Scene) -> str | None:
     """Return why a method for one target body cannot render a scene, or None."""
-    others = [body.name for body in scene.bodies if body.name != scene.tool]
-    if len(others) == 1:
-        return None
-    return f"made for one body beside the tool, this scene has {len(others)}"
+    count = len(scene.bodies) - 1
+    return None if count == 1 else f"made for one body beside the tool, this scene has {count}"
 
 
-def require_renderable(reason: str | None, label: str, scene: Scene) -> None:
-    """Raise `AsperityError` if there is a reason why a method cannot render a scene."""
-    if reason is not None:
-        raise AsperityError(f"{label} cannot render scene {scene.name!r}: {reason}")
+def centre_at(pose: Array, centre: Array) -> Array:
+    """Return the place of a tool's centre of mass in the world [m], (3,), at a pose (7,)."""
+    return np.asarray(pose[:3] + rotation_of(pose[3:]) @ centre)
+
+
+def without_textures(scene: Scene) -> Scene:
+    """Return a scene with its smooth bodies alone."""
+    return replace(scene, bodies=tuple(replace(body, texture=None) for body in scene.bodies))

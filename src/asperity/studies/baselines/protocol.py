@@ -1,18 +1,20 @@
 """The interface of a rendering method: whether it can render a scene, and the wrench at a pose.
 
-Every approach that asperity is compared with implements the same two protocols, each in one file
-with its formula, its source and how it differs from it. A *method* is constant; its `prepare`
-returns a *renderer* of one scene, which holds all state and returns a wrench each tick. Preparation
-(grids, hierarchies, filters) is not part of the cost of a tick.
+Every approach that asperity is compared with is one file, with its formula, its source and how it
+differs from it. A *method* is constant; its `prepare` returns a *renderer* of one scene, which
+holds all state and returns a wrench each tick. Preparation (grids, hierarchies, filters) is not
+part of the cost of a tick.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.errors import AsperityError
 from asperity.scene.scene import Scene
 
 
@@ -45,36 +47,38 @@ class Renderer(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget all previous poses."""
-        ...
+        """Forget all previous poses; by default there is nothing to forget."""
+        return
 
 
-class Method(Protocol):
-    """One way to render contact."""
+@dataclass(frozen=True)
+class Method:
+    """One way to render contact; a subclass makes the renderers, and may refuse scenes.
 
-    @property
-    def name(self) -> str:
-        """Key of the method: lower case, with hyphens."""
-        ...
+    Parameters
+    ----------
+    name : str
+        Key of the method: lower case, with hyphens.
+    label : str
+        Name in figures and tables.
+    source : str
+        Author and year.
+    what_it_is_not : str
+        One or two sentences on how it differs from what its authors built.
+    """
 
-    @property
-    def label(self) -> str:
-        """Name in figures and tables."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Author and year."""
-        ...
-
-    @property
-    def what_it_is_not(self) -> str:
-        """One or two sentences on how it differs from what its authors built."""
-        ...
+    name: str
+    label: str
+    source: str
+    what_it_is_not: str
 
     def can(self, scene: Scene) -> str | None:
         """Return in a few words why the method cannot render a scene; None if it can."""
-        ...
+        return None
+
+    def renderer(self, scene: Scene, dt: float) -> Renderer:
+        """Return a renderer of a scene that the method can render, for ticks of `dt` [s]."""
+        raise NotImplementedError
 
     def prepare(self, scene: Scene, *, dt: float = 1e-3) -> Renderer:
         """Return a renderer of a scene whose poses come `dt` [s] apart.
@@ -84,4 +88,7 @@ class Method(Protocol):
         AsperityError
             If the method cannot render the scene, with the reason that `can` returns.
         """
-        ...
+        reason = self.can(scene)
+        if reason is not None:
+            raise AsperityError(f"{self.label} cannot render scene {scene.name!r}: {reason}")
+        return self.renderer(scene, dt)

@@ -20,19 +20,24 @@ to another device. The direction perpendicular to the motion is quoted from othe
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
-from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene, scene_of
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.baselines.asperity_laws import SolverRenderer
-from asperity.studies.baselines.placement import only_one_target, place_bodies, require_renderable
-from asperity.studies.baselines.protocol import MethodWrench
+from asperity.studies.baselines.placement import (
+    centre_at,
+    only_one_target,
+    place_bodies,
+    tool_and_others,
+    without_textures,
+)
+from asperity.studies.baselines.protocol import Method, MethodWrench, Renderer
 from asperity.vibrotactile.explore import explore
 from asperity.vibrotactile.fit import fit
 from asperity.vibrotactile.model import TextureModel
@@ -49,7 +54,7 @@ _LOW_PASS = 125.0
 """Corner frequency of the low-pass filter of the velocity [rad/s]."""
 
 
-class VibrationRenderer:
+class VibrationRenderer(Renderer):
     """Renders the smooth contact of a scene with a vibration added.
 
     Parameters
@@ -97,14 +102,14 @@ class VibrationRenderer:
         force = self._mass * a * np.cross(n, along / speed)
         contacts = self.smooth.solver.contacts
         deepest = int(np.argmax(contacts.depth[: wrench.contacts]))
-        arm = contacts.point[deepest] - pose[:3] - rotation_of(pose[3:]) @ self._centre
+        arm = contacts.point[deepest] - centre_at(pose, self._centre)
         return wrench._replace(
             force=wrench.force + force, torque=wrench.torque + np.cross(arm, force)
         )
 
 
 @dataclass(frozen=True)
-class VibrationMethod:
+class VibrationMethod(Method):
     """Recorded vibration over a smooth surface.
 
     Parameters
@@ -117,9 +122,6 @@ class VibrationMethod:
         Seed of the noise.
     """
 
-    model: TextureModel | None = None
-    mass: float = 0.05
-    seed: int = 0
     name: str = "recorded-vibration"
     label: str = "recorded vibration"
     source: str = "Culbertson, Lopez Delgado & Kuchenbecker 2014"
@@ -127,6 +129,9 @@ class VibrationMethod:
         "Fitted to asperity's own forces, not to recordings of a real tool. It repeats a spectrum, "
         "not a surface: nothing is where it was."
     )
+    model: TextureModel | None = None
+    mass: float = 0.05
+    seed: int = 0
 
     def __post_init__(self) -> None:
         require_positive("mass", self.mass, "kg")
@@ -144,21 +149,13 @@ class VibrationMethod:
             return "its motion is a file of poses, so where to slide is unknown; give a model"
         return None
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VibrationRenderer:
+    def renderer(self, scene: Scene, dt: float) -> VibrationRenderer:
         """Return a renderer of a scene; without a model, it is fitted first."""
-        require_renderable(self.can(scene), self.label, scene)
-        smooth = tuple(replace(body, texture=None) for body in scene.bodies)
-        base = SolverRenderer(replace(scene, bodies=smooth), scene.force, dt)
+        base = SolverRenderer(without_textures(scene), scene.force, dt)
         model = self.model
         if model is None:
-            runs = explore(
-                enlarge_sample(scene),
-                SPEEDS,
-                FORCES,
-                rate=1.0 / dt,
-                seconds=_SECONDS,
-                mass=self.mass,
-            )
+            sample = enlarge_sample(scene)
+            runs = explore(sample, SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass)
             model = fit(runs, name=scene.name).model
         return VibrationRenderer(
             base, at_rate(model, 1.0 / dt), place_bodies(scene).centre, mass=self.mass, dt=dt,
@@ -172,7 +169,7 @@ def enlarge_sample(scene: Scene) -> Scene:
     Recordings are made on samples as large as the strokes. A body of level boxes with a periodic
     texture becomes an unbounded plane; any other is left as it is.
     """
-    target = next(body for body in scene.bodies if body.name != scene.tool)
+    _, (target,) = tool_and_others(scene)
     level = all(
         geom.kind in ("box", "plane") and abs(geom.quaternion[0]) > 1.0 - 1e-9
         for geom in target.geoms

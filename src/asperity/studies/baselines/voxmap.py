@@ -14,7 +14,7 @@ than ten points the sum is scaled by 10 / N, so that stiffness grows with N up t
 Quoted from memory and from later work; the paper itself was not available. Differences, asperity's
 own: the term `l s`, because the paper's tool never gets below the surface layer (its virtual
 coupling and braking before contact prevent it), whereas poses compared here are as deep as the
-scene's stiffness allows; layers by nearly Euclidean distance; shell points on the surface, one in
+scene's stiffness allows; layers by Euclidean distance; shell points on the surface, one in
 each voxel that it meets, instead of at the centres of those voxels.
 
 *Full detail*: shell and voxmap of the displaced surfaces, with voxels as small as the budgets of
@@ -23,15 +23,17 @@ memory and points allow. *Low detail*: of the smooth surfaces, coarser.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
-from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.displaced_surfaces import (
     DisplacedSurface,
@@ -42,15 +44,8 @@ from asperity.studies.baselines.displaced_surfaces import (
     points_between,
     spacing_for,
 )
-from asperity.studies.baselines.placement import Standing, place_bodies, require_renderable
-from asperity.studies.baselines.protocol import NOTHING, MethodWrench
-from asperity.studies.baselines.voxel_points import (
-    Pointshell,
-    ShellWrench,
-    Voxmap,
-    number_layers,
-    shell_forces,
-)
+from asperity.studies.baselines.placement import Standing, place_bodies
+from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
 SUMMED = 10
@@ -59,8 +54,39 @@ _PER_WAVE, _PER_RELIEF = 8.0, 3.0
 """Sufficient number of voxels per shortest wave of a texture, and per its relief."""
 _PLAIN = 1e-4
 """Sufficient side of a voxel for bodies without texture [m]."""
+_SOURCE = "McNeely, Puterbaugh & Troy 1999"
 _EDGE = 2
 """Free voxels around a body."""
+
+
+class Voxmap(NamedTuple):
+    """A stationary body as voxels in its own frame."""
+
+    codes: NDArray[np.uint8]
+    """0 free, 1 on the surface, 1 + l in layer l below it, (x, y, z). Empty for an unbounded
+    plane, which is z = 0 of its frame and needs no voxels."""
+    corner: NDArray[np.float64]
+    """Low corner of the first voxel [m], (3,)."""
+    size: float
+    """Side of a voxel [m]."""
+
+
+class Pointshell(NamedTuple):
+    """Points of the tool's surface in its own frame."""
+
+    points: NDArray[np.float64]
+    """[m], (n, 3)."""
+    normals: NDArray[np.float64]
+    """Outward, unit, (n, 3)."""
+
+
+class ShellWrench(NamedTuple):
+    """Sums over the points of a shell that touch, per unit of stiffness."""
+
+    force: NDArray[np.float64]
+    """In the frame of the voxels [m], (3,)."""
+    torque: NDArray[np.float64]
+    """About the tool's centre of mass, in the frame of the voxels [m^2], (3,)."""
 
 
 def build_voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
@@ -86,10 +112,9 @@ def build_voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
             f"body {body.name!r} encloses no voxel of {1e3 * size:.3g} mm: its surface is open, or "
             "thinner than that"
         )
-    codes = np.zeros(shell.shape, np.uint8)
-    codes[shell] = 1
-    number_layers(inside, codes)
-    return Voxmap(codes, corner, size)
+    layers = np.rint(ndimage.distance_transform_edt(inside))
+    codes = shell + inside * np.minimum(1.0 + layers, 255.0)
+    return Voxmap(codes.astype(np.uint8), corner, size)
 
 
 def build_pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
@@ -103,7 +128,80 @@ def build_pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
     return Pointshell(surface.points[chosen], surface.normals[chosen])
 
 
-class VoxmapRenderer:
+@kernel
+def shell_forces(shell, voxmap, rotation, translation, centre, out):
+    """Fill the wrench of a shell in a voxmap; return its largest depth [m] and number of contacts.
+
+    Parameters
+    ----------
+    shell : Pointshell
+    voxmap : Voxmap
+    rotation, translation : (3, 3), (3,) arrays
+        From the tool's frame into that of the voxels.
+    centre : (3,) array
+        The tool's centre of mass in its frame [m].
+    out : ShellWrench
+    """
+    points, normals, codes, corner, size = (
+        shell.points, shell.normals, voxmap.codes, voxmap.corner, voxmap.size
+    )  # fmt: skip
+    deepest, contacts = 0.0, 0
+    out.force[:] = 0.0
+    out.torque[:] = 0.0
+    middle = np.empty(3)
+    for i in range(3):
+        middle[i] = translation[i]
+        for j in range(3):
+            middle[i] += rotation[i, j] * centre[j]
+    flat = codes.size == 0
+    wide, deep, high = codes.shape
+    for n in range(points.shape[0]):
+        a, b, c = points[n, 0], points[n, 1], points[n, 2]
+        z = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + translation[2]
+        iz = math.floor((z - corner[2]) / size)
+        if flat:
+            # Surface voxels are those just below z = 0.
+            if iz >= 0:
+                continue
+            layer = -1.0 - iz
+        elif iz < 0 or iz >= high:
+            continue
+        x = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c + translation[0]
+        ix = math.floor((x - corner[0]) / size)
+        y = rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c + translation[1]
+        iy = math.floor((y - corner[1]) / size)
+        if not flat:
+            if ix < 0 or ix >= wide or iy < 0 or iy >= deep:
+                continue
+            code = codes[ix, iy, iz]
+            if code == 0:
+                continue
+            layer = code - 1.0
+        a, b, c = normals[n, 0], normals[n, 1], normals[n, 2]
+        mx = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c
+        my = rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c
+        mz = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c
+        # The tangent plane contains the voxel's centre and is normal to the point's normal.
+        d = layer * size
+        d += mx * (x - corner[0] - (ix + 0.5) * size)
+        d += my * (y - corner[1] - (iy + 0.5) * size)
+        d += mz * (z - corner[2] - (iz + 0.5) * size)
+        if d <= 0.0:
+            continue
+        fx, fy, fz = -d * mx, -d * my, -d * mz
+        out.force[0] += fx
+        out.force[1] += fy
+        out.force[2] += fz
+        rx, ry, rz = x - middle[0], y - middle[1], z - middle[2]
+        out.torque[0] += ry * fz - rz * fy
+        out.torque[1] += rz * fx - rx * fz
+        out.torque[2] += rx * fy - ry * fx
+        deepest = max(deepest, d)
+        contacts += 1
+    return deepest, contacts
+
+
+class VoxmapRenderer(Renderer):
     """Renders a pointshell against voxmaps.
 
     Parameters
@@ -128,14 +226,11 @@ class VoxmapRenderer:
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        rotation = rotation_of(pose[3:])
         force, torque, deepest = np.zeros(3), np.zeros(3), 0.0
         self.touching = []
         for grid, there in self.maps:
-            relative = there.rotation.T @ rotation
-            translation = there.rotation.T @ (pose[:3] - there.position)
             depth, contacts = shell_forces(
-                self.shell, grid, relative, translation, self._centre, self._sums
+                self.shell, grid, *there.relative(pose), self._centre, self._sums
             )
             force += there.rotation @ self._sums.force
             torque += there.rotation @ self._sums.torque
@@ -147,18 +242,13 @@ class VoxmapRenderer:
         scale = self._stiffness * min(1.0, SUMMED / touching)
         return MethodWrench(scale * force, scale * torque, deepest, touching)
 
-    def reset(self) -> None:
-        """Do nothing: the wrench depends on the pose alone."""
-
 
 @dataclass(frozen=True)
-class VoxmapMethod:
+class VoxmapMethod(Method):
     """Voxmap and pointshell, of displaced or of smooth surfaces.
 
     Parameters
     ----------
-    name, label, what_it_is_not : str
-        See `Method`.
     smooth : bool
         Leave textures out.
     voxels : int
@@ -169,14 +259,10 @@ class VoxmapMethod:
         Side of a voxel [m], regardless of the budgets.
     """
 
-    name: str
-    label: str
-    what_it_is_not: str
     smooth: bool
     voxels: int
     points: int
     size: float | None = None
-    source: str = "McNeely, Puterbaugh & Troy 1999"
 
     def can(self, scene: Scene) -> str | None:
         """Return why the method cannot render a scene, or None."""
@@ -184,9 +270,8 @@ class VoxmapMethod:
             return None
         return next(filter(None, map(finite_reason, scene.bodies)), None)
 
-    def prepare(self, scene: Scene, *, dt: float = 1e-3) -> VoxmapRenderer:
+    def renderer(self, scene: Scene, dt: float) -> VoxmapRenderer:
         """Return a renderer of a scene; takes up to a minute at full detail."""
-        require_renderable(self.can(scene), self.label, scene)
         bodies = place_bodies(scene)
         size = self.voxel_size(scene)
         maps = [
@@ -202,10 +287,8 @@ class VoxmapMethod:
         if self.size is not None:
             return self.size
         bodies = place_bodies(scene)
-        room = 0.0
-        for there in bodies.standing:
-            if not is_unbounded(there.body):
-                room += _box_volume(there.body)
+        bounded = [there.body for there in bodies.standing if not is_unbounded(there.body)]
+        room = sum(map(_box_volume, bounded))
         fits = (room / self.voxels) ** (1.0 / 3.0)
         if self.smooth:
             return fits
@@ -227,6 +310,7 @@ def _box_volume(body: Body) -> float:
 FULL = VoxmapMethod(
     "voxmap-full",
     "voxmap, full detail",
+    _SOURCE,
     "Without the paper's virtual coupling and braking before contact, and pressed deeper than its "
     "authors let a tool get; the formula is recalled, not read in the source. Surface voxels "
     "are those that contain samples half a voxel apart: another meshing changes a few of them.",
@@ -237,6 +321,7 @@ FULL = VoxmapMethod(
 LOW = VoxmapMethod(
     "voxmap-low",
     "voxmap, low detail",
+    _SOURCE,
     "As at full detail, of surfaces without their textures: what was affordable in 1999.",
     smooth=True,
     voxels=200_000,

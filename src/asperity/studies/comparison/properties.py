@@ -109,23 +109,15 @@ def measure_properties(
 ) -> Properties:  # fmt: skip
     """Return the properties of a method. Takes seconds to a minute."""
     bench = _Bench(method)
-    measurements = {
-        "torque": bench.torque,
-        "probe_size": bench.probe_size,
-        "force": bench.normal_force,
-        "speed": bench.speed,
-        "silence": bench.silence,
-        "meshing": bench.meshing,
-    }
     out = {}
-    for name, measure in measurements.items():
+    for name, criterion in CRITERIA.items():
         try:
-            value, detail = measure()
+            value, detail = getattr(bench, name)()
         except AsperityError as error:
             out[name] = Measured(None, None, str(error).rpartition("'stimulus': ")[2])
         else:
-            limit, above = CRITERIA[name].limit, CRITERIA[name].above
-            out[name] = Measured(value, value >= limit if above else value <= limit, detail)
+            holds = value >= criterion.limit if criterion.above else value <= criterion.limit
+            out[name] = Measured(value, holds, detail)
         on_step()
     try:
         still = bench.still()
@@ -136,41 +128,38 @@ def measure_properties(
 
 
 class _Bench:
-    """A method on the scenes of `stimuli`; renderers are shared between properties."""
+    """A method on the scenes of `stimuli`; renderers are shared between properties.
+
+    The property `name` of `CRITERIA` is the method `name`, which returns its number and details.
+    """
 
     def __init__(self, method: Method) -> None:
         self._method = method
-        self._ready: dict[str, tuple[Scene, Renderer]] = {}
+        self._ready: dict[tuple[float, int, bool], tuple[Scene, Renderer]] = {}
 
-    def _renderer(self, key: str, scene: Callable[[], Scene]) -> tuple[Scene, Renderer]:
+    def _ball(
+        self, diameter: float = 3e-3, *, boxes: int = 1, smooth: bool = False
+    ) -> tuple[Scene, Renderer]:
+        key = (diameter, boxes, smooth)
         if key not in self._ready:
-            made = scene()
-            self._ready[key] = made, self._method.prepare(made)
+            scene = stimuli.ball_on_plate(diameter, boxes=boxes)
+            self._ready[key] = self._prepared(_smooth(scene) if smooth else scene)
         return self._ready[key]
 
-    def _ball(self, diameter: float = 3e-3, boxes: int = 1) -> tuple[Scene, Renderer]:
-        key = f"ball {diameter:g} {boxes}"
-        return self._renderer(key, lambda: stimuli.ball_on_plate(diameter, boxes=boxes))
+    def _prepared(self, scene: Scene) -> tuple[Scene, Renderer]:
+        return scene, self._method.prepare(scene)
 
-    def _smooth_ball(self, diameter: float) -> tuple[Scene, Renderer]:
-        return self._renderer(
-            f"smooth ball {diameter:g}",
-            lambda: _smooth(stimuli.ball_on_plate(diameter)),
-        )
-
-    def _slid(self, ready: tuple[Scene, Renderer], force: float) -> DrivenRun:
+    def _slid(self, ready: tuple[Scene, Renderer], force: float = stimuli.FORCE) -> DrivenRun:
         """Slide along the path, pressed to a mean force."""
-        scene, renderer = ready
-        path = stimuli.straight_path(scene, stimuli.SPEED)
-        return follow_path(renderer, raise_path(path, find_pressing_height(renderer, path, force)))
+        return follow_path(ready[1], _pressed_path(*ready, force))
 
     def torque(self) -> tuple[float, str]:
         """Measure the torque that texture exerts on a sliding flat foot."""
-        run = self._slid(self._renderer("foot", stimuli.foot_on_plate), stimuli.FORCE)
+        run = self._slid(self._prepared(stimuli.foot_on_plate()))
         rms, push = _turning(run), float(run.force[:, 2].mean())
         try:
-            smooth = self._renderer("smooth foot", lambda: _smooth(stimuli.foot_on_plate()))
-            alone = _turning(self._slid(smooth, stimuli.FORCE))
+            smooth = self._prepared(_smooth(stimuli.foot_on_plate()))
+            alone = _turning(self._slid(smooth))
         except AsperityError:  # the method cannot render a scene without texture
             alone = 0.0
         value = 100.0 * math.sqrt(max(rms**2 - alone**2, 0.0)) / (push * stimuli.FOOT[0])
@@ -178,25 +167,19 @@ class _Bench:
 
     def probe_size(self) -> tuple[float, str]:
         """Compare the tangential force on balls of three sizes."""
-        sizes = [
-            tangential_rms(self._slid(self._ball(diameter), stimuli.FORCE).force)
-            for diameter in stimuli.DIAMETERS
-        ]
+        sizes = [tangential_rms(self._slid(self._ball(d)).force) for d in stimuli.DIAMETERS]
         return _spread(sizes), ", ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
 
-    def normal_force(self) -> tuple[float, str]:
+    def force(self) -> tuple[float, str]:
         """Compare the tangential force at two normal forces, one three times the other."""
-        low, high = (
-            tangential_rms(self._slid(self._ball(), force).force) for force in (0.29, 0.87)
-        )
+        low, high = (tangential_rms(self._slid(self._ball(), n).force) for n in (0.29, 0.87))
         if low <= 1e-6:
             return 1.0, "no tangential force"
         return high / low, f"{1e3 * low:.3g} and {1e3 * high:.3g} mN"
 
     def speed(self) -> tuple[float, str]:
         """Compare two speeds, one four times the other, over equal times, to and fro."""
-        ready = self._ball()
-        scene, renderer = ready
+        scene, renderer = self._ball()
         path = stimuli.straight_path(scene, stimuli.SPEED)
         height = find_pressing_height(renderer, path, stimuli.FORCE)
         sizes = []
@@ -210,34 +193,36 @@ class _Bench:
 
     def silence(self) -> tuple[float, str]:
         """Measure the tangential force on a smooth plate."""
-        sizes = [
-            tangential_rms(self._slid(self._smooth_ball(diameter), stimuli.FORCE).force)
-            for diameter in (stimuli.DIAMETERS[0], stimuli.DIAMETERS[-1])
-        ]
+        balls = [self._ball(d, smooth=True) for d in (stimuli.DIAMETERS[0], stimuli.DIAMETERS[-1])]
+        sizes = [tangential_rms(self._slid(ball).force) for ball in balls]
         detail = " and ".join(f"{1e3 * size:.3g}" for size in sizes) + " mN"
         return 100.0 * max(sizes) / stimuli.FORCE, detail
 
     def meshing(self) -> tuple[float, str]:
         """Compare the forces on one plate made of 1, 4 and 16 boxes, along the same path."""
-        scene, renderer = self._ball()
-        poses = stimuli.straight_path(scene, stimuli.SPEED)
-        poses = raise_path(poses, find_pressing_height(renderer, poses, stimuli.FORCE))
-        one = follow_path(renderer, poses).force
-        others = [follow_path(self._ball(boxes=boxes)[1], poses).force for boxes in (4, 16)]
+        poses = _pressed_path(*self._ball())
+        one, *others = (
+            follow_path(self._ball(boxes=boxes)[1], poses).force for boxes in (1, 4, 16)
+        )
         return _difference(one, others)
 
     def still(self) -> Symptoms:
         """Measure the symptoms of a hand that presses on the slope of a wave."""
         scene, renderer = self._ball()
-        poses = stimuli.straight_path(scene, stimuli.SPEED)
-        height = find_pressing_height(renderer, poses, stimuli.FORCE)
-        pose = raise_path(poses, height)[len(poses) // 2].copy()
+        poses = _pressed_path(scene, renderer)
+        pose = poses[len(poses) // 2].copy()
         pose[0] = 0.25 * stimuli.WAVELENGTH
         return simulate_resting_hand(renderer, pose, place_bodies(scene).centre, stimuli.FORCE)
 
 
 def _smooth(scene: Scene) -> Scene:
     return scene.changed(bodies={"plate": {"texture": None}})
+
+
+def _pressed_path(scene: Scene, renderer: Renderer, force: float = stimuli.FORCE) -> Array:
+    """Return the poses (n, 7) of the path, pressed to a mean force [N]."""
+    path = stimuli.straight_path(scene, stimuli.SPEED)
+    return raise_path(path, find_pressing_height(renderer, path, force))
 
 
 def _turning(run: DrivenRun) -> float:

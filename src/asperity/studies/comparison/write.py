@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asperity._core.output import write_whole
 from asperity.drawing import figure_style
 from asperity.studies.comparison.compare import Comparison, MethodResult
 from asperity.studies.comparison.figures import (
@@ -103,29 +105,19 @@ def _traces_csv(result: Comparison, path: Path) -> None:
             ["time_s", "x_m", "y_m", "z_m"]
             + [f"{row.method.name}_{part}" for row in rows for part in parts]
         )
+        wrenches = [np.hstack([row.run.force, row.run.torque]) for row in rows if row.run]
         for i, pose in enumerate(result.poses):
             cells = [f"{i * result.settings.dt:.6g}", *(f"{x:.9g}" for x in pose[:3])]
-            for row in rows:
-                assert row.run is not None
-                if i < len(row.run.force):
-                    values = np.concatenate([row.run.force[i], row.run.torque[i]])
-                    cells += [f"{value:.6g}" for value in values]
-                else:
-                    cells += [""] * 6
+            for wrench in wrenches:
+                cells += [f"{x:.6g}" for x in wrench[i]] if i < len(wrench) else [""] * 6
             writer.writerow(cells)
 
 
-def write_docs(folder: Path, docs: Path, result: Comparison, command: str) -> list[Path]:
+def write_docs(folder: Path, docs: Path, result: Comparison, command: str) -> None:
     """Write the page into the documentation, with the figures that are in `folder`."""
-    from asperity._core.output import write_whole
-
     images = docs / "images"
     images.mkdir(parents=True, exist_ok=True)
-    paths = []
     for name in FIGURES:
-        target = images / f"comparison_{name}.svg"
-        target.write_bytes((folder / f"{name}.svg").read_bytes())
-        paths.append(target)
+        shutil.copyfile(folder / f"{name}.svg", images / f"comparison_{name}.svg")
     where = {name: f"images/comparison_{name}.svg" for name in FIGURES}
     write_whole(docs / "comparison.md", markdown(result, command, where))
-    return [*paths, docs / "comparison.md"]

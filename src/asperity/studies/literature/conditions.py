@@ -13,9 +13,10 @@ from asperity.studies.literature import criteria
 from asperity.studies.literature.criteria import maximum_of
 from asperity.studies.literature.finding import Judge, Verdict
 from asperity.studies.literature.finger import Finger
-from asperity.studies.literature.laboratory import Laboratory, Touch
+from asperity.studies.literature.laboratory import Laboratory
 from asperity.studies.literature.measures import Measure
-from asperity.studies.literature.plates import Grains, Gratings, Paper, Plate
+from asperity.studies.literature.plates import Grains, Gratings, Paper
+from asperity.studies.otaduy_lin_2004.claims import plain
 
 GRAINS = (("P40", 425e-6), ("P60", 269e-6), ("P80", 201e-6), ("P120", 115e-6))
 """Grits and their grain sizes [m]; P40 and P120 from the notes of the data, others recalled."""
@@ -39,19 +40,12 @@ RIVALS = {
 Rule = Callable[[NDArray[np.float64], NDArray[np.float64]], Verdict]
 
 
-def levels(
-    lab: Laboratory, measure: Measure, plate: Plate, touches: Sequence[Touch]
-) -> NDArray[np.float64]:
-    """Return one curve for each touch over the plan's spacings."""
-    return np.array([lab.curve(measure, plate, touch, lab.plan.places) for touch in touches])
-
-
 def over(factor: str, rule: Rule, *, dots: bool = False) -> Judge:
     """Return the judge that applies a rule to the curves of one of the seed's three factors."""
 
     def judge(lab: Laboratory, measure: Measure) -> Verdict:
         plate = lab.dots if dots else lab.sinusoids
-        return rule(lab.plan.places, levels(lab, measure, plate, lab.plan.touches(factor)))
+        return rule(lab.plan.places, lab.curves(measure, plate, lab.plan.touches(factor)))
 
     return judge
 
@@ -68,9 +62,7 @@ def at_drop_points(
         for height in lab.plan.heights if heights else (lab.dots.height,):
             plate = replace(lab.dots, height=height)
             for touch in lab.plan.touches("diameter"):
-                found = maximum_of(
-                    lab.plan.places, lab.curve(measure, plate, touch, lab.plan.places)
-                )
+                found = maximum_of(lab.plan.places, lab.curve(measure, plate, touch))
                 assert isinstance(touch.probe, float)
                 places.append(found.spacing)
                 drops.append(drop_point(touch.probe, height=height))
@@ -82,31 +74,34 @@ def at_drop_points(
 
 def probe_alone(lab: Laboratory, measure: Measure) -> Verdict:
     """Judge the shape of the probe's curve over dots."""
-    return criteria.inverted_u(
-        lab.plan.places, levels(lab, measure, lab.dots, lab.plan.touches("diameter")[:1])
-    )
+    smallest = lab.plan.touches("diameter")[:1]
+    return criteria.inverted_u(lab.plan.places, lab.curves(measure, lab.dots, smallest))
 
 
 def finger_and_probe(lab: Laboratory, measure: Measure) -> Verdict:
     """Judge a finger and the smallest probe over the same dots."""
-    places = lab.plan.places
-    finger = lab.curve(measure, lab.dots, lab.plan.touch(probe=Finger()), places)
-    probe = lab.curve(measure, lab.dots, lab.plan.touches("diameter")[0], places)
-    return criteria.linear_against_quadratic(places, finger, probe)
+    touches = lab.plan.touch(probe=Finger()), lab.plan.touches("diameter")[0]
+    return criteria.linear_against_quadratic(
+        lab.plan.places, *lab.curves(measure, lab.dots, touches)
+    )
 
 
 def gratings(lab: Laboratory, measure: Measure) -> Verdict:
     """Judge the curve over the width of grooves."""
     places = lab.plan.groove_places
-    return criteria.rises_then_levels(
-        places, lab.curve(measure, Gratings(), lab.plan.touch(), places)
-    )
+    curve = lab.curve(measure, Gratings(), lab.plan.touch(), places)
+    return criteria.rises_then_levels(places, curve)
 
 
 def grains(lab: Laboratory, measure: Measure) -> Verdict:
     """Judge generated roughness of equal slopes and four grain sizes, with three probes."""
+    return criteria.ordered(grains_curves(lab, measure))
+
+
+def grains_curves(lab: Laboratory, measure: Measure) -> NDArray[np.float64]:
+    """Return the curves over the sizes of `GRAINS`, one for each probe."""
     sizes = [size for _, size in GRAINS]
-    return criteria.ordered(levels_of(lab, measure, Grains(), sizes))
+    return lab.curves(measure, Grains(), lab.plan.touches("diameter"), sizes)
 
 
 def papers(lab: Laboratory, measure: Measure) -> Verdict:
@@ -124,7 +119,7 @@ def papers(lab: Laboratory, measure: Measure) -> Verdict:
         rows += [[coarse[i], fine[i]] for i in range(len(RELIEFS))]
         same.append(coarse[-1] / max(fine[-1], 1e-300))
     verdict = criteria.ordered(np.array(rows))
-    verdict.measured["coarse_over_fine_at_same_relief"] = criteria.plain(np.array(same))
+    verdict.measured["coarse_over_fine_at_same_relief"] = plain(same)
     return verdict
 
 
@@ -135,21 +130,11 @@ def passive_and_active(lab: Laboratory, measure: Measure) -> Verdict:
     for speed in (lab.plan.speeds[0], lab.plan.speeds[-1]):
         touch = lab.plan.touch(speed=speed)
         steady.append(lab.curve(measure, lab.sinusoids, touch, places))
-        parts = [
-            lab.curve(measure, lab.sinusoids, replace(touch, speed=speed * part), places)
-            for part in _STROKE
-        ]
-        strokes.append(measure.together(parts))
+        parts = [replace(touch, speed=speed * part) for part in _STROKE]
+        strokes.append(measure.together(lab.curves(measure, lab.sinusoids, parts, places)))
     return criteria.stronger(
         criteria.size_of_effect(np.array(steady)), criteria.size_of_effect(np.array(strokes))
     )
-
-
-def levels_of(
-    lab: Laboratory, measure: Measure, plate: Plate, spacings: Sequence[float]
-) -> NDArray[np.float64]:
-    """Return one curve for each of the seed's probe diameters, over given spacings."""
-    return np.array([lab.curve(measure, plate, t, spacings) for t in lab.plan.touches("diameter")])
 
 
 def low_band_against_rivals(others: Sequence[Judge]) -> Judge:

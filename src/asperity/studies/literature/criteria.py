@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.studies.literature.finding import Verdict
-from asperity.studies.otaduy_lin_2004.claims import LARGE_SPACING, LEAST_R_SQUARED, SAME_PLACE
+from asperity.studies.otaduy_lin_2004.claims import (
+    LARGE_SPACING,
+    LEAST_R_SQUARED,
+    SAME_PLACE,
+    plain,
+)
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 
 Curve = NDArray[np.float64]
@@ -58,32 +63,40 @@ def maximum_of(spacing: Curve, values: Curve) -> CurveMaximum:
 def peaks_fall_with(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level's peak is lower than the one before; every peak inside the range."""
     tops = [maximum_of(spacing, row) for row in curves]
-    values = np.array([t.value for t in tops])
-    holds = all(t.inside for t in tops) and bool(np.all(np.diff(values) < 0.0))
-    return Verdict(holds, {"peak_value": plain(values), **_tops(tops)})
+    values = np.array([top.value for top in tops])
+    return _of_peaks(tops, np.all(np.diff(values) < 0.0), peak_value=values)
 
 
 def peaks_move_right(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level peaks at a larger spacing than the one before; every peak inside."""
     tops = [maximum_of(spacing, row) for row in curves]
-    places = np.array([t.spacing for t in tops])
-    holds = all(t.inside for t in tops) and bool(np.all(places[1:] > (1.0 + SHIFT) * places[:-1]))
-    return Verdict(holds, _tops(tops))
+    places = np.array([top.spacing for top in tops])
+    return _of_peaks(tops, np.all(places[1:] > (1.0 + SHIFT) * places[:-1]))
 
 
 def peaks_stay(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: the peaks' places differ by less than 10 % of their mean, every peak inside."""
     tops = [maximum_of(spacing, row) for row in curves]
-    places = np.array([t.spacing for t in tops])
+    places = np.array([top.spacing for top in tops])
     shift = float(np.ptp(places) / np.mean(places))
-    holds = all(t.inside for t in tops) and shift < SAME_PLACE
-    return Verdict(holds, {"shift": number(shift), **_tops(tops)})
+    return _of_peaks(tops, shift < SAME_PLACE, shift=shift)
+
+
+def _of_peaks(tops: list[CurveMaximum], holds: bool | np.bool_, **measured: Any) -> Verdict:
+    """Return a verdict on peaks, which holds only if every peak is inside the range."""
+    inside = [top.inside for top in tops]
+    places = np.array([top.spacing for top in tops]) * 1e3
+    return _verdict(all(inside) and holds, **measured, peak_mm=places, inside=inside)
+
+
+def _verdict(holds: bool | np.bool_, **measured: Any) -> Verdict:
+    return Verdict(bool(holds), plain(measured))
 
 
 def rises_everywhere(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level gives more than the one before, at every spacing."""
     least = np.min(curves[1:] / np.maximum(curves[:-1], 1e-300), axis=1)
-    return Verdict(bool(np.all(least > 1.0)), {"least_ratio": plain(least)})
+    return _verdict(np.all(least > 1.0), least_ratio=least)
 
 
 def rises_at_large(spacing: Curve, curves: Curve) -> Verdict:
@@ -92,12 +105,12 @@ def rises_at_large(spacing: Curve, curves: Curve) -> Verdict:
     logs = [np.log(np.maximum(row, 1e-300)) for row in curves]
     at = np.exp([np.interp(np.log(LARGE_SPACING), x, row) for row in logs])
     reached = spacing[0] <= LARGE_SPACING <= spacing[-1]
-    return Verdict(bool(reached and np.all(np.diff(at) > 0.0)), {"value": plain(at)})
+    return _verdict(reached and np.all(np.diff(at) > 0.0), value=at)
 
 
 def falls_at_small(spacing: Curve, curves: Curve) -> Verdict:
     """Judge: each level gives less than the one before, at the smallest spacing."""
-    return Verdict(bool(np.all(np.diff(curves[:, 0]) < 0.0)), {"value": plain(curves[:, 0])})
+    return _verdict(np.all(np.diff(curves[:, 0]) < 0.0), value=curves[:, 0])
 
 
 def inverted_u(spacing: Curve, curves: Curve) -> Verdict:
@@ -108,31 +121,33 @@ def inverted_u(spacing: Curve, curves: Curve) -> Verdict:
     r_squared = np.array([f.r_squared for f in fits])
     tops = np.array([f.peak_spacing for f in fits])
     inside = (tops > spacing[0]) & (tops < spacing[-1])
-    return Verdict(
-        bool(np.all(inside & (r_squared >= LEAST_R_SQUARED))),
-        {"r_squared": plain(r_squared), "fitted_peak_mm": plain(tops * 1e3)},
-    )
+    return _verdict(
+        np.all(inside & (r_squared >= LEAST_R_SQUARED)),
+        r_squared=r_squared, fitted_peak_mm=tops * 1e3,
+    )  # fmt: skip
 
 
 def follows(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
     """Judge: log peak follows log drop point with a slope near 1; every peak inside its range."""
     r_squared, slope = _line(drops, places)
-    measured = {"slope": number(slope), "r_squared": number(r_squared), **_against(places, drops)}
-    holds = np.all(inside) and SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
-    return Verdict(bool(holds), measured)
+    holds = SLOPE[0] <= slope <= SLOPE[1] and r_squared >= FOLLOWS
+    return _at_drops(places, drops, np.all(inside) and holds, slope=slope, r_squared=r_squared)
 
 
 def near(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
     """Judge: every peak lies inside its range and within a quarter of its drop point."""
     off = np.abs(places / drops - 1.0)
-    return Verdict(bool(np.all(inside) and np.all(off <= NEAR)), _against(places, drops))
+    return _at_drops(places, drops, np.all(inside) and np.all(off <= NEAR))
 
 
 def above(places: Curve, drops: Curve, inside: NDArray[np.bool_]) -> Verdict:
     """Judge: every peak lies inside its range and above its drop point."""
-    return Verdict(
-        bool(np.all(inside) and np.all(places > (1.0 + SHIFT) * drops)), _against(places, drops)
-    )
+    return _at_drops(places, drops, np.all(inside) and np.all(places > (1.0 + SHIFT) * drops))
+
+
+def _at_drops(places: Curve, drops: Curve, holds: bool | np.bool_, **measured: Any) -> Verdict:
+    mm = {"peak_mm": places * 1e3, "drop_point_mm": drops * 1e3}
+    return _verdict(holds, **measured, **mm, ratio=places / drops)
 
 
 def rises_then_levels(spacing: Curve, values: Curve) -> Verdict:
@@ -140,9 +155,8 @@ def rises_then_levels(spacing: Curve, values: Curve) -> Verdict:
     top = int(np.argmax(values))
     rise = float(values[top] / max(values[0], 1e-300))
     kept = float(values[-1] / max(values[top], 1e-300))
-    return Verdict(
-        rise >= RISE and kept >= LEVEL,
-        {"rise": number(rise), "kept": number(kept), "top_mm": number(spacing[top] * 1e3)},
+    return _verdict(
+        rise >= RISE and kept >= LEVEL, rise=rise, kept=kept, top_mm=float(spacing[top] * 1e3)
     )
 
 
@@ -153,23 +167,17 @@ def linear_against_quadratic(spacing: Curve, finger: Curve, probe: Curve) -> Ver
     line_finger, slope = _line(spacing, finger)
     line_probe, _ = _line(spacing, probe)
     quadratic = fit_quadratic(spacing, probe)
-    inside = spacing[0] < quadratic.peak_spacing < spacing[-1]
-    holds = (
+    return _verdict(
         line_finger >= LEAST_R_SQUARED
         and slope > 0.0
         and quadratic.r_squared >= LEAST_R_SQUARED
-        and inside
-        and line_probe < LEAST_R_SQUARED
-    )
-    return Verdict(
-        bool(holds),
-        {
-            "finger_line_r_squared": number(line_finger),
-            "finger_slope": number(slope),
-            "probe_line_r_squared": number(line_probe),
-            "probe_quadratic_r_squared": number(quadratic.r_squared),
-            "probe_peak_mm": number(quadratic.peak_spacing * 1e3),
-        },
+        and spacing[0] < quadratic.peak_spacing < spacing[-1]
+        and line_probe < LEAST_R_SQUARED,
+        finger_line_r_squared=line_finger,
+        finger_slope=slope,
+        probe_line_r_squared=line_probe,
+        probe_quadratic_r_squared=quadratic.r_squared,
+        probe_peak_mm=quadratic.peak_spacing * 1e3,
     )
 
 
@@ -177,13 +185,12 @@ def ordered(values: Curve) -> Verdict:
     """Judge: each surface gives less than the coarser one before; one row a probe."""
     rows = np.atleast_2d(values)
     ratio = rows[:, :-1] / np.maximum(rows[:, 1:], 1e-300)
-    return Verdict(bool(np.all(ratio > 1.0)), {"coarse_over_fine": plain(ratio)})
+    return _verdict(np.all(ratio > 1.0), coarse_over_fine=ratio)
 
 
 def stronger(one: float, other: float) -> Verdict:
     """Judge: the first effect is larger than the second by 5 % or more."""
-    holds = one >= STRONGER * other and one > 0.0
-    return Verdict(bool(holds), {"passive": number(one), "active": number(other)})
+    return _verdict(one >= STRONGER * other and one > 0.0, passive=one, active=other)
 
 
 def size_of_effect(curves: Curve) -> float:
@@ -199,28 +206,3 @@ def _line(spacing: Curve, values: Curve) -> tuple[float, float]:
     total = float(np.sum((y - np.mean(y)) ** 2))
     residual = float(np.sum((y - slope * x - offset) ** 2))
     return (1.0 - residual / total if total > 0.0 else 0.0), float(slope)
-
-
-def _tops(tops: list[CurveMaximum]) -> dict[str, Any]:
-    return {
-        "peak_mm": plain(np.array([t.spacing for t in tops]) * 1e3),
-        "inside": [t.inside for t in tops],
-    }
-
-
-def _against(places: Curve, drops: Curve) -> dict[str, Any]:
-    return {
-        "peak_mm": plain(places * 1e3),
-        "drop_point_mm": plain(drops * 1e3),
-        "ratio": plain(places / drops),
-    }
-
-
-def number(value: float) -> float | None:
-    """Return a plain number of six digits; None for NaN and infinities."""
-    return float(f"{value:.6g}") if np.isfinite(value) else None
-
-
-def plain(values: NDArray[np.float64]) -> list[Any]:
-    """Return an array as lists of plain numbers."""
-    return [plain(row) if np.ndim(row) else number(float(row)) for row in np.asarray(values)]

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
 from asperity.geometry.offsets.surface import drop_point
-from asperity.studies.literature.conditions import GRAINS, levels_of
+from asperity.studies.literature.conditions import GRAINS, grains_curves
 from asperity.studies.literature.criteria import maximum_of
 from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.laboratory import Laboratory, Touch
 from asperity.studies.literature.measures import Measure
-from asperity.studies.literature.plates import Grains, Gratings, Plate
+from asperity.studies.literature.plates import Gratings, Plate
 from asperity.studies.literature.table import MARKS, Column, FindingResult
 
 _MARK_COLOURS = {"yes": "#0072B2", "no": "#f0d9cc", "skipped": "#e6e6e6"}
@@ -32,7 +32,8 @@ def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Fi
         for i, (_, verdicts) in enumerate(rows):
             for j, column in enumerate(columns):
                 mark = MARKS[verdicts[column.name].holds]
-                axis.add_patch(_box(j, i, _MARK_COLOURS[mark]))
+                place = (j - 0.47, i - 0.45)
+                axis.add_patch(Rectangle(place, 0.94, 0.9, color=_MARK_COLOURS[mark], lw=0))
                 colour = "white" if mark == "yes" else "#555555"
                 axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=8)
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
@@ -52,12 +53,6 @@ def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Fi
             spine.set_visible(False)
         figure.tight_layout()
     return figure
-
-
-def _box(column: int, row: int, colour: str) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((column - 0.47, row - 0.45), 0.94, 0.9, color=colour, lw=0)
 
 
 def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
@@ -82,13 +77,13 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
         grooves = plan.groove_places
         _draw(axes[4], grooves, lab.curve(measure, Gratings(), plan.touch(), grooves), 0, "probe")
         axes[4].set_title("Gratings")
-        finger = lab.curve(measure, lab.dots, plan.touch(probe=Finger()), plan.places)
-        probe = lab.curve(measure, lab.dots, plan.touches("diameter")[0], plan.places)
+        touches = plan.touch(probe=Finger()), plan.touches("diameter")[0]
+        finger, probe = lab.curves(measure, lab.dots, touches)
         _draw(axes[5], plan.places, finger / finger.max(), 0, "finger")
         _draw(axes[5], plan.places, probe / probe.max(), 1, probes[0])
         axes[5].set_title("Finger and probe over dots")
         for axis in axes:
-            _log(axis)
+            log_scale(axis)
             axis.legend(loc="lower center")
         for axis in axes[3:]:
             axis.set_xlabel("spacing [mm]")
@@ -108,10 +103,10 @@ def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
         figure = Figure(figsize=(4.4 * len(labs), 3.3))
         axes = np.atleast_1d(figure.subplots(1, len(labs)))
         for axis, (lab, measure) in zip(axes, labs, strict=True):
-            for i, row in enumerate(levels_of(lab, measure, Grains(), sizes)):
+            for i, row in enumerate(grains_curves(lab, measure)):
                 label = f"D = {lab.plan.diameters[i] * 1e3:g} mm"
                 _draw(axis, np.array(sizes), row, i, label)
-            _log(axis)
+            log_scale(axis)
             axis.set_xticks([s * 1e3 for s in sizes], [f"{n}\n{s * 1e3:g}" for n, s in GRAINS])
             axis.set(xlabel="grit, and its grain [mm]", ylabel=f"{measure.name} [{measure.unit}]")
             axis.legend()
@@ -169,8 +164,8 @@ def _family(
     touches: Sequence[Touch], labels: Sequence[str],
 ) -> None:  # fmt: skip
     """Draw one curve for each touch, with its maximum."""
-    for i, (touch, label) in enumerate(zip(touches, labels, strict=True)):
-        values = lab.curve(measure, plate, touch, lab.plan.places)
+    curves = lab.curves(measure, plate, touches)
+    for i, (values, label) in enumerate(zip(curves, labels, strict=True)):
         _draw(axis, lab.plan.places, values, i, label)
         top = maximum_of(lab.plan.places, values)
         if top.inside:
@@ -184,17 +179,3 @@ def _draw(
         spacing * 1e3, np.where(values > 0.0, values, np.nan), f"{MARKERS[level]}-",
         color=COLOURS[level], ms=3.2, lw=1.1, label=label,
     )  # fmt: skip
-
-
-def _log(axis: Axes) -> None:
-    axis.set(xscale="log", yscale="log")
-    for one in (axis.xaxis, axis.yaxis):
-        one.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        one.set_minor_formatter(NullFormatter())
-    low, high = axis.get_xlim()
-    ticks = [t for t in (0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5) if low <= t <= high]
-    axis.set_xticks(ticks)
-    bottom, top = axis.get_ylim()
-    marks = (1, 2, 5) if top > 20.0 * bottom else (1, 1.5, 2, 3, 5, 7)
-    steps = [a * 10.0**k for k in range(-8, 6) for a in marks]
-    axis.set_yticks([t for t in steps if bottom <= t <= top])

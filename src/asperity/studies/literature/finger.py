@@ -12,7 +12,7 @@ and Eqs 6 and 7 apply as for a probe. All its numbers are asperity's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,7 @@ class Finger:
         start = plate.line if plate.line is not None else 0.0
         total, mass = np.zeros(samples), 0.0
         for offset in across * self.contact:
-            line = DotPlate(
-                plate.spacing, plate.height, plate.diameter, plate.flank, plate.jitter,
-                plate.seed, plate.rows, plate.columns, start + offset,
-            )  # fmt: skip
+            line = replace(plate, line=start + offset)
             weights = self._weights(samples, pixel, offset)
             heights = line.tracer(self.skin)(places).height
             total += np.fft.irfft(np.fft.rfft(heights) * np.fft.rfft(weights), samples)

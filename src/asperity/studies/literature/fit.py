@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import islice
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +69,7 @@ def summarise(
     weights = counted.astype(np.float64)
     best = choose(holds, weights, find_neighbours(hands))
     most = most_findings(holds, weights)
-    row = holds[best.hand, best.measure]
+    row, most_row = holds[best.hand, best.measure], holds[most.hand, most.measure]
     counts = holds[:, :, counted].sum(axis=2)
     names = list(COLUMNS)
     fixed = {name: default.holds[0, names.index(name)] for name in REFERENCES}
@@ -91,8 +91,7 @@ def summarise(
         "mean_of_metric": float(counts[:, best.measure].mean()),
         "holds": dict(zip(ids, row.tolist(), strict=True)),
         "held_out_findings": {
-            name: [bool(v[ids.index(name)]) for v in (row, holds[most.hand, most.measure])]
-            + [bool(v[ids.index(name)]) for v in fixed.values()]
+            name: [bool(v[ids.index(name)]) for v in (row, most_row, *fixed.values())]
             for name in HELD_OUT
             if name in ids
         },
@@ -122,31 +121,20 @@ def _as_good(hands: Sequence[Hand], good: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def _pair(hand: Hand, measure: Measure) -> dict[str, Any]:
-    return {
-        "mass": hand.mass,
-        "stiffness": hand.stiffness,
-        "damping": hand.damping,
-        "metric": as_json(measure),
-        "name": measure.name,
-    }
+    return asdict(hand) | {"metric": as_json(measure), "name": measure.name}
 
 
 def as_json(measure: Measure) -> dict[str, Any]:
     """Return a metric as JSON values; an infinite power becomes None."""
-    return {
-        "kind": measure.kind,
-        "signal": measure.signal,
-        "band": list(measure.band) if measure.band else None,
-        "power": measure.power if np.isfinite(measure.power) else None,
-    }
+    return asdict(measure) | {"power": measure.power if np.isfinite(measure.power) else None}
 
 
 def chosen_design(fit: dict[str, Any]) -> tuple[Hand, Measure]:
     """Return hand and metric of a fit."""
     best, metric = fit["chosen"], fit["chosen"]["metric"]
-    hand = Hand(best["mass"], best["stiffness"], best["damping"])
     band = tuple(metric["band"]) if metric["band"] else None
     power = np.inf if metric["power"] is None else metric["power"]
+    hand = Hand(*(best[name] for name in RANGES))
     return hand, Measure(metric["kind"], metric["signal"], band, power)
 
 
@@ -173,9 +161,8 @@ def _elsewhere(
         }
         for name, (hand, measure) in zip(DESIGNS, designs, strict=True):
             for finding in findings:
-                times[name][finding.id] += bool(
-                    judge_or_explain(finding, labs[hand], measure).holds
-                )
+                verdict = judge_or_explain(finding, labs[hand], measure)
+                times[name][finding.id] += bool(verdict.holds)
         if progress:
             progress()
     return times
@@ -237,10 +224,6 @@ def _profiles(
 def _best(measures: Sequence[Measure], counts: NDArray[np.int64]) -> list[dict[str, Any]]:
     order = np.lexsort((-counts.mean(axis=0), -counts.max(axis=0)))
     return [
-        {
-            "name": measures[i].name,
-            "best": int(counts[:, i].max()),
-            "mean": float(counts[:, i].mean()),
-        }
-        for i in islice(order, _LISTED)
+        {"name": measures[i].name, "best": int(column.max()), "mean": float(column.mean())}
+        for i, column in ((i, counts[:, i]) for i in order[:_LISTED])
     ]

@@ -70,11 +70,12 @@ class Plan:
 
     def touches(self, factor: str) -> tuple[Touch, ...]:
         """Return a touch for each level of a factor: diameter, force or speed."""
-        if factor == "diameter":
-            return tuple(self.touch(probe=value) for value in self.diameters)
-        if factor == "force":
-            return tuple(self.touch(force=value) for value in self.forces)
-        return tuple(self.touch(speed=value) for value in self.speeds)
+        name, values = {
+            "diameter": ("probe", self.diameters),
+            "force": ("force", self.forces),
+            "speed": ("speed", self.speeds),
+        }[factor]
+        return tuple(self.touch(**{name: value}) for value in values)
 
     @property
     def places(self) -> NDArray[np.float64]:
@@ -112,14 +113,25 @@ class Laboratory:
         default_factory=dict, repr=False
     )
 
+    def curves(
+        self,
+        measure: Measure,
+        plate: Plate,
+        touches: Sequence[Touch],
+        spacings: Sequence[float] | NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the metric for each touch over spacings [m], by default those of the plan."""
+        return np.array([self.curve(measure, plate, touch, spacings) for touch in touches])
+
     def curve(
         self,
         measure: Measure,
         plate: Plate,
         touch: Touch,
-        spacings: Sequence[float] | NDArray[np.float64],
+        spacings: Sequence[float] | NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Return the metric over spacings [m]."""
+        """Return the metric over spacings [m], by default those of the plan."""
+        spacings = self.plan.places if spacings is None else spacings
         if measure not in self._index:
             return np.array([measure(self.records(plate, float(s), touch)) for s in spacings])
         key = (plate, touch, tuple(float(s) for s in spacings))
@@ -137,13 +149,14 @@ class Laboratory:
         """Return the drags over a plate, one for each path."""
         key = (plate, spacing, touch)
         if key not in self._records:
-            tables = self._slopes(plate, spacing, touch.probe)
-            self._records[key] = tuple(self._drag(table, touch) for table in tables)
+            motions = [
+                drag_over(slopes.scaled(touch.force), touch.force, self.hand, touch.speed)
+                for slopes in self._slopes(plate, spacing, touch.probe)
+            ]
+            self._records[key] = tuple(
+                STILL if motion is None else record_of(motion, self.hand) for motion in motions
+            )
         return self._records[key]
-
-    def _drag(self, slopes: PiecewiseCubic, touch: Touch) -> DragRecord:
-        motion = drag_over(slopes.scaled(touch.force), touch.force, self.hand, touch.speed)
-        return STILL if motion is None else record_of(motion, self.hand)
 
     def _slopes(
         self, plate: Plate, spacing: float, probe: float | Finger

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -138,66 +139,56 @@ def evaluate_all(records: Sequence[DragRecord], measures: Sequence[Measure]) -> 
 
 
 def _of_one(record: DragRecord, measures: Sequence[Measure]) -> list[float]:
-    omega = 2.0 * np.pi * record.frequencies
     hann = _HANN_SQUARED if record.window else 1.0
-    signals: dict[str, NDArray[np.complex128]] = {}
-    squares: dict[str, NDArray[np.float64]] = {}
-    gains: dict[tuple[float, float], NDArray[np.float64]] = {}
-    waves: dict[tuple[str, tuple[float, float] | None], NDArray[np.float64]] = {}
-    values = []
-    for measure in measures:
-        signal, band = measure.signal, measure.band
+    gain = cache(lambda band: 1.0 if band is None else band_gain(record.frequencies, band))
+
+    @cache
+    def lines(signal: str) -> NDArray[np.complex128]:
+        return np.asarray(record.lag * _response(signal, record), dtype=np.complex128)
+
+    @cache
+    def squares(signal: str) -> NDArray[np.float64]:
+        return np.square(lines(signal).real) + np.square(lines(signal).imag)
+
+    @cache
+    def squared_wave(signal: str, band: tuple[float, float] | None) -> NDArray[np.float64]:
+        """Return the square of a signal at equal times; its lines are harmonics of the record."""
+        kept = lines(signal) * np.sqrt(gain(band))
+        samples = 3 * (kept.size + 1)
+        series = np.zeros(samples // 2 + 1, dtype=np.complex128)
+        series[1 : kept.size + 1] = (0.5 * samples) * kept
+        return np.asarray(np.square(np.fft.irfft(series, samples)))
+
+    def value(measure: Measure) -> float:
+        signal, band, power = measure.signal, measure.band, measure.power
         if measure.kind == "largest":
-            values.append(record.largest)
-            continue
+            return record.largest
         if measure.kind == "largest_abs":
-            values.append(max(record.largest, -record.smallest))
-            continue
-        if signal not in signals:
-            lines = record.lag * _response(signal, omega, record.hand)
-            signals[signal] = lines
-            squares[signal] = np.square(lines.real) + np.square(lines.imag)
+            return max(record.largest, -record.smallest)
         if measure.kind == "threshold":
-            power = threshold_weighted_power(record.frequencies, np.sqrt(squares[signal]))
-            values.append(hann * power)
-            continue
-        if band is not None and band not in gains:
-            gains[band] = band_gain(record.frequencies, band)
-        if measure.power == 2.0:
-            kept: NDArray[np.float64] | float = 1.0 if band is None else gains[band]
-            values.append(math.sqrt(0.5 * hann * float(np.sum(squares[signal] * kept))))
-            continue
-        if (signal, band) not in waves:
-            gain = 1.0 if band is None else np.sqrt(gains[band])
-            waves[signal, band] = _squared_wave(signals[signal] * gain)
-        values.append(_norm(waves[signal, band], measure.power, record.window))
-    return values
+            lines_at = np.sqrt(squares(signal))
+            return hann * threshold_weighted_power(record.frequencies, lines_at)
+        if power == 2.0:
+            return math.sqrt(0.5 * hann * float(np.sum(squares(signal) * gain(band))))
+        wave = squared_wave(signal, band)
+        if math.isinf(power):
+            return math.sqrt(float(np.max(wave)))
+        weight = 1.0 / float(np.mean(np.hanning(wave.size) ** power)) if record.window else 1.0
+        return float((weight * np.mean(wave ** (0.5 * power))) ** (1.0 / power))
+
+    return [value(measure) for measure in measures]
 
 
-def _squared_wave(lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the square of the signal at equal times; the lines are harmonics of the record."""
-    samples = 3 * (lines.size + 1)
-    series = np.zeros(samples // 2 + 1, dtype=np.complex128)
-    series[1 : lines.size + 1] = (0.5 * samples) * lines
-    return np.asarray(np.square(np.fft.irfft(series, samples)))
-
-
-def _norm(squares: NDArray[np.float64], power: float, window: bool) -> float:
-    if math.isinf(power):
-        return math.sqrt(float(np.max(squares)))
-    weight = 1.0 / float(np.mean(np.hanning(squares.size) ** power)) if window else 1.0
-    return float((weight * np.mean(squares ** (0.5 * power))) ** (1.0 / power))
-
-
-def _response(signal: str, omega: NDArray[np.float64], hand: Hand) -> NDArray[np.complex128]:
-    response: NDArray[Any] = np.ones_like(omega)
+def _response(signal: str, record: DragRecord) -> NDArray[Any] | float:
+    """Return the factor from the hand's lag to a signal, at each frequency of a record."""
+    omega, hand = 2.0 * np.pi * record.frequencies, record.hand
     if signal == "velocity":
-        response = 1j * omega
-    elif signal == "acceleration":
-        response = -(omega**2)
-    elif signal == "force":
-        response = -(hand.stiffness + 1j * hand.damping * omega - hand.mass * omega**2)
-    return np.asarray(response, dtype=np.complex128)
+        return np.asarray(1j * omega)
+    if signal == "acceleration":
+        return -(omega**2)
+    if signal == "force":
+        return np.asarray(-(hand.stiffness + 1j * hand.damping * omega - hand.mass * omega**2))
+    return 1.0
 
 
 PAPER = Measure("largest")

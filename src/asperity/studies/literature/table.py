@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -100,16 +101,9 @@ def as_csv(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     names = [column.name for column in columns]
     writer.writerow(["id", "finding", "source", "sureness", "criterion_before_outcome", *names])
     for finding, verdicts in rows:
-        writer.writerow(
-            [
-                finding.id,
-                finding.title,
-                finding.sources[0].short,
-                finding.sureness.value,
-                "yes" if finding.before else "no",
-                *(MARKS[verdicts[name].holds] for name in names),
-            ]
-        )
+        about = [finding.id, finding.title, finding.sources[0].short, finding.sureness.value]
+        marks = [MARKS[holds] for holds in (finding.before, *(verdicts[n].holds for n in names))]
+        writer.writerow([*about, *marks])
     return text.getvalue()
 
 
@@ -120,11 +114,7 @@ def _column(column: Column, rows: Sequence[FindingResult]) -> dict[str, Any]:
         "metric": column.measure.name,
         "unit": column.measure.unit,
         "metric_after_the_fact": column.after_the_fact,
-        "hand": {
-            "mass": column.hand.mass,
-            "stiffness": column.hand.stiffness,
-            "damping": column.hand.damping,
-        },
+        "hand": asdict(column.hand),
         "hold": hold,
         "judged": total,
     }
@@ -146,12 +136,5 @@ def _finding(row: FindingResult) -> dict[str, Any]:
         "criterion": finding.criterion,
         "criterion_before_outcome": finding.before,
         "caveat": finding.caveat,
-        "verdicts": {
-            name: {
-                "holds": verdict.holds,
-                "measured": verdict.measured,
-                "note": verdict.note,
-            }
-            for name, verdict in row.verdicts.items()
-        },
+        "verdicts": {name: verdict._asdict() for name, verdict in row.verdicts.items()},
     }

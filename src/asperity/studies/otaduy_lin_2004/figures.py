@@ -8,14 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, plain_ticks, style
 
 _SCALE = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N": (1.0, "N")}
 _DOTTED = (0, (2, 2))
-_TICKS = (0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 7, 10, 15, 20)
 
 
 def level_labels(data: xr.Dataset) -> list[str]:
@@ -79,9 +77,8 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
         low, high = data.attrs["band"]
         title = f"RMS of u'' in {low:g}-{high:g} Hz (chosen after the fact)"
     axis.set_title(title)
-    _log_axes(axis)
     low, high = np.nanmin(data[metric].values), np.nanmax(data[metric].values)
-    axis.set_ylim(low / (high / low) ** 0.08, high * (high / low) ** 0.12)
+    _limit(axis, spacing, low / (high / low) ** 0.08, high * (high / low) ** 0.12)
     if data.attrs["factor"] == "diameter" and data.attrs["surface"] == "sinusoid":
         for level, diameter in enumerate(data["diameter"].values):
             drop = np.pi * np.sqrt(2.0 * data.attrs["amplitude"] * diameter) * 1e3
@@ -96,22 +93,10 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
     )  # fmt: skip
 
 
-def _log_axes(axis: Axes) -> None:
-    """Make both axes logarithmic, with plain numbers at readable ticks."""
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.set_xticks(_TICKS)
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    low, high = axis.get_ylim()
-    if high / low < 30.0:
-        axis.set_yticks(_TICKS)
-        axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-        axis.yaxis.set_minor_formatter(NullFormatter())
-    axis.set_ylim(low, high)
-    axis.minorticks_off()
-    lines = np.concatenate([line.get_xdata() for line in axis.get_lines()])
-    axis.set_xlim(np.nanmin(lines) * 0.95, np.nanmax(lines) * 1.05)
+def _limit(axis: Axes, spacing: NDArray[np.float64], low: float, high: float) -> None:
+    """Make both axes logarithmic, around spacings [mm] and from `low` to `high`."""
+    axis.set(xlim=(0.95 * spacing[0], 1.05 * spacing[-1]), ylim=(low, high))
+    log_scale(axis)
 
 
 def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figure:
@@ -140,12 +125,10 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
                 0.04, 0.04, f"{verdict}\n{text}", transform=axis.transAxes,
                 fontsize=8, color="#333333",
             )  # fmt: skip
-            _log_axes(axis)
+            _limit(axis, spacing, 0.6 * float(data[metric].min()), 1.4 * float(data[metric].max()))
             axis.set_xlabel("spacing [mm]")
         attrs = data[metric].attrs
         axes[0].set_ylabel(f"{attrs['long_name']} [{attrs['units']}]")
-        low, high = float(data[metric].min()), float(data[metric].max())
-        axes[0].set_ylim(low * 0.6, high * 1.4)
         axes[-1].legend(loc="upper right", handlelength=1.4)
         figure.tight_layout(w_pad=1.0)
     return figure
@@ -186,9 +169,7 @@ def rub_figure(data: xr.Dataset, seconds: float = 0.25) -> Figure:
         low, high = data.attrs["band"]
         spectrum_axis.axvspan(low, high, color="#f2ead2", zorder=0)
         spectrum_axis.set(xscale="log", yscale="log", xlim=(5, 600))
-        spectrum_axis.set_xticks([5, 10, 20, 50, 100, 200, 500])
-        spectrum_axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        spectrum_axis.xaxis.set_minor_formatter(NullFormatter())
+        plain_ticks(spectrum_axis.xaxis)
         top = float(np.max(data["spectrum"].values))
         spectrum_axis.set_ylim(top * 1e-3, top * 1.6)
         spectrum_axis.set(xlabel="frequency [Hz]", ylabel="amplitude of u'' [m/s²/√Hz]")

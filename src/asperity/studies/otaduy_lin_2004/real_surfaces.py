@@ -45,18 +45,25 @@ class RealSurface:
             samples = heights.samples[: self.shape[0], : self.shape[1]]
             return HeightMap(samples, heights.pixel_size), f"Measured. {self.scale_note}"
         samples = self_affine(
-            self.shape,
-            self.pixel_size,
-            hurst=self.hurst,
-            rms_slope=self.rms_slope,
-            rolloff=self.rolloff,
-            seed=self.seed,
-        )
+            self.shape, self.pixel_size, hurst=self.hurst, rms_slope=self.rms_slope,
+            rolloff=self.rolloff, seed=self.seed,
+        )  # fmt: skip
         return HeightMap(samples, self.pixel_size, "wrap"), (
             "Generated: the measured file is missing, so a self-affine surface of the same "
             f"rms slope ({self.rms_slope:g}), Hurst exponent ({self.hurst:g}) and roll-off "
             f"({self.rolloff * 1e3:g} mm) takes its place."
         )
+
+
+def _sandpaper(grit: str, grain: float, rms_slope: float, rolloff: float, seed: int) -> RealSurface:
+    """Return a sandpaper P`grit` with grains of a diameter [m]."""
+    return RealSurface(
+        f"sandpaper_p{grit}", f"Sandpaper P{grit} (GelSight)", f"sandpaper_P{grit}_height16.png",
+        9e-6, 0.3 * grain,
+        f"The file lost its vertical scale: 0.3 of a grain's diameter ({grain * 1e6:g} µm) was "
+        "chosen; 9 µm a pixel is inferred. A piece of 7 by 9 mm is used.",
+        (1000, 780), 0.8, rms_slope, rolloff, seed,
+    )  # fmt: skip
 
 
 REAL_SURFACES = (
@@ -73,36 +80,6 @@ REAL_SURFACES = (
         rolloff=4e-3,
         seed=1,
     ),
-    RealSurface(
-        name="sandpaper_p40",
-        title="Sandpaper P40 (GelSight)",
-        file="sandpaper_P40_height16.png",
-        pixel_size=9e-6,
-        height_range=0.3 * 425e-6,
-        scale_note=(
-            "The file lost its vertical scale: 0.3 of a grain's diameter (425 µm) was chosen; "
-            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
-        ),
-        shape=(1000, 780),
-        hurst=0.8,
-        rms_slope=0.1,
-        rolloff=1.5e-3,
-        seed=2,
-    ),
-    RealSurface(
-        name="sandpaper_p120",
-        title="Sandpaper P120 (GelSight)",
-        file="sandpaper_P120_height16.png",
-        pixel_size=9e-6,
-        height_range=0.3 * 115e-6,
-        scale_note=(
-            "The file lost its vertical scale: 0.3 of a grain's diameter (115 µm) was chosen; "
-            "9 µm a pixel is inferred. A piece of 7 by 9 mm is used."
-        ),
-        shape=(1000, 780),
-        hurst=0.8,
-        rms_slope=0.05,
-        rolloff=0.5e-3,
-        seed=3,
-    ),
+    _sandpaper("40", 425e-6, rms_slope=0.1, rolloff=1.5e-3, seed=2),
+    _sandpaper("120", 115e-6, rms_slope=0.05, rolloff=0.5e-3, seed=3),
 )

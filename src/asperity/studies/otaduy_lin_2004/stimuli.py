@@ -83,26 +83,17 @@ def _grating(spacing: float, options: StimulusOptions, flank: float) -> Grating:
 
 def _dots(spacing: float, options: StimulusOptions) -> DotPlate:
     return DotPlate(
-        spacing,
-        height=options.element_height,
-        diameter=options.element_width,
-        flank=options.flank,
-        jitter=options.jitter,
-        seed=options.seed,
-    )
+        spacing, options.element_height, options.element_width, options.flank, options.jitter,
+        options.seed,
+    )  # fmt: skip
 
 
 def _self_affine(spacing: float, options: StimulusOptions) -> SampledProfile:
     pixel = spacing * _AFFINE_ROLLOFFS / _AFFINE_SAMPLES
     heights = self_affine(
-        _AFFINE_SAMPLES,
-        pixel,
-        hurst=options.hurst,
-        rms_slope=options.rms_slope,
-        rolloff=spacing,
-        cutoff=8.0 * pixel,
-        seed=options.seed,
-    )
+        _AFFINE_SAMPLES, pixel, hurst=options.hurst, rms_slope=options.rms_slope,
+        rolloff=spacing, cutoff=8.0 * pixel, seed=options.seed,
+    )  # fmt: skip
     return SampledProfile(heights, pixel, "wrap", spacing)
 
 
@@ -141,6 +132,4 @@ def dominant_wavelength(samples: NDArray[np.float64]) -> float:
     centred = (rows - rows.mean(axis=1, keepdims=True)) * window
     power = np.mean(np.abs(np.fft.rfft(centred, axis=1)) ** 2, axis=0)
     frequency = np.arange(power.size)
-    power = np.where(frequency >= 3, power * frequency, 0.0)
-    best = int(np.argmax(power))
-    return n / best
+    return n / int(np.argmax(np.where(frequency >= 3, power * frequency, 0.0)))

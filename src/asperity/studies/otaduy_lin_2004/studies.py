@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.dragged_hand.hand import Hand, Motion
 from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.geometry.offsets.sampled import HeightMap
 from asperity.runs.vibration_metrics import DEFAULT_BAND, METRICS
@@ -177,52 +177,53 @@ def _run_factor(
     progress: ReportProgress | None,
     name: str,
 ) -> xr.Dataset:
+    import xarray as xr  # slow to import
+
     factor, label, unit = FACTORS[study]
     levels, spacing = settings.levels()[study], settings.spacing_values()
-    middle = settings.middle()
-    data: dict[str, list[list[float]]] = {name: [] for name in METRICS}
-    status, periods, waves, peak_rows = [], [], [], []
+    motions: list[list[Motion]] = []
+    values: dict[str, list[list[float]]] = {metric: [] for metric in METRICS}
+    found: dict[str, list[Peak]] = {metric: [] for metric in METRICS}
     for level in levels:
-        conditions = [Condition(spacing=float(s), **(middle | {factor: level})) for s in spacing]
-        motions = []
+        fixed = settings.middle() | {factor: level}
+        conditions = [Condition(spacing=float(s), **fixed) for s in spacing]
+        motions.append([])
         for condition in conditions:
-            motions.append(simulator.motion(condition))
+            motions[-1].append(simulator.motion(condition))
             if progress:
                 progress(name)
-        for metric, values in data.items():
-            values.append([simulator.metric(metric, c) for c in conditions])
-        status.append([int(m.status) for m in motions])
-        periods.append([m.duration for m in motions])
-        waves.append([_wave(m.acceleration) for m in motions])
-        fixed = middle | {factor: level}
-        last = {metric: values[-1] for metric, values in data.items()}
-        peak_rows.append(_peaks(simulator, fixed, spacing, last, peaks))
+        for metric in METRICS:
+            values[metric].append([simulator.metric(metric, c) for c in conditions])
+        for metric in METRICS:
+            found[metric].append(
+                _peak(simulator, metric, fixed, spacing, np.array(values[metric][-1]), peaks)
+            )
+
+    def of_motions(get: Callable[[Motion], Any]) -> NDArray[Any]:
+        return np.array([[get(motion) for motion in row] for row in motions])
 
     dims = ("level", "spacing")
     both: dict[str, Any] = {}
-    for metric, rows in data.items():
-        about = METRICS[metric]
+    for metric, about in METRICS.items():
         attrs = {"units": about.unit, "long_name": about.label, "origin": about.origin}
-        both[metric] = (dims, np.array(rows), attrs)
-        fits = [fit_quadratic(spacing, np.array(row)) for row in rows]
-        found = [row[metric] for row in peak_rows]
-        both |= _fit_variables(metric, fits, found)
+        both[metric] = (dims, np.array(values[metric]), attrs)
+        fits = [fit_quadratic(spacing, np.array(row)) for row in values[metric]]
+        both |= _fit_variables(metric, fits, found[metric])
     both["status"] = (
-        dims, np.array(status),
+        dims, of_motions(lambda motion: int(motion.status)),
         {"long_name": "0 periodic, 1 subharmonic, 2 does not repeat", "units": "1"},
     )  # fmt: skip
-    both["record_length"] = (dims, np.array(periods), {"units": "s"})
+    both["record_length"] = (dims, of_motions(lambda motion: motion.duration), {"units": "s"})
     both["acceleration"] = (
-        (*dims, "phase"), np.array(waves, dtype=np.float32),
+        (*dims, "phase"),
+        of_motions(lambda motion: _wave(motion.acceleration)).astype(np.float32),
         {"units": "m/s²", "long_name": "u'' over the record, at equal phase"},
-    )  # fmt: skip
+    )
     coords = {
         "spacing": ("spacing", spacing, {"units": "m", "long_name": "texture spacing"}),
         factor: ("level", np.array(levels), {"units": unit, "long_name": label}),
         "phase": ("phase", np.arange(_PHASES) / _PHASES, {"units": "1"}),
     }
-    import xarray as xr  # slow to import
-
     return xr.Dataset(both, coords, _attributes(study, factor, settings))
 
 
@@ -233,42 +234,36 @@ def _wave(acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.interp(phase, np.arange(n + 1), np.append(acceleration, acceleration[0]))
 
 
-def _peaks(
-    simulator: DragSimulator,
-    fixed: dict[str, float],
-    spacing: NDArray[np.float64],
-    rows: dict[str, list[float]],
-    refine: bool,
-) -> dict[str, Peak]:
-    """Return the peak of every metric at one level of the factor."""
-    found = {}
+def _peak(
+    simulator: DragSimulator, metric: str, fixed: dict[str, float],
+    spacing: NDArray[np.float64], values: NDArray[np.float64], refine: bool,
+) -> Peak:  # fmt: skip
+    """Return the peak of a metric at one level of the factor."""
     # A trace over a height map takes a thousand times as long as one over a shape.
     is_map = isinstance(simulator.make_surface(float(spacing[0])), HeightMap)
-    rounds = 0 if not refine else 1 if is_map else 5
-    for name, values in rows.items():
-
-        def metric(place: float, name: str = name) -> float:
-            return simulator.metric(name, Condition(spacing=place, **fixed))
-
-        found[name] = refine_peak(metric, spacing, np.array(values), rounds=rounds)
-    return found
+    return refine_peak(
+        lambda place: simulator.metric(metric, Condition(spacing=place, **fixed)),
+        spacing, values, rounds=0 if not refine else 1 if is_map else 5,
+    )  # fmt: skip
 
 
 def _fit_variables(name: str, fits: list[QuadraticFit], found: list[Peak]) -> dict[str, Any]:
     """Return the dataset's variables for one metric's fits and peaks."""
-    level = ("level",)
-    return {
-        f"{name}_fit": (("level", "power"), np.array([f.coefficients for f in fits])),
-        f"{name}_fit_r_squared": (level, np.array([f.r_squared for f in fits])),
-        f"{name}_fit_peak": (level, np.array([f.peak_spacing for f in fits]), {"units": "m"}),
-        f"{name}_fit_peak_error": (level, np.array([f.peak_error for f in fits]), {"units": "m"}),
-        f"{name}_peak": (level, np.array([p.spacing for p in found]), {"units": "m"}),
-        f"{name}_peak_value": (level, np.array([p.value for p in found])),
-        f"{name}_peak_uncertainty": (
-            level, np.array([p.uncertainty for p in found]), {"units": "m"},
-        ),
-        f"{name}_peak_inside": (level, np.array([int(p.inside) for p in found])),
-    }  # fmt: skip
+    metres = {"units": "m"}
+    columns: dict[str, tuple[list[Any], dict[str, str]]] = {
+        "fit_r_squared": ([fit.r_squared for fit in fits], {}),
+        "fit_peak": ([fit.peak_spacing for fit in fits], metres),
+        "fit_peak_error": ([fit.peak_error for fit in fits], metres),
+        "peak": ([peak.spacing for peak in found], metres),
+        "peak_value": ([peak.value for peak in found], {}),
+        "peak_uncertainty": ([peak.uncertainty for peak in found], metres),
+        "peak_inside": ([int(peak.inside) for peak in found], {}),
+    }
+    coefficients = np.array([fit.coefficients for fit in fits])
+    return {f"{name}_fit": (("level", "power"), coefficients)} | {
+        f"{name}_{what}": (("level",), np.array(column), attrs)
+        for what, (column, attrs) in columns.items()
+    }
 
 
 def _attributes(study: str, factor: str, settings: StudySettings) -> dict[str, object]:

@@ -6,11 +6,12 @@ import logging
 import os
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import active_children
 from typing import Any
 
 from asperity.errors import AsperityError
+from asperity.studies.sweeps.batch import error_line
 from asperity.studies.sweeps.store import require_packages
 
 _PATIENCE = 60.0
@@ -42,39 +43,41 @@ def connect(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """
     require_packages("dask", "distributed")
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
-    if scheduler is not None:
-        client = _client(scheduler)
-        try:
-            with _quiet():
-                yield client
-        finally:
-            _close(client)
-        return
-    before = set(active_children())
-    with _quiet(), dask.config.set(_LEAN):
-        try:
-            cluster = LocalCluster(
-                n_workers=workers or count_local_cores(), threads_per_worker=1, processes=True,
-                dashboard_address=None, host="127.0.0.1", silence_logs=logging.CRITICAL,
-                preload=["asperity.studies.sweeps.ignore_interrupts"],
-            )  # fmt: skip
-        except Exception as error:  # lack of time, memory, ports or processes
-            line = " ".join(str(error).split())[:200] or type(error).__name__
-            raise AsperityError(f"local workers could not be started: {line}") from None
-        try:
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        if scheduler is not None:
+            client = _client(scheduler)
+        else:
+            stack.enter_context(dask.config.set(_LEAN))
+            stack.callback(_kill_others, set(active_children()))
+            cluster = _local_cluster(workers or count_local_cores())
+            stack.callback(_close, cluster)
             client = Client(cluster)
-            try:
-                yield client
-            finally:
-                _close(client)
-        finally:
-            _close(cluster)
-            # Dask's nanny loses track of a worker that it is restarting.
-            for process in set(active_children()) - before:
-                with suppress(Exception):
-                    process.kill()
+        stack.callback(_close, client)
+        yield client
+
+
+def _local_cluster(workers: int) -> Any:
+    from distributed import LocalCluster
+
+    try:
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+            host="127.0.0.1", silence_logs=logging.CRITICAL,
+            preload=["asperity.studies.sweeps.ignore_interrupts"],
+        )  # fmt: skip
+    except Exception as error:  # lack of time, memory, ports or processes
+        line = error_line(error, 200)
+        raise AsperityError(f"local workers could not be started: {line}") from None
+
+
+def _kill_others(known: set[Any]) -> None:
+    """Kill this process's children that are not known: Dask loses track of restarting workers."""
+    for process in set(active_children()) - known:
+        with suppress(Exception):
+            process.kill()
 
 
 def _client(scheduler: str) -> Any:
@@ -83,7 +86,7 @@ def _client(scheduler: str) -> Any:
     try:
         client = Client(scheduler, timeout=_PATIENCE / 4.0)
     except Exception as error:  # OSError, TimeoutError or ValueError
-        line = " ".join(str(error).split())[:200] or type(error).__name__
+        line = error_line(error, 200)
         raise AsperityError(f"no scheduler answers at {scheduler!r}: {line}") from None
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)

@@ -39,10 +39,10 @@ INNER = ("normal_force", "speed", "hand.", "band")
 """Prefixes of parameters that leave the slope table as it is, so that neighbours share it."""
 BATCH = (16, 1024)
 """Least and largest number of combinations in a block; each takes about a millisecond."""
+_UNITS = {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}
 _LABELS = {
-    "surface": "surface", "model": "force model", "spacing": "texture spacing",
-    "diameter": "probe diameter", "normal_force": "normal force", "speed": "speed",
-    "band": "band of the metric", "repeat": "repeat",
+    "model": "force model", "spacing": "texture spacing", "diameter": "probe diameter",
+    "band": "band of the metric",
 }  # fmt: skip
 
 
@@ -132,16 +132,11 @@ def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Pa
     return {name: beside(folder, name) for name in names}
 
 
-def unit_of(key: str) -> str:
-    """Return the unit of a parameter, "1" if it has none, "" for texts."""
-    if key in _RANGES:
-        return _RANGES[key][2] or "1"
-    return {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}.get(key, "")
-
-
-def label_of(key: str) -> str:
-    """Return the axis label of a parameter."""
-    return _LABELS.get(key, key.replace("stimulus.", "").replace(".", " ").replace("_", " "))
+def unit_and_label(key: str) -> tuple[str, str]:
+    """Return the unit of a parameter ("1": none, "": a text), and its axis label."""
+    unit = _UNITS.get(key, "") if key not in _RANGES else _RANGES[key][2] or "1"
+    label = key.replace("stimulus.", "").replace(".", " ").replace("_", " ")
+    return unit, _LABELS.get(key, label)
 
 
 NUMBERS: dict[str, tuple[str, str]] = {
@@ -186,13 +181,12 @@ class DragRuns:
             )
         simulator = self._simulators[key].with_hand(drag.hand, drag.band)
         condition = Condition(drag.spacing, drag.diameter, drag.normal_force, drag.speed)
-        out = []
-        for name in keep:
-            if name == "motion_status":
-                out.append(float(simulator.motion(condition).status))
-            else:
-                out.append(simulator.metric(name, condition))
-        return out
+        return [
+            float(simulator.motion(condition).status)
+            if name == "motion_status"
+            else simulator.metric(name, condition)
+            for name in keep
+        ]
 
     def _seed(self, drag: DragCombination) -> int:
         """Return the seed derived from the parameters of the surface, or of the noise.

@@ -9,10 +9,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, plain_ticks, style
 from asperity.errors import AsperityError
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 from asperity.studies.sweeps.sensitivity import Groups, share
@@ -62,7 +61,7 @@ def _curve(
     for i, level in enumerate(levels):
         chosen = np.ones(x.size, bool) if level is None else columns[view.colour] == level
         _draw_level(axis, data, view, x[chosen] * scale, results[chosen], i, level, all(log))
-    _scales(axis, *log)
+    log_scale(axis, x=log[0], y=log[1])
     axis.set_xlabel(_axis_label(data, view.x))
     axis.set_ylabel(_axis_label(data, view.metric))
     hidden = [n for n in columns if n not in (view.x, view.colour) and np.unique(columns[n]).size]
@@ -129,7 +128,7 @@ def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results:
         edges.append(_edges(centres, logs[-1]))
     norm = LogNorm() if _is_log(heat[np.isfinite(heat)]) else None
     image = axis.pcolormesh(*edges, heat, cmap="cividis", norm=norm)
-    _scales(axis, *logs)
+    log_scale(axis, x=logs[0], y=logs[1])
     axis.set_xlabel(_axis_label(data, view.x))
     axis.set_ylabel(_axis_label(data, view.y))
     axis.grid(False)
@@ -139,7 +138,7 @@ def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results:
         axis.set_title(f"median over {names}"[:95], fontsize=8)
     bar = figure.colorbar(image, ax=axis, label=_axis_label(data, view.metric))
     if norm is not None:
-        _plain_ticks(bar.ax.yaxis, *image.get_clim())
+        plain_ticks(bar.ax.yaxis)
     return figure
 
 
@@ -200,7 +199,7 @@ def _draw_effect(
             centres, middle, [middle - low, high - middle], fmt="o", color=COLOURS[0], capsize=3
         )
         axis.set_xticks(centres, [str(c) for c in groups.centres], rotation=25, ha="right")
-    _scales(axis, numbers and _is_log(x), log)
+    log_scale(axis, x=numbers and _is_log(x), y=log)
     axis.set_xlabel(_axis_label(data, name))
 
 
@@ -239,26 +238,3 @@ def _edges(centres: Values, log: bool) -> Values:
     between = 0.5 * (places[1:] + places[:-1])
     edges = np.concatenate([[2 * places[0] - between[0]], between, [2 * places[-1] - between[-1]]])
     return np.exp(edges) if log else edges
-
-
-def _scales(axis: Axes, log_x: bool, log_y: bool) -> None:
-    """Make the chosen axes logarithmic, with plain numbers at readable ticks."""
-    for log, setter, side, limits in (
-        (log_x, axis.set_xscale, axis.xaxis, axis.get_xlim),
-        (log_y, axis.set_yscale, axis.yaxis, axis.get_ylim),
-    ):
-        if not log:
-            continue
-        setter("log")
-        _plain_ticks(side, *limits())
-
-
-def _plain_ticks(side: Any, low: float, high: float) -> None:
-    """Label a logarithmic axis with plain numbers at readable ticks."""
-    if high / low < 1e4:
-        fine = (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low < 120.0 else (1, 3)
-        ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
-        side.set_ticks([t for t in ticks if low <= t <= high])
-        side.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    side.set_minor_formatter(NullFormatter())
-    side.set_tick_params(which="minor", length=0)

@@ -137,21 +137,8 @@ def _own(key: str, value: Any, where: str, folder: Path) -> Any:
 
 def _scene(name: str, folder: Path) -> Scene:
     """Return a built-in scene, or the scene in a folder beside the study."""
-    return load_scene(name if name in SCENES else _path(name, folder))
-
-
-def _scene_with(values: Mapping[str, Any], folder: Path) -> Scene:
-    """Return the scene that values name, with their probe diameter."""
-    scene = _scene(values["scene"], folder)
-    if PROBE not in values:
-        return scene
-    texture = scene.document["bodies"]["plate"]["texture"]
-    return probe_plate(texture, diameter=values[PROBE])
-
-
-def _path(name: str, folder: Path) -> str:
     path = beside(folder, name)
-    return str(path) if path.exists() else name
+    return load_scene(str(path) if name not in SCENES and path.exists() else name)
 
 
 def check_together(
@@ -232,16 +219,11 @@ def files_of(columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Pa
     return out
 
 
-def unit_of(key: str) -> str:
-    """Return the unit of a parameter, "1" if it has none, "" if it is not known."""
-    return _UNITS.get(key.rpartition(".")[2], "")
-
-
-def label_of(key: str) -> str:
-    """Return the axis label of a parameter."""
+def unit_and_label(key: str) -> tuple[str, str]:
+    """Return the unit of a parameter ("1": none, "": not known), and its axis label."""
     *path, name = key.split(".")
     place = path[1] if path[:1] == ["bodies"] else " ".join(path)
-    return f"{place} {name}".strip().replace("_", " ")
+    return _UNITS.get(name, ""), f"{place} {name}".strip().replace("_", " ")
 
 
 class SceneRuns:
@@ -265,14 +247,14 @@ class SceneRuns:
         """Run one combination and return its numbers `keep`."""
         values = {"dt": 1e-3} | self.fixed | dict(varied)
         scene = self._scene_of(values)
-        run = run_scene(scene, None, dt=values["dt"], hand=_hand(values))
+        given = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
+        hand = Hand(**given) if given else bool(values.get("hand", False))
+        run = run_scene(scene, None, dt=values["dt"], hand=hand)
         found = {"coupling.tool_put_back": 0} | flatten(run.summary) | _force_numbers(run)
-        out = []
-        for name in keep:
-            if name not in found:
-                raise AsperityError(f"{name} needs hand = true")
-            out.append(float(found[name]))
-        return out
+        missing = next((name for name in keep if name not in found), None)
+        if missing is not None:
+            raise AsperityError(f"{missing} needs hand = true")
+        return [float(found[name]) for name in keep]
 
     def _scene_of(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of a combination; equal bodies are reused from the one before."""
@@ -296,7 +278,10 @@ class SceneRuns:
         return replace(changed, notes=scene.notes)
 
     def _with_bodies(self, values: Mapping[str, Any], bodies: Mapping[str, Any]) -> Scene:
-        scene = _scene_with(values, self.folder)
+        scene = _scene(values["scene"], self.folder)
+        if PROBE in values:
+            texture = scene.document["bodies"]["plate"]["texture"]
+            scene = probe_plate(texture, diameter=values[PROBE])
         known = scene.document.get("bodies", {})
         changes: dict[str, Any] = {}
         for name, body in bodies.items():
@@ -317,12 +302,6 @@ class SceneRuns:
         return scene.changed(bodies=seeds) if seeds else scene
 
 
-def _hand(values: Mapping[str, Any]) -> bool | Hand:
-    """Return whether the default hand holds the tool, or the hand that values describe."""
-    given = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
-    return Hand(**given) if given else bool(values.get("hand", False))
-
-
 def _force_numbers(run: Run) -> dict[str, float]:
     """Return numbers of the contact force that the run's summary lacks (asperity's own)."""
     force = run.rollout.contact_wrench[:, :3]
@@ -331,8 +310,8 @@ def _force_numbers(run: Run) -> dict[str, float]:
     dt = float(times[1] - times[0]) if len(times) > 1 else 1e-3
     power = 0.0
     if len(times) > 8:
-        for axis in range(3):
-            power += band_rms(*spectrum(force[:, axis], dt, periodic=False), DEFAULT_BAND) ** 2
+        lines = [spectrum(component, dt, periodic=False) for component in force.T]
+        power = sum(band_rms(*one, DEFAULT_BAND) ** 2 for one in lines)
     return {
         "mean_force_n": float(np.linalg.norm(force.mean(axis=0))),
         "vibration_rms_n": float(np.sqrt(np.mean(np.sum(about**2, axis=1)))),

@@ -31,7 +31,14 @@ from numpy.typing import NDArray
 
 from asperity._core.output import output_errors
 from asperity.errors import AsperityError, OutputError
-from asperity.studies.sweeps.batch import DONE, FAILED, WAITING, BatchOutcome, program
+from asperity.studies.sweeps.batch import (
+    DONE,
+    FAILED,
+    WAITING,
+    BatchOutcome,
+    error_line,
+    program,
+)
 from asperity.studies.sweeps.blocks import SweepBlock, blocks
 from asperity.studies.sweeps.new_store import SCHEMA, consolidate, create_store
 from asperity.studies.sweeps.study import SweepStudy
@@ -322,5 +329,4 @@ def open_sweep(path: str | Path) -> xr.Dataset:
         with xr.open_zarr(path, chunks=None) as data:
             return data.load()
     except Exception as error:  # codecs raise all kinds for a damaged chunk
-        line = " ".join(str(error).split())[:200]
-        raise AsperityError(f"{path} cannot be read: {line}") from None
+        raise AsperityError(f"{path} cannot be read: {error_line(error, 200)}") from None

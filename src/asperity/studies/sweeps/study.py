@@ -74,11 +74,8 @@ class StudyKind(Protocol):
     def files_of(self, columns: Mapping[str, Iterable[Any]], folder: Path) -> dict[str, Path]:
         """Return the files that parameters, key -> values, name: name -> path."""
 
-    def unit_of(self, key: str) -> str:
-        """Return the unit of a parameter, "1" if it has none, "" if it is not known."""
-
-    def label_of(self, key: str) -> str:
-        """Return the axis label of a parameter."""
+    def unit_and_label(self, key: str) -> tuple[str, str]:
+        """Return the unit of a parameter ("1": none, "": not known), and its axis label."""
 
     def runner(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> Runner:
         """Return the runner of combinations with fixed parameters; `seed` enters all seeds."""
@@ -145,20 +142,11 @@ class SweepStudy:
         """Smallest number of combinations that is worth sending to a worker."""
         return 1 if self.files else int(_kind_of(self.kind).BATCH[0])
 
-    def unit(self, key: str) -> str:
-        """Return the unit of a parameter or of a kept number; "" if it has none."""
-        of = _kind_of(self.kind)
-        return str(of.NUMBERS[key][0] if key in of.NUMBERS else of.unit_of(key))
-
-    def label(self, key: str) -> str:
-        """Return the axis label of a parameter or of a kept number."""
-        of = _kind_of(self.kind)
-        return str(of.NUMBERS[key][1] if key in of.NUMBERS else of.label_of(key))
-
     def attributes(self, key: str) -> dict[str, str]:
         """Return label and unit of a parameter or of a kept number, as xarray names them."""
-        unit = self.unit(key)
-        return {"long_name": self.label(key)} | ({"units": unit} if unit else {})
+        of = _kind_of(self.kind)
+        unit, label = of.NUMBERS[key] if key in of.NUMBERS else of.unit_and_label(key)
+        return {"long_name": label} | ({"units": unit} if unit else {})
 
 
 def read_study(source: str | Path | Mapping[str, Any], *, folder: Path | None = None) -> SweepStudy:
