@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import integrate, ndimage
 
+from asperity.texture.spline import evaluate_1d, evaluate_2d
+
 Array = NDArray[np.float64]
 
 
@@ -18,6 +20,17 @@ def spline(samples: Array, border: str, *places: Array) -> Array:
         samples = np.pad(samples, [(0, n) for n in samples.shape], mode="symmetric")
     at = [place - 0.5 for place in np.broadcast_arrays(*places)]
     return ndimage.map_coordinates(samples, at, order=3, mode="grid-wrap")
+
+
+def kernel_values(coefficients: Array, *places: Array) -> Array:
+    """Return what the kernels make of spline coefficients, at places counted as we count them."""
+    evaluate = (evaluate_1d, evaluate_2d)[coefficients.ndim - 1]
+    values = []
+    for at in zip(*(np.ravel(place) + 0.5 for place in places), strict=True):
+        cells = [min(max(int(x), 0), n - 4) for x, n in zip(at, coefficients.shape, strict=True)]
+        inside = [x - cell for x, cell in zip(at, cells, strict=True)]
+        values.append(evaluate(coefficients, *cells, *inside)[0])
+    return np.reshape(values, np.shape(places[0]))
 
 
 def collocation_coefficients(samples: Array, border: str) -> Array:

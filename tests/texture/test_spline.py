@@ -10,10 +10,10 @@ from asperity.texture.spline import (
     BORDERS,
     evaluate_1d,
     evaluate_2d,
+    spline_along,
     spline_coefficients,
-    values_1d,
-    values_2d,
 )
+from naive import kernel_values
 
 ROUNDING = 1e-13  # samples are of the order 1, and a handful of operations deep
 STEP = 1e-5
@@ -29,7 +29,7 @@ def _random(*shape: int) -> np.ndarray:
 @pytest.mark.parametrize("n", SIZES)
 def test_profile_passes_through_every_sample(n, border):
     samples = _random(n)
-    values, _ = values_1d(spline_coefficients(samples, border), np.arange(n) + 0.5)
+    values = kernel_values(spline_coefficients(samples, border), np.arange(n) + 0.5)
     np.testing.assert_allclose(values, samples, atol=ROUNDING)
 
 
@@ -38,7 +38,7 @@ def test_profile_passes_through_every_sample(n, border):
 def test_map_passes_through_every_sample(shape, border):
     samples = _random(*shape)
     rows, columns = np.meshgrid(*(np.arange(n) + 0.5 for n in shape), indexing="ij")
-    values, _ = values_2d(spline_coefficients(samples, border), rows, columns)
+    values = kernel_values(spline_coefficients(samples, border), rows, columns)
     np.testing.assert_allclose(values, samples, atol=ROUNDING)
 
 
@@ -56,8 +56,11 @@ def test_coefficients_solve_the_dense_interpolation_equations(n, border):
 @pytest.mark.parametrize("n", SIZES)
 def test_profile_equals_scipy_spline_over_its_whole_length(n, border):
     samples, places = _random(n), np.linspace(0.0, n, 401)
-    values, _ = values_1d(spline_coefficients(samples, border), places)
-    np.testing.assert_allclose(values, naive.spline(samples, border, places), atol=10 * ROUNDING)
+    values = kernel_values(spline_coefficients(samples, border), places)
+    expected = naive.spline(samples, border, places)
+    np.testing.assert_allclose(values, expected, atol=10 * ROUNDING)
+    along = spline_along(spline_coefficients(samples, border))
+    np.testing.assert_allclose(along(places), expected, atol=10 * ROUNDING)
 
 
 @pytest.mark.parametrize("border", BORDERS)
@@ -65,7 +68,7 @@ def test_map_equals_scipy_spline_over_its_whole_extent(border):
     samples = _random(9, 14)
     rng = np.random.default_rng(0)
     rows, columns = rng.uniform(0, 9, 4000), rng.uniform(0, 14, 4000)
-    values, _ = values_2d(spline_coefficients(samples, border), rows, columns)
+    values = kernel_values(spline_coefficients(samples, border), rows, columns)
     np.testing.assert_allclose(
         values, naive.spline(samples, border, rows, columns), atol=10 * ROUNDING
     )
@@ -162,6 +165,7 @@ def test_quadratics_are_reproduced_away_from_the_ends():
     x = np.arange(80) + 0.5
     coefficients = spline_coefficients(0.01 * (x - 40) ** 2, "mirror")
     places = np.linspace(35, 45, 101)
-    values, slopes = values_1d(coefficients, places)
+    values = kernel_values(coefficients, places)
+    slopes = spline_along(coefficients)(places, nu=1)
     np.testing.assert_allclose(values, 0.01 * (places - 40) ** 2, atol=1e-12)
     np.testing.assert_allclose(slopes, 0.02 * (places - 40), atol=1e-12)

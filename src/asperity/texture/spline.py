@@ -17,11 +17,15 @@ symmetric); inside, a clamped map equals the mirrored one. The prefilter is exac
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 BORDERS = ("wrap", "mirror")
 _POLE = math.sqrt(3.0) - 2.0
@@ -57,6 +61,13 @@ def spline_coefficients(
         _filter(values)
     inside = tuple(slice(_REACH, -_REACH) for _ in range(values.ndim))
     return np.pad(values[inside], margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
+
+
+def spline_along(coefficients: NDArray[np.float64]) -> BSpline:
+    """Return the spline of coefficients without margin along their first axis [samples, 0 to n]."""
+    from scipy.interpolate import BSpline  # slow to import
+
+    return BSpline(np.arange(len(coefficients) + 4.0) - 3.5, coefficients, 3)
 
 
 def _filter(values: NDArray[np.float64]) -> None:
@@ -132,39 +143,3 @@ def evaluate_2d(coefficients, row, column, tv, tu):
         s_uv += dv[a] * slope
         s_uu += wv[a] * (cu0 * c0 + cu1 * c1 + cu2 * c2 + cu3 * c3)
     return s, s_u, s_v, s_uu, s_uv, s_vv
-
-
-@kernel
-def _fill_1d(coefficients, places, values_out, slopes_out):
-    for i in range(places.size):
-        place = places[i] + 0.5
-        cell = min(max(int(place), 0), coefficients.size - 4)
-        values_out[i], slopes_out[i], _ = evaluate_1d(coefficients, cell, place - cell)
-
-
-@kernel
-def _fill_2d(coefficients, rows, columns, values_out, slopes_out):
-    for i in range(rows.size):
-        v, u = rows[i] + 0.5, columns[i] + 0.5
-        row = min(max(int(v), 0), coefficients.shape[0] - 4)
-        column = min(max(int(u), 0), coefficients.shape[1] - 4)
-        result = evaluate_2d(coefficients, row, column, v - row, u - column)
-        values_out[i], slopes_out[i] = result[0], result[1]
-
-
-def values_1d(
-    coefficients: NDArray[np.float64], places: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return value and slope at `places` [samples, 0 to n]; coefficients without margin."""
-    out = np.empty((2, places.size))
-    _fill_1d(coefficients, places.ravel(), out[0], out[1])
-    return out[0].reshape(places.shape), out[1].reshape(places.shape)
-
-
-def values_2d(
-    coefficients: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return value and slope along a row at (rows, columns) [samples]; no margin."""
-    out = np.empty((2, rows.size))
-    _fill_2d(coefficients, rows.ravel(), columns.ravel(), out[0], out[1])
-    return out[0].reshape(rows.shape), out[1].reshape(rows.shape)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError, require_not_negative, require_positive
-from asperity.geometry.offsets.surface import OffsetTrace, Tracer
+from asperity.geometry.offsets.surface import Tracer, exact_tracer
 
 
 @kernel
@@ -74,6 +74,9 @@ class Sinusoid:
     amplitude: float
     spacing: float
 
+    mirrored = False
+    cells = 64
+
     def __post_init__(self) -> None:
         require_positive("amplitude", self.amplitude, "[m]")
         require_positive("spacing", self.spacing, "[m]")
@@ -82,16 +85,6 @@ class Sinusoid:
     def period(self) -> float:
         """Distance after which the surface repeats [m]."""
         return self.spacing
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the second half of the period is the first, run backwards."""
-        return False
-
-    @property
-    def cells(self) -> int:
-        """Number of intervals in which a table of one period should begin."""
-        return 64
 
     def heights(self, u: ArrayLike) -> NDArray[np.float64]:
         """Return the heights [m] at places `u` [m]."""
@@ -106,16 +99,7 @@ class Sinusoid:
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a probe of `diameter` [m] over this surface."""
         radius = 0.5 * require_positive("diameter", diameter, "[m]")
-
-        def trace(u: ArrayLike) -> OffsetTrace:
-            places = np.atleast_1d(np.asarray(u, dtype=np.float64))
-            out = [np.empty(places.size) for _ in range(3)]
-            _trace_sinusoid(
-                places.ravel(), self.amplitude, 2.0 * np.pi / self.spacing, radius, *out
-            )
-            return OffsetTrace(*(part.reshape(np.shape(u)) for part in out))
-
-        return trace
+        return exact_tracer(_trace_sinusoid, self.amplitude, 2.0 * np.pi / self.spacing, radius)
 
 
 @kernel
@@ -184,6 +168,9 @@ class Grating:
     ridge: float = 0.25e-3
     flank: float = 0.0
 
+    mirrored = False
+    cells = 96
+
     def __post_init__(self) -> None:
         require_positive("height", self.height, "[m]")
         require_positive("spacing", self.spacing, "[m]")
@@ -199,16 +186,6 @@ class Grating:
     def period(self) -> float:
         """Distance after which the surface repeats [m]: one ridge and one gap."""
         return self.ridge + self.spacing
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the second half of the period is the first, run backwards."""
-        return False
-
-    @property
-    def cells(self) -> int:
-        """Number of intervals in which a table of one period should begin."""
-        return 96
 
     def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the corners (x, z) [m] of one period, which begins amid a ridge's top."""
@@ -238,12 +215,4 @@ class Grating:
                 f"walls of height {self.height * 1e3:g} mm stop a probe of diameter "
                 f"{diameter * 1e3:g} mm: give a height below {radius * 1e3:g} mm, or a flank"
             )
-        xs, zs = self.outline()
-
-        def trace(u: ArrayLike) -> OffsetTrace:
-            places = np.atleast_1d(np.asarray(u, dtype=np.float64))
-            out = [np.empty(places.size) for _ in range(3)]
-            _trace_polyline(places.ravel(), xs, zs, self.period, radius, *out)
-            return OffsetTrace(*(part.reshape(np.shape(u)) for part in out))
-
-        return trace
+        return exact_tracer(_trace_polyline, *self.outline(), self.period, radius)

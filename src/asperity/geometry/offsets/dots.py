@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError, SurfaceError, require_not_negative, require_positive
 from asperity.geometry.offsets.analytic import touch_segment
-from asperity.geometry.offsets.surface import OffsetTrace, Tracer
+from asperity.geometry.offsets.surface import Tracer, exact_tracer
 
 
 class DotLattice(NamedTuple):
@@ -62,7 +62,7 @@ def _touch_dots(lattice, u, v, radius):
 
 
 @kernel
-def _trace_dots(lattice, places, line, radius, heights_out, slopes_out, contacts_out):
+def _trace_dots(places, lattice, line, radius, heights_out, slopes_out, contacts_out):
     """Fill heights, slopes and contacts of a sphere at `places` along `v = line` [m]."""
     for i in range(places.size):
         u = places[i]
@@ -110,6 +110,8 @@ class DotPlate:
     columns: int = 24
     line: float | None = None
 
+    mirrored = False
+
     def __post_init__(self) -> None:
         for name in ("spacing", "height", "diameter"):
             require_positive(name, getattr(self, name), "[m]")
@@ -130,11 +132,6 @@ class DotPlate:
     def period(self) -> float:
         """Length of the tile along u [m]."""
         return self.columns * self.pitch
-
-    @property
-    def mirrored(self) -> bool:
-        """Whether the second half of the period is the first, run backwards."""
-        return False
 
     @property
     def cells(self) -> int:
@@ -198,11 +195,4 @@ class DotPlate:
         lattice = DotLattice(
             self.centres(), self.pitch, 0.5 * self.diameter, float(self.flank), float(self.height)
         )
-
-        def trace(u: ArrayLike) -> OffsetTrace:
-            places = np.atleast_1d(np.asarray(u, dtype=np.float64))
-            out = [np.empty(places.size) for _ in range(3)]
-            _trace_dots(lattice, places.ravel(), self._line(), radius, *out)
-            return OffsetTrace(*(part.reshape(np.shape(u)) for part in out))
-
-        return trace
+        return exact_tracer(_trace_dots, lattice, self._line(), radius)

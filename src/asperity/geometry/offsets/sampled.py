@@ -12,12 +12,12 @@ from asperity.errors import AsperityError, SurfaceError, require_choice, require
 from asperity.geometry.offsets import disk_search, sphere_search
 from asperity.geometry.offsets.surface import OffsetTrace, Tracer, slope_of
 from asperity.texture.bounds import pyramid_of
-from asperity.texture.spline import BORDERS, spline_coefficients, values_1d, values_2d
+from asperity.texture.spline import BORDERS, spline_along, spline_coefficients
 
-_Search = Callable[
-    [NDArray[np.float64], NDArray[np.float64]],
-    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-]
+Array = NDArray[np.float64]
+_Found = tuple[Array, Array, Array]
+"""Height of a probe, and its contact relative to it along u and v [m]."""
+_LineSearch = Callable[[Array], _Found]
 
 CERTIFIED_TO = 1e-12
 """An offset height is at most this far below the true maximum [m]."""
@@ -26,7 +26,7 @@ STEEPEST = 50.0
 """Largest slope between samples accepted as a surface: 89 degrees."""
 
 
-def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> NDArray[np.float64]:
+def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> Array:
     """Return `heights` as a float array, or raise `SurfaceError` naming the invalid value."""
     try:
         array = np.asarray(heights, dtype=np.float64)
@@ -43,7 +43,7 @@ def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> N
     return array
 
 
-def check_steepness(samples: NDArray[np.float64], pixel_size: float) -> None:
+def check_steepness(samples: Array, pixel_size: float) -> None:
     """Raise `SurfaceError` if neighbouring samples are steeper than a probe can follow."""
     for axis in range(samples.ndim):
         slope = float(np.max(np.abs(np.diff(samples, axis=axis)))) / pixel_size
@@ -64,9 +64,7 @@ def _radius_of(diameter: float, extent: float) -> float:
     return 0.5 * diameter
 
 
-def _fold(
-    u: NDArray[np.float64], length: float, border: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _fold(u: Array, length: float, border: str) -> tuple[Array, Array]:
     """Return `u` folded into [0, length], and -1 where the map is reversed there, else 1."""
     if border == "wrap":
         return np.mod(u, length), np.ones_like(u)
@@ -79,7 +77,7 @@ def _fold(
 class _Sampled:
     """Properties along u that a profile and a map of samples share."""
 
-    samples: NDArray[np.float64]
+    samples: Array
     pixel_size: float
     border: str = "mirror"
 
@@ -109,16 +107,39 @@ class _Sampled:
         """Number of intervals in which a table of one period should begin."""
         return round(self.period / self.pixel_size)
 
-    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike) -> Array:
         """Return the heights [m] of the spline at places `u` [m]."""
-        return self._along(u)[0]
+        return self._along(u)
 
-    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+    def slopes(self, u: ArrayLike) -> Array:
         """Return dh/du of the spline at places `u` [m]."""
-        return self._along(u)[1]
+        return self._along(u, 1)
 
-    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return heights and slopes at places `u`."""
+    def _along(self, u: ArrayLike, order: int = 0) -> Array:
+        """Return the derivative of an order, or the heights themselves, at places `u`."""
+        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
+        values = spline_along(self._line_coefficients())(place / self.pixel_size, nu=order)
+        return np.asarray(values * (sign / self.pixel_size) ** order)
+
+    def _line_coefficients(self) -> Array:
+        """Return the coefficients of the spline along u."""
+        return spline_coefficients(self.samples, self.border)
+
+    def tracer(self, diameter: float) -> Tracer:
+        """Return the function that traces a probe of `diameter` [m] over this surface."""
+        search, radius = self._line_search(diameter), 0.5 * diameter
+
+        def trace(u: ArrayLike) -> OffsetTrace:
+            u = np.asarray(u, dtype=np.float64)
+            folded, sign = _fold(u, self.length, self.border)
+            heights, along, across = search(folded)
+            slopes = slope_of(along, along**2 + across**2, radius)
+            return OffsetTrace(heights, sign * slopes, u + sign * along)
+
+        return trace
+
+    def _line_search(self, diameter: float) -> _LineSearch:
+        """Return the search along u for a probe of `diameter`."""
         raise NotImplementedError
 
 
@@ -143,36 +164,22 @@ class SampledProfile(_Sampled):
     def __post_init__(self) -> None:
         self._check(1)
 
-    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
-        coefficients = spline_coefficients(self.samples, self.border)
-        values, slopes = values_1d(coefficients, place / self.pixel_size)
-        return values, slopes * sign / self.pixel_size
-
-    def tracer(self, diameter: float) -> Tracer:
-        """Return the function that traces a disk of `diameter` [m] over this profile."""
-        radius = _radius_of(diameter, self.length) / self.pixel_size
+    def _line_search(self, diameter: float) -> _LineSearch:
+        pixel, radius = self.pixel_size, _radius_of(diameter, self.length) / self.pixel_size
         margin = int(radius) + 2
-        coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
+        coefficients = spline_coefficients(self.samples, self.border, margin) / pixel
         pyramid = pyramid_of(coefficients)
-        tolerance = CERTIFIED_TO / self.pixel_size
 
-        def trace(u: ArrayLike) -> OffsetTrace:
-            u = np.asarray(u, dtype=np.float64)
-            folded, sign = _fold(u, self.length, self.border)
-            places = np.atleast_1d(folded / self.pixel_size + 0.5 + margin).ravel()
+        def search(u: Array) -> _Found:
+            places = (u / pixel + 0.5 + margin).ravel()
             heights, contacts = np.empty(places.size), np.empty(places.size)
             disk_search.search_many(
-                coefficients, pyramid, places, radius, tolerance, heights, contacts
+                coefficients, pyramid, places, radius, CERTIFIED_TO / pixel, heights, contacts
             )
-            across = (contacts - places).reshape(u.shape) * sign
-            return OffsetTrace(
-                heights.reshape(u.shape) * self.pixel_size,
-                slope_of(across, across**2, radius),
-                u + across * self.pixel_size,
-            )
+            along = (contacts - places).reshape(u.shape) * pixel
+            return heights.reshape(u.shape) * pixel, along, np.zeros_like(along)
 
-        return trace
+        return search
 
 
 @dataclass(frozen=True)
@@ -204,33 +211,18 @@ class HeightMap(_Sampled):
         elif not 0.0 <= self.line <= width:
             raise AsperityError(f"line must lie on the map, 0 to {width:g} m, got {self.line!r}")
 
-    def _along(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        place, sign = _fold(np.asarray(u, dtype=np.float64), self.length, self.border)
-        coefficients = spline_coefficients(self.samples, self.border)
+    def _line_coefficients(self) -> Array:
         assert self.line is not None
-        row = np.full_like(place, self.line / self.pixel_size)
-        values, slopes = values_2d(coefficients, row, place / self.pixel_size)
-        return values, slopes * sign / self.pixel_size
+        across = spline_along(super()._line_coefficients())
+        return np.asarray(across(self.line / self.pixel_size))
 
-    def tracer(self, diameter: float) -> Tracer:
-        """Return the function that traces a sphere of `diameter` [m] along the line."""
+    def _line_search(self, diameter: float) -> _LineSearch:
         assert self.line is not None
-        search = self._search(diameter, line=self.line)
-        radius = 0.5 * diameter
+        line = self.line
+        search = self._search(diameter, line=line)
+        return lambda u: search(u, np.full_like(u, line))
 
-        def trace(u: ArrayLike) -> OffsetTrace:
-            u = np.asarray(u, dtype=np.float64)
-            folded, sign = _fold(u, self.length, self.border)
-            heights, along, across = search(folded, np.full_like(folded, self.line))
-            return OffsetTrace(
-                heights,
-                sign * slope_of(along, along**2 + across**2, radius),
-                u + sign * along,
-            )
-
-        return trace
-
-    def offset(self, diameter: float) -> NDArray[np.float64]:
+    def offset(self, diameter: float) -> Array:
         """Return the offset surface [m] for a sphere of `diameter` [m], at every sample."""
         rows, columns = self.samples.shape
         v, u = np.meshgrid(
@@ -240,7 +232,7 @@ class HeightMap(_Sampled):
         )
         return self._search(diameter)(u, v)[0]
 
-    def _search(self, diameter: float, line: float | None = None) -> _Search:
+    def _search(self, diameter: float, line: float | None = None) -> Callable[..., _Found]:
         """Return a function of (u, v) [m] that gives height and contact along u and v [m].
 
         For places on one `line` only, the strip that the sphere can touch is searched.
@@ -258,9 +250,7 @@ class HeightMap(_Sampled):
         pyramid = pyramid_of(coefficients)
         tolerance = CERTIFIED_TO / self.pixel_size
 
-        def search(
-            u: NDArray[np.float64], v: NDArray[np.float64]
-        ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        def search(u: Array, v: Array) -> _Found:
             places_u = np.atleast_1d(u / self.pixel_size + 0.5 + margin).ravel()
             places_v = np.atleast_1d(v / self.pixel_size + 0.5 + margin - first_row).ravel()
             heights, contacts = np.empty(places_u.size), np.empty((places_u.size, 2))
@@ -278,7 +268,7 @@ class HeightMap(_Sampled):
 
 def offset_surface(
     heights: ArrayLike, pixel_size: float, diameter: float, *, border: str = "mirror"
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the offset surface of sampled heights: where the lowest point of a probe goes.
 
     Between the samples the surface is their interpolating cubic spline, and the result is the

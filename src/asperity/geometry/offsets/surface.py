@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +66,18 @@ class Surface(Protocol):
 
     def tracer(self, diameter: float) -> Tracer:
         """Return the function that traces a probe of `diameter` [m] over this surface."""
+
+
+def exact_tracer(fill: Callable[..., None], *shape: Any) -> Tracer:
+    """Return the tracer of a kernel `fill(places, *shape, heights, slopes, contacts)`."""
+
+    def trace(u: ArrayLike) -> OffsetTrace:
+        places = np.asarray(u, dtype=np.float64)
+        out = [np.empty(places.size) for _ in range(3)]
+        fill(places.ravel(), *shape, *out)
+        return OffsetTrace(*(part.reshape(places.shape) for part in out))
+
+    return trace
 
 
 def slope_of(
