@@ -48,9 +48,14 @@ def require_choice(name: str, value: str, choices: Iterable[str]) -> str:
     known = list(choices)
     if isinstance(value, str) and value in known:
         return value
-    near = difflib.get_close_matches(str(value), known, n=1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    hint = did_you_mean(value, known)
     raise AsperityError(f"unknown {name} {value!r}{hint}; choose from: {', '.join(known)}")
+
+
+def did_you_mean(word: Any, known: Iterable[str], form: str = "{!r}") -> str:
+    """Return a hint for a message at the nearest of the known words, "" if none is near."""
+    near = difflib.get_close_matches(str(word), list(known), n=1)
+    return f" (did you mean {form.format(near[0])}?)" if near else ""
 
 
 def _is_finite(value: Any) -> bool:

@@ -14,7 +14,8 @@ import xarray as xr
 
 from asperity.errors import AsperityError
 from asperity.runs.recording import RecordingWriter, read_recording, write_recording
-from asperity.simulation.simulation import FLAGS, Rollout
+from asperity.simulation.simulation import Rollout
+from asperity.simulation.tool_contact import FLAGS
 
 VARIABLES = (
     "time", "handle_pose", "tool_pose", "contact_wrench", "device_wrench", "contact_count",

@@ -6,7 +6,7 @@ from scipy.signal.windows import chebwin
 
 from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.geometry.offsets.surface import Surface
-from asperity.simulation.anti_aliasing import BUDGET, SubPoses, Window, dolph_chebyshev, sub_poses
+from asperity.simulation.anti_aliasing import BUDGET, SubPoses, Window, sub_poses
 
 DIAMETER, AMPLITUDE, SPEED, STIFFNESS, TICK = 3e-3, 1e-4, 0.169, 400.0, 1e-3
 
@@ -72,15 +72,14 @@ def test_without_it_they_do_not():
 
 
 def test_the_window_is_dolph_and_chebyshevs():
-    for taps in (20, 320):
-        expected = chebwin(taps, 60.0)
-        np.testing.assert_allclose(
-            dolph_chebyshev(taps, 60.0), expected / expected.sum(), atol=1e-12
-        )
+    expected = chebwin(5 * 256, 60.0)
+    weights = Window("band").weights
+    np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
+    np.testing.assert_allclose(Window("tick").weights, 1 / 256)
 
 
 def test_the_band_ends_at_half_the_ticks_rate():
-    weights = dolph_chebyshev(1280, 60.0)
+    weights = Window("band").weights
     frequency = np.arange(0, 5000, 5.0)
     turns = np.outer(frequency, np.arange(1280) / 256 * TICK)
     gain = 20 * np.log10(np.abs(np.exp(-2j * np.pi * turns) @ weights) + 1e-12)

@@ -12,7 +12,8 @@ from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation import simulation as simulation_module
-from asperity.simulation.simulation import BUDGET_SPENT, SUB_POSES, TOO_FAST, Simulation
+from asperity.simulation.simulation import Simulation
+from asperity.simulation.tool_contact import BUDGET_SPENT, SUB_POSES, TOO_FAST
 
 QUIET = {"force": {"anti_alias": "off"}}
 

@@ -111,7 +111,7 @@ class ExperimentCommand:
         """Run a session in simulated time, with a progress bar."""
         from asperity.cli.progress import progress_bars
         from asperity.psychophysics.session.presenters import HeadlessPresenter
-        from asperity.simulation.simulation import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling
 
         design = session.design
         announce_compiling()
@@ -140,7 +140,7 @@ class ExperimentCommand:
             smooth,
         )
         from asperity.psychophysics.session.presenters import DevicePresenter
-        from asperity.simulation.simulation import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling
         from asperity.viewer.server.server import Page, require_viser
         from asperity.viewer.session_config import SessionConfig
 

@@ -103,7 +103,7 @@ class ReplayCommand:
         from asperity.realtime.servo.replay import replay, scene_of_recording
         from asperity.runs.recording import read_recording
         from asperity.runs.run_scene import take_pictures, write_figures, write_summary
-        from asperity.simulation.simulation import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling
 
         recording = read_recording(file)
         scene = scene_of_recording(recording.attributes, self.scene, beside=file.parent)

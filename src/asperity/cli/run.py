@@ -103,7 +103,7 @@ class RunCommand:
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
         from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
-        from asperity.simulation.simulation import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling
 
         scene = self._scene()
         motion = self._motion(scene)

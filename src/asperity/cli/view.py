@@ -63,7 +63,7 @@ class ViewCommand:
 
         require_viser()
         config = self._config()
-        from asperity.simulation.simulation import announce_compiling
+        from asperity.simulation.tool_contact import announce_compiling
         from asperity.viewer.app import live_page
         from asperity.viewer.servo_client import ServoClient
 

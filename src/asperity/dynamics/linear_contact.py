@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from asperity._core.arrays import Array
 
 
 class LinearContact(NamedTuple):
@@ -15,11 +14,11 @@ class LinearContact(NamedTuple):
     [rad] in world axes, the wrench is `wrench - stiffness @ d` (Otaduy & Lin 2006).
     """
 
-    pose: NDArray[np.float64]
+    pose: Array
     """Pose of the tool's frame at the contact query (7,)."""
-    wrench: NDArray[np.float64]
+    wrench: Array
     """On the tool about its centre of mass: force [N], torque [N m], world axes (6,)."""
-    stiffness: NDArray[np.float64]
+    stiffness: Array
     """(6, 6), positive semidefinite [N/m, N/rad, N, N m/rad]."""
     count: int  # type: ignore[assignment]  # hides tuple.count
     """Number of contacts."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Mask
 from asperity.errors import AsperityError, require_choice, require_finite
 from asperity.geometry.poses import rotation_of
 
@@ -159,7 +159,7 @@ def unit_quaternion(quaternion: Sequence[float]) -> tuple[float, ...]:
     return tuple(value / length for value in values)
 
 
-def covers(geom: Geom, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def covers(geom: Geom, points: Array) -> Mask:
     """Return which `points` (..., 3) [m], in the body's frame, are inside or on `geom`."""
     x = (points - geom.position) @ rotation_of(geom.quaternion)
     size = np.asarray(geom.size, dtype=np.float64) + 1e-12
@@ -176,7 +176,7 @@ def covers(geom: Geom, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.sum((x / axes) ** 2, axis=-1) <= 1.0
 
 
-def origin_of_map(body: Body) -> NDArray[np.float64]:
+def origin_of_map(body: Body) -> Array:
     """Return the position of (u, v) = (0, 0) of the texture on the body (2,) [m]."""
     origin, field = np.array(body.offset, dtype=np.float64), body.texture
     if field is not None and field.border == "clamp":

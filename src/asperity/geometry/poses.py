@@ -6,11 +6,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
-Pose = NDArray[np.float64]
+Pose = Array
 NORM_TOLERANCE = 1e-6
 """Largest deviation of a quaternion's norm from 1; smaller ones are normalised."""
 
@@ -73,7 +74,7 @@ def interpolate_pose(first: Pose, last: Pose, s: float) -> Pose:
     return out
 
 
-def mean_twist(first: Pose, last: Pose, seconds: float) -> NDArray[np.float64]:
+def mean_twist(first: Pose, last: Pose, seconds: float) -> Array:
     """Return the constant velocity (6,) that moves a body from one pose to another in `seconds`.
 
     Linear velocity of the body's origin [m/s], then angular velocity [rad/s], world axes.
@@ -84,7 +85,7 @@ def mean_twist(first: Pose, last: Pose, seconds: float) -> NDArray[np.float64]:
     return out
 
 
-def rotation_between(first: Pose, last: Pose) -> NDArray[np.float64]:
+def rotation_between(first: Pose, last: Pose) -> Array:
     """Return the rotation vector (3,) [rad], world axes, from one orientation to another.
 
     Of the two rotations that lead there, the one by at most pi.
@@ -122,7 +123,7 @@ def rotated(pose: Pose, rotation: ArrayLike) -> Pose:
     return out
 
 
-def rotation_of(quaternion: ArrayLike) -> NDArray[np.float64]:
+def rotation_of(quaternion: ArrayLike) -> Array:
     """Return the rotation matrix (3, 3) of a unit quaternion wxyz; columns are the body's axes."""
     w, x, y, z = np.asarray(quaternion, dtype=np.float64).tolist()
     return np.array(

@@ -15,8 +15,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel, kernel
 
 
@@ -25,22 +25,22 @@ class RigidBody(NamedTuple):
 
     mass: float
     """[kg]"""
-    centre: NDArray[np.float64]
+    centre: Array
     """Centre of mass in the tool's frame [m], (3,)."""
-    moments: NDArray[np.float64]
+    moments: Array
     """Principal moments of inertia [kg m^2], (3,)."""
-    axes: NDArray[np.float64]
+    axes: Array
     """Principal axes in the tool's frame, as columns (3, 3)."""
 
 
-def centre_of_mass(pose: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def centre_of_mass(pose: Array, centre: Array) -> Array:
     """Return the world position (3,) [m] of the point `centre` (3,) of a body at a pose (7,)."""
     out = np.empty(3)
     _fill_centre(pose, centre, out)
     return out
 
 
-def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
+def cross(a: Array, b: Array) -> tuple[float, float, float]:
     """Return the cross product of the first three components; 20 times as fast as `np.cross`."""
     ax, ay, az = a[:3].tolist()
     bx, by, bz = b[:3].tolist()

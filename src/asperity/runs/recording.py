@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity.errors import AsperityError
-from asperity.simulation.simulation import FLAGS, Rollout
+from asperity.simulation.simulation import Rollout
+from asperity.simulation.tool_contact import FLAGS
 
 SCHEMA = 1
 FLUSH_SECONDS = 0.5

@@ -20,7 +20,8 @@ from asperity.runs.recording import RecordingWriter, variables_of
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
-from asperity.simulation.simulation import BUDGET_SPENT, SUB_POSES, TOO_FAST, Rollout, Simulation
+from asperity.simulation.simulation import Rollout, Simulation
+from asperity.simulation.tool_contact import BUDGET_SPENT, SUB_POSES, TOO_FAST
 
 _ROWS = 256
 """Ticks that go into the recording at once."""

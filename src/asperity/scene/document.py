@@ -6,16 +6,14 @@ may have are the parameters of the function that creates it.
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, did_you_mean, require_choice
 
 SCHEMA = 1
 SECTIONS = ("schema", "tool", "bodies", "force", "coupling", "trajectory")
@@ -72,8 +70,8 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
 def _require_body(name: Any, key: str, names: list[str]) -> None:
     if name not in names:
         raise AsperityError(
-            f"{key} names {name!r}, a body that scene.xml does not have{_hint(name, names)}; "
-            f"it has: {', '.join(names)}"
+            f"{key} names {name!r}, a body that scene.xml does not have"
+            f"{did_you_mean(name, names)}; it has: {', '.join(names)}"
         )
 
 
@@ -89,19 +87,8 @@ def require_keys(table: Table, where: str, valid: Iterable[str]) -> None:
     for key in table:
         if key not in known:
             dotted = f"{where}.{key}" if where else key
-            near = _nearest(key, known)
-            hint = f" (did you mean {f'{where}.{near}' if where else near}?)" if near else ""
+            hint = did_you_mean(key, known, f"{where}.{{}}" if where else "{}")
             raise AsperityError(f"unknown key {dotted}{hint}; valid: {', '.join(known)}")
-
-
-def _nearest(word: Any, known: list[str]) -> str | None:
-    near = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6)
-    return near[0] if near else None
-
-
-def _hint(word: Any, known: list[str]) -> str:
-    near = _nearest(word, known)
-    return f" (did you mean {near!r}?)" if near else ""
 
 
 def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dict[str, Any]:
@@ -115,22 +102,52 @@ def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dic
     makes : callable
         The function or dataclass that takes the arguments; its annotations define the valid types.
     """
-    valid = {
-        name: str(parameter.annotation)
+    parameters = {
+        name: parameter
         for name, parameter in inspect.signature(makes).parameters.items()
         if name not in ("cls", "self", "path")
     }
-    if isinstance(makes, type) and hasattr(makes, "__dataclass_fields__"):
-        valid = {f.name: str(f.type) for f in fields(makes) if f.init}
-    require_keys(table, where, valid)
-    missing = [
-        name
-        for name, parameter in inspect.signature(makes).parameters.items()
-        if name in valid and parameter.default is inspect.Parameter.empty and name not in table
-    ]
-    if missing:
-        raise AsperityError(f"{where}.{missing[0]} is missing")
-    return {key: _typed(value, f"{where}.{key}", valid[key]) for key, value in table.items()}
+    require_keys(table, where, parameters)
+    for name, parameter in parameters.items():
+        if parameter.default is inspect.Parameter.empty and name not in table:
+            raise AsperityError(f"{where}.{name} is missing")
+    return {
+        key: _typed(value, f"{where}.{key}", str(parameters[key].annotation))
+        for key, value in table.items()
+    }
+
+
+def options(
+    table: Table, key: str, makes: Callable[..., Any], source: str, placing: Iterable[str]
+) -> dict[str, Any]:
+    """Return the arguments of `makes` in a table; errors list all keys that it may have.
+
+    Those are also `source`, which chose what makes it, and the keys of `placing`.
+    """
+    names = [n for n in inspect.signature(makes).parameters if n != "path"]
+    require_keys(table, key, [source, *names, *placing])
+    return arguments({k: v for k, v in table.items() if k in names}, key, makes)
+
+
+def made(
+    what: str, makers: Mapping[str, Callable[..., Any]], table: Table, key: str,
+    placing: Iterable[str],
+) -> Any:  # fmt: skip
+    """Return what the maker named by a table's `kind` makes of its other keys."""
+    kind = table["kind"]
+    at(f"{key}.kind", lambda: require_choice(what, kind, makers))
+    given = options(table, key, makers[kind], "kind", placing)
+    return at(key, lambda: makers[kind](**given))
+
+
+def named_file(table: Table, key: str, folder: Path | None) -> Path:
+    """Return the path of a table's `file`, which has to exist; relative names lie in a folder."""
+    if not isinstance(table["file"], str):
+        raise AsperityError(f"{key}.file must be a text, got {table['file']!r}")
+    path = beside(folder, table["file"])
+    if not path.exists():
+        raise AsperityError(f"{key}.file: no such file: {path}")
+    return path
 
 
 def _typed(value: Any, key: str, annotation: str) -> Any:

@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
+from asperity._core.files import reading
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.document import require_table
 from asperity.scene.mesh import body_mesh, body_pieces, uv_size
-from asperity.scene.mjcf import compiled, mesh_assets, mesh_geoms
+from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
@@ -35,33 +36,18 @@ _LEAST = 4
 """Vertices that MuJoCo draws a mesh of."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
 
-Array = NDArray[np.float64]
 File = str | Path | Mapping[str, Any]
 
-_XML = """<mujoco model="{name}">
-  <!-- Metres and kilograms. Geoms in group 2 are the shapes, only seen; those in group 3 the
-       convex pieces that may touch. Textures, force and motion stand in scene.toml. -->
-  <!-- The least inertia is for tools of tenths of a millimetre, which MuJoCo would refuse. -->
-  <compiler angle="radian" boundmass="1e-12" boundinertia="2e-15"/>
-  <visual>
-    <map znear="0.001"/>
-  </visual>
-  <statistic extent="{extent:.6g}" center="{centre}"/>
-  <asset>
-{assets}
-  </asset>
-  <worldbody>
-    <light pos="{light}" dir="-0.2 0.4 -0.8"/>
-    <body name="target">
-{target_geoms}
+_NOTE = """Geoms in group 2 are the shapes, only seen; those in group 3 the
+       convex pieces that may touch. Textures, force and motion stand in scene.toml. The least
+       inertia is for tools of tenths of a millimetre, which MuJoCo would refuse."""
+_BODIES = """    <body name="target">
+{target}
     </body>
-    <body name="tool" pos="{tool_pos}">
+    <body name="tool" pos="{place}">
       <freejoint name="hand"/>
-{tool_geoms}
-    </body>
-  </worldbody>
-</mujoco>
-"""
+{tool}
+    </body>"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,32 +233,27 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
     def numbers(values: Any) -> str:
         return " ".join(f"{value:.9g}" for value in values)
 
-    return _XML.format(
+    geoms = {
+        key: mesh_geoms(
+            key, part.mesh, density=[DENSITY] * len(part.pieces),
+            rgba=[_COLOURS[key]] * len(part.pieces),
+        )
+        for key, part in parts.items()
+    }  # fmt: skip
+    return MODEL.format(
         name=name.replace("&", "and").replace('"', "").replace("<", ""),
+        note=_NOTE,
+        compiler=' boundmass="1e-12" boundinertia="2e-15"',
         extent=extent,
         centre=numbers(0.5 * (low + high)),
         light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
         assets="\n".join(mesh_assets(key, part.mesh, part.pieces) for key, part in parts.items()),
-        tool_pos=numbers(place),
-        **{
-            f"{key}_geoms": mesh_geoms(
-                key,
-                part.mesh,
-                density=[DENSITY] * len(part.pieces),
-                rgba=[_COLOURS[key]] * len(part.pieces),
-            )
-            for key, part in parts.items()
-        },
+        bodies=_BODIES.format(place=numbers(place), **geoms),
     )
 
 
 def _image_shape(path: Path) -> tuple[int, int]:
-    """Return rows and columns of an image, or say that it cannot be read."""
-    try:
+    """Return rows and columns of an image."""
+    with reading(path, "an image", IMAGE_SUFFIXES):
         rows, columns = read_pixels(path)[0].shape[:2]
-    except AsperityError:
-        raise
-    except Exception as error:  # every format's reader raises different errors
-        line = " ".join(str(error).split())[:200]
-        raise AsperityError(f"{path}: cannot be read: {line}") from None
     return int(rows), int(columns)

@@ -11,27 +11,32 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.errors import AsperityError, require_choice, require_finite
+from asperity._core.arrays import Array, Indices
+from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh.atlas import with_atlas
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.topology import crosses, gradients
 from asperity.geometry.poses import rotation_of
 from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.shape import Shape, cad_part, file_tool, hammer
-from asperity.scene.document import Table, arguments, at, beside, require_keys
-from asperity.scene.mjcf import model_mesh
+from asperity.scene.document import Table, arguments, at, made, named_file, options
+from asperity.scene.mjcf import mesh_assets, mesh_geoms, model_mesh
 
 MESHES: dict[str, Callable[..., Shape]] = {
     maker.__name__: maker for maker in (hammer, block, file_tool, cad_part)
 }
 """All makers of meshes by name, as scenes name them."""
+Material = tuple[float, str]
+"""Density [kg/m^3] and colour."""
+STEEL: Material = (7850.0, "0.42 0.55 0.72 1")
+HANDLE: Material = (700.0, "0.72 0.50 0.30 1")
+"""Of tools: their metal, and their handles of wood."""
 SMOOTH_UP_TO = 30.0
 """Edges of a plain MuJoCo mesh that bend more are hard [degrees]."""
 _ALIKE = 0.25
@@ -93,32 +98,26 @@ def body_mesh(table: Table, key: str, folder: Path | None) -> Mesh | None:
     elif "kind" in table:
         shape = _shape(table, key)
         arrays = (shape.vertices, shape.faces)
-        mesh = at(
-            key,
-            lambda: mesh_from_arrays(*arrays, normals=shape.normals, name=table["kind"]),
-        )
+        mesh = at(key, lambda: mesh_from_arrays(*arrays, normals=shape.normals, name=table["kind"]))
         # Its texture coordinates overlap and leave 0..1 as they were made to: no notes on that.
         mesh = replace(mesh, uv=shape.uv, notes=())
     else:
         raise AsperityError(f"{key} needs either kind (one of: {', '.join(MESHES)}) or file")
-    place = _place(table, key)
-    if place is None:
-        return mesh
-    turn, position = place
+    turn, position = _place(table, key)
     return replace(mesh, vertices=mesh.vertices @ turn.T + position, normals=mesh.normals @ turn.T)
 
 
-def body_pieces(table: Table, key: str, mesh: Mesh) -> tuple[NDArray[np.float64], ...]:
+def body_pieces(table: Table, key: str, mesh: Mesh) -> tuple[Array, ...]:
     """Return the vertices (n, 3) of the convex pieces of a mesh that `body_mesh` returned."""
     if "kind" not in table:
         from asperity.geometry.convex.pieces import convex_pieces  # slow to import
 
         return at(key, lambda: convex_pieces(mesh))
-    turn, position = _place(table, key) or (np.eye(3), np.zeros(3))
+    turn, position = _place(table, key)
     return tuple(np.asarray(piece) @ turn.T + position for piece in _shape(table, key).pieces)
 
 
-def mesh_and_pieces(table: Table, key: str) -> tuple[Mesh, tuple[NDArray[np.float64], ...]]:
+def mesh_and_pieces(table: Table, key: str) -> tuple[Mesh, tuple[Array, ...]]:
     """Return the mesh that a table describes, and the vertices of its convex pieces."""
     mesh = body_mesh(table, key, None)
     if mesh is None:
@@ -126,24 +125,38 @@ def mesh_and_pieces(table: Table, key: str) -> tuple[Mesh, tuple[NDArray[np.floa
     return mesh, body_pieces(table, key, mesh)
 
 
+def body_elements(
+    name: str, table: Table, material: Material | Callable[[Array], Material]
+) -> tuple[str, str]:
+    """Return the MJCF of a body's mesh: its assets and its geoms.
+
+    Parameters
+    ----------
+    name : str
+        Of the body.
+    table : mapping
+        What `[bodies.NAME.mesh]` holds.
+    material : (float, str) or callable
+        Density [kg/m^3] and colour; or a function that returns those of a convex piece, given its
+        vertices (n, 3) [m].
+    """
+    mesh, pieces = mesh_and_pieces(table, f"bodies.{name}.mesh")
+    of_pieces = [material(piece) if callable(material) else material for piece in pieces]
+    density, rgba = zip(*of_pieces, strict=True)
+    return mesh_assets(name, mesh, pieces), mesh_geoms(name, mesh, density=density, rgba=rgba)
+
+
 def _shape(table: Table, key: str) -> Shape:
     """Return what the maker named by `kind` makes."""
-    kind = table["kind"]
-    at(f"{key}.kind", lambda: require_choice("mesh", kind, MESHES))
-    options = _options(table, key, MESHES[kind], "kind")
-    return at(key, lambda: MESHES[kind](**options))
+    shape: Shape = made("mesh", MESHES, table, key, _PLACING)
+    return shape
 
 
 def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
-    name = table["file"]
-    if not isinstance(name, str):
-        raise AsperityError(f"{key}.file must be a text, got {name!r}")
-    options = _options(table, key, _file_keys, "file")
-    path = beside(folder, name)
-    if not path.exists():
-        raise AsperityError(f"{key}.file: no such file: {path}")
-    atlas = options.pop("atlas", False)
-    mesh = at(key, lambda: read_mesh(path, **options))
+    given = options(table, key, _file_keys, "file", _PLACING)
+    path = named_file(table, key, folder)
+    atlas = given.pop("atlas", False)
+    mesh = at(key, lambda: read_mesh(path, **given))
     return at(f"{key}.atlas", lambda: with_atlas(mesh)) if atlas else mesh
 
 
@@ -158,19 +171,12 @@ def _place_keys(
     """Say which keys place a mesh in its body's frame, and their types."""
 
 
-def _options(table: Table, key: str, makes: Callable[..., Any], source: str) -> dict[str, Any]:
-    """Return the arguments of `makes`; errors list all keys that the table may have."""
-    names, placing = (inspect.signature(f).parameters for f in (makes, _place_keys))
-    require_keys(table, key, [source, *names, *placing])
-    return arguments({k: v for k, v in table.items() if k in names}, key, makes)
+_PLACING = tuple(inspect.signature(_place_keys).parameters)
 
 
-def _place(table: Table, key: str) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _place(table: Table, key: str) -> tuple[Array, Array]:
     """Return how a mesh is turned (3, 3) and then moved (3,) into its body's frame."""
-    given = {k: v for k, v in table.items() if k in inspect.signature(_place_keys).parameters}
-    if not given:
-        return None
-    place = arguments(given, key, _place_keys)
+    place = arguments({k: v for k, v in table.items() if k in _PLACING}, key, _place_keys)
     quaternion = at(key, lambda: unit_quaternion(place.get("quaternion", (1.0, 0.0, 0.0, 0.0))))
     position = at(key, lambda: require_finite("position", place.get("position", (0, 0, 0)), 3))
     return rotation_of(quaternion), np.asarray(position)
@@ -187,8 +193,8 @@ def union_mesh(model: mujoco.MjModel, name: str, numbers: Sequence[int]) -> Mesh
     numbers : sequence of int
         Its geoms in the model.
     """
-    vertices: list[NDArray[np.float64]] = []
-    faces: list[NDArray[np.int64]] = []
+    vertices: list[Array] = []
+    faces: list[Indices] = []
     for i in numbers:
         points, triangles = model_mesh(model, int(model.geom_dataid[i]))
         turn = np.empty(9)
@@ -238,14 +244,9 @@ def check_pieces(mesh: Mesh, geoms: Sequence[Geom], key: str) -> None:
 def uv_size(mesh: Mesh) -> tuple[float, float]:
     """Return how far one unit of u and one of v reach on a mesh [m], averaged over its area."""
     assert mesh.uv is not None
-    points = mesh.vertices[mesh.faces]
-    p, q = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    normal = np.cross(p, q)
-    square = np.maximum(np.sum(normal**2, axis=1), 1e-300)[:, None]
-    dual = np.stack([np.cross(q, normal) / square, np.cross(normal, p) / square], axis=1)
-    steps = np.swapaxes(mesh.uv[:, 1:] - mesh.uv[:, :1], 1, 2)
-    per_metre = np.linalg.norm(steps @ dual, axis=2)  # of u and of v, on each triangle
-    mean = np.average(per_metre, axis=0, weights=np.sqrt(square[:, 0]))
+    triangles = mesh.vertices[mesh.faces]
+    per_metre = np.linalg.norm(gradients(triangles, mesh.uv), axis=2)  # of u and v, on each
+    mean = np.average(per_metre, axis=0, weights=np.linalg.norm(crosses(triangles), axis=1))
     if not (mean > 0.0).all():
         raise AsperityError(f"mesh {mesh.name!r} has texture coordinates that cover no area")
     return 1.0 / float(mean[0]), 1.0 / float(mean[1])

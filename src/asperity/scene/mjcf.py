@@ -19,25 +19,36 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
-from asperity.geometry.bodies import Geom
+from asperity.geometry.bodies import KINDS, Geom
 from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.topology import edges_of
 from asperity.geometry.poses import require_pose
 
-GEOMS = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
-    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
-    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
-    mujoco.mjtGeom.mjGEOM_BOX: "box",
-    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
-}
+GEOMS = {getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"): kind for kind in KINDS}
 MOST_SEEN = 50_000
 """A mesh of more triangles is not written into the XML to be seen."""
 _FILES = re.compile(r"<(include|mesh|texture)\b[^>]*\bfile\s*=")
 TRIPLES_A_LINE = 8
 """Triples of numbers in a line of the XML."""
+MODEL = """<mujoco model="{name}">
+  <!-- Metres and kilograms. {note} -->
+  <compiler angle="radian"{compiler}/>
+  <visual>
+    <map znear="0.001"/>
+  </visual>
+  <statistic extent="{extent:.6g}" center="{centre}"/>
+  <asset>
+{assets}
+  </asset>
+  <worldbody>
+    <light pos="{light}" dir="-0.2 0.5 -0.8"/>
+{bodies}
+  </worldbody>
+</mujoco>
+"""
+"""Template of a scene: `compiler` are more attributes, `assets` and `bodies` elements."""
 
 
 def compiled(xml: str) -> mujoco.MjModel:
@@ -103,7 +114,7 @@ def _line(error: Exception) -> str:
     return " ".join(str(error).split())[:300]
 
 
-def model_mesh(model: mujoco.MjModel, number: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def model_mesh(model: mujoco.MjModel, number: int) -> tuple[Array, Indices]:
     """Return vertices (n, 3) and faces (m, 3) of a mesh as MuJoCo has it: about its middle."""
     first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
     vertices = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
@@ -135,7 +146,7 @@ def touchable_geoms(model: mujoco.MjModel) -> dict[str, list[tuple[int, Geom]]]:
     return owned
 
 
-def tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
+def tool_start(model: mujoco.MjModel, tool: str) -> Array:
     """Return the tool's pose in the file; refuse a tool that is not free, or others that are."""
     for i in range(model.njnt):
         body = model.body(int(model.jnt_bodyid[i])).name
@@ -155,7 +166,7 @@ def tool_start(model: mujoco.MjModel, tool: str) -> NDArray[np.float64]:
     return require_pose(model.qpos0[:7], f"pose of {tool!r}")
 
 
-def mesh_assets(name: str, mesh: Mesh, pieces: Sequence[NDArray[np.float64]]) -> str:
+def mesh_assets(name: str, mesh: Mesh, pieces: Sequence[Array]) -> str:
     """Return the `<mesh>` elements of a body: its pieces, and the whole to be seen.
 
     Parameters
@@ -216,10 +227,10 @@ def is_closed(mesh: Mesh) -> bool:
     """Return whether each side of each triangle is that of one other, run the other way."""
     # Corners in one place are one, whether or not they are one vertex.
     _, place = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    faces = place.reshape(-1)[mesh.faces]
-    sides = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
-    ways, count = np.unique(sides, axis=0, return_counts=True)
-    return bool((count == 1).all()) and bool(np.array_equal(ways, np.unique(ways[:, ::-1], axis=0)))
+    at = place.reshape(-1)[mesh.faces]
+    edges, start = edges_of(at), at.ravel()
+    other_way = start[edges.pairs[:, 0]] != start[edges.pairs[:, 1]]
+    return bool((edges.size == 2).all() and other_way.all())
 
 
 def _numbers(rows: NDArray[Any], form: str) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array
+
 _PLAIN = 0.05
 """Fraction of a body's height, from above, that counts as its top."""
 _SHARE = 0.6

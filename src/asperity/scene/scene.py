@@ -38,9 +38,8 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.output import result_folder
 from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
@@ -53,6 +52,7 @@ from asperity.scene.document import (
     at,
     beside,
     check_document,
+    named_file,
     read_toml,
     require_keys,
     write_toml,
@@ -105,7 +105,7 @@ class Scene:
     model: mujoco.MjModel
     bodies: tuple[Body, ...]
     tool: str
-    start: NDArray[np.float64]
+    start: Array
     force: ForceSettings
     anti_alias: str
     coupling: CouplingSettings
@@ -162,8 +162,7 @@ def read_scene(path: str | Path) -> Scene:
     document = read_toml(folder / "scene.toml")
     xml, notes = read_mjcf(folder / "scene.xml")
     scene = at(
-        str(folder),
-        lambda: scene_of(xml, document, name=folder.resolve().name, folder=folder),
+        str(folder), lambda: scene_of(xml, document, name=folder.resolve().name, folder=folder)
     )
     return replace(scene, notes=(*notes, *scene.notes))
 
@@ -254,9 +253,8 @@ def _coupling(table: Table) -> CouplingSettings:
 def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
     if "file" in table:
         require_keys(table, "trajectory", ("file",))
-        if not isinstance(table["file"], str):
-            raise AsperityError(f"trajectory.file must be a string, got {table['file']!r}")
-        return at("trajectory.file", lambda: read_poses(beside(folder, table["file"])))
+        path = named_file(table, "trajectory", folder)
+        return at("trajectory.file", lambda: read_poses(path))
     if "kind" in table:
         at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
     options = arguments(table, "trajectory", ScriptedMotion)

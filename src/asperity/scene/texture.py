@@ -10,8 +10,8 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-from asperity.errors import AsperityError, require_choice
-from asperity.scene.document import PLACING, Table, arguments, at, beside, require_keys
+from asperity.errors import AsperityError
+from asperity.scene.document import PLACING, Table, arguments, at, made, named_file, options
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import PATTERNS
 
@@ -23,30 +23,13 @@ def body_texture(
     if not table:
         return None, {}
     placing = arguments({k: v for k, v in table.items() if k in PLACING}, key, _placing)
-    rest = {k: v for k, v in table.items() if k not in PLACING}
-    if "file" in rest:
-        name = rest.pop("file")
-        if not isinstance(name, str):
-            raise AsperityError(f"{key}.file must be a string, got {name!r}")
-        reader = HeightField.from_file
-        options = _with_placing(rest, key, reader, ("file",))
-        path = beside(folder, name)
-        if not path.exists():
-            raise AsperityError(f"{key}.file: no such file: {path}")
-        return at(key, lambda: reader(path, **options)), placing
-    if "kind" not in rest:
+    if "file" in table:
+        given = options(table, key, HeightField.from_file, "file", PLACING)
+        path = named_file(table, key, folder)
+        return at(key, lambda: HeightField.from_file(path, **given)), placing
+    if "kind" not in table:
         raise AsperityError(f"{key} needs either kind (one of: {', '.join(PATTERNS)}) or file")
-    kind = rest.pop("kind")
-    at(f"{key}.kind", lambda: require_choice("texture", kind, PATTERNS))
-    options = _with_placing(rest, key, PATTERNS[kind], ("kind",))
-    return at(key, lambda: PATTERNS[kind](**options)), placing
-
-
-def _with_placing(table: Table, key: str, makes: Any, more: tuple[str, ...]) -> dict[str, Any]:
-    """Return the arguments of `makes`; errors also list the keys common to all textures."""
-    names = [n for n in inspect.signature(makes).parameters if n != "path"]
-    require_keys(table, key, [*more, *names, *PLACING])
-    return arguments(table, key, makes)
+    return made("texture", PATTERNS, table, key, PLACING), placing
 
 
 def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.errors import (
     AsperityError,
     require_between,
@@ -20,7 +20,6 @@ from asperity.errors import (
 )
 from asperity.geometry.poses import interpolate_pose, require_pose, rotated
 
-Array = NDArray[np.floating[Any]]
 KINDS = ("slide", "circle", "press-and-slide", "rotate")
 MOST_TICKS = 10_000_000
 """Largest length of a trajectory: nearly three hours at 1 kHz."""
@@ -176,7 +175,7 @@ def scripted(
         raise AsperityError(
             f"{motion.seconds:g} s are {ticks} ticks of {dt:g} s; valid: 1 to {MOST_TICKS}"
         )
-    times = np.arange(ticks + 1) * dt
+    times = np.arange(ticks + 1, dtype=np.float64) * dt
     poses = np.repeat(start[None], ticks + 1, axis=0)
     if motion.kind == "rotate":
         angles = motion.turning * _smooth_start(times, motion.ramp)

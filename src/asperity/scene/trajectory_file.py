@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
+from asperity._core.files import reading
 from asperity.errors import AsperityError
 from asperity.scene.trajectory import Trajectory
 
@@ -36,19 +37,14 @@ def read_poses(path: str | Path) -> Trajectory:
     return Trajectory(table[:, 0], table[:, 1:], path.name, origins)
 
 
-def _read_arrays(path: Path) -> NDArray[np.float64]:
-    try:
-        with open(path, "rb") as stream:
-            loaded = np.load(stream, allow_pickle=False)
-            if path.suffix.lower() == ".npz":
-                times, poses = loaded["times"], loaded["poses"]
-                loaded = np.concatenate([np.reshape(times, (-1, 1)), poses], axis=1)
+def _read_arrays(path: Path) -> Array:
+    with reading(path, "poses", (".npy", ".npz")) as suffix, open(path, "rb") as stream:
+        loaded = np.load(stream, allow_pickle=False)
+        if suffix == ".npz":
+            if not {"times", "poses"} <= set(loaded):
+                raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)")
+            loaded = np.column_stack([loaded["times"], loaded["poses"]])
         table = np.asarray(loaded, dtype=np.float64)
-    except KeyError:
-        raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)") from None
-    except Exception as error:  # np.load raises many types of errors for invalid files
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise AsperityError(f"{path} cannot be read as poses: {reason}") from None
     if table.ndim != 2 or table.shape[1] != 8 or len(table) == 0:
         raise AsperityError(
             f"{path} has shape {table.shape}; valid: (n, 8), columns time, x, y, z, qw, qx, qy, qz"
@@ -56,7 +52,7 @@ def _read_arrays(path: Path) -> NDArray[np.float64]:
     return table
 
 
-def _read_csv(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _read_csv(path: Path) -> tuple[Array, tuple[str, ...]]:
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError:

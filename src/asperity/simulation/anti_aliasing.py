@@ -27,8 +27,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import inner_kernel, kernel
 
 SPAN = {"off": 0, "tick": 1, "band": 5}
@@ -51,21 +51,21 @@ _TAPS = 256
 class SubPoses(NamedTuple):
     """The wrench over one tick, `wrench` (m, 6) at times `s` (m,), 0 to 1; linear between them."""
 
-    s: NDArray[np.float64]
-    wrench: NDArray[np.float64]
+    s: Array
+    wrench: Array
     spent: bool
     """Whether the budget ran out."""
 
 
 def sub_poses(
-    evaluate: Callable[[float], NDArray[np.float64]],
-    first: NDArray[np.float64],
+    evaluate: Callable[[float], Array],
+    first: Array,
     count: int,
     *,
     lever: float,
     leap: float = LEAP["band"],
     halve: bool = True,
-    before: Sequence[NDArray[np.float64]] = (),
+    before: Sequence[Array] = (),
     in_time: Callable[[], bool] = lambda: True,
 ) -> SubPoses:
     """Evaluate the wrench at sub-poses of a tick.
@@ -104,14 +104,15 @@ def sub_poses(
     if not halve or start == BUDGET:
         return SubPoses(np.array(s), np.array(wrench), spent)
     if start == 1:
-        size, *leaps = _leap(wrench[1], first, before, lever)
+        one, two = (*before, first, first)[:2]
+        size, *leaps = _least_difference(wrench[1], first, one, two, len(before), lever)
     else:
         size = max(_size(w, lever) for w in wrench)
         leaps = [_size(g - f, lever) for f, g in itertools.pairwise(wrench)]
     left, tolerance = BUDGET - start, leap * size
-    heap: list[tuple[float, float, float, NDArray[np.float64], NDArray[np.float64]]] = []
+    heap: list[tuple[float, float, float, Array, Array]] = []
 
-    def push(a: float, b: float, f: NDArray[np.float64], g: NDArray[np.float64], e: float) -> None:
+    def push(a: float, b: float, f: Array, g: Array, e: float) -> None:
         error = (b - a) * e
         if error > tolerance:
             heapq.heappush(heap, (-error, a, b, f, g))
@@ -164,26 +165,14 @@ def moved_most(count, point, last, pose):
     return math.sqrt(away) + angle * math.sqrt(lever)
 
 
-def _leap(
-    last: NDArray[np.float64],
-    first: NDArray[np.float64],
-    before: Sequence[NDArray[np.float64]],
-    lever: float,
-) -> tuple[float, float]:
+@kernel
+def _least_difference(last, first, one, two, known, lever):
     """Return the larger magnitude of two wrenches, and an estimate of the jump between them [N].
 
     The estimate is the smallest of the differences of first to third order over the last ticks, as
-    far as wrenches `before` the `first` are known. A jump appears in each of them with at least its
-    size, while a smooth change is smaller in each higher order.
+    far as the wrenches `one` and `two` ticks before the `first` are `known`. A jump appears in each
+    of them with at least its size, while a smooth change is smaller in each higher order.
     """
-    one = before[0] if before else first
-    two = before[1] if len(before) > 1 else one
-    return _least_difference(last, first, one, two, len(before), lever)
-
-
-@kernel
-def _least_difference(last, first, one, two, known, lever):
-    """Return the larger magnitude of `last` and `first`, and the smallest of the differences."""
     size = once = twice = thrice = 0.0
     for i in range(6):
         part = 1.0 if i < 3 else 1.0 / lever
@@ -218,31 +207,10 @@ def _distance(one, p, f, q, g, lever):
     return size
 
 
-def _size(wrench: NDArray[np.float64], lever: float) -> float:
+def _size(wrench: Array, lever: float) -> float:
     """Return the largest component, torques over `lever`, as a force [N]."""
     fx, fy, fz, tx, ty, tz = map(abs, wrench.tolist())
     return float(max(fx, fy, fz, max(tx, ty, tz) / lever))
-
-
-def dolph_chebyshev(taps: int, attenuation_db: float) -> NDArray[np.float64]:
-    """Return the window (taps,) of sum 1 whose side lobes are all at -`attenuation_db`.
-
-    It is computed from its spectrum, the Chebyshev polynomial T_(taps-1) (Dolph 1946); `taps` is
-    even.
-    """
-    order = taps - 1
-    ripple = 10.0 ** (attenuation_db / 20.0)
-    edge = math.cosh(math.acosh(ripple) / order)
-    k = np.arange(taps)
-    x = edge * np.cos(np.pi * k / taps)
-    high = np.abs(x) > 1.0
-    polynomial = np.cos(order * np.arccos(np.clip(x, -1.0, 1.0)))
-    sign = np.where(x < 0.0, (-1.0) ** order, 1.0)
-    polynomial[high] = (sign * np.cosh(order * np.arccosh(np.maximum(np.abs(x), 1.0))))[high]
-    spectrum = polynomial * np.exp(1j * np.pi * k / taps)
-    half = np.real(np.fft.fft(spectrum))[1 : taps // 2 + 1]
-    window = np.concatenate([half[::-1], half])
-    return np.asarray(window / window.sum())
 
 
 class Window:
@@ -257,19 +225,24 @@ class Window:
         taps = self.span * _TAPS
         weights = np.full(taps, 1.0 / taps)
         if mode == "band":
-            weights = dolph_chebyshev(taps, ATTENUATION_DB)
+            from scipy.signal.windows import chebwin  # slow to import, and seldom needed
+
+            weights = chebwin(taps, ATTENUATION_DB)
+            weights /= weights.sum()
+        self.weights: Array = weights
+        """Weight of each tap, 256 to a tick; their sum is 1."""
         # Integrals of w and of t w up to each tap, t in ticks; w is constant over a tap.
         t = np.arange(taps + 1) / _TAPS
         self._weight = np.append(weights * _TAPS, 0.0)
         self._w = np.concatenate([[0.0], np.cumsum(weights)])
         self._tw = np.concatenate([[0.0], np.cumsum(weights * 0.5 * (t[1:] + t[:-1]))])
-        self._parts: NDArray[np.float64] | None = None
+        self._parts: Array | None = None
 
     def reset(self) -> None:
         """Discard the ticks so far."""
         self._parts = None
 
-    def weigh(self, nodes: SubPoses) -> NDArray[np.float64]:
+    def weigh(self, nodes: SubPoses) -> Array:
         """Add a tick; return the weighted wrench (6,)."""
         if self.span == 1:  # constant weight: trapezoidal rule
             if nodes.s.size == 2:
@@ -285,7 +258,7 @@ class Window:
         ages = np.arange(self.span)
         return np.asarray(self._parts[ages, ages].sum(axis=0))
 
-    def _part(self, nodes: SubPoses) -> NDArray[np.float64]:
+    def _part(self, nodes: SubPoses) -> Array:
         """Return the contribution of a tick to the mean at an age of 0, 1, ... ticks: (span, 6)."""
         # The newest tick is the last of the span.
         begin = self.span - 1.0 - np.arange(self.span)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
 _FIRST_STEP = 1e-4
@@ -15,7 +13,7 @@ _FARTHEST = 1.0
 """Distance above and below the start within which the surface is searched [m]."""
 
 
-def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64]:
+def touching_pose(engine: Any, start: Array) -> Array:
     """Return the pose `start` (7,) raised or lowered to where the tool just touches.
 
     Parameters
@@ -26,7 +24,7 @@ def touching_pose(engine: Any, start: NDArray[np.float64]) -> NDArray[np.float64
     return _level(engine, start, lambda wrench: engine.contacts.count[0] == 0, "meets nothing")
 
 
-def pressed_pose(engine: Any, touching: NDArray[np.float64], force: float) -> NDArray[np.float64]:
+def pressed_pose(engine: Any, touching: Array, force: float) -> Array:
     """Return the pose `touching` (7,) lowered to where the upward force is `force` [N]."""
     if force == 0.0:
         return touching.copy()
@@ -35,12 +33,7 @@ def pressed_pose(engine: Any, touching: NDArray[np.float64], force: float) -> ND
     )
 
 
-def _level(
-    engine: Any,
-    start: NDArray[np.float64],
-    is_above: Callable[[NDArray[np.float64]], bool],
-    failure: str,
-) -> NDArray[np.float64]:
+def _level(engine: Any, start: Array, is_above: Callable[[Array], bool], failure: str) -> Array:
     """Return `start` moved along z to the height below which `is_above` no longer holds."""
     pose = start.copy()
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array, Indices
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.passivity.controller import PassivityController
@@ -27,29 +28,7 @@ from asperity.geometry.poses import mean_twist, require_pose
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks, scripted
 from asperity.simulation.press import pressed_pose, touching_pose
-from asperity.simulation.tool_contact import (
-    BUDGET_SPENT,
-    FLAGS,
-    NOT_CERTIFIED,
-    OVERFLOW,
-    SUB_POSES,
-    TOO_FAST,
-    ToolContact,
-    announce_compiling,
-)
-
-__all__ = [
-    "BUDGET_SPENT",
-    "FLAGS",
-    "NOT_CERTIFIED",
-    "OVERFLOW",
-    "SUB_POSES",
-    "TOO_FAST",
-    "Rollout",
-    "Simulation",
-    "ToolState",
-    "announce_compiling",
-]
+from asperity.simulation.tool_contact import ToolContact
 
 
 class ToolState(NamedTuple):
@@ -57,9 +36,9 @@ class ToolState(NamedTuple):
 
     time: float
     """Time since the first step [s]."""
-    pose: NDArray[np.float64]
+    pose: Array
     """Pose of the tool's frame (7,)."""
-    twist: NDArray[np.float64]
+    twist: Array
     """Linear [m/s] and angular [rad/s] velocity over the last tick, world axes (6,)."""
 
 
@@ -75,16 +54,16 @@ class Rollout:
     None if it was not recorded.
     """
 
-    time: NDArray[np.float64]
-    handle_pose: NDArray[np.float64]
-    tool_pose: NDArray[np.float64]
-    contact_wrench: NDArray[np.float64]
-    device_wrench: NDArray[np.float64]
-    contact_count: NDArray[np.int64]
-    flags: NDArray[np.int64]
-    tick_seconds: NDArray[np.float64]
-    statuses: NDArray[np.int64]
-    penetration_depth: NDArray[np.float64] | None = None
+    time: Array
+    handle_pose: Array
+    tool_pose: Array
+    contact_wrench: Array
+    device_wrench: Array
+    contact_count: Indices
+    flags: Indices
+    tick_seconds: Array
+    statuses: Indices
+    penetration_depth: Array | None = None
 
 
 class Simulation:
@@ -121,7 +100,7 @@ class Simulation:
     def reset(self) -> None:
         """Discard the motion so far: contacts, friction, the anti-aliasing window, the time."""
         self.stage.reset()
-        self._last: NDArray[np.float64] | None = None
+        self._last: Array | None = None
         self._port = np.zeros(6)
         self._state = ToolState(-self.dt, self.scene.start.copy(), np.zeros(6))
         self.flags = 0
@@ -144,9 +123,7 @@ class Simulation:
         """Number of contacts at the last pose."""
         return self.stage.contact_count
 
-    def step(
-        self, handle_pose: ArrayLike, handle_twist: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
+    def step(self, handle_pose: ArrayLike, handle_twist: ArrayLike | None = None) -> Array:
         """Move the handle to a pose; return the wrench (6,) on the hand.
 
         Parameters
@@ -169,15 +146,13 @@ class Simulation:
         self._finish_tick(pose, contact)
         return wrench
 
-    def _handle_velocity(
-        self, pose: NDArray[np.float64], given: ArrayLike | None
-    ) -> NDArray[np.float64]:
+    def _handle_velocity(self, pose: Array, given: ArrayLike | None) -> Array:
         """Return the handle's velocity (6,): as given, or from its last pose."""
         if given is not None:
             return np.array(require_finite("handle twist", given, 6))
         return mean_twist(pose if self._last is None else self._last, pose, self.dt)
 
-    def _acting_contact(self, pose: NDArray[np.float64]) -> LinearContact:
+    def _acting_contact(self, pose: Array) -> LinearContact:
         """Return the contact that moves the tool in this tick.
 
         In the direct mode that at the handle's pose; otherwise that of the last tick.
@@ -189,7 +164,7 @@ class Simulation:
             return self.stage.evaluate(pose)
         return self._contact
 
-    def _finish_tick(self, pose: NDArray[np.float64], contact: LinearContact) -> None:
+    def _finish_tick(self, pose: Array, contact: LinearContact) -> None:
         """Evaluate the contact at the tool's new pose, and keep the results of the tick."""
         if not self.tool.is_direct:
             contact = self.stage.evaluate(self.tool.pose)
@@ -200,7 +175,7 @@ class Simulation:
         self._last = pose
 
     @property
-    def port_twist(self) -> NDArray[np.float64]:
+    def port_twist(self) -> Array:
         """Mean velocity (6,) of the handle over the last tick, at the tool's centre of mass.
 
         See `CoupledTool.port_twist`.
@@ -306,7 +281,7 @@ class Simulation:
         path = self.trajectory(motion)
         poses = np.asarray(at_ticks(path, self.dt), dtype=np.float64)
 
-        def target(seconds: float) -> NDArray[np.float64]:
+        def target(seconds: float) -> Array:
             return np.asarray(poses[min(round(seconds / self.dt), len(poses) - 1)])
 
         return SimulatedHand(

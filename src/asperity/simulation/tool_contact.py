@@ -15,8 +15,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import Repeated, is_compiled
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
@@ -110,9 +110,9 @@ class ToolContact:
         self.engine.reset()
         if self._window is not None:
             self._window.reset()
-        self._last: NDArray[np.float64] | None = None
+        self._last: Array | None = None
         self._last_wrench = np.zeros(6)
-        self._before: tuple[NDArray[np.float64], ...] = ()
+        self._before: tuple[Array, ...] = ()
         self._flags = 0
 
     @property
@@ -134,7 +134,7 @@ class ToolContact:
 
     def evaluate(
         self,
-        pose: NDArray[np.float64],
+        pose: Array,
         *,
         jumped: bool = False,
         seconds: float = math.inf,
@@ -174,7 +174,7 @@ class ToolContact:
         self.engine.change(force)
         self._halve = force.friction == 0.0
 
-    def _wrench_at_jump(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _wrench_at_jump(self, pose: Array) -> Array:
         """Return the wrench at a pose, and restart the anti-aliasing window there."""
         if self._window is not None:
             self._window.reset()
@@ -182,7 +182,7 @@ class ToolContact:
         self._before = ()
         return self._last_wrench.copy()
 
-    def _query(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+    def _query(self, pose: Array, piece: float) -> Array:
         """Return the wrench at a pose; flag the tick if a search reached its time limit."""
         left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
@@ -190,7 +190,7 @@ class ToolContact:
             self._flags |= CUT_SHORT
         return wrench
 
-    def _timed_query(self, pose: NDArray[np.float64], piece: float) -> NDArray[np.float64]:
+    def _timed_query(self, pose: Array, piece: float) -> Array:
         """Return the wrench at a pose, and update the estimated time of a query."""
         begun = self._now()
         wrench = self._query(pose, piece)
@@ -199,9 +199,7 @@ class ToolContact:
         self._cost += (0.5 if took > self._cost else 0.02) * (took - self._cost)
         return wrench
 
-    def _wrench(
-        self, last: NDArray[np.float64], pose: NDArray[np.float64], until: float
-    ) -> NDArray[np.float64]:
+    def _wrench(self, last: Array, pose: Array, until: float) -> Array:
         """Return the wrench of this tick: at its pose, or averaged over the tick."""
         waves = self._waves(last, pose)
         if self._window is None:
@@ -215,7 +213,7 @@ class ToolContact:
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
 
-        def evaluate(s: float) -> NDArray[np.float64]:
+        def evaluate(s: float) -> Array:
             return self._timed_query(pose if s == 1.0 else interpolate_pose(last, pose, s), piece)
 
         def in_time() -> bool:
@@ -243,7 +241,7 @@ class ToolContact:
         self._last_wrench = nodes.wrench[-1]
         return self._window.weigh(nodes)
 
-    def _waves(self, last: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+    def _waves(self, last: Array, pose: Array) -> float:
         """Return an upper bound on how many of the shortest waves pass the tool in this tick."""
         if self._last is None or math.isinf(self._wavelength):
             return 0.0
@@ -258,7 +256,7 @@ class ToolContact:
         if left_out:
             self._flags |= OVERFLOW
 
-    def count_statuses(self, statuses: NDArray[np.int64]) -> None:
+    def count_statuses(self, statuses: Indices) -> None:
         """Add the number of contacts by status to `statuses` (3,).
 
         In order: certified, budget spent, overflow. A full contact list without any contact

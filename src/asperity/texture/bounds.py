@@ -11,25 +11,26 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from asperity._core.arrays import Array, Indices
 
 
 class Pyramid(NamedTuple):
     """Bounds over blocks of `2**level` cells a side, all levels in flat arrays."""
 
-    heights: NDArray[np.float64]
+    heights: Array
     """Upper bound of the surface; level after level, each row-major."""
-    curvatures: NDArray[np.float64]
+    curvatures: Array
     """Upper bound of the second derivative in any direction [per sample squared]."""
-    changes: NDArray[np.float64]
+    changes: Array
     """Upper bound of the absolute third derivative [per sample cubed]."""
-    offsets: NDArray[np.int64]
+    offsets: Indices
     """Index of the first entry of each level, (levels,)."""
-    shapes: NDArray[np.int64]
+    shapes: Indices
     """Rows and columns of each level, (levels, 2); a 1-D spline has one row."""
 
 
-def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
+def pyramid_of(coefficients: Array) -> Pyramid:
     """Return the bounds of the cells of padded spline `coefficients`, and of blocks of them.
 
     Parameters
@@ -61,9 +62,7 @@ def pyramid_of(coefficients: NDArray[np.float64]) -> Pyramid:
     return Pyramid(heights, curvatures, changes, offsets, shapes)
 
 
-def _derivative(
-    c: NDArray[np.float64], order_u: int, order_v: int, size: bool = False
-) -> NDArray[np.float64]:
+def _derivative(c: Array, order_u: int, order_v: int, size: bool = False) -> Array:
     """Return the largest (or largest absolute) coefficient of a partial derivative for every cell.
 
     The derivative of order m of a cubic B-spline is a B-spline of the m-th differences, of which a
@@ -74,13 +73,13 @@ def _derivative(
     return _running(_running(values, 4 - order_v, 0), 4 - order_u, 1)
 
 
-def _running(values: NDArray[np.float64], width: int, axis: int) -> NDArray[np.float64]:
+def _running(values: Array, width: int, axis: int) -> Array:
     """Return the running maximum of `width` neighbours along `axis`."""
     count = values.shape[axis] - width + 1
     return np.maximum.reduce([values.take(range(a, a + count), axis) for a in range(width)])
 
 
-def _halve(level: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _halve(level: Array, axis: int) -> Array:
     """Return the maxima of neighbouring pairs along `axis`; an odd last entry is kept."""
     if level.shape[axis] == 1:
         return level

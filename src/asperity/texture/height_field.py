@@ -17,8 +17,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError, require_choice, require_finite, require_positive
 from asperity.texture.files.checks import (
@@ -27,7 +28,7 @@ from asperity.texture.files.checks import (
     checked_places,
     checked_samples,
 )
-from asperity.texture.files.reading import Heights, read_heights
+from asperity.texture.files.reading import read_heights
 from asperity.texture.spectrum import Spectrum
 from asperity.texture.spline import evaluate_2d, spline_coefficients
 
@@ -40,12 +41,12 @@ _SEAM = 3.0
 class Derivatives(NamedTuple):
     """A surface and its derivatives: `h` [m], slopes [1], second derivatives [1/m]."""
 
-    h: NDArray[np.float64]
-    h_u: NDArray[np.float64]
-    h_v: NDArray[np.float64]
-    h_uu: NDArray[np.float64]
-    h_uv: NDArray[np.float64]
-    h_vv: NDArray[np.float64]
+    h: Array
+    h_u: Array
+    h_v: Array
+    h_uu: Array
+    h_uv: Array
+    h_vv: Array
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -71,7 +72,7 @@ class HeightField:
         Invalid samples, pixel size or border; one line.
     """
 
-    samples: NDArray[np.float64] = field(repr=False)
+    samples: Array = field(repr=False)
     pixel_size: tuple[float, float]
     border: str
     notes: tuple[str, ...]
@@ -148,15 +149,19 @@ class HeightField:
         scale: dict[str, Any] = {"pixel_size": pixel_size, "height_range": height_range}
         scale["invert"] = invert
         if kind == "height":
-            more: dict[str, Any] = {
-                "missing": missing,
-                "array": array,
-                "quantised": quantised,
-                "unit": unit,
-            }
-            found = read_heights(path, **scale, **more)
+            found = read_heights(
+                path, **scale, missing=missing, array=array, quantised=quantised, unit=unit
+            )
+        elif (missing, array, quantised, unit) != ("refuse", None, "smooth", None):
+            raise SurfaceError(
+                f"{path}: missing=, array=, quantised= and unit= are for maps of heights; leave "
+                f"them out with kind={kind!r}"
+            )
         else:
-            found = _from_normals(path, kind, border, (missing, array, quantised, unit), scale)
+            from asperity.texture.files.normal_maps import read_normal_map
+
+            convention = kind.removeprefix("normal-")
+            found = read_normal_map(path, convention=convention, border=border, **scale)
         samples, notes = _as_map(found.samples, found.notes)
         if border == "wrap":
             notes = (*notes, *_seam_notes(samples))
@@ -196,7 +201,7 @@ class HeightField:
         return 0.0 if self.relief == 0.0 else float(self.samples.std())
 
     @cached_property
-    def coefficients(self) -> NDArray[np.float64]:
+    def coefficients(self) -> Array:
         """B-spline coefficients [m], (nv + 4, nu + 4): see `spline_coefficients`."""
         if self.relief == 0.0:  # exactly constant, whatever the filter's rounding
             return np.full([n + 4 for n in self.samples.shape], self.lowest)
@@ -220,7 +225,7 @@ class HeightField:
         """Whether the relief exceeds the rounding of the heights."""
         return self.relief > max(1e-30, 1e-13 * max(abs(self.lowest), abs(self.highest)))
 
-    def heights(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Return the heights [m] at positions `u`, `v` [m], which are broadcast."""
         return self.derivatives(u, v).h
 
@@ -280,13 +285,7 @@ class HeightField:
 
 @kernel
 def _evaluate(
-    coefficients: NDArray[np.float64],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-    pu: float,
-    pv: float,
-    wraps: bool,
-    out: NDArray[np.float64],
+    coefficients: Array, u: Array, v: Array, pu: float, pv: float, wraps: bool, out: Array
 ) -> None:
     """Fill `out`, (6, n), with the surface and its derivatives at `u`, `v` [m]."""
     rows, columns = coefficients.shape[0] - 4, coefficients.shape[1] - 4
@@ -312,27 +311,7 @@ def _evaluate(
             out[4, i] = h_uv / (pu * pv)
 
 
-def _from_normals(
-    path: str | os.PathLike[str],
-    kind: str,
-    border: str,
-    unused: tuple[str, str | None, str, str | None],
-    scale: dict[str, Any],
-) -> Heights:
-    """Return the heights of a normal map; options for height maps must have their defaults."""
-    from asperity.texture.files.normal_maps import read_normal_map
-
-    if unused != ("refuse", None, "smooth", None):
-        raise SurfaceError(
-            f"{path}: missing=, array=, quantised= and unit= are for maps of heights; leave them "
-            f"out with kind={kind!r}"
-        )
-    return read_normal_map(path, convention=kind.removeprefix("normal-"), border=border, **scale)
-
-
-def _as_map(
-    samples: NDArray[np.float64], notes: tuple[str, ...]
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def _as_map(samples: Array, notes: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
     """Return a line of heights as a map that is constant along v."""
     if samples.ndim == 2 and min(samples.shape) > 1:
         return samples, notes
@@ -340,7 +319,7 @@ def _as_map(
     return np.tile(samples.ravel(), (4, 1)), (*notes, note)
 
 
-def _seam_notes(samples: NDArray[np.float64]) -> list[str]:
+def _seam_notes(samples: Array) -> list[str]:
     """Return a note for each axis along which the map does not tile."""
     notes = []
     for axis, name in enumerate("vu"):

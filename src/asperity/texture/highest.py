@@ -101,14 +101,18 @@ def _shifted(values: NDArray[np.float32], by: int, axis: int, wraps: bool) -> ND
 
 
 @small_kernel
-def cells_between(low, high, cells, wraps):
-    """Return the first cell and the number of cells of [low, high] (in cells), within the map."""
+def cells_between(low, high, cells, half, wraps):
+    """Return the first cell and the number of cells of [low, high] (in cells), within the map.
+
+    Beyond a clamped border, from `half` to `cells - half`, the surface is as high as at the border.
+    """
     if wraps == 1:
         first = math.floor(low + _EDGE)
         count = max(math.ceil(high - _EDGE) - first, 1.0)
         if first < 0.0 or first >= cells:
             first -= cells * math.floor(first / cells)
         return int(first), int(min(count, cells))
+    low, high = min(max(low, half), cells - half), min(max(high, half), cells - half)
     first = math.floor(min(max(low + _EDGE, 0.0), cells - 1.0))
     last = math.ceil(min(max(high - _EDGE, 1.0), cells)) - 1.0
     return int(first), int(max(last - first, 0.0)) + 1
@@ -236,13 +240,8 @@ def texture_top(textures, k, u0, u1, v0, v1):
     if not (x1 - x0 < columns and y1 - y0 < rows and abs(x0) < 1e9 and abs(y0) < 1e9):
         # This includes NaN.
         return texture.highest
-    if wraps == 0:
-        # Beyond a clamped border the surface is as high as at the border.
-        last_x, last_y = columns - half, rows - half
-        x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
-        y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
-    column, wide = cells_between(x0, x1, float(columns), wraps)
-    row, tall = cells_between(y0, y1, float(rows), wraps)
+    column, wide = cells_between(x0, x1, float(columns), half, wraps)
+    row, tall = cells_between(y0, y1, float(rows), half, wraps)
     less, more = (wide, tall) if wide < tall else (tall, wide)
     level, side = texture.first_window_level, 1
     while 2 * side <= less or 4 * side <= more:

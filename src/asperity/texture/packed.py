@@ -23,19 +23,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import small_kernel
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
+from asperity.texture.spline import curvature_weights, slope_weights, weights
 
 _MOST_BLOCKS = 512**2
 """Largest number of blocks into which the cells of a coarse texture are subdivided."""
-_SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
 _EDGE = 1e-6
 """A rectangle larger than a block by less than this counts as its size [cells]."""
 
 TEXTURE_MAP = np.dtype([
     ("first_coefficient", np.int64),
-    ("coefficient_rows", np.int64),
     ("coefficient_columns", np.int64),
     ("rows", np.int64),
     ("columns", np.int64),
@@ -55,7 +55,7 @@ TEXTURE_MAP = np.dtype([
 ])  # fmt: skip
 """One texture of a scene.
 
-`rows` and `columns` count cells, the `coefficient_` ones spline coefficients. `wraps` is 1 or 0.
+`rows` and `columns` count cells, `coefficient_columns` spline coefficients. `wraps` is 1 or 0.
 Each side of a cell is cut into `parts` with bounds of their own. `cells_per_metre` is along u and
 v. `max_abs_height` and `max_curvature` (over all directions) bound the spline's coefficients, and
 so the surface [m, 1/m]; `max_third_derivative` likewise [1/m^2]; `max_slope` [-]. `rms` and
@@ -70,7 +70,7 @@ BLOCK_BOUNDS = np.dtype([("slope", np.float32), ("curvature", np.float32)])
 class PackedTextures(NamedTuple):
     """The height fields of a scene, flattened; all lengths in metres."""
 
-    coefficients: NDArray[np.float64]
+    coefficients: Array
     """Spline coefficients of all textures, each row-major."""
     bounds: NDArray[np.void]
     """`BLOCK_BOUNDS` of every block of every level."""
@@ -91,7 +91,10 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
     coefficients = [np.zeros(0)]
     bounds, tops = [np.zeros(0, BLOCK_BOUNDS)], [np.zeros(0, np.float32)]
     window_levels = [np.zeros(0, WINDOW_LEVEL)]
-    first_coefficient = first_block = first_level = first_top = first_window_level = 0
+
+    def count(parts: list[NDArray]) -> int:
+        return sum(map(len, parts))
+
     for i, field in enumerate(fields):
         c = np.ascontiguousarray(field.coefficients)
         wraps = field.border == "wrap"
@@ -99,27 +102,23 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
         parts = _parts(rows * columns)
         # The last cell of a wrapped texture repeats its first.
         cells = c[:-1, :-1] if wraps else c
-        pyramid = _pyramid(cells, field.pixel_size, levels, first_block, parts)
+        first_level = len(levels)
+        pyramid = _pyramid(cells, field.pixel_size, levels, count(bounds), parts)
         highest, sizes = windows(_rounded_up(_most(cells, 0, 0, parts=parts)), wraps)
         pu, pv = field.pixel_size
         curvature = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
         maps[i] = (
-            first_coefficient, *c.shape, rows, columns, wraps, parts,
-            first_level, len(levels) - first_level, first_window_level,
+            count(coefficients), c.shape[1], rows, columns, wraps, parts,
+            first_level, len(levels) - first_level, count(window_levels),
             (1.0 / pu, 1.0 / pv), np.max(np.abs(c)), pyramid["slope"][-1],
             curvature + _largest(c, 1, 1) / (pu * pv), _third(c, pu, pv),
             field.rms, field.lowest, highest.max(),
         )  # fmt: skip
-        sizes["first"] += first_top
+        sizes["first"] += count(tops)
         coefficients.append(c.ravel())
         bounds.append(pyramid)
         tops.append(highest)
         window_levels.append(sizes)
-        first_coefficient += c.size
-        first_block += len(pyramid)
-        first_level = len(levels)
-        first_top += len(highest)
-        first_window_level += len(sizes)
     return PackedTextures(
         np.concatenate(coefficients),
         np.concatenate(bounds),
@@ -139,7 +138,7 @@ def _parts(cells: int) -> int:
 
 
 def _pyramid(
-    c: NDArray[np.float64],
+    c: Array,
     pixel_size: tuple[float, float],
     levels: list[tuple[int, int, int]],
     first: int,
@@ -167,16 +166,14 @@ def _pyramid(
                 level = np.maximum.reduceat(level, starts, axis=axis)
 
 
-def _most(
-    c: NDArray[np.float64], along_u: int, along_v: int, size: bool = False, parts: int = 1
-) -> NDArray:
+def _most(c: Array, along_u: int, along_v: int, size: bool = False, parts: int = 1) -> NDArray:
     """Return for every cell an upper bound of a partial derivative, or of its absolute value.
 
     Within a cell the derivative is a polynomial and lies in the convex hull of its Bezier points.
     These belong to the cell alone, so they bound more sharply than the spline's coefficients, which
     also shape its neighbours.
     """
-    spline: NDArray[np.float64] = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
+    spline: Array = np.diff(np.diff(c, along_u, axis=1), along_v, axis=0)
     points = (
         across
         for along in _bezier_points(spline, 3 - along_v, parts)
@@ -185,7 +182,7 @@ def _most(
     return functools.reduce(np.maximum, (np.abs(p) if size else p for p in points)).T
 
 
-def _bezier_points(c: NDArray[np.float64], degree: int, parts: int) -> list[NDArray[np.float64]]:
+def _bezier_points(c: Array, degree: int, parts: int) -> list[Array]:
     """Return the Bezier points of the pieces of uniform B-splines along the first axis.
 
     Each piece is cut into `parts`, a power of two.
@@ -212,19 +209,19 @@ def _bezier_points(c: NDArray[np.float64], degree: int, parts: int) -> list[NDAr
     return k
 
 
-def _largest(c: NDArray[np.float64], along_u: int, along_v: int) -> float:
+def _largest(c: Array, along_u: int, along_v: int) -> float:
     """Return the largest absolute coefficient of a partial derivative."""
     return float(np.max(np.abs(np.diff(np.diff(c, along_u, axis=1), along_v, axis=0))))
 
 
-def _third(c: NDArray[np.float64], pu: float, pv: float) -> float:
+def _third(c: Array, pu: float, pv: float) -> float:
     """Return an upper bound of the absolute third derivative in any direction [1/m^2]."""
     parts = [_largest(c, 3 - k, k) / (pu ** (3 - k) * pv**k) for k in range(4)]
     # For a unit vector (a, b), (|a| + |b|)^3 is at most 2^1.5.
     return 2.0**1.5 * max(parts)
 
 
-def _rounded_up(values: NDArray[np.float64]) -> NDArray[np.float32]:
+def _rounded_up(values: Array) -> NDArray[np.float32]:
     rounded = values.astype(np.float32)
     return np.where(rounded < values, np.nextafter(rounded, np.float32(np.inf)), rounded)
 
@@ -267,34 +264,15 @@ def _cell_at(textures, k, u, v):
 
 
 @small_kernel
-def _blend(t):
-    """Return the cubic B-spline weights of four coefficients at t, 0 to 1, in a cell."""
-    r = 1.0 - t
-    t2, r2 = t * t, r * r
-    return (
-        r2 * r * _SIXTH, _TWO_THIRDS - t2 + 0.5 * t2 * t, _TWO_THIRDS - r2 + 0.5 * r2 * r,
-        t2 * t * _SIXTH,
-    )  # fmt: skip
-
-
-@small_kernel
-def _blend_slope(t):
-    """Return the derivatives of `_blend` with respect to t."""
-    r = 1.0 - t
-    return -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
-
-
-@small_kernel
 def texture_at(textures, k, u, v):
     """Return h, h_u, h_v, h_uu, h_uv, h_vv of texture `k` at (u, v) [m]."""
     place, t, q, slope_u, slope_v = _cell_at(textures, k, u, v)
     if place < 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    a0, a1, a2, a3 = _blend(t)
-    b0, b1, b2, b3 = _blend_slope(t)
-    c0, c1, c2, c3 = 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
-    w, dw = _blend(q), _blend_slope(q)
-    ddw = (1.0 - q, 3.0 * q - 2.0, 1.0 - 3.0 * q, q)
+    a0, a1, a2, a3 = weights(t)
+    b0, b1, b2, b3 = slope_weights(t)
+    c0, c1, c2, c3 = curvature_weights(t)
+    w, dw, ddw = weights(q), slope_weights(q), curvature_weights(q)
     h = h_u = h_v = h_uu = h_uv = h_vv = 0.0
     c, width = textures.coefficients, textures.maps[k].coefficient_columns
     for i in range(4):
@@ -316,23 +294,8 @@ def texture_at(textures, k, u, v):
 @small_kernel
 def texture_slope(textures, k, u, v):
     """Return h, h_u, h_v of texture `k` at (u, v) [m]."""
-    place, t, q, slope_u, slope_v = _cell_at(textures, k, u, v)
-    if place < 0:
-        return 0.0, 0.0, 0.0
-    a0, a1, a2, a3 = _blend(t)
-    b0, b1, b2, b3 = _blend_slope(t)
-    w, dw = _blend(q), _blend_slope(q)
-    h = h_u = h_v = 0.0
-    c, width = textures.coefficients, textures.maps[k].coefficient_columns
-    for i in range(4):
-        k0, k1, k2, k3 = c[place], c[place + 1], c[place + 2], c[place + 3]
-        value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
-        h += w[i] * value
-        h_v += dw[i] * value
-        h_u += w[i] * (b0 * k0 + b1 * k1 + b2 * k2 + b3 * k3)
-        place += width
-    scale = textures.maps[k].cells_per_metre
-    return h, h_u * scale[0] * slope_u, h_v * scale[1] * slope_v
+    h, h_u, h_v, _, _, _ = texture_at(textures, k, u, v)
+    return h, h_u, h_v
 
 
 @small_kernel
@@ -356,15 +319,10 @@ def slope_bounds(textures, k, u0, u1, v0, v1):
         # The whole texture; this includes NaN.
         block = textures.levels[first + top].first
         return float(bounds[block].slope), max(float(bounds[block].curvature), 0.0)
-    outside = False
-    if wraps == 0:
-        # Beyond a clamped border the surface is as high as at the border.
-        last_x, last_y = columns - half, rows - half
-        outside = x0 < half or y0 < half or x1 > last_x or y1 > last_y
-        x0, x1 = min(max(x0, half), last_x), min(max(x1, half), last_x)
-        y0, y1 = min(max(y0, half), last_y), min(max(y1, half), last_y)
-    column, wide = cells_between(x0, x1, float(columns), wraps)
-    row, tall = cells_between(y0, y1, float(rows), wraps)
+    last_x, last_y = columns - half, rows - half
+    outside = wraps == 0 and (x0 < half or y0 < half or x1 > last_x or y1 > last_y)
+    column, wide = cells_between(x0, x1, float(columns), half, wraps)
+    row, tall = cells_between(y0, y1, float(rows), half, wraps)
     start, width = textures.levels[first + level].first, textures.levels[first + level].columns
     slope, curvature = 0.0, -np.inf
     while tall > 0:

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
+
 UNSEEN = 1e-3
 """Share of the slope's variance in waves shorter than `Spectrum.shortest`, at most."""
 
@@ -15,15 +17,13 @@ class Spectrum(NamedTuple):
     """Waves of a map, including its mean; each counts `weights` times."""
 
     waves: NDArray[Any]
-    wavenumbers: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    wavenumbers: Array
+    weights: Array
     shape: tuple[int, ...]
     wraps: bool
 
     @classmethod
-    def of(
-        cls, samples: NDArray[np.float64], pixel_size: tuple[float, float], *, wraps: bool
-    ) -> Spectrum:
+    def of(cls, samples: Array, pixel_size: tuple[float, float], *, wraps: bool) -> Spectrum:
         """Return the waves of `samples` [m], repeated (`wraps`) or mirrored at the borders."""
         from scipy import fft  # slow to import
 
@@ -46,11 +46,11 @@ class Spectrum(NamedTuple):
         return cls(waves, wavenumbers, weights, samples.shape, wraps)
 
     @property
-    def slope_power(self) -> NDArray[np.float64]:
+    def slope_power(self) -> Array:
         """Contribution of each wave to the variance of the slope, up to a factor."""
         return np.abs(self.waves) ** 2 * self.wavenumbers**2 * self.weights
 
-    def heights(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
+    def heights(self, factors: Array) -> Array:
         """Return the map with its waves multiplied by `factors`."""
         from scipy import fft
 

@@ -20,23 +20,22 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity._core.kernels import kernel
+from asperity._core.arrays import Array
+from asperity._core.kernels import kernel, small_kernel
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 BORDERS = ("wrap", "mirror")
+_SIXTH, _TWO_THIRDS = 1.0 / 6.0, 2.0 / 3.0
 _POLE = math.sqrt(3.0) - 2.0
 _REACH = 40
 """Reach of a height's influence on the coefficients [samples]: `_POLE`**40 is 1e-23."""
 _PAD = {"wrap": "wrap", "mirror": "symmetric"}
 
 
-def spline_coefficients(
-    heights: NDArray[np.float64], border: str, margin: int = 0
-) -> NDArray[np.float64]:
+def spline_coefficients(heights: Array, border: str, margin: int = 0) -> Array:
     """Return the B-spline coefficients of `heights`, padded on every side.
 
     Parameters
@@ -63,14 +62,14 @@ def spline_coefficients(
     return np.pad(values[inside], margin + 2, mode=_PAD[border])  # type: ignore[call-overload]
 
 
-def spline_along(coefficients: NDArray[np.float64]) -> BSpline:
+def spline_along(coefficients: Array) -> BSpline:
     """Return the spline of coefficients without margin along their first axis [samples, 0 to n]."""
     from scipy.interpolate import BSpline  # slow to import
 
     return BSpline(np.arange(len(coefficients) + 4.0) - 3.5, coefficients, 3)
 
 
-def _filter(values: NDArray[np.float64]) -> None:
+def _filter(values: Array) -> None:
     """Convert heights to coefficients along the first axis, in place, except `_REACH` at its ends.
 
     The filter of Unser, Aldroubi & Eden (1993), forwards and backwards, row by row.
@@ -83,25 +82,40 @@ def _filter(values: NDArray[np.float64]) -> None:
         values[i] = _POLE * (values[i + 1] - values[i])
 
 
+@small_kernel
+def weights(t):
+    """Return the cubic B-spline weights of four coefficients at t, 0 to 1, in a cell."""
+    r = 1.0 - t
+    t2, r2 = t * t, r * r
+    return (
+        r2 * r * _SIXTH, _TWO_THIRDS - t2 + 0.5 * t2 * t, _TWO_THIRDS - r2 + 0.5 * r2 * r,
+        t2 * t * _SIXTH,
+    )  # fmt: skip
+
+
+@small_kernel
+def slope_weights(t):
+    """Return the derivatives of `weights` with respect to t."""
+    r = 1.0 - t
+    return -0.5 * r * r, 1.5 * t * t - 2.0 * t, 2.0 * r - 1.5 * r * r, 0.5 * t * t
+
+
+@small_kernel
+def curvature_weights(t):
+    """Return the second derivatives of `weights` with respect to t."""
+    return 1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t
+
+
 @kernel
 def evaluate_1d(coefficients, cell, t):
     """Return value, slope and curvature of the spline at `t` in `cell`, per sample."""
-    s = 1.0 - t
-    c0, c1 = coefficients[cell], coefficients[cell + 1]
-    c2, c3 = coefficients[cell + 2], coefficients[cell + 3]
-    value = (
-        s * s * s * c0
-        + (4.0 - 6.0 * t * t + 3.0 * t * t * t) * c1
-        + (4.0 - 6.0 * s * s + 3.0 * s * s * s) * c2
-        + t * t * t * c3
-    ) / 6.0
-    slope = (
-        -0.5 * s * s * c0
-        + (1.5 * t * t - 2.0 * t) * c1
-        + (2.0 * s - 1.5 * s * s) * c2
-        + 0.5 * t * t * c3
-    )
-    curvature = s * c0 + (3.0 * t - 2.0) * c1 + (3.0 * s - 2.0) * c2 + t * c3
+    w, dw, ddw = weights(t), slope_weights(t), curvature_weights(t)
+    value = slope = curvature = 0.0
+    for i in range(4):
+        c = coefficients[cell + i]
+        value += w[i] * c
+        slope += dw[i] * c
+        curvature += ddw[i] * c
     return value, slope, curvature
 
 
@@ -114,32 +128,21 @@ def evaluate_2d(coefficients, row, column, tv, tu):
     tuple of 6 floats
         `s, s_u, s_v, s_uu, s_uv, s_vv` at `(tv, tu)` in cell `(row, column)`.
     """
-    ru = 1.0 - tu
-    wu0, wu1 = ru * ru * ru / 6.0, (4.0 - 6.0 * tu * tu + 3.0 * tu * tu * tu) / 6.0
-    wu2, wu3 = (4.0 - 6.0 * ru * ru + 3.0 * ru * ru * ru) / 6.0, tu * tu * tu / 6.0
-    du0, du1 = -0.5 * ru * ru, 1.5 * tu * tu - 2.0 * tu
-    du2, du3 = 2.0 * ru - 1.5 * ru * ru, 0.5 * tu * tu
-    cu0, cu1, cu2, cu3 = ru, 3.0 * tu - 2.0, 3.0 * ru - 2.0, tu
-    rv = 1.0 - tv
-    wv = (
-        rv * rv * rv / 6.0,
-        (4.0 - 6.0 * tv * tv + 3.0 * tv * tv * tv) / 6.0,
-        (4.0 - 6.0 * rv * rv + 3.0 * rv * rv * rv) / 6.0,
-        tv * tv * tv / 6.0,
-    )
-    dv = (-0.5 * rv * rv, 1.5 * tv * tv - 2.0 * tv, 2.0 * rv - 1.5 * rv * rv, 0.5 * tv * tv)
-    cv = (rv, 3.0 * tv - 2.0, 3.0 * rv - 2.0, tv)
+    a0, a1, a2, a3 = weights(tu)
+    b0, b1, b2, b3 = slope_weights(tu)
+    c0, c1, c2, c3 = curvature_weights(tu)
+    w, dw, ddw = weights(tv), slope_weights(tv), curvature_weights(tv)
     s = s_u = s_v = s_uu = s_uv = s_vv = 0.0
-    for a in range(4):
+    for i in range(4):
         # Indexed singly: a row sliced as an array would be reference-counted each time.
-        c0, c1 = coefficients[row + a, column], coefficients[row + a, column + 1]
-        c2, c3 = coefficients[row + a, column + 2], coefficients[row + a, column + 3]
-        value = wu0 * c0 + wu1 * c1 + wu2 * c2 + wu3 * c3
-        slope = du0 * c0 + du1 * c1 + du2 * c2 + du3 * c3
-        s += wv[a] * value
-        s_v += dv[a] * value
-        s_vv += cv[a] * value
-        s_u += wv[a] * slope
-        s_uv += dv[a] * slope
-        s_uu += wv[a] * (cu0 * c0 + cu1 * c1 + cu2 * c2 + cu3 * c3)
+        k0, k1 = coefficients[row + i, column], coefficients[row + i, column + 1]
+        k2, k3 = coefficients[row + i, column + 2], coefficients[row + i, column + 3]
+        value = a0 * k0 + a1 * k1 + a2 * k2 + a3 * k3
+        slope = b0 * k0 + b1 * k1 + b2 * k2 + b3 * k3
+        s += w[i] * value
+        s_v += dw[i] * value
+        s_vv += ddw[i] * value
+        s_u += w[i] * slope
+        s_uv += dw[i] * slope
+        s_uu += w[i] * (c0 * k0 + c1 * k1 + c2 * k2 + c3 * k3)
     return s, s_u, s_v, s_uu, s_uv, s_vv

@@ -29,8 +29,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.dynamics.dragged_hand.integrator import DragModel
 from asperity.dynamics.dragged_hand.periodic_motion import (
     PeriodSearch,
@@ -112,13 +112,13 @@ class Motion(NamedTuple):
     """Time from the start of the run to that of the record [s]."""
     step: float
     """Time between samples [s]."""
-    place: NDArray[np.float64]
+    place: Array
     """u [m], relative to the start of the record's first period."""
-    lag: NDArray[np.float64]
+    lag: Array
     """u - v t [m]: how far the hand is ahead of its drive."""
-    speed: NDArray[np.float64]
+    speed: Array
     """u' [m/s]."""
-    acceleration: NDArray[np.float64]
+    acceleration: Array
     """u'' [m/s^2]."""
     largest: float
     """Largest u'' [m/s^2], between samples and on either side of jumps included."""
@@ -242,7 +242,7 @@ def drag(
     )
 
 
-def shake(force: NDArray[np.float64], tick: float, hand: Hand, speed: float) -> Motion:
+def shake(force: Array, tick: float, hand: Hand, speed: float) -> Motion:
     """Drag the hand under a force that is a time series, held constant between ticks.
 
     Eq. 7 is then linear and is solved exactly at each tick.

@@ -10,8 +10,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import kernel
 
 DRAG_STATE = np.dtype(
@@ -37,13 +37,13 @@ _LOW_HOP = 1e-6
 class ForceTable(NamedTuple):
     """A piecewise cubic force, with its period starting at a jump if there is one."""
 
-    edges: NDArray[np.float64]
+    edges: Array
     """Left edges of the n intervals, then the period [m]."""
-    powers: NDArray[np.float64]
+    powers: Array
     """Coefficients of 1, x, x^2, x^3, with x [m] from the interval's left edge (n, 4)."""
-    jumps: NDArray[np.float64]
+    jumps: Array
     """Positions of the force's jumps, then the period [m]; only the period if it has none."""
-    firsts: NDArray[np.int64]
+    firsts: Indices
     """Interval that begins at each of `jumps`; the last entry is n."""
 
 

@@ -109,23 +109,36 @@ def _scaled(motion, tolerance):
 
 
 @kernel
+def _run_period(motion, search, table, model):
+    """Advance by one period, without a record."""
+    step = table.edges[table.edges.size - 1] / model.speed / search.steps
+    advance_period(motion, search.steps, step, table, model, np.zeros(2), np.empty((0, 3)))
+
+
+@kernel
+def _recorded(motion, steps, step, table, model):
+    """Advance by `steps` steps; return the smallest and largest u'', and the record."""
+    record, extremes = np.empty((steps, 3)), np.array([np.inf, -np.inf])
+    advance_period(motion, steps, step, table, model, extremes, record)
+    return extremes[0], extremes[1], record
+
+
+@kernel
 def extrapolate_repeat(motion, phase, search, table, model, tolerance, jacobian_out):
     """Look for the fixed point; return (found, periods run, mismatch) and fill the Jacobian.
 
     `tolerance` (2,) scales (u - v t, u'), and `mismatch` is in units of it. If nothing is found,
     the motion is left where the search ended.
     """
-    steps, step = search.steps, table.edges[table.edges.size - 1] / model.speed / search.steps
-    nothing, extremes = np.empty((0, 3)), np.zeros(2)
     y = np.empty((4, 2))
     for _ in range(_FIRST_PERIODS):
-        advance_period(motion, steps, step, table, model, extremes, nothing)
+        _run_period(motion, search, table, model)
     run, stable = _FIRST_PERIODS, False
     mismatch = np.inf
     for _ in range(_CYCLES):
         for k in range(4):
             if k > 0:
-                advance_period(motion, steps, step, table, model, extremes, nothing)
+                _run_period(motion, search, table, model)
                 run += 1
             y[k] = _scaled(motion, tolerance)
             if k > 0:
@@ -152,10 +165,8 @@ def run_until_repeat(motion, search, table, model, tolerance):
         `mismatch` is that of the last period, in tolerances.
     """
     state = motion[0]
-    steps, step = search.steps, table.edges[table.edges.size - 1] / model.speed / search.steps
     depth = search.max_subharmonic
     history = np.empty((depth, 2))
-    nothing, extremes = np.empty((0, 3)), np.zeros(2)
     mismatch = np.inf
     for period in range(search.max_periods + 1):
         lag, speed = state.position - state.drive, state.velocity
@@ -172,7 +183,7 @@ def run_until_repeat(motion, search, table, model, tolerance):
                 return back, period, miss
         history[period % depth, 0], history[period % depth, 1] = lag, speed
         if period < search.max_periods:
-            advance_period(motion, steps, step, table, model, extremes, nothing)
+            _run_period(motion, search, table, model)
     return 0, search.max_periods, mismatch
 
 
@@ -223,13 +234,12 @@ def drag_until_repeat(cubics, model, start, search):
         place_at(motion, 0.0, model.speed, phase, table)
         repeat, run, mismatch = run_until_repeat(motion, search, table, model, tolerance)
     periods = repeat if repeat > 0 else search.aperiodic_periods
-    record = np.empty((periods * steps * samples, 3))
-    extremes = np.array([np.inf, -np.inf])
     nearest, least = motion, np.inf
     for _ in range(_RECORDINGS):
         before = _scaled(motion, tolerance)
-        extremes[0], extremes[1] = np.inf, -np.inf
-        advance_period(motion, record.shape[0], step / samples, table, model, extremes, record)
+        smallest, largest, record = _recorded(
+            motion, periods * steps * samples, step / samples, table, model
+        )
         after = _scaled(motion, tolerance)
         if repeat == 0:
             break
@@ -247,10 +257,10 @@ def drag_until_repeat(cubics, model, start, search):
             is_ahead, motion = False, nearest
     if repeat > 0 and not mismatch <= _APART:
         repeat = 0
-        record = np.empty((search.aperiodic_periods * steps * samples, 3))
-        extremes[0], extremes[1] = np.inf, -np.inf
-        advance_period(motion, record.shape[0], step / samples, table, model, extremes, record)
-    return repeat, run, mismatch * relative, extremes[0], extremes[1], record
+        smallest, largest, record = _recorded(
+            motion, search.aperiodic_periods * steps * samples, step / samples, table, model
+        )
+    return repeat, run, mismatch * relative, smallest, largest, record
 
 
 @kernel
@@ -278,6 +288,4 @@ def drag_a_length(cubics, model, start, step, settle_steps, samples, record_step
     motion = np.empty(1, DRAG_STATE)
     place_at(motion, 0.0, model.speed, _phase(cubics, start), table)
     advance_period(motion, settle_steps, step, table, model, np.zeros(2), np.empty((0, 3)))
-    record, extremes = np.empty((record_steps, 3)), np.array([np.inf, -np.inf])
-    advance_period(motion, record_steps, step / samples, table, model, extremes, record)
-    return extremes[0], extremes[1], record
+    return _recorded(motion, record_steps, step / samples, table, model)

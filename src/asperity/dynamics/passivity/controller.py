@@ -28,8 +28,8 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.dynamics.passivity.step import ACCOUNT, Terms, passive_step
 from asperity.errors import require_between, require_not_negative, require_positive
@@ -112,17 +112,17 @@ class PassivityController:
         return float(self._account["energy"])
 
     @property
-    def parts(self) -> NDArray[np.float64]:
+    def parts(self) -> Array:
         """Net work of the hand by translations and by rotations [J], (2,)."""
         return np.asarray(self._account["work"])
 
     @property
-    def put_in(self) -> NDArray[np.float64]:
+    def put_in(self) -> Array:
         """Work of the ticks in which the hand did work, as `parts` [J], (2,)."""
         return np.asarray(self._account["absorbed"])
 
     @property
-    def got_out(self) -> NDArray[np.float64]:
+    def got_out(self) -> Array:
         """Work of the ticks in which the hand received work, as `parts` [J], (2,)."""
         return np.asarray(self._account["returned"])
 
@@ -160,9 +160,7 @@ class PassivityController:
         """Energy that the corrections took out of the hand's motion [J]."""
         return float(self._account["dissipated"])
 
-    def correct(
-        self, wrench: NDArray[np.float64], twist: NDArray[np.float64], dt: float | None = None
-    ) -> NDArray[np.float64]:
+    def correct(self, wrench: Array, twist: Array, dt: float | None = None) -> Array:
         """Account for the tick that has passed; return the wrench to hold over the next one.
 
         Parameters
@@ -187,7 +185,7 @@ class PassivityController:
         )  # fmt: skip
         return self._out
 
-    def sent(self, wrench: NDArray[np.float64]) -> None:
+    def sent(self, wrench: Array) -> None:
         """Report the wrench (6,) that was written, where limits changed what `correct` returned."""
         held, added = self._account["held"], self._account["added"]
         added += wrench - held

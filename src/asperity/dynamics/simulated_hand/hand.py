@@ -27,10 +27,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.dynamics.dragged_hand.hand import Hand
-from asperity.dynamics.simulated_hand.step import HandModel, HandState, HandWorkspace, hand_step
+from asperity.dynamics.simulated_hand.step import HandModel, HandState, hand_step
 from asperity.errors import (
     AsperityError,
     require_between,
@@ -117,11 +117,11 @@ class SimulatedHand:
 
     def __init__(
         self,
-        target: Callable[[float], NDArray[np.float64]],
+        target: Callable[[float], Array],
         settings: HandSettings | None = None,
         *,
         dt: float = 1e-3,
-        centre: NDArray[np.float64] | None = None,
+        centre: Array | None = None,
         damping: float = 0.0,
     ) -> None:
         self.settings = settings or HandSettings()
@@ -132,7 +132,6 @@ class SimulatedHand:
         self._state = HandState(
             np.zeros(7), np.zeros(7), np.zeros(6), np.zeros(3), np.zeros(3)
         )  # fmt: skip
-        self._workspace = HandWorkspace(np.zeros(6), np.zeros(6), np.zeros(6))
         self._wrench = np.zeros(6)
         self.reset()
         # Compile now, not in the first tick.
@@ -183,36 +182,36 @@ class SimulatedHand:
         state.arm[:] = self._centre_of(state.pose) - state.pose[:3]
 
     @property
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Array:
         """Pose of the handle (7,)."""
         return self._state.pose.copy()
 
     @property
-    def arm(self) -> NDArray[np.float64]:
+    def arm(self) -> Array:
         """Vector from the handle's origin to the centre of mass, world axes (3,) [m]."""
         return self._state.arm
 
     @property
-    def acceleration(self) -> NDArray[np.float64]:
+    def acceleration(self) -> Array:
         """Acceleration of the centre of mass (3,) [m/s^2] just after the last tick began."""
         return self._state.acceleration.copy()
 
     @property
-    def twist(self) -> NDArray[np.float64]:
+    def twist(self) -> Array:
         """Velocity (6,) of the frame's origin [m/s] and angular velocity [rad/s], world axes."""
         out = self._state.velocity.copy()
         out[:3] -= cross(out[3:], self._state.arm)
         return out
 
-    def advance(self, wrench: NDArray[np.float64]) -> None:
+    def advance(self, wrench: Array) -> None:
         """Advance by one tick under a wrench (6,) about the centre of mass [N, N m]."""
         self._wrench[:] = wrench
         self._regulate(float(self._wrench[:3] @ self._model.normal))
         self.time += self.dt
         self._step(np.asarray(self._target(self.time), dtype=np.float64), self._state)
 
-    def _step(self, target: NDArray[np.float64], state: HandState) -> None:
-        hand_step(self._model, state, self._wrench, target, float(self.offset), self._workspace)
+    def _step(self, target: Array, state: HandState) -> None:
+        hand_step(self._model, state, self._wrench, target, float(self.offset))
 
     def _regulate(self, normal_force: float) -> None:
         """Update the offset from the force on the hand along the normal [N]."""
@@ -231,7 +230,7 @@ class SimulatedHand:
         most = MAX_OFFSET + wanted / self._press_stiffness
         self.offset = min(max(self.offset, 0.0), most)
 
-    def _centre_of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _centre_of(self, pose: Array) -> Array:
         return centre_of_mass(pose, self.centre)
 
 

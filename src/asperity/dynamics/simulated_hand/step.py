@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
+from asperity._core.stack import stack_array
 from asperity.geometry.rigid_body import apply_displacement, fill_displacement, fill_lever_arm
 
 
@@ -18,15 +17,15 @@ class HandModel(NamedTuple):
     and the velocity (second row) one tick later.
     """
 
-    centre: NDArray[np.float64]
+    centre: Array
     """Centre of mass in the handle's frame [m], (3,)."""
-    normal: NDArray[np.float64]
+    normal: Array
     """Unit normal of the surface, world axes (3,)."""
-    tangential: NDArray[np.float64]
+    tangential: Array
     """Transition across the normal (2, 3)."""
-    pressing: NDArray[np.float64]
+    pressing: Array
     """Transition along the normal (2, 3)."""
-    rotational: NDArray[np.float64]
+    rotational: Array
     """Transition of rotations (2, 3)."""
     dt: float
     """Tick [s]."""
@@ -41,31 +40,20 @@ class HandModel(NamedTuple):
 class HandState(NamedTuple):
     """The state of a hand, advanced in place."""
 
-    target: NDArray[np.float64]
+    target: Array
     """Pose that the hand aims at (7,)."""
-    pose: NDArray[np.float64]
+    pose: Array
     """Pose of the handle (7,)."""
-    velocity: NDArray[np.float64]
+    velocity: Array
     """Velocity of the centre of mass [m/s] and angular velocity [rad/s], world axes (6,)."""
-    acceleration: NDArray[np.float64]
+    acceleration: Array
     """Acceleration of the centre of mass at the beginning of the tick (3,) [m/s^2]."""
-    arm: NDArray[np.float64]
+    arm: Array
     """From the handle's origin to the centre of mass, world axes (3,) [m]."""
 
 
-class HandWorkspace(NamedTuple):
-    """Scratch memory of one tick."""
-
-    target_step: NDArray[np.float64]
-    """Displacement of the target over the tick (6,)."""
-    lag: NDArray[np.float64]
-    """Displacement from the target to the handle (6,)."""
-    step: NDArray[np.float64]
-    """Displacement from the new target to the new handle pose (6,)."""
-
-
 @kernel
-def hand_step(model, state, wrench, target, offset, workspace):
+def hand_step(model, state, wrench, target, offset):
     """Advance a hand by one tick under a wrench held constant over it.
 
     Parameters
@@ -78,12 +66,11 @@ def hand_step(model, state, wrench, target, offset, workspace):
         Pose that the hand aims at, at the end of the tick.
     offset : float
         Distance by which the hand aims beyond its target, against the normal [m].
-    workspace : HandWorkspace
     """
     centre, normal, dt = model.centre, model.normal, model.dt
     tangential, pressing, rotational = model.tangential, model.pressing, model.rotational
     pose, velocity, arm = state.pose, state.velocity, state.arm
-    target_step, lag, step = workspace
+    target_step, lag, step = stack_array((6,)), stack_array((6,)), stack_array((6,))
     fill_displacement(state.target, target, centre, arm, target_step)
     fill_displacement(state.target, pose, centre, arm, lag)
     # Along the normal: displacement, velocity relative to the target, and force.

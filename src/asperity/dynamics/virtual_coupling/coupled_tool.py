@@ -16,18 +16,13 @@ pose, and its wrench is the wrench on the hand.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.virtual_coupling.backward_euler import backward_euler_step
 from asperity.dynamics.virtual_coupling.loads import extrapolate_wrench, fill_port_twist
-from asperity.dynamics.virtual_coupling.records import (
-    Coupling,
-    HandleMotion,
-    ToolMotion,
-    workspace,
-)
+from asperity.dynamics.virtual_coupling.records import Coupling, HandleMotion, ToolMotion, workspace
 from asperity.dynamics.virtual_coupling.semi_implicit import semi_implicit_step
 from asperity.dynamics.virtual_coupling.settings import (
     CouplingSettings,
@@ -104,7 +99,7 @@ class CoupledTool:
         self._contact = LinearContact(np.zeros(7), np.zeros(6), np.zeros((6, 6)), 0, 0)
         self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
-        self.pose: NDArray[np.float64] = self._motion.pose
+        self.pose: Array = self._motion.pose
         """Pose of the tool's frame (7,); changed in place."""
         self._compile()
 
@@ -116,14 +111,14 @@ class CoupledTool:
         self.port_twist(self.pose, self.pose)
         self.reset(self.pose.copy())
 
-    def reset(self, pose: NDArray[np.float64]) -> None:
+    def reset(self, pose: Array) -> None:
         """Put the tool at rest at a pose (7,)."""
         self.pose[:] = pose
         self._motion.momentum[:] = 0.0
         self._motion.velocity[:] = 0.0
 
     @property
-    def twist(self) -> NDArray[np.float64]:
+    def twist(self) -> Array:
         """Velocity (6,) of the frame's origin [m/s] and angular velocity [rad/s], world axes."""
         out = self._motion.velocity.copy()
         if not self.is_direct:
@@ -131,9 +126,7 @@ class CoupledTool:
             out[:3] -= cross(out[3:], arm)
         return out
 
-    def port_twist(
-        self, last_handle: NDArray[np.float64], handle: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def port_twist(self, last_handle: Array, handle: Array) -> Array:
         """Return the handle's mean velocity (6,) over a tick at the tool's centre of mass.
 
         This is the velocity that the wrench on the hand does work on: the mean velocity of the
@@ -152,12 +145,7 @@ class CoupledTool:
         )  # fmt: skip
         return self._twist
 
-    def advance(
-        self,
-        handle_pose: NDArray[np.float64],
-        handle_twist: NDArray[np.float64],
-        contact: LinearContact,
-    ) -> NDArray[np.float64]:
+    def advance(self, handle_pose: Array, handle_twist: Array, contact: LinearContact) -> Array:
         """Advance the tool by one tick; return the wrench (6,) on the hand.
 
         Parameters

@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.dynamics.virtual_coupling.settings import Gains
 from asperity.geometry.rigid_body import RigidBody
 
@@ -36,59 +36,49 @@ class Coupling(NamedTuple):
 class ToolMotion(NamedTuple):
     """The state of a coupled tool."""
 
-    pose: NDArray[np.float64]
+    pose: Array
     """Pose of the tool's frame (7,): position [m], unit quaternion wxyz."""
-    momentum: NDArray[np.float64]
+    momentum: Array
     """Linear [kg m/s] and angular momentum about the centre of mass [kg m^2/s], world axes (6,)."""
-    velocity: NDArray[np.float64]
+    velocity: Array
     """Velocity of the centre of mass [m/s] and angular velocity [rad/s], world axes (6,)."""
 
 
 class HandleMotion(NamedTuple):
     """The handle at the end of a tick."""
 
-    pose: NDArray[np.float64]
+    pose: Array
     """Pose that the tool's frame is drawn to (7,): position [m], unit quaternion wxyz."""
-    twist: NDArray[np.float64]
+    twist: Array
     """Velocity of its origin [m/s] and angular velocity [rad/s], world axes (6,)."""
 
 
 class IntegratorWorkspace(NamedTuple):
     """Scratch memory of one tick, allocated once."""
 
-    moved: NDArray[np.float64]
+    moved: Array
     """Displacement from the pose of the contact query to the tool (6,)."""
-    extension: NDArray[np.float64]
+    extension: Array
     """Displacement from the tool to the handle: the extension of the spring (6,)."""
-    handle_velocity: NDArray[np.float64]
+    handle_velocity: Array
     """Velocity of the handle at the tool's centre of mass (6,)."""
-    contact_wrench: NDArray[np.float64]
+    contact_wrench: Array
     """Wrench of the contact, extrapolated to the tool's pose (6,)."""
-    step: NDArray[np.float64]
+    step: Array
     """Displacement of the tool in this tick (6,)."""
-    matrix: NDArray[np.float64]
+    matrix: Array
     """Matrix of the integrator's linear system (6, 6)."""
-    rotation: NDArray[np.float64]
+    rotation: Array
     """Rotation matrix of the tool (3, 3)."""
-    inertia: NDArray[np.float64]
+    inertia: Array
     """Inertia tensor, or its inverse, in world axes (3, 3)."""
-    damping: NDArray[np.float64]
+    damping: Array
     """Rotational damping in world axes (3, 3) [N m s/rad]."""
-    vector: NDArray[np.float64]
+    vector: Array
     """(3,)"""
 
 
 def workspace() -> IntegratorWorkspace:
     """Return scratch memory for one tick."""
-    return IntegratorWorkspace(
-        moved=np.zeros(6),
-        extension=np.zeros(6),
-        handle_velocity=np.zeros(6),
-        contact_wrench=np.zeros(6),
-        step=np.zeros(6),
-        matrix=np.zeros((6, 6)),
-        rotation=np.zeros((3, 3)),
-        inertia=np.zeros((3, 3)),
-        damping=np.zeros((3, 3)),
-        vector=np.zeros(3),
-    )
+    shapes: tuple[tuple[int, ...], ...] = (*[(6,)] * 5, (6, 6), (3, 3), (3, 3), (3, 3), (3,))
+    return IntegratorWorkspace(*(np.zeros(shape) for shape in shapes))

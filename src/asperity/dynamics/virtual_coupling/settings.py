@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.geometry.poses import rotation_of
 from asperity.geometry.rigid_body import RigidBody
@@ -107,7 +107,7 @@ class Gains(NamedTuple):
     """[N s/m]"""
     rotational_stiffness: float
     """[N m/rad]"""
-    rotational_damping: NDArray[np.float64]
+    rotational_damping: Array
     """About the principal axes of the tool [N m s/rad], (3,)."""
 
 

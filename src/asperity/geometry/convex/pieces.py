@@ -7,17 +7,23 @@ disk. The pieces only bound where the body may touch; its surface is that of the
 
 from __future__ import annotations
 
+import hashlib
+import logging
 import os
+import tempfile
 from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from asperity._core import kernels
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_between
-from asperity.geometry.convex.cache import cache_file, read_pieces, write_pieces
-from asperity.geometry.mesh.checks import SAME_PLACE, Indices, joined, refuse, same_places
-from asperity.geometry.mesh.mesh import Array, Mesh
+from asperity.geometry.mesh.checks import SAME_PLACE, joined, refuse, same_places
+from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import Edges, edges_of
 
 _CONVEX = 1e-6
@@ -76,11 +82,11 @@ def convex_pieces(
             continue
         closed = bool((edges.size == 2).all())
         settings["preprocess_mode"] = "off" if closed else "auto"
-        file = cache_file(points, faces, settings, cache_folder)
-        cut = read_pieces(file)
+        file = _cache_file(points, faces, settings, cache_folder)
+        cut = _read_pieces(file)
         if cut is None:
             cut = _cut(mesh.name, points, faces, settings)
-            write_pieces(file, cut)
+            _write_pieces(file, cut)
         pieces += cut
     return tuple(_solid(piece, size) for piece in pieces)
 
@@ -253,3 +259,46 @@ def _cut(name: str, points: Array, faces: Indices, settings: dict[str, Any]) -> 
     if not solids:
         refuse(name, "CoACD found no convex pieces in it; valid: a closed surface")
     return solids
+
+
+def _cache_file(
+    points: Array, faces: Indices, settings: dict[str, Any], folder: str | os.PathLike[str] | None
+) -> Path:
+    """Return the cache file of a mesh, named by a hash of all inputs."""
+    try:
+        tool = version("coacd")
+    except ImportError:
+        tool = "none"
+    digest = hashlib.sha256(f"{tool} {sorted(settings.items())}".encode())
+    digest.update(points.tobytes())
+    digest.update(faces.tobytes())
+    # Beside the compiled kernels' folders, which are named by sources: pieces outlive edits.
+    root = kernels.cache_folder().parent / "convex-pieces" if folder is None else Path(folder)
+    return root / f"{digest.hexdigest()[:32]}.npz"
+
+
+def _read_pieces(file: Path) -> list[Array] | None:
+    """Return the pieces in a file; None if it is missing or damaged."""
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            pieces = [archive[f"arr_{k}"] for k in range(len(archive.files))]
+    except Exception:  # any exception on a damaged file: the pieces are computed again
+        return None
+    good = [p.ndim == 2 and p.shape[1] == 3 and p.dtype == float for p in pieces]
+    return pieces if pieces and all(good) and np.isfinite(np.concatenate(pieces)).all() else None
+
+
+def _write_pieces(file: Path, pieces: list[Array]) -> None:
+    """Write pieces atomically, so that no other process reads a partial file."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=file.parent, suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                np.savez(stream, *pieces)
+            os.replace(temporary, file)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+    except OSError as error:
+        logging.getLogger(__name__).warning("convex pieces are not kept: %s", error)

@@ -11,16 +11,15 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from asperity.geometry.bodies import Body, Geom
+from asperity._core.arrays import Array, Mask
+from asperity.geometry.bodies import Body, Geom, origin_of_map
 from asperity.geometry.displaced.meshes import mesh_sheets
 from asperity.geometry.displaced.sheet import Sheet, displace
 from asperity.geometry.displaced.view import ViewBall, coarsened
 from asperity.geometry.poses import rotation_of
 from asperity.texture.height_field import HeightField
-
-Array = NDArray[np.float64]
 
 
 class GeomFace(NamedTuple):
@@ -36,7 +35,7 @@ class GeomFace(NamedTuple):
 
 
 def body_sheets(
-    body: Body, pose: Array, view: ViewBall, faces: NDArray[np.bool_] | None = None
+    body: Body, pose: Array, view: ViewBall, faces: Mask | None = None
 ) -> Iterator[Sheet]:
     """Yield the displaced surface of a body, in world axes, where it is in view.
 
@@ -52,11 +51,10 @@ def body_sheets(
     if body.mesh is not None:
         yield from mesh_sheets(body, pose, view, faces)
         return
-    rotation = rotation_of(pose[3:])
     for face in geom_faces(body, pose, view):
-        points, normals = np.empty(face.base.shape), np.empty(face.base.shape)
-        displace(face.base, face.normals, face.heights, rotation, pose[:3], points, normals)
-        yield Sheet(points, normals, height=None if body.texture is None else face.heights)
+        points, normals = displace(face.base, face.normals, face.heights)
+        height = None if body.texture is None else face.heights
+        yield Sheet(points, normals, height=height).placed(pose)
 
 
 def geom_faces(body: Body, pose: Array, view: ViewBall) -> Iterator[GeomFace]:
@@ -77,9 +75,8 @@ def geom_faces(body: Body, pose: Array, view: ViewBall) -> Iterator[GeomFace]:
                 continue
             in_body = base @ turn.T + place
             w_body = w @ turn.T
-            yield GeomFace(
-                geom, in_body, w_body, _heights(body, field, geom, base, in_body, w_body)
-            )
+            heights = _heights(body, field, geom, base, in_body, w_body)
+            yield GeomFace(geom, in_body, w_body, heights)
 
 
 def _ahead(view: ViewBall, place: Array, normal: Array) -> Array:
@@ -95,14 +92,12 @@ def _heights(
     body: Body, field: HeightField | None, geom: Geom, base: Array, in_body: Array, w: Array
 ) -> Array:
     """Return the texture's height [m] at base points, given in the geom's and the body's frame."""
-    if field is None or body.texture is None:
+    if field is None:
         return np.zeros(base.shape[:2])
-    shift = np.zeros(2) if field.border == "wrap" else 0.5 * np.asarray(body.texture.size)
+    origin = origin_of_map(body)
 
     def at(u: Array, v: Array) -> Array:
-        return np.asarray(
-            field.heights(u - body.offset[0] + shift[0], v - body.offset[1] + shift[1])
-        )
+        return np.asarray(field.heights(u - origin[0], v - origin[1]))
 
     x, y, z = np.moveaxis(in_body, -1, 0)
     if body.mapping == "planar":
@@ -123,19 +118,15 @@ def _grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, A
     size, reach = geom.size, view.radius
     if geom.kind in ("plane", "box"):
         yield from _flat_grids(geom, centre, view)
-    elif geom.kind == "sphere":
-        yield _ball(np.array([size[0]] * 3), -0.5, 0.5, view)
-    elif geom.kind == "ellipsoid":
-        yield _ball(np.asarray(size), -0.5, 0.5, view)
+    elif geom.kind in ("sphere", "ellipsoid"):
+        axes = np.full(3, size[0]) if geom.kind == "sphere" else np.asarray(size)
+        yield _ball(axes, -0.5, 0.5, view)
     else:
         radius, half = size[0], size[1]
         low, high = max(-half, centre[2] - reach), min(half, centre[2] + reach)
         if high > low:
-            count = _count(high - low, view)
-            angle, z = np.meshgrid(np.linspace(0, 2 * np.pi, _round(radius, view)),
-                                   np.linspace(low, high, count))  # fmt: skip
-            w = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(z)], axis=-1)
-            yield np.concatenate([radius * w[..., :2], z[..., None]], axis=-1), w
+            z = np.linspace(low, high, _count(high - low, view))
+            yield _turned((radius, z), (1.0, 0.0), _round(radius, view))
         for sign in (-1.0, 1.0):
             if abs(sign * half - centre[2]) > reach + radius:
                 continue
@@ -144,7 +135,8 @@ def _grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, A
                 base, w = _ball(np.array([radius] * 3), *turns, view)
                 yield base + np.array([0.0, 0.0, sign * half]), w
             else:
-                yield _end_cap(radius, sign * half, sign, view)
+                r = np.linspace(0.0, radius, _count(radius, view))
+                yield _turned((r, sign * half), (0.0, sign), _round(radius, view))
 
 
 def _flat_grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Array, Array]]:
@@ -157,13 +149,9 @@ def _flat_grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Arr
         i, j = (axis + 1) % 3, (axis + 2) % 3
         lines = []
         for k in (i, j):
-            low, high = (
-                max(-half[k], centre[k] - view.radius),
-                min(half[k], centre[k] + view.radius),
-            )
-            lines.append(np.linspace(low, high, _count(high - low, view)) if high > low else None)
-        if lines[0] is None or lines[1] is None:
-            continue
+            ends = np.array([-half[k], half[k]])
+            low, high = np.clip(ends, centre[k] - view.radius, centre[k] + view.radius)
+            lines.append(np.linspace(low, high, _count(high - low, view) if high > low else 0))
         a, b = np.meshgrid(lines[0], lines[1], indexing="ij")
         base = np.empty((*a.shape, 3))
         base[..., i], base[..., j], base[..., axis] = a, b, level
@@ -175,24 +163,22 @@ def _flat_grids(geom: Geom, centre: Array, view: ViewBall) -> Iterator[tuple[Arr
 def _ball(axes: Array, low: float, high: float, view: ViewBall) -> tuple[Array, Array]:
     """Return an ellipsoid from latitude `low` to `high`, in half turns."""
     around = _round(float(axes.max()), view)
-    latitudes = np.linspace(low * np.pi, high * np.pi, max(int(around * (high - low) / 2), 8))
-    angle, latitude = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, around), latitudes)
-    unit = np.stack(
-        [np.cos(latitude) * np.cos(angle), np.cos(latitude) * np.sin(angle), np.sin(latitude)],
-        axis=-1,
-    )
+    latitude = np.linspace(low * np.pi, high * np.pi, max(int(around * (high - low) / 2), 8))
+    profile = np.cos(latitude), np.sin(latitude)
+    unit, _ = _turned(profile, profile, around)
     w = unit / axes
     return unit * axes, w / np.linalg.norm(w, axis=-1, keepdims=True)
 
 
-def _end_cap(radius: float, z: float, sign: float, view: ViewBall) -> tuple[Array, Array]:
-    """Return the flat end of a cylinder."""
-    r, angle = np.meshgrid(
-        np.linspace(0.0, radius, _count(radius, view)),
-        np.linspace(0.0, 2.0 * np.pi, _round(radius, view)),
-    )
-    base = np.stack([r * np.cos(angle), r * np.sin(angle), np.full_like(r, z)], axis=-1)
-    return base, np.broadcast_to([0.0, 0.0, sign], base.shape)
+def _turned(
+    profile: tuple[ArrayLike, ArrayLike], normal: tuple[ArrayLike, ArrayLike], around: int
+) -> tuple[Array, Array]:
+    """Return a surface of revolution around z and its normals, from radii and heights of both."""
+    r, z, out, up = np.broadcast_arrays(*profile, *normal)
+    angle = np.linspace(0.0, 2.0 * np.pi, around)
+    x, y, level = np.cos(angle), np.sin(angle), np.ones(around)
+    base = np.stack([np.outer(r, x), np.outer(r, y), np.outer(z, level)], axis=-1)
+    return base, np.stack([np.outer(out, x), np.outer(out, y), np.outer(up, level)], axis=-1)
 
 
 def _count(length: float, view: ViewBall) -> int:

@@ -12,16 +12,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity.geometry.bodies import Body
 from asperity.geometry.displaced.relief import MeshRelief
 from asperity.geometry.displaced.sheet import Sheet
 from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.int64]
 _DIVISIONS = 16
 """Largest number of divisions of a triangle's side."""
 _AT_ONCE = 100_000
@@ -33,18 +31,18 @@ _FACES_AWAY = -0.25
 class _Parts(NamedTuple):
     """Parts of a mesh's triangles, made by halving."""
 
-    face: Whole
+    face: Indices
     """Triangle to which each part belongs, (n,)."""
     corners: Array
     """Weights of the triangle's corners at the corners of the part, (n, 3, 3)."""
-    divisions: Whole
+    divisions: Indices
     """Divisions of each side, (n,)."""
-    fine: NDArray[np.bool_]
+    fine: Mask
     """Which parts are in view, (n,)."""
 
 
 def mesh_sheets(
-    body: Body, pose: Array, view: ViewBall, faces: NDArray[np.bool_] | None = None,
+    body: Body, pose: Array, view: ViewBall, faces: Mask | None = None,
     *, closed: bool = True,
 ) -> Iterator[Sheet]:  # fmt: skip
     """Yield the displaced surface of a body with a mesh as sheets of patches, in world axes.
@@ -71,13 +69,10 @@ def mesh_sheets(
     sheets = [*_patches(relief, view, np.flatnonzero(chosen))]
     if closed:
         sheets += _strips(relief, view, chosen)
-    for sheet in sheets:
-        yield sheet._replace(
-            points=sheet.points @ rotation.T + pose[:3], normals=sheet.normals @ rotation.T
-        )
+    yield from (sheet.placed(pose) for sheet in sheets)
 
 
-def _patches(relief: MeshRelief, view: ViewBall, faces: Whole) -> Iterator[Sheet]:
+def _patches(relief: MeshRelief, view: ViewBall, faces: Indices) -> Iterator[Sheet]:
     """Yield the displaced triangles, in the body's frame."""
     parts = _parts(relief, view, faces)
     for divisions in np.unique(parts.divisions):
@@ -93,7 +88,7 @@ def _patches(relief: MeshRelief, view: ViewBall, faces: Whole) -> Iterator[Sheet
             yield Sheet(points, normals, corners, height, parts.face[some], weights)
 
 
-def _parts(relief: MeshRelief, view: ViewBall, face: Whole) -> _Parts:
+def _parts(relief: MeshRelief, view: ViewBall, face: Indices) -> _Parts:
     """Return the parts into which triangles are divided."""
     triangles = relief.triangles
     hidden = np.zeros(len(triangles), bool)
@@ -114,7 +109,7 @@ def _parts(relief: MeshRelief, view: ViewBall, face: Whole) -> _Parts:
         face, corners = _halved(face[~whole], corners[~whole], sides[~whole])
 
 
-def _in_view(points: Array, view: ViewBall) -> NDArray[np.bool_]:
+def _in_view(points: Array, view: ViewBall) -> Mask:
     """Return which triangles (n, 3, 3) may reach into the view."""
     if view.camera is not None:
         return view.camera.sees(points)
@@ -124,7 +119,7 @@ def _in_view(points: Array, view: ViewBall) -> NDArray[np.bool_]:
     return np.asarray(away <= view.radius + reach)
 
 
-def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
+def _halved(face: Indices, corners: Array, sides: Array) -> tuple[Indices, Array]:
     """Return both halves of triangles bisected at their longest sides."""
     turn = (np.argmax(sides, axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(corners, turn[:, :, None], axis=1), 1, 0)
@@ -133,7 +128,7 @@ def _halved(face: Whole, corners: Array, sides: Array) -> tuple[Whole, Array]:
     return np.tile(face, 2), np.concatenate(halves)
 
 
-def _template(divisions: int) -> tuple[Array, Whole]:
+def _template(divisions: int) -> tuple[Array, Indices]:
     """Return the weights (k, 3) of the points of an evenly divided triangle, and its triangles."""
     n = divisions
     number: dict[tuple[int, int], int] = {}
@@ -150,7 +145,7 @@ def _template(divisions: int) -> tuple[Array, Whole]:
     return weights, np.array(corners, dtype=np.int64)
 
 
-def _strips(relief: MeshRelief, view: ViewBall, faces: NDArray[np.bool_]) -> Iterator[Sheet]:
+def _strips(relief: MeshRelief, view: ViewBall, faces: Mask) -> Iterator[Sheet]:
     """Yield strips between the two sides of open edges in view, in the body's frame."""
     edges = relief.open_edges
     edges = edges[faces[edges[:, 0, 0]]]
@@ -162,18 +157,15 @@ def _strips(relief: MeshRelief, view: ViewBall, faces: NDArray[np.bool_]) -> Ite
     divisions = 2 ** np.ceil(np.log2(np.maximum(wanted, 1.0))).astype(np.int64)
     for n in np.unique(divisions):
         some = edges[divisions == n]
-        share = np.linspace(0.0, 1.0, n + 1)
-        weights = [
-            np.eye(3)[some[:, side, 1]][:, None] * (1.0 - share[:, None])
-            + np.eye(3)[some[:, side, 2]][:, None] * share[:, None]
-            for side in (0, 1)
-        ]
-        a, b = (relief.displaced(some[:, side, 0], weights[side]) for side in (0, 1))
+        share = np.linspace(0.0, 1.0, n + 1)[:, None]
+        ends_at = np.eye(3)[some[:, :, 1:]]
+        weights = ends_at[:, :, None, 0] * (1.0 - share) + ends_at[:, :, None, 1] * share
+        a, b = (relief.displaced(some[:, side, 0], weights[:, side]) for side in (0, 1))
         points, normals = (np.concatenate([a[k], b[k]], axis=1) for k in (0, 1))
         height = None if a[2] is None or b[2] is None else np.concatenate([a[2], b[2]], axis=1)
         i = np.arange(n)
         corners = np.stack([i, i + 1, i + n + 1, i + 1, i + n + 2, i + n + 1], axis=1)
         yield Sheet(
             points, normals, corners.reshape(-1, 3), height, some[:, 0, 0],
-            np.tile(weights[0], (1, 2, 1)),  # of one side, or it would span the whole texture
+            np.tile(weights[:, 0], (1, 2, 1)),  # of one side, or it would span the whole texture
         )  # fmt: skip

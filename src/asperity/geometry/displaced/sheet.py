@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity._core.kernels import kernel
-
-Array = NDArray[np.float64]
-Whole = NDArray[np.int64]
+from asperity._core.arrays import Array, Indices
+from asperity.geometry.poses import rotation_of
 
 
 class Sheet(NamedTuple):
@@ -24,16 +21,21 @@ class Sheet(NamedTuple):
     """[m], (a, b, 3)."""
     normals: Array
     """Unit normals for lighting, (a, b, 3)."""
-    corners: Whole | None = None
+    corners: Indices | None = None
     """Points of each triangle of a patch, the same in all patches, (n, 3)."""
     height: Array | None = None
     """Height of the texture at the points [m], (a, b); None: no texture."""
-    face: Whole | None = None
+    face: Indices | None = None
     """Of a mesh: triangle on which each row of points lies, (a,)."""
     weights: Array | None = None
     """Of a mesh: weights of the triangle's corners at the points, (a, b, 3)."""
 
-    def triangles(self) -> Whole:
+    def placed(self, pose: Array) -> Sheet:
+        """Return the sheet in world axes, if it is in the frame of a body at a pose (7,)."""
+        turn = rotation_of(pose[3:]).T
+        return self._replace(points=self.points @ turn + pose[:3], normals=self.normals @ turn)
+
+    def triangles(self) -> Indices:
         """Return triangles (m, 3) as indices of the points, counted row by row."""
         rows, columns = self.points.shape[:2]
         if self.corners is None:
@@ -42,7 +44,7 @@ class Sheet(NamedTuple):
         return (self.corners[None] + first).reshape(-1, 3).astype(np.int64)
 
 
-def grid_triangles(rows: int, columns: int) -> Whole:
+def grid_triangles(rows: int, columns: int) -> Indices:
     """Return two triangles for each cell of a grid of points, (m, 3)."""
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
     a = (i * columns + j).ravel()
@@ -50,7 +52,7 @@ def grid_triangles(rows: int, columns: int) -> Whole:
     return np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)])
 
 
-def facing_outwards(points: Array, normals: Array, faces: Whole) -> Whole:
+def facing_outwards(points: Array, normals: Array, faces: Indices) -> Indices:
     """Return triangles oriented so that each faces the mean normal of its corners.
 
     Parameters
@@ -63,55 +65,19 @@ def facing_outwards(points: Array, normals: Array, faces: Whole) -> Whole:
     return np.where(facing[:, None] < 0.0, faces[:, ::-1], faces)
 
 
-@kernel
-def displace(base, w, height, rotation, position, points, normals):
-    """Displace a grid of points and transform it to world axes; normals follow from neighbours.
+def displace(base: Array, w: Array, height: Array) -> tuple[Array, Array]:
+    """Return a grid of displaced points [m], and their unit normals, which follow from neighbours.
 
     Parameters
     ----------
     base, w : (a, b, 3) arrays
-        Points of the smooth surface [m] and their unit normals, in the body's frame.
+        Points of the smooth surface [m] and their unit normals.
     height : (a, b) array
         Of the texture [m].
-    rotation : (3, 3) array
-    position : (3,) array
-        Of the body's frame in the world [m].
-    points, normals : (a, b, 3) arrays
-        Filled.
     """
-    rows, columns = height.shape
-    for i in range(rows):
-        for j in range(columns):
-            for k in range(3):
-                total = position[k]
-                for m in range(3):
-                    total += rotation[k, m] * (base[i, j, m] + height[i, j] * w[i, j, m])
-                points[i, j, k] = total
-    out = np.empty(3)
-    for i in range(rows):
-        up, down = min(i + 1, rows - 1), max(i - 1, 0)
-        for j in range(columns):
-            right, left = min(j + 1, columns - 1), max(j - 1, 0)
-            ax = points[up, j, 0] - points[down, j, 0]
-            ay = points[up, j, 1] - points[down, j, 1]
-            az = points[up, j, 2] - points[down, j, 2]
-            bx = points[i, right, 0] - points[i, left, 0]
-            by = points[i, right, 1] - points[i, left, 1]
-            bz = points[i, right, 2] - points[i, left, 2]
-            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            for k in range(3):
-                out[k] = (
-                    rotation[k, 0] * w[i, j, 0]
-                    + rotation[k, 1] * w[i, j, 1]
-                    + rotation[k, 2] * w[i, j, 2]
-                )
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            side = nx * out[0] + ny * out[1] + nz * out[2]
-            if length < 1e-30 or side == 0.0:  # the pole of a ball
-                nx, ny, nz, length, side = out[0], out[1], out[2], 1.0, 1.0
-            scale = np.sign(side) / length
-            normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = (
-                nx * scale,
-                ny * scale,
-                nz * scale,
-            )
+    points = base + height[..., None] * w
+    normals = np.cross(np.gradient(points, axis=0), np.gradient(points, axis=1))
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    side = np.sum(normals * w, axis=-1, keepdims=True)
+    pole = (length < 1e-30) | (side == 0.0)  # of a ball
+    return points, np.where(pole, w, normals * np.sign(side) / np.where(pole, 1.0, length))

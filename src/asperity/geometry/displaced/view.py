@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Mask
 from asperity.texture.height_field import HeightField
-
-Array = NDArray[np.float64]
 
 
 class Projection(NamedTuple):
     """An orthographic camera, as kernels need it."""
 
-    frame: NDArray[np.float64]
+    frame: Array
     """Centre [m], and unit vectors to the right, up and towards the eye, in rows, (4, 3)."""
     pixel: float
     """Size of a pixel [m]."""
@@ -66,7 +64,7 @@ class Camera:
             self.towards @ rotation, self.width, self.columns, self.rows,
         )  # fmt: skip
 
-    def sees(self, points: Array) -> NDArray[np.bool_]:
+    def sees(self, points: Array) -> Mask:
         """Return which triangles (n, 3, 3) may reach into the image, occluded or not."""
         away = points - self.centre
         seen = np.ones(len(points), bool)

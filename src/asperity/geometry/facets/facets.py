@@ -17,14 +17,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.geometry.facets.polygons import convex_parts
 from asperity.geometry.mesh import checks as mesh_checks
+from asperity.geometry.mesh.topology import edges_of
 
 MOST_SIDES = 8
 _SAME = 1e-9
 _LEAST_LENGTH = 0.2  # of w before normalisation: opposite corner normals have no mean direction
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Facets:
 
     origin: Array
     axes: Array
-    sides: NDArray[np.int64]
+    sides: Indices
     corners: Array
     hard: Array
     half: Array
@@ -94,9 +94,7 @@ def joined(parts: list[Facets]) -> Facets:
     )
 
 
-def mesh_facets(
-    vertices: Array, faces: NDArray[np.int64], normals: Array, uv: Array | None
-) -> Facets:
+def mesh_facets(vertices: Array, faces: Indices, normals: Array, uv: Array | None) -> Facets:
     """Return the facets of a mesh.
 
     Parameters
@@ -168,17 +166,10 @@ def taken(facets: Facets, which: NDArray) -> Facets:
     return Facets(**{f.name: getattr(facets, f.name)[which] for f in fields(Facets)})
 
 
-def _plane_groups(
-    faces: NDArray[np.int64], points: Array, normals: Array, single: Facets
-) -> NDArray[np.int64]:
+def _plane_groups(faces: Indices, points: Array, normals: Array, single: Facets) -> Indices:
     """Return an index for each triangle, equal for those that form one planar piece."""
     corners = _merged_places(points.reshape(-1, 3)).reshape(-1, 3)
-    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    key = np.sort(edges, axis=1)
-    order = np.lexsort(key.T)
-    same = np.all(key[order][1:] == key[order][:-1], axis=1)
-    i, j = owner[order][:-1][same], owner[order][1:][same]
+    i, j = edges_of(corners).pairs.T // 3
     level = np.all(np.abs(normals - single.axes[:, None, 2]) < 1e-7, axis=(1, 2))
     f = single.axes[:, 2]
     close = level[i] & level[j] & np.all(np.abs(f[i] - f[j]) < 1e-7, axis=1)
@@ -192,7 +183,7 @@ def _plane_groups(
     return mesh_checks.joined(len(faces), i, j)
 
 
-def _merged_places(places: Array) -> NDArray[np.int64]:
+def _merged_places(places: Array) -> Indices:
     """Return an index for each position, equal for positions that coincide (to rounding)."""
     span = max(float(np.max(np.ptp(places, axis=0))), 1e-300)
     _, number = np.unique(np.round(places / (1e-9 * span)), axis=0, return_inverse=True)

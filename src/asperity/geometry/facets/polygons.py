@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array
+
 _STRAIGHT = 1e-9
 """A corner whose turn (sine of its angle) is smaller is not one."""
 
@@ -52,10 +52,15 @@ def fan_parts(corners: Array, most: int) -> list[tuple[Array, Array]]:
 
 def without_straight(corners: Array) -> Array:
     """Return a convex polygon without collinear corners."""
+    return corners[_turns(corners) > _STRAIGHT]
+
+
+def _turns(corners: Array) -> Array:
+    """Return the sine of the angle by which a polygon turns at each corner."""
     before = corners - np.roll(corners, 1, axis=0)
     after = np.roll(corners, -1, axis=0) - corners
     sizes = np.hypot(before[:, 0], before[:, 1]) * np.hypot(after[:, 0], after[:, 1])
-    return corners[_cross(before, after) > _STRAIGHT * np.maximum(sizes, 1e-300)]
+    return np.asarray(_cross(before, after) / np.maximum(sizes, 1e-300))
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -81,10 +86,8 @@ def _greedy(triangles: Array, most: int) -> list[tuple[Array, Array]]:
         if kept is None or len(kept) > most:
             continue
         polygons[one] = joint
-        for k in range(len(polygons[two])):
-            p = polygons[two]
-            owner[(p[k], p[(k + 1) % len(p)])] = one
-        del polygons[two]
+        merged = polygons.pop(two)
+        owner |= dict.fromkeys(zip(merged, merged[1:] + merged[:1], strict=True), one)
     return [_cut_out(places, polygon, set(owner)) for polygon in polygons.values()]
 
 
@@ -123,10 +126,7 @@ def _turning(places: Array, polygon: list[int]) -> list[int] | None:
     """Return the corners at which a polygon turns, or None if it is not convex."""
     if len(set(polygon)) < len(polygon):
         return None
-    p = places[polygon]
-    before, after = p - np.roll(p, 1, axis=0), np.roll(p, -1, axis=0) - p
-    sizes = np.hypot(before[:, 0], before[:, 1]) * np.hypot(after[:, 0], after[:, 1])
-    turn = _cross(before, after) / sizes
+    turn = _turns(places[polygon])
     if np.any(turn < -_STRAIGHT):
         return None
     return [corner for corner, t in zip(polygon, turn, strict=True) if t > _STRAIGHT]

@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.geometry.bodies import Geom
 
-Array = NDArray[np.float64]
-Triangles = tuple[Array, NDArray[np.int64], Array, float]
+Triangles = tuple[Array, Indices, Array, float]
 
 _ROUND = 16
 """Triangles around a circle."""
@@ -50,7 +49,7 @@ def geom_triangles(geom: Geom) -> Triangles:
     return vertices, faces, np.repeat(f[:, None], 3, axis=1), slack
 
 
-def _box(half: Array) -> tuple[Array, NDArray[np.int64], Array]:
+def _box(half: Array) -> tuple[Array, Indices, Array]:
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], float)
     faces, normals = [], []
     for axis in range(3):
@@ -85,7 +84,7 @@ def _profile(geom: Geom) -> Array:
     return np.concatenate([low - shift, high + shift])
 
 
-def _turned(profile: Array) -> tuple[Array, NDArray[np.int64]]:
+def _turned(profile: Array) -> tuple[Array, Indices]:
     """Return a surface of revolution around z, as triangles."""
     angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)

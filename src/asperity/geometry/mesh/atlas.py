@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import SAME_PLACE, length, refuse, same_places
 from asperity.geometry.mesh.mesh import Mesh
@@ -80,7 +80,7 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
     return dataclasses.replace(mesh, uv=uv, notes=(*mesh.notes, note))
 
 
-def _scale_note(mesh: Mesh, uv: NDArray[np.float64], at: NDArray[np.int64]) -> str:
+def _scale_note(mesh: Mesh, uv: Array, at: Indices) -> str:
     area = np.linalg.norm(crosses(mesh.vertices[mesh.faces]), axis=1)
     flat = np.concatenate([uv, np.zeros((*uv.shape[:2], 1))], axis=2)
     on_texture = np.linalg.norm(crosses(flat), axis=1)

@@ -12,10 +12,8 @@ from typing import Any, NamedTuple, NoReturn, SupportsInt
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity.errors import AsperityError
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 """Metres per unit of length of a mesh file."""
@@ -49,7 +47,7 @@ class Corners(NamedTuple):
         uv, normals = (None if a is None else a[which] for a in (self.uv, self.normals))
         return Corners(self.vertices, self.faces[which], uv, normals)
 
-    def turned(self, which: NDArray[np.bool_]) -> Corners:
+    def turned(self, which: Mask) -> Corners:
         """Return the mesh with the triangles of a mask wound the other way round."""
         order = np.where(which[:, None], (0, 2, 1), (0, 1, 2))
         rows = np.arange(len(order))[:, None]
@@ -87,30 +85,28 @@ def checked_corners(vertices: Any, faces: Any, uv: Any, normals: Any, name: str)
     return corners
 
 
-def _numbers(name: str, what: str, values: Any) -> Array:
-    """Return a copy of `values` as float64."""
+def _array(name: str, what: str, values: Any, kinds: str, valid: str) -> NDArray[Any]:
+    """Return values as an array that is not empty and whose type is one of `kinds`."""
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
         refuse(name, f"{what} must be an array of numbers with rows of equal length")
     if array.size == 0:
         refuse(name, f"it has no {what}; valid: one triangle or more")
-    if array.dtype.kind not in "iuf":
-        refuse(name, f"{what} hold {array.dtype} values; valid: real numbers")
+    if array.dtype.kind not in kinds:
+        refuse(name, f"{what} hold {array.dtype} values; valid: {valid}")
+    return array
+
+
+def _numbers(name: str, what: str, values: Any) -> Array:
+    """Return a copy of `values` as float64."""
     # Adding 0 turns -0 into 0, so that equal positions have equal bytes.
     with np.errstate(over="ignore"):
-        return array.astype(np.float64) + 0.0
+        return _array(name, what, values, "iuf", "real numbers").astype(np.float64) + 0.0
 
 
 def _whole_numbers(name: str, faces: Any) -> Indices:
-    try:
-        array = np.asarray(faces)
-    except (TypeError, ValueError):
-        refuse(name, "faces must be an array of whole numbers, three to a triangle")
-    if array.size == 0:
-        refuse(name, "it has no faces; valid: one triangle or more")
-    if array.dtype.kind not in "iu":
-        refuse(name, f"faces hold {array.dtype} values; valid: whole numbers, indices of vertices")
+    array = _array(name, "faces", faces, "iu", "whole numbers, indices of vertices")
     if array.dtype.kind == "u" and array.max() > np.iinfo(np.int64).max:
         refuse(name, f"a face names vertex {array.max()}; valid: indices of vertices")
     return array.astype(np.int64)

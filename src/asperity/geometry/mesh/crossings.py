@@ -8,9 +8,8 @@ counted.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.geometry.mesh.checks import Array, Indices
+from asperity._core.arrays import Array, Indices, Mask
 
 MAX_FACES = 20_000
 """Largest number of triangles for which crossings are searched."""
@@ -62,7 +61,7 @@ def crossing_triangles(triangles: Array, at: Indices) -> int | None:
     return int(crossed.sum())
 
 
-def _cross(a: Array, b: Array, touch: float) -> NDArray[np.bool_]:
+def _cross(a: Array, b: Array, touch: float) -> Mask:
     """Return which pairs of triangles pierce each other by more than `touch`."""
     over_b, over_a = _above(b, a), _above(a, b)
     parted = [(side.min(axis=1) < -touch) & (side.max(axis=1) > touch) for side in (over_a, over_b)]
@@ -81,7 +80,7 @@ def _above(plane: Array, points: Array) -> Array:
     return np.einsum("ijk,ik->ij", points - plane[:, :1], normal)
 
 
-def _pierces(lines: Array, over: Array, plane: Array, touch: float) -> NDArray[np.bool_]:
+def _pierces(lines: Array, over: Array, plane: Array, touch: float) -> Mask:
     """Return whether a side of `lines` passes through the inside of `plane`; `over` as `_above`."""
     found = np.zeros(len(lines), dtype=bool)
     normal = np.cross(plane[:, 1] - plane[:, 0], plane[:, 2] - plane[:, 0])

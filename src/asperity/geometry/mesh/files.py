@@ -16,25 +16,18 @@ import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from asperity._core.arrays import Array, Indices
+from asperity._core.files import reading
 from asperity.errors import AsperityError, require_choice
-from asperity.geometry.mesh.checks import UNITS, Indices, check_size, count_of
-from asperity.geometry.mesh.mesh import Array, Mesh, mesh_from_arrays
+from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of
+from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 
 SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl")
 _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
-
-
-class _Part(NamedTuple):
-    """One geometry of a file: vertices, faces, texture coordinates and normals of corners."""
-
-    vertices: Array
-    faces: Indices
-    uv: Array | None
-    normals: Array | None
 
 
 def read_mesh(
@@ -102,7 +95,7 @@ def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
         check_size(name, used, unit, of_file=True)
 
 
-def _of_all(parts: list[_Part], what: str, notes: list[str]) -> Array | None:
+def _of_all(parts: list[Corners], what: str, notes: list[str]) -> Array | None:
     """Return an attribute of the corners of all parts, or None if some parts lack it."""
     values = [getattr(part, what) for part in parts]
     having = [value for value in values if value is not None]
@@ -115,28 +108,12 @@ def _of_all(parts: list[_Part], what: str, notes: list[str]) -> Array | None:
     return None
 
 
-def _load(path: Path) -> list[_Part]:
+def _load(path: Path) -> list[Corners]:
     """Return the parts of the file at `path`, at least one."""
-    suffix = path.suffix.lower()
-    try:
-        if not path.exists():
-            _refuse(path, "there is no such file")
-        if path.is_dir():
-            _refuse(path, "this is a folder; valid: a file of a mesh")
-        if suffix not in SUFFIXES:
-            _refuse(path, f"unknown kind of file {suffix!r}; valid: {', '.join(SUFFIXES)}")
-        if path.stat().st_size == 0:
-            _refuse(path, "the file is empty")
+    with reading(path, "a mesh", SUFFIXES) as suffix:
         if suffix == ".stl":
             _refuse_cut_short(path)
         parts = list(_parts(path, suffix))
-    except AsperityError:
-        raise
-    except MemoryError:
-        _refuse(path, "too large for this computer's memory")
-    except Exception as error:  # any exception of a reader on a damaged file
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        _refuse(path, f"cannot be read as a {suffix} file: {reason}")
     if not parts:
         _refuse(path, "there are no triangles in it (points or lines only?); valid: one at least")
     return parts
@@ -161,7 +138,7 @@ def _refuse_cut_short(path: Path) -> None:
         _refuse(path, f"it is cut short: {needs} bytes, there are {len(data)}")
 
 
-def _parts(path: Path, suffix: str) -> Iterator[_Part]:
+def _parts(path: Path, suffix: str) -> Iterator[Corners]:
     """Yield the parts of a file in the frame of the whole."""
     scene = _scene(path, suffix)
     for node in scene.graph.nodes_geometry:
@@ -173,15 +150,10 @@ def _parts(path: Path, suffix: str) -> Iterator[_Part]:
         uv = getattr(geometry.visual, "uv", None)
         normals = _normals(path, suffix, geometry)
         faces = np.array(faces, dtype=np.int64)
-        yield _placed(
-            _Part(
-                np.array(geometry.vertices, dtype=np.float64),
-                faces,
-                None if uv is None or len(uv) == 0 else np.asarray(uv, dtype=np.float64)[faces],
-                normals,
-            ),
-            np.asarray(transform, dtype=np.float64),
-        )
+        if uv is not None:
+            uv = np.asarray(uv, dtype=np.float64)[faces] if len(uv) else None
+        part = Corners(np.array(geometry.vertices, dtype=np.float64), faces, uv, normals)
+        yield _placed(part, np.asarray(transform, dtype=np.float64))
 
 
 def _scene(path: Path, suffix: str, **options: Any) -> Any:
@@ -214,7 +186,7 @@ def _normals(path: Path, suffix: str, geometry: Any) -> Array | None:
     return np.asarray(geometry.vertex_normals, dtype=np.float64)[np.asarray(geometry.faces)]
 
 
-def _placed(part: _Part, transform: Array) -> _Part:
+def _placed(part: Corners, transform: Array) -> Corners:
     """Return a part moved by a transform (4, 4), which may mirror or shear it."""
     if np.array_equal(transform, np.eye(4)):
         return part
@@ -230,7 +202,7 @@ def _placed(part: _Part, transform: Array) -> _Part:
         faces = faces[:, ::-1]
         uv = None if uv is None else uv[:, ::-1]
         normals = None if normals is None else normals[:, ::-1]
-    return _Part(vertices, faces, uv, normals)
+    return Corners(vertices, faces, uv, normals)
 
 
 def _absolute(text: str) -> str:

@@ -10,17 +10,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import require_between
 from asperity.geometry.mesh.checks import Corners, checked_corners, cleaned, count_of
 from asperity.geometry.mesh.crossings import crossing_triangles
 from asperity.geometry.mesh.normals import given_normals, smooth_normals
 from asperity.geometry.mesh.topology import edges_of, wound_alike
 from asperity.geometry.mesh.uv import uv_notes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +41,7 @@ class Mesh:
     """
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Indices
     normals: Array
     uv: Array | None = None
     name: str = "mesh"
@@ -119,7 +117,7 @@ def mesh_from_arrays(
     return Mesh(corners.vertices, corners.faces, directions, corners.uv, name, tuple(notes))
 
 
-def _note_crossings(corners: Corners, at: NDArray[np.int64], notes: list[str]) -> None:
+def _note_crossings(corners: Corners, at: Indices, notes: list[str]) -> None:
     crossed = crossing_triangles(corners.vertices[corners.faces], at)
     if crossed is None:
         notes.append("not looked for triangles that cross: there are too many")

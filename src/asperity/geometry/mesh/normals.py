@@ -10,10 +10,10 @@ ends within a surface separates nothing at its end.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.geometry.mesh.checks import Array, Indices, count_of, facet_heights, joined
-from asperity.geometry.mesh.topology import Edges, crosses, edges_of, next_corner
+from asperity._core.arrays import Array, Indices, Mask
+from asperity.geometry.mesh.checks import count_of, facet_heights, joined
+from asperity.geometry.mesh.topology import Edges, crosses, edges_of, meeting_corners, next_corner
 
 FLAT = 1e-6
 """Facets whose unit normals differ by less are coplanar [rad]: the accuracy of float32 files."""
@@ -21,7 +21,7 @@ _SLIVER = 1e-6
 _CROWD = 64
 
 
-def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, NDArray[np.bool_]]:
+def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, Mask]:
     """Return the normals of facets, exactly equal within a plane; their planes; and the slivers.
 
     Parameters
@@ -99,9 +99,7 @@ def snapped(corners: Array, facets: Array) -> Array:
     return np.where(near[:, :, None], facets[:, None], corners)
 
 
-def _level(
-    normals: Array, group: Indices, plane: Indices, counts: NDArray[np.bool_], facets: Array
-) -> None:
+def _level(normals: Array, group: Indices, plane: Indices, counts: Mask, facets: Array) -> None:
     """Give fans within one plane exactly the plane's normal, slivers included."""
     low, high = (np.full(len(normals), k) for k in (np.iinfo(np.int64).max, -1))
     np.minimum.at(low, group[counts], plane[counts])
@@ -111,12 +109,7 @@ def _level(
 
 
 def _fans(
-    at: Indices,
-    edges: Edges,
-    facets: Array,
-    sliver: NDArray[np.bool_],
-    limit: float,
-    notes: list[str],
+    at: Indices, edges: Edges, facets: Array, sliver: Mask, limit: float, notes: list[str]
 ) -> Indices:
     """Return the index of the fan of each corner (3 m,); the corners of one share a normal."""
     h, g = edges.pairs.T
@@ -125,20 +118,12 @@ def _fans(
     if not soft.all():
         hard = count_of(np.count_nonzero(~soft), "hard edge")
         notes.append(f"the displaced surface opens at {hard}")
-    start, end = _meeting(at.ravel(), h, g)
+    start, end = meeting_corners(at.ravel(), h, g)
     over = np.concatenate([start[soft], end[soft]])
     # Cracks and T-junctions split fans: one that ends at borders may continue another.
     whole = joined(at.size, *np.concatenate([start, end]).T)
     over = np.concatenate([over, _over_borders(at.ravel(), edges, facets, whole, limit)])
     return joined(at.size, over[:, 0], over[:, 1])
-
-
-def _meeting(places: Indices, h: Indices, g: Indices) -> tuple[Indices, Indices]:
-    """Return the pairs of corners at both ends of pairs of half-edges."""
-    to_h, to_g = next_corner(h), next_corner(g)
-    same_way = places[h] == places[g]
-    start = np.stack([h, np.where(same_way, g, to_g)], axis=1)
-    return start, np.stack([to_h, np.where(same_way, to_g, g)], axis=1)
 
 
 def _over_borders(
@@ -210,7 +195,7 @@ def given_normals(
 def _note_partings(at: Indices, edges: Edges, unit: Array, notes: list[str]) -> None:
     flat = unit.reshape(-1, 3)
     parted = np.zeros(len(edges.pairs), dtype=bool)
-    for ends in _meeting(at.ravel(), *edges.pairs.T):
+    for ends in meeting_corners(at.ravel(), *edges.pairs.T):
         parted |= np.linalg.norm(flat[ends[:, 0]] - flat[ends[:, 1]], axis=1) > 1e-3
     if parted.any():
         notes.append(

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.geometry.bodies import Body
-
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array
+from asperity.geometry.bodies import Body, origin_of_map
 
 
 def places_on_texture(body: Body) -> Array | None:
@@ -20,12 +18,10 @@ def places_on_texture(body: Body) -> Array | None:
     mesh, texture = body.mesh, body.texture
     if mesh is None or texture is None or body.mapping == "triplanar":
         return None
-    offset = np.asarray(body.offset, dtype=np.float64)
     if body.mapping == "uv":
         assert mesh.uv is not None
-        return mesh.uv * np.asarray(texture.size) - offset
-    if texture.border == "clamp":
-        offset = offset - 0.5 * np.asarray(texture.size)
+        return mesh.uv * np.asarray(texture.size) - np.asarray(body.offset, dtype=np.float64)
+    offset = origin_of_map(body)
     points = mesh.vertices[mesh.faces]
     if body.mapping == "planar":
         return points[:, :, :2] - offset

@@ -11,9 +11,9 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.geometry.mesh.checks import Array, Corners, Indices, count_of, joined
+from asperity._core.arrays import Array, Indices, Mask
+from asperity.geometry.mesh.checks import Corners, count_of, joined
 
 
 class Edges(NamedTuple):
@@ -34,7 +34,7 @@ class Edges(NamedTuple):
     pairs: Indices
 
     @property
-    def borders(self) -> NDArray[np.bool_]:
+    def borders(self) -> Mask:
         """Which half-edges are the only one of their edge, (3 m,)."""
         return self.size[self.of_half] == 1
 
@@ -58,6 +58,17 @@ def edges_of(at: Indices) -> Edges:
 def next_corner(half: Indices) -> Indices:
     """Return the half-edge that starts where half-edges end."""
     return half - half % 3 + (half + 1) % 3
+
+
+def meeting_corners(places: Indices, h: Indices, g: Indices) -> tuple[Indices, Indices]:
+    """Return the pairs of corners (n, 2) that meet at the start and at the end of half-edges h.
+
+    `h` and `g` (n,) are pairs of half-edges that share an edge, `places` (3 m,) of all corners.
+    """
+    to_h, to_g = next_corner(h), next_corner(g)
+    same_way = places[h] == places[g]
+    start = np.stack([h, np.where(same_way, g, to_g)], axis=1)
+    return start, np.stack([to_h, np.where(same_way, to_g, g)], axis=1)
 
 
 def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
@@ -89,7 +100,7 @@ def wound_alike(corners: Corners, places: Indices, notes: list[str]) -> Corners:
 
 def _disagreeing(
     corners: Corners, at: Indices, pairs: Indices, part: Indices, notes: list[str]
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Return which triangles to flip so that all triangles of a part are wound consistently."""
     m = len(at)
     start = at.ravel()
@@ -120,7 +131,20 @@ def crosses(triangles: Array) -> Array:
     return np.cross(b - a, c - a)
 
 
-def _inside_out(corners: Corners, part: Indices, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def gradients(triangles: Array, values: Array) -> Array:
+    """Return the gradients (m, k, 3) of functions that are linear on each triangle (m, 3, 3).
+
+    `values` (m, 3, k) are those at the corners.
+    """
+    p, q = (triangles[:, i] - triangles[:, 0] for i in (1, 2))
+    normal = np.cross(p, q)
+    square = np.maximum(np.sum(normal**2, axis=1), 1e-300)[:, None]
+    dual = np.stack([np.cross(q, normal) / square, np.cross(normal, p) / square], axis=1)
+    steps = values[:, 1:] - values[:, :1]  # along p and q
+    return np.asarray(np.swapaxes(steps, 1, 2) @ dual)
+
+
+def _inside_out(corners: Corners, part: Indices, closed: Mask) -> Mask:
     """Return which triangles belong to closed parts that are inside out."""
     triangles = corners.vertices[corners.faces]
     triangles = triangles - corners.vertices.mean(axis=0)

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from asperity.geometry.mesh.checks import Array, Indices, count_of, joined
-from asperity.geometry.mesh.topology import Edges, crosses, next_corner
+from asperity._core.arrays import Array, Indices
+from asperity.geometry.mesh.checks import count_of, joined
+from asperity.geometry.mesh.topology import Edges, crosses, meeting_corners
 
 _DEGENERATE = 1e-9
 _SAME_UV = 1e-9
@@ -54,15 +55,10 @@ def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str
 
 def charts_of(uv: Array, at: Indices, edges: Edges) -> Indices:
     """Return the chart of each triangle; neighbours with equal uv along their edge share one."""
-    h, g = edges.pairs.T
-    places, flat = at.ravel(), uv.reshape(-1, 2)
-    same_way = (places[h] == places[g])[:, None]
-    start, end = flat[h], flat[next_corner(h)]
-    g_start, g_end = flat[g], flat[next_corner(g)]
-    off = np.abs(start - np.where(same_way, g_start, g_end)).max(axis=1)
-    off = np.maximum(off, np.abs(end - np.where(same_way, g_end, g_start)).max(axis=1))
-    joint = off <= _SAME_UV
-    return joined(len(uv), h[joint] // 3, g[joint] // 3)
+    ends = np.stack(meeting_corners(at.ravel(), *edges.pairs.T), axis=1)
+    off = np.ptp(uv.reshape(-1, 2)[ends], axis=2).max(axis=(1, 2))
+    joint = edges.pairs[off <= _SAME_UV] // 3
+    return joined(len(uv), *joint.T)
 
 
 def overlap(uv: Array) -> float:

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError, require_not_negative, require_positive
 from asperity.geometry.offsets.surface import Tracer, exact_tracer
@@ -86,12 +87,12 @@ class Sinusoid:
         """Distance after which the surface repeats [m]."""
         return self.spacing
 
-    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike) -> Array:
         """Return the heights [m] at places `u` [m]."""
         phase = 2.0 * np.pi * np.asarray(u, dtype=np.float64) / self.spacing
         return self.amplitude * np.cos(phase)
 
-    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+    def slopes(self, u: ArrayLike) -> Array:
         """Return dh/du at places `u` [m]."""
         wavenumber = 2.0 * np.pi / self.spacing
         return -self.amplitude * wavenumber * np.sin(wavenumber * np.asarray(u, dtype=np.float64))
@@ -187,7 +188,7 @@ class Grating:
         """Distance after which the surface repeats [m]: one ridge and one gap."""
         return self.ridge + self.spacing
 
-    def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def outline(self) -> tuple[Array, Array]:
         """Return the corners (x, z) [m] of one period, which begins amid a ridge's top."""
         half, period = 0.5 * self.ridge, self.period
         xs = np.array(
@@ -195,11 +196,11 @@ class Grating:
         )
         return xs, self.height * np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])
 
-    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike) -> Array:
         """Return the heights [m] at places `u` [m]."""
         return np.interp(np.mod(u, self.period), *self.outline())
 
-    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+    def slopes(self, u: ArrayLike) -> Array:
         """Return dh/du at places `u` [m]; walls have none, so flank 0 is refused."""
         if self.flank == 0.0:
             raise SurfaceError("a grating with walls has no slope; give a flank above 0 m")

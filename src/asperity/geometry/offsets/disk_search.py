@@ -165,19 +165,14 @@ def search(coefficients, pyramid, u, radius, tolerance, guess, nodes, spans):
             )
             continue
         first = index << 1
-        second = first + 1
+        last = min(first + 1, pyramid.shapes[level - 1, 1] - 1)
         # The child nearer to the best contact so far is searched first (pushed last).
-        if second < pyramid.shapes[level - 1, 1]:
-            middle = float(second << (level - 1))
-            if best_x < middle:
-                first, second = second, first
-            nodes[top, 0], nodes[top, 1] = level - 1, first
+        near = first if best_x < float((first + 1) << (level - 1)) else last
+        if last > first:
+            nodes[top, 0], nodes[top, 1] = level - 1, first + last - near
             top += 1
-            nodes[top, 0], nodes[top, 1] = level - 1, second
-            top += 1
-        else:
-            nodes[top, 0], nodes[top, 1] = level - 1, first
-            top += 1
+        nodes[top, 0], nodes[top, 1] = level - 1, near
+        top += 1
     return _polish(coefficients, best_x, u, radius)
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError, SurfaceError, require_not_negative, require_positive
 from asperity.geometry.offsets.analytic import touch_segment
@@ -18,7 +19,7 @@ from asperity.geometry.offsets.surface import Tracer, exact_tracer
 class DotLattice(NamedTuple):
     """A tile of truncated cones on a jittered square lattice; lengths in metres."""
 
-    centres: NDArray[np.float64]
+    centres: Array
     """Axes of the dots (u, v) within the tile, less the lattice position, (rows, columns, 2)."""
     pitch: float
     """Of the lattice."""
@@ -138,7 +139,7 @@ class DotPlate:
         """Number of intervals in which a table of one period should begin."""
         return 32 * self.columns
 
-    def centres(self) -> NDArray[np.float64]:
+    def centres(self) -> Array:
         """Return the place of each dot within its lattice cell [m], shape (rows, columns, 2)."""
         shift = np.random.default_rng(self.seed).uniform(-1, 1, (self.rows, self.columns, 2))
         return 0.5 * self.pitch + 0.5 * self.spacing * self.jitter * shift
@@ -146,12 +147,12 @@ class DotPlate:
     def _line(self) -> float:
         return 0.5 * self.pitch if self.line is None else self.line
 
-    def heights(self, u: ArrayLike, v: ArrayLike | None = None) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return the heights [m] at places `u` [m] along the line, or at (u, v)."""
         away, _ = self._nearest(u, v)
         return np.interp(away, *self._outline())
 
-    def slopes(self, u: ArrayLike, v: ArrayLike | None = None) -> NDArray[np.float64]:
+    def slopes(self, u: ArrayLike, v: ArrayLike | None = None) -> Array:
         """Return dh/du at places `u` [m] along the line, or at (u, v); flank 0 is refused."""
         if self.flank == 0.0:
             raise SurfaceError("dots with walls have no slope; give a flank above 0 m")
@@ -165,9 +166,7 @@ class DotPlate:
         top = 0.5 * self.diameter
         return [top, top + self.flank], [self.height, 0.0]
 
-    def _nearest(
-        self, u: ArrayLike, v: ArrayLike | None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _nearest(self, u: ArrayLike, v: ArrayLike | None) -> tuple[Array, Array]:
         """Return the distance to the nearest dot's axis, and how far it lies behind along u [m]."""
         places_v = self._line() if v is None else np.asarray(v, dtype=np.float64)
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), places_v)

@@ -15,9 +15,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+from asperity._core.arrays import Array
+
+Function = Callable[[Array], Array]
 
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
 _CHECKS = np.array([0.01, 0.35, 0.8, 0.99])
@@ -35,11 +36,11 @@ _JUMP_WIDTH = 1e-3
 class PiecewiseCubic(NamedTuple):
     """A periodic function of cubics that compiled kernels accept."""
 
-    edges: NDArray[np.float64]
+    edges: Array
     """Starts of the cubics, then the period; shape (n + 1,), from 0."""
-    coefficients: NDArray[np.float64]
+    coefficients: Array
     """Coefficients of 1, t, t^2, t^3 with t in [0, 1] over the interval; shape (n, 4)."""
-    jumps: NDArray[np.float64]
+    jumps: Array
     """Positions of the jumps, increasing, each an edge; may be empty."""
     error: float
     """Largest deviation from the function at the check points."""
@@ -49,7 +50,7 @@ class PiecewiseCubic(NamedTuple):
         """Distance after which the function repeats."""
         return float(self.edges[-1])
 
-    def __call__(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, u: Array) -> Array:
         """Return the values at `u` (any shape), for plots and tests."""
         place = np.mod(u, self.period)
         i = np.clip(np.searchsorted(self.edges, place, side="right") - 1, 0, self.edges.size - 2)
@@ -124,15 +125,10 @@ def mirrored(half: PiecewiseCubic) -> PiecewiseCubic:
     )
 
 
-_Cubics = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]
+_Cubics = tuple[Array, Array, Array, float]
 
 
-def _cubics(
-    function: Function,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    checks: NDArray[np.float64],
-) -> _Cubics:
+def _cubics(function: Function, low: Array, high: Array, checks: Array) -> _Cubics:
     """Return starts, coefficients, errors and the largest error of one cubic per interval."""
     width = (high - low)[:, None]
     samples = function(low[:, None] + width * np.concatenate([_NODES, checks]))
@@ -143,12 +139,7 @@ def _cubics(
 
 
 def _refine(
-    function: Function,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    limit: float,
-    halvings: int,
-    checks: NDArray[np.float64],
+    function: Function, low: Array, high: Array, limit: float, halvings: int, checks: Array
 ) -> _Cubics:
     """Return starts and coefficients of accurate cubics, the others (k, 2), the largest error."""
     starts, cubics, worst = [np.empty(0)], [np.empty((0, 4))], 0.0
@@ -166,9 +157,7 @@ def _refine(
     return np.concatenate(starts), np.concatenate(cubics), np.stack([low, high], axis=1), worst
 
 
-def _split(
-    intervals: NDArray[np.float64], jumps: NDArray[np.float64], sliver: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _split(intervals: Array, jumps: Array, sliver: float) -> tuple[Array, Array]:
     """Return starts and ends of the intervals, cut at jumps that leave more than a sliver."""
     low, high = [], []
     for start, stop in intervals[np.argsort(intervals[:, 0])]:
@@ -179,9 +168,7 @@ def _split(
     return np.concatenate(low), np.concatenate(high)
 
 
-def _bracket_jumps(
-    function: Function, suspects: NDArray[np.float64], width: float, least: float
-) -> NDArray[np.float64]:
+def _bracket_jumps(function: Function, suspects: Array, width: float, least: float) -> Array:
     """Return the positions in the given intervals where the function jumps by over `least`."""
     low, high = suspects[:, 0], suspects[:, 1]
     at_low, at_high = function(low), function(high)

@@ -6,15 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
 from asperity.geometry.offsets import disk_search, sphere_search
 from asperity.geometry.offsets.surface import OffsetTrace, Tracer, slope_of
 from asperity.texture.bounds import pyramid_of
+from asperity.texture.files.checks import checked_heights
 from asperity.texture.spline import BORDERS, spline_along, spline_coefficients
 
-Array = NDArray[np.float64]
 _Found = tuple[Array, Array, Array]
 """Height of a probe, and its contact relative to it along u and v [m]."""
 _LineSearch = Callable[[Array], _Found]
@@ -26,23 +27,6 @@ STEEPEST = 50.0
 """Largest slope between samples accepted as a surface: 89 degrees."""
 
 
-def check_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> Array:
-    """Return `heights` as a float array, or raise `SurfaceError` naming the invalid value."""
-    try:
-        array = np.asarray(heights, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise SurfaceError(f"heights must be an array of numbers: {error}") from None
-    if array.ndim not in dimensions:
-        wanted = " or ".join(f"{d}-D" for d in dimensions)
-        raise SurfaceError(f"heights must be {wanted}, got shape {array.shape}")
-    if min(array.shape) < 2:
-        raise SurfaceError(f"heights need 2 samples or more along each axis, got {array.shape}")
-    bad = int(np.count_nonzero(~np.isfinite(array)))
-    if bad:
-        raise SurfaceError(f"heights hold {bad} NaN or infinite values of {array.size}; fill them")
-    return array
-
-
 def check_steepness(samples: Array, pixel_size: float) -> None:
     """Raise `SurfaceError` if neighbouring samples are steeper than a probe can follow."""
     for axis in range(samples.ndim):
@@ -52,16 +36,6 @@ def check_steepness(samples: Array, pixel_size: float) -> None:
                 f"heights are too steep: slope {slope:.3g} between neighbouring samples, at most "
                 f"{STEEPEST:g} is valid; are heights and pixel_size both in metres?"
             )
-
-
-def _radius_of(diameter: float, extent: float) -> float:
-    require_positive("diameter", diameter, "[m]")
-    if diameter > extent:
-        raise SurfaceError(
-            f"a probe of diameter {diameter * 1e3:g} mm is wider than the surface; "
-            f"valid: at most {extent * 1e3:g} mm"
-        )
-    return 0.5 * diameter
 
 
 def _fold(u: Array, length: float, border: str) -> tuple[Array, Array]:
@@ -82,7 +56,7 @@ class _Sampled:
     border: str = "mirror"
 
     def _check(self, dimensions: int) -> None:
-        object.__setattr__(self, "samples", check_heights(self.samples, (dimensions,)))
+        object.__setattr__(self, "samples", checked_heights(self.samples, (dimensions,)))
         require_positive("pixel_size", self.pixel_size, "[m]")
         require_choice("border", self.border, BORDERS)
         check_steepness(self.samples, self.pixel_size)
@@ -138,6 +112,19 @@ class _Sampled:
 
         return trace
 
+    def _padded(self, diameter: float) -> tuple[Array, float, int]:
+        """Return coefficients for a probe, its radius and the cells beyond each end [samples]."""
+        extent = min(self.samples.shape) * self.pixel_size
+        if require_positive("diameter", diameter, "[m]") > extent:
+            raise SurfaceError(
+                f"a probe of diameter {diameter * 1e3:g} mm is wider than the surface; "
+                f"valid: at most {extent * 1e3:g} mm"
+            )
+        radius = 0.5 * diameter / self.pixel_size
+        margin = int(radius) + 2
+        coefficients = spline_coefficients(self.samples, self.border, margin)
+        return coefficients / self.pixel_size, radius, margin
+
     def _line_search(self, diameter: float) -> _LineSearch:
         """Return the search along u for a probe of `diameter`."""
         raise NotImplementedError
@@ -165,9 +152,7 @@ class SampledProfile(_Sampled):
         self._check(1)
 
     def _line_search(self, diameter: float) -> _LineSearch:
-        pixel, radius = self.pixel_size, _radius_of(diameter, self.length) / self.pixel_size
-        margin = int(radius) + 2
-        coefficients = spline_coefficients(self.samples, self.border, margin) / pixel
+        pixel, (coefficients, radius, margin) = self.pixel_size, self._padded(diameter)
         pyramid = pyramid_of(coefficients)
 
         def search(u: Array) -> _Found:
@@ -224,12 +209,7 @@ class HeightMap(_Sampled):
 
     def offset(self, diameter: float) -> Array:
         """Return the offset surface [m] for a sphere of `diameter` [m], at every sample."""
-        rows, columns = self.samples.shape
-        v, u = np.meshgrid(
-            (np.arange(rows) + 0.5) * self.pixel_size,
-            (np.arange(columns) + 0.5) * self.pixel_size,
-            indexing="ij",
-        )
+        v, u = (np.indices(self.samples.shape) + 0.5) * self.pixel_size
         return self._search(diameter)(u, v)[0]
 
     def _search(self, diameter: float, line: float | None = None) -> Callable[..., _Found]:
@@ -237,10 +217,7 @@ class HeightMap(_Sampled):
 
         For places on one `line` only, the strip that the sphere can touch is searched.
         """
-        shortest = min(self.samples.shape) * self.pixel_size
-        radius = _radius_of(diameter, shortest) / self.pixel_size
-        margin = int(radius) + 2
-        coefficients = spline_coefficients(self.samples, self.border, margin) / self.pixel_size
+        coefficients, radius, margin = self._padded(diameter)
         first_row = 0
         if line is not None:
             first_row = int(line / self.pixel_size)
@@ -300,7 +277,7 @@ def offset_surface(
     ----------
     Otaduy & Lin (2004), section 3.2 and Figure 1.
     """
-    array = check_heights(heights)
+    array = checked_heights(heights)
     if array.ndim == 2:
         return HeightMap(array, pixel_size, border).offset(diameter)
     profile = SampledProfile(array, pixel_size, border)

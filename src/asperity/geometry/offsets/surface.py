@@ -19,19 +19,20 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_positive
 
 
 class OffsetTrace(NamedTuple):
     """Offset heights, slopes and contacts at given positions."""
 
-    height: NDArray[np.float64]
+    height: Array
     """Height H of the probe's lowest point [m]."""
-    slope: NDArray[np.float64]
+    slope: Array
     """dH/du, one-sided where two contacts tie."""
-    contact: NDArray[np.float64]
+    contact: Array
     """Position of the contact along u [m]."""
 
 
@@ -58,10 +59,10 @@ class Surface(Protocol):
     def cells(self) -> int:
         """Number of intervals in which a table of one period should begin."""
 
-    def heights(self, u: ArrayLike) -> NDArray[np.float64]:
+    def heights(self, u: ArrayLike) -> Array:
         """Return the heights [m] at places `u` [m]."""
 
-    def slopes(self, u: ArrayLike) -> NDArray[np.float64]:
+    def slopes(self, u: ArrayLike) -> Array:
         """Return dh/du of the bare surface at places `u` [m]."""
 
     def tracer(self, diameter: float) -> Tracer:
@@ -80,9 +81,7 @@ def exact_tracer(fill: Callable[..., None], *shape: Any) -> Tracer:
     return trace
 
 
-def slope_of(
-    across: NDArray[np.float64], distance_squared: NDArray[np.float64], radius: float
-) -> NDArray[np.float64]:
+def slope_of(across: Array, distance_squared: Array, radius: float) -> Array:
     """Return dH/du for a contact `across` away along u, on a sphere of `radius`."""
     return across / np.sqrt(radius**2 - distance_squared)
 

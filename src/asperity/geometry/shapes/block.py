@@ -7,12 +7,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_positive
 from asperity.geometry.shapes.shape import Shape
 
-Array = NDArray[np.float64]
 Polygon = tuple[Array, Array]
 """Corners (k, 3), counter-clockwise from outside, and their texture coordinates (k, 2), all [m]."""
 
@@ -76,10 +75,7 @@ def _belt(half: Array, chamfer: float) -> Iterator[Polygon]:
     v -= 0.5 * (v[4] + v[5])
     for row in range(8):
         ring = ((-inner_x, row), (inner_x, row), (inner_x, row + 1), (-inner_x, row + 1))
-        yield (
-            np.array([(x, *around[i]) for x, i in ring]),
-            np.array([(x, v[i]) for x, i in ring]),
-        )
+        yield (np.array([(x, *around[i]) for x, i in ring]), np.array([(x, v[i]) for x, i in ring]))
 
 
 def _end(half: Array, chamfer: float, sign: float) -> Iterator[Polygon]:

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array, Indices
 
 
 class Shape(NamedTuple):
@@ -20,7 +19,7 @@ class Shape(NamedTuple):
 
     vertices: Array
     """[m], (n, 3)."""
-    faces: NDArray[np.int64]
+    faces: Indices
     """Vertices of each triangle, counter-clockwise as seen from outside, (m, 3)."""
     normals: Array
     """Unit normals at the corners, (m, 3, 3); equal on all triangles of a flat face."""

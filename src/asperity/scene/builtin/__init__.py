@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from pathlib import Path
 
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, did_you_mean
 from asperity.scene.builtin.file_cad import file_cad
 from asperity.scene.builtin.hammer_blocks import hammer_blocks
 from asperity.scene.builtin.probe_plate import probe_plate
@@ -46,11 +45,9 @@ def load_scene(name_or_path: str | Path, *, seed: int | None = None) -> Scene:
     elif Path(name_or_path).exists():
         scene = read_scene(name_or_path)
     else:
-        near = difflib.get_close_matches(name, SCENES, n=1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
         raise AsperityError(
-            f"no scene {name!r}{hint}; give a folder with scene.xml and scene.toml, or one of: "
-            f"{', '.join(SCENES)}"
+            f"no scene {name!r}{did_you_mean(name, SCENES)}; give a folder with scene.xml and "
+            f"scene.toml, or one of: {', '.join(SCENES)}"
         )
     if seed is None:
         return scene

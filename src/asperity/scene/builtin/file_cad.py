@@ -12,13 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from asperity.scene.mesh import mesh_and_pieces
-from asperity.scene.mjcf import mesh_assets, mesh_geoms
+from asperity.scene.mesh import HANDLE, STEEL, body_elements
+from asperity.scene.mjcf import MODEL
 from asperity.scene.scene import Scene, scene_of
 
-STEEL, WOOD = 7850.0, 700.0
-"""Densities of the blade and the part, and of the file's handle [kg/m^3]."""
-METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
 YAW = float(np.radians(20.0))
 """Angle from the part's long side to the file [rad]."""
 STROKE = 0.04
@@ -43,19 +40,9 @@ TEETH: dict[str, Any] = {
 }  # fmt: skip
 """Teeth of a double cut, steep towards the point."""
 
-_XML = """<mujoco model="file-cad">
-  <!-- Metres and kilograms. The tool's frame is where its blade begins, on its middle plane. Geoms
-       in group 2 are the shapes, for display; group 3 holds the convex pieces that collide. -->
-  <visual>
-    <map znear="0.001"/>
-  </visual>
-  <statistic extent="0.3" center="-0.05 -0.02 0.02"/>
-  <asset>
-{assets}
-  </asset>
-  <worldbody>
-    <light pos="0.1 -0.3 0.5" dir="-0.2 0.5 -0.8"/>
-    <body name="table">
+_NOTE = """The tool's frame is where its blade begins, on its middle plane. Geoms
+       in group 2 are the shapes, for display; group 3 holds the convex pieces that collide."""
+_BODIES = """    <body name="table">
       <geom name="top" type="plane" size="0 0 0.01" rgba="0.90 0.89 0.87 1"/>
     </body>
     <body name="part">
@@ -64,10 +51,7 @@ _XML = """<mujoco model="file-cad">
     <body name="file" pos="{place}" quat="{turn}">
       <freejoint name="hand"/>
 {file}
-    </body>
-  </worldbody>
-</mujoco>
-"""
+    </body>"""
 
 
 def file_cad() -> Scene:
@@ -76,27 +60,25 @@ def file_cad() -> Scene:
         "part": {"kind": "cad_part"},
         "file": {"kind": "file_tool"},
     }
-    assets, geoms = [], {}
-    for name, colour in (("part", "0.80 0.74 0.63 1"), ("file", METAL)):
-        mesh, pieces = mesh_and_pieces(meshes[name], f"bodies.{name}.mesh")
-        # The blade lies at x > 0, the handle before it.
-        wooden = [name == "file" and piece[:, 0].max() < -0.01 for piece in pieces]
-        assets.append(mesh_assets(name, mesh, pieces))
-        geoms[name] = mesh_geoms(
-            name, mesh,
-            density=[WOOD if wood else STEEL for wood in wooden],
-            rgba=[HANDLE if wood else colour for wood in wooden],
-        )  # fmt: skip
+    # The blade lies at x > 0, the handle before it.
+    part = body_elements("part", meshes["part"], (STEEL[0], "0.80 0.74 0.63 1"))
+    file = body_elements(
+        "file", meshes["file"], lambda p: STEEL if p[:, 0].max() >= -0.01 else HANDLE
+    )
     along = np.array([np.cos(YAW), np.sin(YAW), 0.0])
     # In the middle of the stroke the middle of the blade is over the boss.
     place = -(0.5 * BLADE_LENGTH + 0.5 * STROKE) * along
     place[2] = BOSS_TOP + 0.5 * BLADE_THICKNESS + 5e-4
-    xml = _XML.format(
-        assets="\n".join(assets),
+    bodies = _BODIES.format(
+        part=part[1],
+        file=file[1],
         place=" ".join(f"{x:.9g}" for x in place),
         turn=f"{np.cos(0.5 * YAW):.12g} 0 0 {np.sin(0.5 * YAW):.12g}",
-        **geoms,
     )
+    xml = MODEL.format(
+        name="file-cad", note=_NOTE, compiler="", extent=0.3, centre="-0.05 -0.02 0.02",
+        light="0.1 -0.3 0.5", assets=f"{part[0]}\n{file[0]}", bodies=bodies,
+    )  # fmt: skip
     document = {
         "schema": 1,
         "tool": {"body": "file"},

@@ -13,13 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity.scene.mesh import mesh_and_pieces
-from asperity.scene.mjcf import mesh_assets, mesh_geoms
+from asperity.scene.mesh import HANDLE, STEEL, body_elements
+from asperity.scene.mjcf import MODEL
 from asperity.scene.scene import Scene, scene_of
 
-STEEL, WOOD = 7850.0, 700.0
-"""Densities of the head, and of handle and blocks [kg/m^3]."""
-METAL, HANDLE = "0.42 0.55 0.72 1", "0.72 0.50 0.30 1"
+WOOD = 700.0
+"""Density of the blocks [kg/m^3]."""
 GAP = 0.008
 """Between blocks [m]."""
 FACE_TIP = 0.0479
@@ -65,29 +64,16 @@ BLOCKS = (
 _UPRIGHT = (float(np.sqrt(0.5)), 0.0, float(np.sqrt(0.5)), 0.0)
 """Rotation from the mesh's frame, its face towards +x, to face down."""
 
-_XML = """<mujoco model="hammer-blocks">
-  <!-- Metres and kilograms. The tool's frame is the middle of its striking face. Geoms in group 2
-       are the shapes, for display; group 3 holds the convex pieces that collide. -->
-  <visual>
-    <map znear="0.001"/>
-  </visual>
-  <statistic extent="0.3" center="-0.08 0.03 0.04"/>
-  <asset>
-{assets}
-  </asset>
-  <worldbody>
-    <light pos="0.1 -0.3 0.5" dir="-0.2 0.5 -0.8"/>
-    <body name="table">
+_NOTE = """The tool's frame is the middle of its striking face. Geoms in group 2
+       are the shapes, for display; group 3 holds the convex pieces that collide."""
+_BODIES = """    <body name="table">
       <geom name="top" type="plane" size="0 0 0.01" rgba="0.90 0.89 0.87 1"/>
     </body>
 {blocks}
     <body name="hammer" pos="{x:.9g} 0 {z:.9g}">
       <freejoint name="hand"/>
 {hammer}
-    </body>
-  </worldbody>
-</mujoco>
-"""
+    </body>"""
 _BLOCK = """    <body name="{name}" pos="0 {y:.9g} {z:.9g}">
 {geoms}
     </body>"""
@@ -100,7 +86,10 @@ def hammer_blocks() -> Scene:
         "kind": "hammer", "position": [0.0, 0.0, FACE_TIP], "quaternion": list(_UPRIGHT),
     }  # fmt: skip
     bodies: dict[str, Any] = {"hammer": {"mesh": hammer, "texture": {**FORGED, "mapping": "uv"}}}
-    part, geoms = _hammer(hammer)
+    # The head lies above the face, the handle away towards -x.
+    part, geoms = body_elements(
+        "hammer", hammer, lambda p: HANDLE if p[:, 0].min() < -0.02 else STEEL
+    )
     assets, blocks = [part], list[str]()
     y = -0.5 * BLOCKS[0].size[1]
     for block, colour in zip(BLOCKS, _COLOURS, strict=True):
@@ -111,14 +100,17 @@ def hammer_blocks() -> Scene:
             "uv_size": list(block.uv_size),
         }  # fmt: skip
         bodies[name] = {"mesh": mesh, "texture": {**block.texture, "mapping": "uv"}}
-        part, solids = _block(name, mesh, colour)
+        part, solids = body_elements(name, mesh, (WOOD, colour))
         assets.append(part)
         blocks.append(_BLOCK.format(name=name, y=y + 0.5 * width, z=0.5 * height, geoms=solids))
         y += width + GAP
     length, _, height = BLOCKS[0].size
-    xml = _XML.format(
-        assets="\n".join(assets), blocks="\n".join(blocks), hammer=geoms, x=-0.25 * length,
-        z=height + 5e-4,
+    xml = MODEL.format(
+        name="hammer-blocks", note=_NOTE, compiler="", extent=0.3, centre="-0.08 0.03 0.04",
+        light="0.1 -0.3 0.5", assets="\n".join(assets),
+        bodies=_BODIES.format(
+            blocks="\n".join(blocks), hammer=geoms, x=-0.25 * length, z=height + 5e-4
+        ),
     )  # fmt: skip
     document = {
         "schema": 1,
@@ -129,25 +121,3 @@ def hammer_blocks() -> Scene:
         "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length},
     }
     return scene_of(xml, document, name="hammer-blocks")
-
-
-def _hammer(table: dict[str, Any]) -> tuple[str, str]:
-    """Return the assets and the geoms of the hammer."""
-    mesh, pieces = mesh_and_pieces(table, "bodies.hammer.mesh")
-    # The head lies above the face, the handle away towards -x.
-    wooden = [piece[:, 0].min() < -0.02 for piece in pieces]
-    density = [WOOD if wood else STEEL for wood in wooden]
-    colours = [HANDLE if wood else METAL for wood in wooden]
-    return (
-        mesh_assets("hammer", mesh, pieces),
-        mesh_geoms("hammer", mesh, density=density, rgba=colours),
-    )
-
-
-def _block(name: str, table: dict[str, Any], colour: str) -> tuple[str, str]:
-    """Return the assets and the geoms of a block."""
-    mesh, pieces = mesh_and_pieces(table, f"bodies.{name}.mesh")
-    return (
-        mesh_assets(name, mesh, pieces),
-        mesh_geoms(name, mesh, density=[WOOD] * len(pieces), rgba=[colour] * len(pieces)),
-    )

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from asperity.errors import require_between, require_choice
+from asperity.scene.mjcf import MODEL
 from asperity.scene.scene import Scene, scene_of
 
 TEXTURES: dict[str, dict[str, Any]] = {
@@ -23,16 +24,9 @@ TEXTURES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """The textures of the three plates, as in `scene.toml`."""
 
-_XML = """<mujoco model="probe-plate">
-  <!-- Metres and kilograms. The tool's frame is the centre of its tip; textures, force and the
-       default motion are in scene.toml. -->
-  <visual>
-    <map znear="0.001"/>
-  </visual>
-  <statistic extent="0.12" center="0 0 0.03"/>
-  <worldbody>
-    <light pos="0.1 -0.2 0.4" dir="-0.2 0.4 -0.8"/>
-    <body name="plate" pos="0 0 -0.004">
+_NOTE = """The tool's frame is the centre of its tip; textures, force and the
+       default motion are in scene.toml."""
+_BODIES = """    <body name="plate" pos="0 0 -0.004">
       <geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>
     </body>
     <body name="probe" pos="-0.03 0 {height:.9g}">
@@ -42,10 +36,7 @@ _XML = """<mujoco model="probe-plate">
             mass="0.004" rgba="0.42 0.55 0.72 1"/>
       <geom name="grip" type="capsule" fromto="0 0 0.04 0 0 0.11" size="0.004"
             mass="0.045" rgba="0.2 0.2 0.22 1"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+    </body>"""
 
 
 def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: float = 3e-3) -> Scene:
@@ -66,7 +57,13 @@ def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: floa
     else:
         table = texture
     radius = 0.5 * diameter
-    xml = _XML.format(height=radius + 1e-4, radius=radius, thin=0.6 * radius, shaft=0.5 * radius)
+    bodies = _BODIES.format(
+        height=radius + 1e-4, radius=radius, thin=0.6 * radius, shaft=0.5 * radius
+    )
+    xml = MODEL.format(
+        name="probe-plate", note=_NOTE, compiler="", extent=0.12, centre="0 0 0.03",
+        light="0.1 -0.2 0.4", assets="", bodies=bodies,
+    )  # fmt: skip
     document = {
         "schema": 1,
         "tool": {"body": "probe"},

@@ -66,10 +66,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
         # The renderer samples smooth faces with a third of the points.
         view = view._replace(samples=3 * view.samples)
     for face in geom_faces(body, _STILL, view):
-        points, normals = np.empty(face.base.shape), np.empty(face.base.shape)
-        displace(
-            face.base, face.normals, face.heights, np.eye(3), np.zeros(3), points, normals
-        )  # fmt: skip
+        points, normals = displace(face.base, face.normals, face.heights)
         shown = np.ones(face.base.shape[:2], bool)
         for other in body.geoms:
             if other is not face.geom:

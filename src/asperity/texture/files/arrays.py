@@ -11,13 +11,12 @@ import math
 import re
 import zipfile
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity.errors import SurfaceError
-from asperity.texture.files.images import check_size, level_step
+from asperity.texture.files.images import Stored, check_size, level_step
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt")
 _INSTRUMENTS = """
@@ -32,16 +31,6 @@ UNITS = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "m": 1.0}
 _PIXEL_KEY = re.compile(r"pixel(_?size)?(_(nm|um|mm|m))?")
 _HEIGHT_KEY = re.compile(r".+_(nm|um|mm|m)")
 _MISSING_WORDS = ("", "na", "n/a", "null", "none", "-")
-
-
-class Stored(NamedTuple):
-    """Contents of a file: values in metres, or grey levels without a scale."""
-
-    values: NDArray[Any]
-    notes: tuple[str, ...] = ()
-    pixel_size: float | None = None
-    in_metres: bool = True
-    step: float = 0.0
 
 
 def refuse(path: Path, reason: str) -> NoReturn:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError
 from asperity.texture.files.images import MAX_SAMPLES
 
@@ -35,7 +36,7 @@ def checked_pixel_size(pixel_size: float | Sequence[float]) -> tuple[float, floa
     return float(pu), float(pv)
 
 
-def checked_samples(samples: ArrayLike) -> NDArray[np.float64]:
+def checked_samples(samples: ArrayLike) -> Array:
     """Return a copy of `samples` if they are valid heights, or raise `SurfaceError`."""
     try:
         given = np.asarray(samples)
@@ -58,9 +59,24 @@ def checked_samples(samples: ArrayLike) -> NDArray[np.float64]:
     return heights
 
 
-def check_steepness(
-    heights: NDArray[np.float64], pixel_size: tuple[float, float], border: str
-) -> None:
+def checked_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) -> Array:
+    """Return `heights` as a float array, or raise `SurfaceError` naming the invalid value."""
+    try:
+        array = np.asarray(heights, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(f"heights must be an array of numbers: {error}") from None
+    if array.ndim not in dimensions:
+        wanted = " or ".join(f"{d}-D" for d in dimensions)
+        raise SurfaceError(f"heights must be {wanted}, got shape {array.shape}")
+    if min(array.shape) < 2:
+        raise SurfaceError(f"heights need 2 samples or more along each axis, got {array.shape}")
+    bad = int(np.count_nonzero(~np.isfinite(array)))
+    if bad:
+        raise SurfaceError(f"heights hold {bad} NaN or infinite values of {array.size}; fill them")
+    return array
+
+
+def check_steepness(heights: Array, pixel_size: tuple[float, float], border: str) -> None:
     """Raise `SurfaceError` where neighbouring samples are too steep, the seam included."""
     for axis, (name, pixel) in enumerate(zip("vu", pixel_size[::-1], strict=True)):
         steepest = float(np.abs(np.diff(heights, axis=axis)).max())
@@ -74,7 +90,7 @@ def check_steepness(
             )
 
 
-def checked_places(name: str, places: ArrayLike) -> NDArray[np.float64]:
+def checked_places(name: str, places: ArrayLike) -> Array:
     """Return positions [m] as an array if they are finite and not too far, or raise."""
     values = np.asarray(places, dtype=np.float64)
     if not np.all(np.abs(values) <= MAX_PLACE):  # NaN compares false

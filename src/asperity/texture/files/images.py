@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError
 
@@ -29,33 +30,29 @@ _SMOOTHING_STEPS = 40
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
 
-class GreyImage(NamedTuple):
-    """Grey values of an image.
+class Stored(NamedTuple):
+    """Contents of a file: values in metres, or grey levels without a scale."""
 
-    Attributes
-    ----------
-    values : (rows, columns) array
-        Grey values, the first row at the top of the picture.
-    step : float
-        Difference between neighbouring grey levels; 0 for values that are not quantised.
-    notes : tuple of str
-        Conversions of the file's values.
-    """
-
-    values: NDArray[np.float64]
-    step: float
-    notes: tuple[str, ...]
+    values: NDArray[Any]
+    notes: tuple[str, ...] = ()
+    """Conversions of the file's values."""
+    pixel_size: float | None = None
+    """[m]"""
+    in_metres: bool = True
+    step: float = 0.0
+    """Difference between neighbouring grey levels; 0 for values that are not quantised."""
 
 
-def read_image(path: Path) -> GreyImage:
-    """Return the grey values of the image file at `path`.
+def read_image(path: Path) -> Stored:
+    """Return the grey values of the image file at `path`, row 0 at the bottom of the picture.
 
     Raises
     ------
     SurfaceError
         A file that is too large, or of a kind that cannot be read with all its bits.
     """
-    return _grey(*read_pixels(path))
+    pixels, notes = read_pixels(path)
+    return _grey(np.flipud(pixels), notes)
 
 
 def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
@@ -104,28 +101,28 @@ def level_step(values: NDArray[Any]) -> float:
     return next((float(s) for s in (257, 256) if not (values % s).any()), 1.0)
 
 
-def _grey(pixels: NDArray[Any], notes: tuple[str, ...] = ()) -> GreyImage:
+def _grey(pixels: NDArray[Any], notes: tuple[str, ...]) -> Stored:
     """Return `pixels`, (rows, columns) or (rows, columns, channels), as grey values."""
     if pixels.ndim == 3 and pixels.shape[2] in (2, 4):
         pixels, notes = pixels[..., :-1], (*notes, "the alpha channel is ignored")
     if pixels.ndim == 3 and pixels.shape[2] == 3:
-        if np.array_equal(pixels[..., 0], pixels[..., 1]) and np.array_equal(
-            pixels[..., 0], pixels[..., 2]
-        ):
+        if (pixels == pixels[..., :1]).all():
             pixels = pixels[..., :1]
         else:
             _refuse_normal_map(pixels)
             notes = (*notes, "colour is read as its luminance (ITU-R BT.601)")
             step = 1.0 if pixels.dtype.kind in "ui" else 0.0
-            return GreyImage(pixels.astype(np.float64) @ _LUMINANCE, step, notes)
+            luminance = pixels.astype(np.float64) @ _LUMINANCE
+            return Stored(luminance, notes, in_metres=False, step=step)
     if pixels.ndim == 3 and pixels.shape[2] == 1:
         pixels = pixels[..., 0]
     if pixels.ndim != 2:
         raise ValueError(f"pixels of shape {pixels.shape} are neither grey nor colour")
-    return GreyImage(pixels.astype(np.float64), level_step(pixels), notes)
+    step = level_step(pixels)
+    return Stored(pixels.astype(np.float64), notes, in_metres=False, step=step)
 
 
-def unit_vectors(pixels: NDArray[Any]) -> tuple[NDArray[np.float64], bool]:
+def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, bool]:
     """Return colours as vectors, -1 to 1, and whether they are unit normals with blue along z.
 
     Integers are scaled from 0 to the largest of their type, floats from 0 to 1, or unscaled if some
@@ -261,7 +258,7 @@ def _read_exr(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     )
 
 
-def smooth_levels(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def smooth_levels(values: Array, step: float) -> Array:
     r"""Return the smoothest surface that rounds to the same grey levels as `values`.
 
     Rounding to levels turns a slope into a staircase, and a cubic spline follows every step. Of all
@@ -291,7 +288,7 @@ def smooth_levels(values: NDArray[np.float64], step: float) -> NDArray[np.float6
 
 
 @kernel
-def _laplacian(h: NDArray[np.float64], laplacian_out: NDArray[np.float64]) -> None:
+def _laplacian(h: Array, laplacian_out: Array) -> None:
     """Return the five-point Laplacian of `h`, mirrored at its borders."""
     rows, columns = h.shape
     for i in range(rows):
@@ -303,9 +300,7 @@ def _laplacian(h: NDArray[np.float64], laplacian_out: NDArray[np.float64]) -> No
 
 
 @kernel
-def _least_curvature(
-    levels: NDArray[np.float64], lipschitz: float, steps: int
-) -> NDArray[np.float64]:
+def _least_curvature(levels: Array, lipschitz: float, steps: int) -> Array:
     """Minimise the squared Laplacian within half a level of `levels`."""
     best, ahead = levels.copy(), levels.copy()
     first, second = np.empty_like(levels), np.empty_like(levels)

@@ -35,6 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, interpolate
 
+from asperity._core.arrays import Array
+from asperity._core.files import reading
 from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
 from asperity.texture.files.arrays import refuse
 from asperity.texture.files.checks import checked_pixel_size
@@ -117,7 +119,7 @@ def read_normal_map(
 
 def integrate_slopes(
     h_u: ArrayLike, h_v: ArrayLike, pixel_size: float | Sequence[float], *, border: str = "clamp"
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the heights whose slopes fit best, by least squares.
 
     Parameters
@@ -152,9 +154,7 @@ def integrate_slopes(
     return (_repeating if border == "wrap" else _ending)(level_u, level_v, pixel)
 
 
-def _repeating(
-    h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
-) -> NDArray[np.float64]:
+def _repeating(h_u: Array, h_v: Array, pixel: tuple[float, float]) -> Array:
     """Return the heights wave by wave: h = -i (k_u h_u + k_v h_v) / k^2."""
     rows, columns = h_u.shape
     k_u = 2.0 * np.pi * np.fft.rfftfreq(columns, pixel[0])[None, :]
@@ -170,9 +170,7 @@ def _repeating(
     return fft.irfft2(waves, s=h_u.shape)
 
 
-def _ending(
-    h_u: NDArray[np.float64], h_v: NDArray[np.float64], pixel: tuple[float, float]
-) -> NDArray[np.float64]:
+def _ending(h_u: Array, h_v: Array, pixel: tuple[float, float]) -> Array:
     """Solve Poisson's equation for the rises between samples by the cosine transform."""
     rows, columns = h_u.shape
     source = np.zeros(h_u.shape)
@@ -189,30 +187,21 @@ def _ending(
     return fft.idctn(fft.dctn(source) / laplacian)
 
 
-def _rises(slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _rises(slopes: Array, axis: int) -> Array:
     """Return the rise from each sample to the next along `axis`, in pixel sizes."""
     integral = interpolate.CubicSpline(np.arange(slopes.shape[axis]), slopes, axis).antiderivative()
     return np.diff(integral(np.arange(slopes.shape[axis])), axis=axis)
 
 
-def _read_vectors(path: Path) -> tuple[NDArray[np.float64], list[str]]:
+def _read_vectors(path: Path) -> tuple[Array, list[str]]:
     """Return the vectors of a normal map, the bottom of the picture first, and notes."""
-    try:
-        if not path.is_file():
-            refuse(path, "there is no such file")
-        if path.suffix.lower() not in IMAGE_SUFFIXES:
-            refuse(path, f"a normal map is a colour image; valid: {', '.join(IMAGE_SUFFIXES)}")
+    valid = f"a colour image ({', '.join(IMAGE_SUFFIXES)})"
+    with reading(path, "normals", IMAGE_SUFFIXES, valid=valid, error=SurfaceError):
         pixels, notes = read_pixels(path)
         return _checked_vectors(path, np.flipud(pixels)), list(notes)
-    except AsperityError:
-        raise
-    except MemoryError:
-        refuse(path, "too large for this computer's memory")
-    except Exception as error:  # any exception of a reader on a damaged file
-        refuse(path, f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}")
 
 
-def _checked_vectors(path: Path, pixels: NDArray[Any]) -> NDArray[np.float64]:
+def _checked_vectors(path: Path, pixels: NDArray[Any]) -> Array:
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
         refuse(path, "it has no colours; valid: a normal map, or kind='height'")
     if min(pixels.shape[:2]) < 4:
@@ -225,9 +214,7 @@ def _checked_vectors(path: Path, pixels: NDArray[Any]) -> NDArray[np.float64]:
     return vectors
 
 
-def _slopes(
-    vectors: NDArray[np.float64], convention: str, notes: list[str]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _slopes(vectors: Array, convention: str, notes: list[str]) -> tuple[Array, Array]:
     """Return the slopes along u and v; normals limited to `STEEPEST` are counted in a note."""
     across = np.hypot(vectors[..., 0], vectors[..., 1])
     along = vectors[..., 2]

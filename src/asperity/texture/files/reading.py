@@ -16,19 +16,26 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.errors import AsperityError, require_choice
+from asperity._core.arrays import Array, Mask
+from asperity._core.files import reading
+from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import (
     ARRAY_SUFFIXES,
     INSTRUMENT_SUFFIXES,
     UNITS,
-    Stored,
     load_instrument,
     load_npy,
     load_npz,
     load_text,
     refuse,
 )
-from asperity.texture.files.images import IMAGE_SUFFIXES, check_size, read_image, smooth_levels
+from asperity.texture.files.images import (
+    IMAGE_SUFFIXES,
+    Stored,
+    check_size,
+    read_image,
+    smooth_levels,
+)
 
 _KNOWN = (
     f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text ({', '.join(ARRAY_SUFFIXES)}); "
@@ -49,7 +56,7 @@ class Heights(NamedTuple):
         Choices, conversions, filling and smoothing, one line each, to be shown to the user.
     """
 
-    samples: NDArray[np.float64]
+    samples: Array
     pixel_size: float
     notes: tuple[str, ...]
 
@@ -162,36 +169,15 @@ def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) 
 
 def _load(path: Path, array: str | None) -> Stored:
     """Return the contents of the file at `path`, whatever its format."""
-    suffix = path.suffix.lower()
-    try:
-        if not path.exists():
-            refuse(path, "there is no such file")
-        if path.is_dir():
-            refuse(path, "this is a folder; valid: a file of heights")
-        if suffix not in _LOADERS:
-            refuse(path, f"unknown kind of file {suffix!r}; valid: {_KNOWN}")
-        if array is not None and suffix != ".npz":
-            refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
-        if path.stat().st_size == 0:
-            refuse(path, "the file is empty")
+    if array is not None and path.suffix.lower() != ".npz":
+        refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
+    with reading(path, "heights", [*_LOADERS], valid=_KNOWN, error=SurfaceError) as suffix:
         return _LOADERS[suffix](path) if array is None else load_npz(path, array)
-    except AsperityError:
-        raise
-    except MemoryError:
-        refuse(path, "too large for this computer's memory")
-    except Exception as error:  # any exception of a reader on a damaged file
-        reason = " ".join(str(error).split()) or type(error).__name__
-        refuse(path, f"cannot be read as a {suffix} file: {reason}")
-
-
-def _load_image(path: Path) -> Stored:
-    image = read_image(path)
-    return Stored(np.flipud(image.values), image.notes, in_metres=False, step=image.step)
 
 
 _LOADERS: dict[str, Callable[[Path], Stored]] = {
     **dict.fromkeys(INSTRUMENT_SUFFIXES, load_instrument),
-    **dict.fromkeys(IMAGE_SUFFIXES, _load_image),
+    **dict.fromkeys(IMAGE_SUFFIXES, read_image),
     ".npy": load_npy,
     ".npz": load_npz,
     ".csv": load_text,
@@ -199,7 +185,7 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
 }
 
 
-def _shaped(path: Path, stored: NDArray[Any]) -> NDArray[np.float64]:
+def _shaped(path: Path, stored: NDArray[Any]) -> Array:
     values = np.squeeze(np.ascontiguousarray(stored, dtype=np.float64))
     if values.ndim > 2:
         refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
@@ -238,9 +224,7 @@ def _pixel_size(
     return float(pixel_size)
 
 
-def _without_missing(
-    path: Path, values: NDArray[np.float64], missing: str, notes: list[str]
-) -> NDArray[np.float64]:
+def _without_missing(path: Path, values: Array, missing: str, notes: list[str]) -> Array:
     absent = ~np.isfinite(values)
     count = int(np.count_nonzero(absent))
     if count == 0:
@@ -254,7 +238,7 @@ def _without_missing(
     return _filled(values, absent)
 
 
-def _filled(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _filled(values: Array, absent: Mask) -> Array:
     """Return `values` with missing ones replaced by the solution of Laplace's equation.
 
     The border is insulated, so gaps at it level out towards it.

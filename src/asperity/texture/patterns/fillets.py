@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError, require_positive
 from asperity.texture.files.images import MAX_SAMPLES
 
@@ -28,7 +28,7 @@ FEWEST = 8
 class Wave(NamedTuple):
     """A plane wave sampled over a tile that contains whole numbers of it."""
 
-    phase: NDArray[np.float64]
+    phase: Array
     """Periods since u = v = 0, (nv, nu)."""
     pixel_size: tuple[float, float]
     notes: tuple[str, ...]
@@ -61,7 +61,7 @@ def plane_wave(pitch: float, direction: float, periods: int, samples: int) -> Wa
 
 def tile(
     size: tuple[float, float], pixel: float
-) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], tuple[float, float]]:
+) -> tuple[tuple[Array, Array], tuple[float, float]]:
     """Return positions u (1, nu) and v (nv, 1) [m] of a tile of `size` [m], and its pixel sizes."""
     counts = [side / pixel for side in size]
     if not all(count >= 3.5 for count in counts) or math.prod(counts) > MAX_SAMPLES:
@@ -71,16 +71,14 @@ def tile(
         )
     columns, rows = (round(count) for count in counts)
     pixel_size = size[0] / columns, size[1] / rows
-    places: list[NDArray[np.float64]] = [
+    places: list[Array] = [
         (np.arange(n, dtype=np.float64) + 0.5) * p
         for n, p in zip((columns, rows), pixel_size, strict=True)
     ]
     return (places[0][None, :], places[1][:, None]), pixel_size
 
 
-def rounded(
-    phase: NDArray[np.float64], corners: Sequence[tuple[float, float]], fillet: float
-) -> NDArray[np.float64]:
+def rounded(phase: Array, corners: Sequence[tuple[float, float]], fillet: float) -> Array:
     """Return a periodic polyline whose corners are rounded by parabolas.
 
     The moving average of a polyline over `fillet` is the polyline itself away from its corners,
@@ -100,7 +98,7 @@ def rounded(
     slopes = np.diff(y) / np.diff(x)
     areas = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
 
-    def integral(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def integral(places: Array) -> Array:
         turns = np.floor(places)
         inside = places - turns + x[0]
         side = np.clip(np.searchsorted(x, inside, "right") - 1, 0, slopes.size - 1)
@@ -111,9 +109,7 @@ def rounded(
     return (integral(middle + 0.5 * fillet) - integral(middle - 0.5 * fillet)) / fillet
 
 
-def smoothed(
-    sharp: NDArray[np.float64], pixel_size: tuple[float, float], fillet: float
-) -> NDArray[np.float64]:
+def smoothed(sharp: Array, pixel_size: tuple[float, float], fillet: float) -> Array:
     """Return a periodic map whose creases are rounded over about `fillet` [m].
 
     By a Gaussian weight with the standard deviation of a moving average over `fillet`.

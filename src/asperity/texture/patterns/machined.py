@@ -9,14 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity.errors import (
-    AsperityError,
-    require_between,
-    require_not_negative,
-    require_positive,
-)
+from asperity._core.arrays import Array, Indices
+from asperity.errors import AsperityError, require_between, require_not_negative, require_positive
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.fillets import (
     FEWEST,
@@ -303,7 +298,7 @@ def _smooth_noise(
     pixel_size: tuple[float, float],
     length: float,
     random: np.random.Generator,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return periodic noise of mean 0 and standard deviation 1, smooth over `length` [m]."""
     waves = np.hypot(
         np.fft.fftfreq(shape[0], pixel_size[1])[:, None], np.fft.rfftfreq(shape[1], pixel_size[0])
@@ -314,24 +309,24 @@ def _smooth_noise(
     return (out - out.mean()) / out.std()
 
 
-def _bump(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bump(x: Array) -> Array:
     """Return a smooth bump, 1 at 0 and 0 from -1 and 1 on, with two continuous derivatives."""
     return np.maximum(1.0 - x * x, 0.0) ** 3
 
 
 def _window(
     middle: tuple[float, float], reach: tuple[float, float], pixel_size: tuple[float, float]
-) -> list[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+) -> list[tuple[Indices, Array]]:
     """Return, along u and v, the indices of samples within `reach` and their offsets [m]."""
     axes = []
     for at, far, pixel in zip(middle, reach, pixel_size, strict=True):
         first, end = math.floor((at - far) / pixel), math.ceil((at + far) / pixel)
-        indices: NDArray[np.int64] = np.arange(first, end, dtype=np.int64)
+        indices: Indices = np.arange(first, end, dtype=np.int64)
         axes.append((indices, (indices.astype(np.float64) + 0.5) * pixel - at))
     return axes
 
 
-def _scaled(heights: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+def _scaled(heights: Array, height: float) -> Array:
     """Return `heights` scaled to 0 to `height` [m]."""
     low, high = float(heights.min()), float(heights.max())
     return (heights - low) * (height / (high - low))

@@ -18,14 +18,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from asperity.errors import (
-    AsperityError,
-    SurfaceError,
-    require_not_negative,
-    require_positive,
-)
+from asperity._core.arrays import Array
+from asperity.errors import AsperityError, SurfaceError, require_not_negative, require_positive
+from asperity.texture.files.checks import checked_heights
+from asperity.texture.files.images import MAX_SAMPLES
 
-MAX_SAMPLES = 2**27
 DEFAULT_CUTOFF = 8.0
 """Shortest wavelength [samples]: a cubic spline's slope errs by 0.3 % there, by 4 % at 4."""
 
@@ -39,7 +36,7 @@ def self_affine(
     rolloff: float | None = None,
     cutoff: float | None = None,
     seed: int = 0,
-) -> NDArray[np.float64]:
+) -> Array:
     r"""Return a periodic, isotropic, self-affine random surface or profile.
 
     With `q_r = 2 pi / rolloff` and `q_c = 2 pi / cutoff` the spectral density of a surface is
@@ -110,7 +107,7 @@ def self_affine(
     return heights * (rms_slope / math.sqrt(np.mean(slopes**2)))
 
 
-def synthesise_like(heights: ArrayLike, *, seed: int = 0) -> NDArray[np.float64]:
+def synthesise_like(heights: ArrayLike, *, seed: int = 0) -> Array:
     """Return a periodic random surface with the power spectrum of another.
 
     A tilt or a swell makes opposite borders differ, and such a jump would count as roughness. So
@@ -142,21 +139,15 @@ def synthesise_like(heights: ArrayLike, *, seed: int = 0) -> NDArray[np.float64]
     Galerne, Gousseau & Morel (2011), "Random phase textures: theory and synthesis", IEEE Trans.
     Image Process. 20, 257-267.
     """
-    try:
-        array = np.asarray(heights, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise SurfaceError(f"heights must be an array of numbers: {error}") from None
+    array = checked_heights(heights)
     sizes = _sizes(array.shape)
-    bad = int(np.count_nonzero(~np.isfinite(array)))
-    if bad:
-        raise SurfaceError(f"heights hold {bad} NaN or infinite values of {array.size}; fill them")
     noise = np.fft.rfftn(_generator(seed).standard_normal(sizes))
     phases = noise / np.maximum(np.abs(noise), np.finfo(np.float64).tiny)
     waves = np.abs(_periodic_waves(array)) * phases
     return np.fft.irfftn(waves, s=sizes, axes=range(len(sizes)))
 
 
-def _periodic_waves(heights: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _periodic_waves(heights: Array) -> NDArray[np.complex128]:
     """Return the transform of `heights` minus the smooth field that contains the border jumps.
 
     The Laplacian of the field is the jumps, at the border samples (Moisan 2011).
@@ -200,7 +191,7 @@ def _generator(seed: int) -> np.random.Generator:
         raise AsperityError(f"seed must be a whole number, 0 or above, got {seed!r}") from None
 
 
-def _wavenumbers(sizes: tuple[int, ...], pixel_size: float) -> NDArray[np.float64]:
+def _wavenumbers(sizes: tuple[int, ...], pixel_size: float) -> Array:
     """Return |q| [rad/m] of every wave, in the order of `numpy.fft.rfftn`."""
     along_u = 2.0 * math.pi * np.fft.rfftfreq(sizes[-1], pixel_size).astype(np.float64)
     if len(sizes) == 1:
