@@ -133,7 +133,7 @@ def test_wrong_arrays_are_refused(tmp_path):
     with pytest.raises(AsperityError, match="times"):
         read_poses(tmp_path / "b.npz")
     (tmp_path / "c.npy").write_bytes(b"no array")
-    with pytest.raises(AsperityError, match=r"c\.npy cannot be read"):
+    with pytest.raises(AsperityError, match=r"c\.npy: cannot be read"):
         read_poses(tmp_path / "c.npy")
     with pytest.raises(AsperityError, match="no such file"):
         read_poses(tmp_path / "d.csv")
