@@ -11,9 +11,13 @@ from asperity.errors import AsperityError
 from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.scene.builtin import load_scene, probe_plate
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
-from asperity.simulation import simulation as simulation_module
 from asperity.simulation.simulation import Simulation
-from asperity.simulation.tool_contact import BUDGET_SPENT, SUB_POSES, TOO_FAST
+from asperity.simulation.tool_contact import (
+    BUDGET_SPENT,
+    SUB_POSES,
+    TOO_FAST,
+    announce_compiling,
+)
 
 QUIET = {"force": {"anti_alias": "off"}}
 
@@ -172,7 +176,7 @@ def test_the_first_force_loads_no_plots_and_no_meshes():
 
 
 def test_compiling_is_told_once_and_only_if_nothing_is_kept(tmp_path, monkeypatch, caplog):
-    announce = simulation_module.announce_compiling
+    announce = announce_compiling
     monkeypatch.setattr("asperity._core.kernels.kernel_folder", lambda _: tmp_path)
     for _ in range(2):
         announce.cache_clear()
