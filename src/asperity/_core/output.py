@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from asperity.errors import OutputError
 
@@ -97,3 +99,9 @@ def write_whole(path: Path, text: str) -> None:
         finally:
             with suppress(OSError):
                 part.unlink()
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as indented JSON; NaN and infinite numbers are refused with `ValueError`."""
+    text = json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + "\n", "utf-8")

@@ -10,7 +10,6 @@ cannot be loaded is left behind.
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.output import result_folder
+from asperity._core.output import result_folder, write_json
 from asperity.baking.cloud import map_of_points
 from asperity.baking.error import BakeError, bake_error, plate_error
 from asperity.baking.folder import (
@@ -166,8 +165,7 @@ def bake(
             body = next(body for body in scene.bodies if body.name == OBJECT)
             draw_bake(work.full, body, report, folder / "picture.png", rough=work.rough)
         report["seconds"] = round(time.perf_counter() - began, 3)
-        text = json.dumps(report, indent=2, ensure_ascii=False)
-        (folder / "bake.json").write_text(text + "\n", "utf-8")
+        write_json(folder / "bake.json", report)
         stages.at("done")
     return BakeResult(Path(out), report, read_scene(Path(out)))
 

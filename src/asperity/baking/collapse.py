@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from asperity._core.kernels import kernel
 from asperity.baking.edge_heap import pop, push
 from asperity.baking.quadrics import cost_at, fill_cheapest, triangle_cross, vertex_quadrics
+from asperity.geometry.mesh.topology import edges_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -64,12 +65,10 @@ class _Rings(NamedTuple):
 
 
 class _Limits(NamedTuple):
-    """Conditions on triangles after a collapse."""
+    """Conditions on triangles after a collapse; see `collapsed`."""
 
     facing: float
-    """Least cosine between a triangle's normal and its former one, or the mean at its corner."""
     quality: float
-    """Least quality: 1 for an equilateral triangle, 0 for a needle."""
 
 
 def collapsed(
@@ -96,7 +95,8 @@ def collapsed(
     """
     points, faces = points.copy(), faces.copy()
     alive = np.ones(len(faces), dtype=np.bool_)
-    _collapse(points, faces, alive, count, _Limits(facing, quality))
+    borders = np.flatnonzero(edges_of(faces).borders)
+    _collapse(points, faces, borders, alive, count, _Limits(facing, quality))
     used, corners = np.unique(faces[alive], return_inverse=True)
     return points[used], corners.reshape(-1, 3).astype(np.int64)
 
@@ -150,16 +150,7 @@ def _keeps_topology(surface, edge, rings, marks, mark):
 
 @kernel
 def _moved(surface, edge, side, f, place):
-    """Return the corners of triangle f when its end of the edge has moved to `place`.
-
-    Returns
-    -------
-    remains : bool
-        Whether it survives the collapse; it does not if it has both ends.
-    corner : int
-        The corner that moves.
-    a, b, c : (3,) arrays
-    """
+    """Return whether triangle f survives a collapse to `place`, its corner that moves, and all."""
     points, end, other = surface.points, edge[side], edge[1 - side]
     a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
     corner = 0 if a == end else 1 if b == end else 2
@@ -235,26 +226,6 @@ def _quality(a, b, c, twice_area):
 
 
 @kernel
-def _border_edges(faces, corners):
-    """Return the half-edges (k,) that no other triangle shares."""
-    out = np.empty(3 * len(faces), dtype=np.int64)
-    n = 0
-    for h in range(3 * len(faces)):
-        u, v = faces[h // 3, h % 3], faces[h // 3, (h + 1) % 3]
-        met = 0
-        corner = corners.head[u]
-        while corner >= 0:
-            f = corner // 3
-            if v in (faces[f, 0], faces[f, 1], faces[f, 2]):
-                met += 1
-            corner = corners.following[corner]
-        if met == 1:
-            out[n] = h
-            n += 1
-    return out[:n]
-
-
-@kernel
 def _corners_of(faces, count):
     """Return the `_Corners` of `count` vertices."""
     head, tail = np.full(count, -1, dtype=np.int64), np.full(count, -1, dtype=np.int64)
@@ -290,16 +261,15 @@ def _merge(surface, edge, rings):
 
 
 @kernel
-def _collapse(points, faces, alive, target, limits):
-    """Collapse edges until `target` triangles are alive."""
+def _collapse(points, faces, borders, alive, target, limits):
+    """Collapse edges until `target` triangles are alive; `borders` are half-edges."""
     n, m = len(points), len(faces)
     corners = _corners_of(faces, n)
-    single = _border_edges(faces, corners)
     border = np.zeros(n, dtype=np.bool_)
-    for h in single:
+    for h in borders:
         border[faces[h // 3, h % 3]] = border[faces[h // 3, (h + 1) % 3]] = True
     surface = _Surface(points, faces, alive, border, corners)
-    quadric = vertex_quadrics(points, faces, single)
+    quadric = vertex_quadrics(points, faces, borders)
     stamp = np.zeros(n, dtype=np.int64)
     marks = np.zeros(n, dtype=np.int64)
     mark = 2

@@ -55,8 +55,13 @@ def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> 
     face, weights = scattered(full, _SAMPLES, rng)
     points = np.einsum("ij,ijk->ik", weights, full[face])
     back = Nearest(_as_triangles(low, field)).to(points)[1]
-    stats = [(np.sqrt(np.mean(d**2)), np.percentile(d, 99.0), d.max()) for d in (there, back)]
-    return BakeError(*(float(max(pair)) for pair in zip(*stats, strict=True)))
+    return BakeError(*map(max, _statistics(there), _statistics(back)))
+
+
+def _statistics(away: Array) -> BakeError:
+    return BakeError(
+        float(np.sqrt(np.mean(away**2))), float(np.percentile(away, 99.0)), float(away.max())
+    )
 
 
 def plate_error(
@@ -82,9 +87,7 @@ def plate_error(
     points = displaced(low, written, face, weights)
     u, v = (points[:, :2] + 0.5 * np.asarray(field.size)).T
     away = np.abs(points[:, 2] - (field.heights(u, v) - field.lowest))
-    return BakeError(
-        float(np.sqrt(np.mean(away**2))), float(np.percentile(away, 99.0)), float(away.max())
-    )
+    return _statistics(away)
 
 
 def scattered(

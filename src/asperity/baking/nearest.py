@@ -56,7 +56,7 @@ class Nearest:
     ) -> None:
         """Fill the nearest of the triangles whose samples are nearest to each point."""
         candidates = min(candidates, len(self._owner))
-        found = np.asarray(self._tree.query(points, k=candidates)[1]).reshape(
+        found = np.asarray(self._tree.query(points, k=candidates, workers=-1)[1]).reshape(
             len(points), candidates
         )
         _nearest(self._triangles, points, self._owner[found], face_out, away_out)
@@ -77,21 +77,33 @@ def _nearest(triangles, points, near, face_out, away_out):
 @kernel
 def _square_distance(triangle, point):
     """Return the squared distance of a point from a triangle."""
-    a, b = triangle[1] - triangle[0], triangle[2] - triangle[0]
-    p = point - triangle[0]
-    aa, ab, bb = np.sum(a * a), np.sum(a * b), np.sum(b * b)
-    pa, pb = np.sum(p * a), np.sum(p * b)
+    aa, ab, bb, pa, pb = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(3):
+        a, b = triangle[1, k] - triangle[0, k], triangle[2, k] - triangle[0, k]
+        p = point[k] - triangle[0, k]
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+        pa, pb = pa + p * a, pb + p * b
     det = aa * bb - ab * ab
     if det > 1e-14 * aa * bb:
         s, t = (bb * pa - ab * pb) / det, (aa * pb - ab * pa) / det
         if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
-            return np.sum((p - s * a - t * b) ** 2)
+            square = 0.0
+            for k in range(3):
+                at = (1.0 - s - t) * triangle[0, k] + s * triangle[1, k] + t * triangle[2, k]
+                square += (point[k] - at) ** 2
+            return square
     least = np.inf
-    for k in range(3):
-        start, side = triangle[k], triangle[(k + 1) % 3] - triangle[k]
-        off = point - start
-        s = min(max(np.sum(off * side) / max(np.sum(side * side), 1e-300), 0.0), 1.0)
-        least = min(least, np.sum((off - s * side) ** 2))
+    for i in range(3):
+        start, end = triangle[i], triangle[(i + 1) % 3]
+        along, length = 0.0, 0.0
+        for k in range(3):
+            along += (point[k] - start[k]) * (end[k] - start[k])
+            length += (end[k] - start[k]) ** 2
+        s = min(max(along / max(length, 1e-300), 0.0), 1.0)
+        square = 0.0
+        for k in range(3):
+            square += (point[k] - start[k] - s * (end[k] - start[k])) ** 2
+        least = min(least, square)
     return least
 
 

@@ -84,10 +84,7 @@ def draw_bake(
         _edges(axes[1], low, seen[1], camera)
         _error_panel(figure, axes[3], error, seen[2], scenes[2], camera)
         _scale_bar(axes[0], camera)
-        figure.suptitle(
-            report["source"],
-            x=0.02, ha="left", fontsize=11, fontweight="bold",
-        )  # fmt: skip
+        figure.suptitle(report["source"], x=0.02, ha="left", fontsize=11, fontweight="bold")
         figure.subplots_adjust(
             left=0.01, right=0.99, top=0.905, bottom=0.012, wspace=0.02, hspace=0.09
         )
@@ -118,7 +115,7 @@ def _camera(full: Array) -> Camera:
     """Return a camera that sees the whole mesh, from the side that shows the largest area."""
     corners = full.reshape(-1, 3)[:: max(1, len(full) // 50_000)]
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    best: tuple[float, Camera] | None = None
+    best: Camera | None = None
     for azimuth in _AZIMUTHS:
         eye = camera_at(
             middle, _UP, np.array([1.0, 0.0, 0.0]), azimuth=azimuth, elevation=_ELEVATION,
@@ -131,10 +128,10 @@ def _camera(full: Array) -> Camera:
                  ((across, eye.right), (up, eye.up))]  # fmt: skip
         centre = middle + shift[0] * eye.right + shift[1] * eye.up
         eye = Camera(centre, eye.right, eye.up, eye.towards, float(width), eye.columns, eye.rows)
-        if best is None or width < 0.97 * best[0]:
-            best = (float(width), eye)
+        if best is None or width < 0.97 * best.width:
+            best = eye
     assert best is not None
-    return best[1]
+    return best
 
 
 def _patches(triangles: Array) -> list[Sheet]:
@@ -185,11 +182,11 @@ def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | 
     of a sheet, since the position of a pixel is known only to about a pixel.
     """
     coarse = replace(camera, columns=_COLUMNS, rows=_ROWS)
-    every = np.ones(len(body.mesh.faces), dtype=bool) if body.mesh is not None else None
-    rough = every if rough is None else rough
+    assert body.mesh is not None
+    rough = np.ones(len(body.mesh.faces), dtype=bool) if rough is None else rough
     surface, sheets = Nearest(full), []
     # The skirt of a plate and the strips along seams have no counterpart on the full mesh.
-    for sheet in _baked(body, coarse, rough, closed=rough is None or bool(rough.all())):
+    for sheet in _baked(body, coarse, rough, closed=bool(rough.all())):
         face, away = surface.to(sheet.points.reshape(-1, 3))
         ahead = np.einsum(
             "ij,ij->i", crosses(full[face]), sheet.points.reshape(-1, 3) - full[face, 0]
@@ -197,7 +194,7 @@ def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | 
         distances = np.zeros_like(sheet.points)
         distances[..., 0] = np.where(ahead > 0.0, away, -away).reshape(distances.shape[:2])
         sheets.append((0, sheet._replace(normals=distances)))
-    if rough is not None and not rough.all():
+    if not rough.all():
         sheets += [(1, sheet) for sheet in _baked(body, coarse, ~rough)]
     seen = look(sheets, coarse)
     return np.where(seen.number == 0, seen.normal[..., 0], np.nan)

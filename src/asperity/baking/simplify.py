@@ -72,21 +72,18 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
     size = float(np.ptp(points, axis=0).max())
     scaled = (points - middle) / size
     before = soundness(scaled, at)
-    best: tuple[Any, ...] | None = None
+    tried: list[tuple[Any, ...]] = []
     for facing, quality in _LIMITS:
         found = collapsed(scaled, at, faces, facing=facing, quality=quality)
         now = soundness(*found)
         # Defects that the mesh already had do not count.
         worse = tuple(max(a - b, 0) for a, b in zip(now[:3], before[:3], strict=True))
         reached = max(len(found[1]), int(_NEAR_ENOUGH * faces))
-        rank = (worse, reached, now.folded)
-        if best is None or rank < best[0]:
-            best = (rank, found, now)
+        tried.append(((worse, reached, now.folded), found, now))
         few = len(found[1]) <= _NEAR_ENOUGH * faces
         if worse == (0, 0, 0) and few and now.folded <= _FEW_FOLDED * found[1].size:
             break
-    assert best is not None
-    _, (low, corners), now = best
+    _, (low, corners), now = min(tried, key=lambda one: one[0])
     made = mesh_from_arrays(low * size + middle, corners, name=mesh.name)
     notes = _notes(before, now, len(at), len(made.faces), faces)
     return Mesh(made.vertices, made.faces, made.normals, None, mesh.name, (*notes, *made.notes))
