@@ -166,6 +166,11 @@ class ConstantSettings:
             raise AsperityError(f"levels must hold at least two values, got {len(self.levels)}")
         require_between("repeats", self.repeats, 1, 10000)
 
+    @property
+    def most(self) -> int:
+        """Number of trials."""
+        return self.repeats * len(self.levels)
+
 
 @dataclass(frozen=True)
 class PairsSettings:

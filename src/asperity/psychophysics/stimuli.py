@@ -24,10 +24,6 @@ class Stimulus:
     name: str
     value: float | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {"name": self.name, "value": self.value}
-
 
 @dataclass(frozen=True)
 class Levels:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asperity._core.output import write_json
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.psychometric_fit import Fit, fit_psychometric
@@ -232,6 +232,5 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         summary[design.method], scales = analyse_scales(results, options)
         figure_style.save(figures.scale_figure(scales, design), folder, "scale")
         figure_style.save(figures.wins_figure(summary[design.method], design), folder, "choices")
-    text = json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    (folder / "analysis.json").write_text(text, "utf-8")
+    write_json(folder / "analysis.json", summary)
     return summary

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
 from asperity.psychophysics.analysis.magnitudes import Magnitudes
 from asperity.psychophysics.analysis.scales import Scale
 from asperity.psychophysics.design import ExperimentDesign
@@ -41,30 +41,10 @@ def _level_axis(design: ExperimentDesign) -> tuple[float, str]:
     return factor, label if settings.level == "value" else f"difference in {label}"
 
 
-def _plain_ticks(axis: Any) -> None:
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.3g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _log_ticks(axes: Axes, low: float, high: float, which: str) -> None:
+def _log_range(axes: Axes, low: float, high: float, which: str) -> None:
     """Set a logarithmic axis from low to high with plain numbers at readable places."""
-    ticks = [
-        m * 10.0**e
-        for e in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-        for m in _multiples(high / low)
-        if low <= m * 10.0**e <= high
-    ]
-    getattr(axes, f"set_{which}scale")("log")
     getattr(axes, f"set_{which}lim")(low, high)
-    getattr(axes, f"set_{which}ticks")(ticks)
-    _plain_ticks(getattr(axes, f"{which}axis"))
-
-
-def _multiples(ratio: float) -> tuple[float, ...]:
-    """Return what powers of ten are multiplied by for ticks, over so wide a range."""
-    if ratio < 10.0:
-        return (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
-    return (1.0, 2.0, 5.0) if ratio < 1e3 else (1.0,)
+    log_scale(axes, x=which == "x", y=which == "y")
 
 
 def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
@@ -102,11 +82,11 @@ def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
                         color="#f2ead2", zorder=0, label="interval of its peak",
                     )  # fmt: skip
             reach = (x[-1] / x[0]) ** 0.05
-            _log_ticks(axes, x[0] / reach, x[-1] * reach, "x")
+            _log_range(axes, x[0] / reach, x[-1] * reach, "x")
             axes.set_xlabel(label)
         else:
             axes.set_xticks(place, found.names)
-        _log_ticks(axes, low / (high / low) ** 0.1, high * (high / low) ** 0.25, "y")
+        _log_range(axes, low / (high / low) ** 0.1, high * (high / low) ** 0.25, "y")
         axes.set_ylabel("magnitude, normalised")
         axes.set_title(f"{design.name}: magnitude estimates")
         axes.legend(loc="upper left", ncols=2)
@@ -151,7 +131,7 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
                   lw=0.9, ls=(0, (3, 2)))  # fmt: skip
         axes.axhline(0.5, color="#999999", lw=0.8, ls=(0, (1, 2)))
         if log:
-            _log_ticks(axes, float(shown(fine[0])), float(shown(fine[-1])), "x")
+            _log_range(axes, float(shown(fine[0])), float(shown(fine[-1])), "x")
         else:
             axes.set_xlim(float(shown(fine[0])), float(shown(fine[-1])))
         axes.set_ylim(min(0.4, float(part.min()) - 0.06), 1.04)
@@ -195,13 +175,10 @@ def track_figure(threshold: ThresholdAnalysis) -> Figure:
                     at = (10.0**mean if log else mean) * factor
                     axes.axhline(at, color=colour, lw=0.9, ls=(0, (3, 2)))
         if log:
-            low, high = axes.get_ylim()
-            levels = np.array(
-                [answered.trial.level for answered in result.answers], dtype=np.float64
-            )
-            low, high = float(levels.min()) * factor, float(levels.max()) * factor
+            levels = [float(answered.trial.level or 0.0) for answered in result.answers]
+            low, high = min(levels) * factor, max(levels) * factor
             reach = max((high / low) ** 0.08, 1.05)
-            _log_ticks(axes, low / reach, high * reach, "y")
+            _log_range(axes, low / reach, high * reach, "y")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("trial")
         axes.set_ylabel(label.replace(": ", ":\n"))

@@ -55,12 +55,17 @@ def analyse_magnitudes(
     values = np.array([np.nan if s.value is None else s.value for s in stimuli])
     order = np.argsort(values, kind="stable")
     names, values = tuple(names[i] for i in order), values[order]
-    logs = [_normalised(result, names) for result in results]
-    grand = float(np.mean([np.mean(np.concatenate(raw)) for raw in _raw(results, names)]))
-    logs = [[group + grand for group in session] for session in logs]
+    raw = [_logs(result, names) for result in results]
+    grand = float(np.mean([np.mean(np.concatenate(session)) for session in raw]))
+    # The mean of stimuli's means: an unfinished block does not tilt it.
+    centres = [float(np.mean([group.mean() for group in session if group.size])) for session in raw]
+    logs = [
+        [group - centre + grand for group in session]
+        for session, centre in zip(raw, centres, strict=True)
+    ]
     rng = np.random.default_rng(seed)
     table = _table(logs)
-    again = np.array([_table_mean(_drawn(logs, rng)) for _ in range(samples)])
+    again = np.array([_session_mean(_drawn(logs, rng)) for _ in range(samples)])
     tails = [50.0 * (1.0 - confidence), 100.0 - 50.0 * (1.0 - confidence)]
     low, high = np.nanpercentile(again, tails, axis=0)
     mean = np.nanmean(table, axis=0)
@@ -69,7 +74,9 @@ def analyse_magnitudes(
     if np.count_nonzero(usable) >= LEAST_LEVELS:
         fit = fit_quadratic(values[usable], 10.0 ** mean[usable])
         if np.isfinite(fit.peak_spacing):
-            tops = np.array([_peak(values[usable], row[usable]) for row in again])
+            tops = [
+                fit_quadratic(values[usable], 10.0 ** row[usable]).peak_spacing for row in again
+            ]
             # One that opens upwards has its peak nowhere: beyond either end.
             span = np.nanpercentile(tops, tails) if np.mean(np.isfinite(tops)) > 0.9 else None
             peak = None if span is None else (float(span[0]), float(span[1]))
@@ -83,25 +90,15 @@ def analyse_magnitudes(
     )  # fmt: skip
 
 
-def _raw(results: list[SessionResult], names: tuple[str, ...]) -> list[list[NDArray[np.float64]]]:
-    """Return the logarithms of the estimates, by session and stimulus."""
-    out = []
-    for result in results:
-        session: list[list[float]] = [[] for _ in names]
-        for answered in result.answers:
-            answer = answered.answer
-            if isinstance(answer, list):
-                raise AsperityError(f"magnitude estimates must be numbers, got {answer!r}")
-            session[names.index(answered.trial.stimuli[0].name)].append(float(np.log10(answer)))
-        out.append([np.array(group) for group in session])
-    return out
-
-
-def _normalised(result: SessionResult, names: tuple[str, ...]) -> list[NDArray[np.float64]]:
-    session = _raw([result], names)[0]
-    # The mean of stimuli's means: an unfinished block does not tilt it.
-    centre = float(np.mean([group.mean() for group in session if group.size]))
-    return [group - centre for group in session]
+def _logs(result: SessionResult, names: tuple[str, ...]) -> list[NDArray[np.float64]]:
+    """Return the logarithms of a session's estimates, by stimulus."""
+    session: list[list[float]] = [[] for _ in names]
+    for answered in result.answers:
+        answer = answered.answer
+        if isinstance(answer, list):
+            raise AsperityError(f"magnitude estimates must be numbers, got {answer!r}")
+        session[names.index(answered.trial.stimuli[0].name)].append(float(np.log10(answer)))
+    return [np.array(group) for group in session]
 
 
 def _table(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
@@ -110,12 +107,11 @@ def _table(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
     )
 
 
-def _table_mean(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
+def _session_mean(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
+    """Return the mean over sessions (n,), NaN where no session has an estimate."""
     table = _table(logs)
-    here = np.isfinite(table)
-    count = here.sum(axis=0)
-    total = np.where(here, table, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nansum(table, axis=0) / np.isfinite(table).sum(axis=0))
 
 
 def _drawn(
@@ -131,7 +127,3 @@ def _drawn(
 
 def _slope(values: NDArray[np.float64], logs: NDArray[np.float64]) -> float:
     return float(np.polyfit(np.log10(values), logs, 1)[0])
-
-
-def _peak(values: NDArray[np.float64], logs: NDArray[np.float64]) -> float:
-    return fit_quadratic(values, 10.0**logs).peak_spacing

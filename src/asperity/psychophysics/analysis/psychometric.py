@@ -12,7 +12,7 @@ logarithmic one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,10 +78,6 @@ class Psychometric:
         else:
             z = math.log(-math.log(1.0 - part) / math.log(2.0)) / _WEIBULL
         return self.threshold + self.width * z
-
-    def with_parameters(self, threshold: float, width: float, lapse: float) -> Psychometric:
-        """Return the same function with other parameters."""
-        return replace(self, threshold=threshold, width=width, lapse=lapse)
 
 
 def probability(

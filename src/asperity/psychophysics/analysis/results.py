@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign, parse_design
@@ -80,22 +79,17 @@ def _result(folder: Path) -> SessionResult:
     if not events or events[0]["event"] != "begin":
         raise AsperityError(f"{folder}: its journal does not begin as a session does")
     begin = events[0]
-    given, by = [], set()
-    for event in events:
-        if event["event"] != "answer":
-            continue
-        by.add(event["by"])
-        trial = Trial.from_json(event["trial"])
-        if not trial.practice:
-            given.append(_answered(trial, event))
+    given = [event for event in events if event["event"] == "answer"]
+    answers = [
+        AnsweredTrial(
+            Trial.from_json(event["trial"]), event["answer"], event["right"],
+            event["response_seconds"],
+            tuple(dict(interval["measures"]) for interval in event["intervals"]),
+        )
+        for event in given
+    ]  # fmt: skip
     return SessionResult(
         begin["participant"], begin["session"], parse_design(begin["document"], folder),
-        begin["design"], tuple(given), events[-1]["event"] == "end", "simulated" in by,
+        begin["design"], tuple(a for a in answers if not a.trial.practice),
+        events[-1]["event"] == "end", any(event["by"] == "simulated" for event in given),
     )  # fmt: skip
-
-
-def _answered(trial: Trial, event: dict[str, Any]) -> AnsweredTrial:
-    measures = tuple(dict(interval["measures"]) for interval in event["intervals"])
-    return AnsweredTrial(
-        trial, event["answer"], event["right"], event["response_seconds"], measures
-    )

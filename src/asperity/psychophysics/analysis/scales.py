@@ -18,12 +18,14 @@ and it fits one data set at a time; here all bootstrap samples are fitted togeth
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, ndtr
+from scipy.sparse.csgraph import connected_components
+from scipy.special import expit, log_ndtr, ndtr
 
 from asperity.errors import AsperityError
 
@@ -100,17 +102,13 @@ def circular_triads(table: NDArray[np.float64]) -> tuple[int, int]:
 
     By majority over repeats; pairs that are even are left out with their triads.
     """
-    n, circular, whole = len(table), 0, 0
     sign = np.sign(table - table.T)
-    for i in range(n):
-        for j in range(i + 1, n):
-            for k in range(j + 1, n):
-                turns = (sign[i, j], sign[j, k], sign[k, i])
-                if 0.0 in turns:
-                    continue
-                whole += 1
-                circular += int(abs(sum(turns)) == 3.0)
-    return circular, whole
+    triads = [
+        sign[i, j] + sign[j, k] + sign[k, i]
+        for i, j, k in itertools.combinations(range(len(table)), 3)
+        if sign[i, j] and sign[j, k] and sign[k, i]
+    ]
+    return sum(int(abs(turns) == 3.0) for turns in triads), len(triads)
 
 
 def _plackett_luce(
@@ -177,15 +175,11 @@ def _bend(z: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _connected(n: int, orders: Sequence[Sequence[int]]) -> bool:
     """Return whether everyone was put before everyone else, if through others (Ford 1957)."""
-    reach = (wins(n, orders) > 0.0) | np.eye(n, dtype=bool)
-    for _ in range(n):
-        reach = (reach.astype(int) @ reach.astype(int)) > 0
-    return bool(reach.all())
+    count, _ = connected_components(wins(n, orders), connection="strong")
+    return bool(count == 1)
 
 
 def predicted(scale: Scale) -> NDArray[np.float64]:
     """Return the probability (n, n) that i is put before j."""
     apart = scale.values[:, None] - scale.values[None, :]
-    if scale.model == "thurstone":
-        return np.asarray(ndtr(apart))
-    return np.asarray(1.0 / (1.0 + np.exp(-apart)))
+    return np.asarray(ndtr(apart) if scale.model == "thurstone" else expit(apart))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.protocol import Paused, Progress, Reply
+from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Paused, Progress, Reply
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
@@ -143,14 +143,9 @@ class ParticipantPanel:
         self.show("starting", "Please wait.")
 
     def show(
-        self,
-        stage: str,
-        message: str = "",
-        *,
-        kind: str = "",
-        enough: bool = False,
+        self, stage: str, message: str = "", *, kind: str = "", enough: bool = False,
         go: str = "Begin",
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Show the controls of a stage of the session.
 
         Parameters
@@ -206,7 +201,7 @@ class ParticipantPanel:
         self.done.put(("pause", None))
 
 
-class PageInterface:
+class PageInterface(ParticipantInterface):
     """Questions and answers in the page.
 
     Parameters

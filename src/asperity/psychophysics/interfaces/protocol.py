@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from asperity.psychophysics.analysis.psychometric import Psychometric
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.simulated_participants import SimulatedParticipant
 from asperity.psychophysics.procedures.procedures import seeds
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
+
+_STREAM = 0x5EED
+"""Separates the random numbers of the simulated participant from those of the procedure."""
 
 
 class Paused(Exception):  # noqa: N818  (no error)
@@ -33,10 +39,13 @@ class Reply(NamedTuple):
     seconds: float
 
 
-class ParticipantInterface(Protocol):
-    """Shows trials to a participant and returns the answers. Any method may raise `Paused`."""
+class ParticipantInterface:
+    """Shows trials to a participant and returns the answers. Any method may raise `Paused`.
 
-    kind: str
+    What is not overridden shows nothing and goes on at once; `ask` must be.
+    """
+
+    kind = ""
     """Kind of interface, for the journal."""
 
     def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
@@ -50,12 +59,14 @@ class ParticipantInterface(Protocol):
 
     def done(self) -> bool:
         """Return whether the participant wants to end the interval."""
+        return False
 
     def ended(self, interval: int) -> None:
         """Show that an interval has ended."""
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Ask the question of a trial; return the reply."""
+        raise NotImplementedError
 
     def refuse(self, why: str) -> None:
         """Show why a reply is not a valid answer; `ask` is called again."""
@@ -67,46 +78,60 @@ class ParticipantInterface(Protocol):
         """Show that the session has ended."""
 
 
-class SimulatedInterface:
-    """A simulated participant, who answers at once."""
+class SimulatedInterface(ParticipantInterface):
+    """A simulated participant with known parameters, who answers at once.
+
+    Random numbers depend only on the seeds and the number of the trial.
+    """
 
     kind = "simulated"
 
     def __init__(self, design: ExperimentDesign, participant: str = "", session: int = 1) -> None:
-        settings = design.simulated
+        self.settings = s = design.simulated
         threshold = 0.0
         if design.method == "forced-choice":
-            threshold = design.forced_choice.intensity(settings.threshold)
-        self._participant = SimulatedParticipant(
-            settings, threshold, seeds(design, participant, session)
-        )
-
-    def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
-        """Show nothing."""
-
-    def ready(self, trial: Trial, progress: Progress) -> None:
-        """Begin at once."""
-
-    def begun(self, interval: int) -> None:
-        """Show nothing."""
-
-    def done(self) -> bool:
-        """Feel every interval to its end."""
-        return False
-
-    def ended(self, interval: int) -> None:
-        """Show nothing."""
+            threshold = design.forced_choice.intensity(s.threshold)
+        self.truth = Psychometric(threshold, s.width, s.lapse, 0.5, s.function)
+        self._seed = [s.seed, _STREAM, *seeds(design, participant, session)]
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Return the simulated participant's answer."""
-        return Reply(self._participant.answer(trial, felt), 0.0)
+        return Reply(self.answer(trial, felt), 0.0)
 
     def refuse(self, why: str) -> None:
         """Fail: a simulated answer is always valid, and asking again would never end."""
         raise AssertionError(f"the answer of a simulated participant was refused: {why}")
 
-    def feedback(self, right: bool) -> None:
-        """Ignore the feedback."""
+    def answer(self, trial: Trial, felt: list[PresentedInterval]) -> float | int | list[int]:
+        """Return the answer to a trial: a number, an interval from 1, or an order of them.
 
-    def over(self, message: str) -> None:
-        """Show nothing."""
+        Parameters
+        ----------
+        trial : Trial
+        felt : list of PresentedInterval
+            Its intervals, with the measures of their recordings.
+        """
+        rng = np.random.default_rng([*self._seed, trial.number])
+        by_parameter = self.settings.rates == "parameter"
+        if by_parameter and trial.intensity is not None and trial.right is not None:
+            right = rng.random() < float(self.truth(trial.intensity))
+            return trial.right if right else 3 - trial.right
+        magnitudes = [self._magnitude(trial, i, felt, rng) for i in range(len(trial.stimuli))]
+        if trial.kind == "number":
+            return float(f"{10.0 ** magnitudes[0]:.3g}")
+        lapsed = rng.random() < self.settings.lapse
+        keys = rng.random(len(magnitudes)) if lapsed else np.array(magnitudes)
+        order = [int(i) + 1 for i in np.argsort(-keys, kind="stable")]
+        return order[0] if trial.kind == "choice" else order
+
+    def _magnitude(
+        self, trial: Trial, interval: int, felt: list[PresentedInterval], rng: np.random.Generator
+    ) -> float:
+        """Return the decimal logarithm of the perceived magnitude of an interval."""
+        s = self.settings
+        value = trial.stimuli[interval].value
+        judged = value if s.rates == "parameter" else felt[interval].measures[s.rates]
+        if judged is None:
+            raise ValueError(f"the stimulus {trial.stimuli[interval].name} has no value to rate")
+        judged = max(judged, 1e-300)
+        return math.log10(s.modulus) + s.exponent * math.log10(judged) + s.noise * rng.normal()

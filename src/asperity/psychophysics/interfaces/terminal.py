@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import TextIO
 
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.protocol import Paused, Progress, Reply
+from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Paused, Progress, Reply
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
 _QUIT = ("q", "quit", "pause")
 
 
-class TerminalInterface:
+class TerminalInterface(ParticipantInterface):
     """Writes prompts to one stream and reads answers from another.
 
     Parameters
@@ -30,12 +30,9 @@ class TerminalInterface:
     kind = "terminal"
 
     def __init__(
-        self,
-        read: TextIO | None = None,
-        write: TextIO | None = None,
-        *,
+        self, read: TextIO | None = None, write: TextIO | None = None, *,
         clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._read, self._write = read or sys.stdin, write or sys.stdout
         self._clock = clock
         self._question = ""

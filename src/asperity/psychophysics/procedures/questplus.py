@@ -64,6 +64,11 @@ class QuestPlusSettings:
         for lapse in self.lapses:
             require_between("lapses", lapse, 0.0, 0.5)
 
+    @property
+    def most(self) -> int:
+        """Largest number of trials."""
+        return self.trials
+
 
 @dataclass
 class QuestPlus:

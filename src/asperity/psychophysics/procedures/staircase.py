@@ -59,6 +59,11 @@ class StaircaseSettings:
         require_between("trials", self.trials, 1, 10000)
 
     @property
+    def most(self) -> int:
+        """Largest number of trials of all tracks."""
+        return self.trials * len(self.start)
+
+    @property
     def target(self) -> float:
         """Proportion of right answers at which the level converges."""
         return float((self.up_ratio / (1.0 + self.up_ratio)) ** (1.0 / self.down))

@@ -15,11 +15,11 @@ is touched and the journal is refused.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import zlib
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from asperity.errors import AsperityError, OutputError
@@ -48,7 +48,8 @@ class Journal:
         self.path = folder / FILE
         self._failed = ""
         try:
-            _make_private(folder)
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         except OSError as error:
             raise OutputError(f"cannot write to {self.path}: {error.strerror or error}") from None
@@ -100,12 +101,7 @@ class Journal:
     def __enter__(self) -> Journal:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _lock(self) -> None:
@@ -123,14 +119,9 @@ class Journal:
 
     def _recovered(self) -> tuple[list[dict[str, Any]], int]:
         """Return the events so far and the size; put aside what is torn."""
-        data = _read_all(self._file)
-        events, whole = decoded(data, self.path)
-        torn = data[whole:]
-        if torn and _parsed(torn) is not None:
-            # Only the line feed is missing: the event is whole.
-            os.write(self._file, b"\n")
-            os.fsync(self._file)
-            return [*events, _parsed(torn) or {}], whole + len(torn) + 1
+        data = self.path.read_bytes()
+        events, torn = decoded(data, self.path)
+        size = len(data) - len(torn)
         if torn:
             aside = os.open(self.path.parent / TORN, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
             try:
@@ -138,9 +129,13 @@ class Journal:
                 os.fsync(aside)
             finally:
                 os.close(aside)
-            os.ftruncate(self._file, whole)
+            os.ftruncate(self._file, size)
             os.fsync(self._file)
-        return events, whole
+        elif data and not data.endswith(b"\n"):
+            # Only the line feed of the last event is missing.
+            size += os.write(self._file, b"\n")
+            os.fsync(self._file)
+        return events, size
 
 
 def read_journal(folder: Path) -> list[dict[str, Any]]:
@@ -148,10 +143,7 @@ def read_journal(folder: Path) -> list[dict[str, Any]]:
     path = folder / FILE
     if not path.is_file():
         raise AsperityError(f"no journal of a session in {folder}; give a folder that has one")
-    data = path.read_bytes()
-    events, whole = decoded(data, path)
-    last = _parsed(data[whole:]) if data[whole:] else None
-    return events if last is None else [*events, last]
+    return decoded(path.read_bytes(), path)[0]
 
 
 def encoded(entry: dict[str, Any]) -> bytes:
@@ -160,23 +152,23 @@ def encoded(entry: dict[str, Any]) -> bytes:
     return f"{text} #{zlib.crc32(text.encode()):08x}\n".encode()
 
 
-def decoded(data: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Return the events of all lines that end, and how many bytes those are."""
+def decoded(data: bytes, path: Path) -> tuple[list[dict[str, Any]], bytes]:
+    """Return the events of all whole lines, and the last line if it is torn."""
+    lines = io.BytesIO(data).readlines()
     events: list[dict[str, Any]] = []
-    at = 0
-    while (end := data.find(b"\n", at)) >= 0:
-        entry = _parsed(data[at:end])
-        if entry is None:
-            if end + 1 == len(data):
-                # A crash may leave any part of the last line unwritten, its end being there.
-                return events, at
+    for line in lines:
+        entry = _parsed(line.removesuffix(b"\n"))
+        if entry is not None:
+            events.append(entry)
+        elif len(events) + 1 == len(lines):
+            # A crash may leave any part of the last line unwritten, its end being there.
+            return events, line
+        else:
             raise AsperityError(
                 f"{path}: line {len(events) + 1} is damaged; nothing was changed. "
                 "Keep a copy of the folder, and restore the file"
             )
-        events.append(entry)
-        at = end + 1
-    return events, at
+    return events, b""
 
 
 def _parsed(line: bytes) -> dict[str, Any] | None:
@@ -191,21 +183,6 @@ def _parsed(line: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return entry if isinstance(entry, dict) else None
-
-
-def _read_all(file: int) -> bytes:
-    parts = []
-    os.lseek(file, 0, os.SEEK_SET)
-    while part := os.read(file, 1 << 20):
-        parts.append(part)
-    return b"".join(parts)
-
-
-def _make_private(folder: Path) -> None:
-    """Make a folder that only its owner can look into; one that is there is left as it is."""
-    if not folder.is_dir():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -31,45 +32,36 @@ _KEPT = 32
 """Number of compiled scenes that are cached."""
 
 
-class Presenter(Protocol):
-    """Presents stimuli."""
+class Presenter:
+    """Presents stimuli.
+
+    Parameters
+    ----------
+    stimuli : Stimuli
+    """
+
+    def __init__(self, stimuli: Stimuli) -> None:
+        self._stimuli = stimuli
+        self._scene = lru_cache(_KEPT)(stimuli.scene)
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
         """Prepare the next stimuli and their recordings in the background."""
 
     def present(
-        self,
-        stimulus: Stimulus,
-        recording: Path,
-        seconds: float,
-        begun: Callable[[], None],
-        done: Callable[[], bool],
-    ) -> PresentedInterval:
+        self, stimulus: Stimulus, recording: Path, seconds: float,
+        begun: Callable[[], None], done: Callable[[], bool],
+    ) -> PresentedInterval:  # fmt: skip
         """Render a stimulus for `seconds`, or until `done`; return when the recording is complete.
 
         `begun` is called when rendering starts.
         """
+        raise NotImplementedError
 
     def drop(self) -> None:
         """Release everything that was prepared and not presented."""
 
 
-class _Scenes:
-    """Scenes of stimuli, with a cache of the latest."""
-
-    def __init__(self, stimuli: Stimuli) -> None:
-        self._stimuli = stimuli
-        self._made: dict[str, Scene] = {}
-
-    def __call__(self, stimulus: Stimulus) -> Scene:
-        scene = self._made.pop(stimulus.name, None) or self._stimuli.scene(stimulus)
-        self._made[stimulus.name] = scene
-        if len(self._made) > _KEPT:
-            self._made.pop(next(iter(self._made)))
-        return scene
-
-
-class HeadlessPresenter:
+class HeadlessPresenter(Presenter):
     """Moves the tool along the scene's own trajectory in simulated time.
 
     In simulated time a stimulus always gives the same recording to the bit, so it is computed once
@@ -83,28 +75,20 @@ class HeadlessPresenter:
     """
 
     def __init__(self, stimuli: Stimuli, *, hand: bool = False) -> None:
-        self._scene, self._stimuli = _Scenes(stimuli), stimuli
+        super().__init__(stimuli)
         self._hand = hand
-        self._before: dict[tuple[str, float], tuple[Path, PresentedInterval]] = {}
-
-    def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
-        """Do nothing: scenes are made when they are presented."""
+        self._earlier: dict[tuple[str, float], tuple[Path, PresentedInterval]] = {}
 
     def present(
-        self,
-        stimulus: Stimulus,
-        recording: Path,
-        seconds: float,
-        begun: Callable[[], None],
-        done: Callable[[], bool],
-    ) -> PresentedInterval:
+        self, stimulus: Stimulus, recording: Path, seconds: float,
+        begun: Callable[[], None], done: Callable[[], bool],
+    ) -> PresentedInterval:  # fmt: skip
         """Run the scene to its end; `done` is ignored, as there is no participant."""
-        del done
         begun()
-        path, before = self._before.get((stimulus.name, seconds), (None, None))
-        if path is not None and before is not None and path.is_file():
-            shutil.copyfile(path, recording)
-            return replace(before, recording=recording.name)
+        earlier = self._earlier.get((stimulus.name, seconds))
+        if earlier is not None and earlier[0].is_file():
+            shutil.copyfile(earlier[0], recording)
+            return replace(earlier[1], recording=recording.name)
         scene = self._scene(stimulus)
         motion = scene.motion
         if isinstance(motion, ScriptedMotion):
@@ -113,17 +97,12 @@ class HeadlessPresenter:
             scene, recording, motion=motion, hand=self._hand,
             source=self._stimuli.source(stimulus),
         )  # fmt: skip
-        interval = presented_interval(
-            recording, read_recording(recording), {"status": run.summary["status"]}
-        )
-        self._before[stimulus.name, seconds] = recording, interval
+        interval = presented_interval(recording, {"status": run.summary["status"]})
+        self._earlier[stimulus.name, seconds] = recording, interval
         return interval
 
-    def drop(self) -> None:
-        """Do nothing: nothing was prepared."""
 
-
-class DevicePresenter:
+class DevicePresenter(Presenter):
     """Renders scenes on a device with the servo loop.
 
     All intervals of a trial are prepared before it begins: each has a separate servo process that
@@ -140,13 +119,10 @@ class DevicePresenter:
     """
 
     def __init__(
-        self,
-        stimuli: Stimuli,
-        make_spec: Callable[[Scene, float], ServoSpec],
-        *,
+        self, stimuli: Stimuli, make_spec: Callable[[Scene, float], ServoSpec], *,
         on_servo: Callable[[Servo | None], None] = lambda _: None,
-    ) -> None:
-        self._scene, self._stimuli = _Scenes(stimuli), stimuli
+    ) -> None:  # fmt: skip
+        super().__init__(stimuli)
         self._make_spec, self._on_servo = make_spec, on_servo
         self._making = ThreadPoolExecutor(1, "asperity-interval")
         self._ready: dict[Path, Future[Servo]] = {}
@@ -157,13 +133,9 @@ class DevicePresenter:
             self._ready[recording] = self._making.submit(self._made, stimulus, recording, seconds)
 
     def present(
-        self,
-        stimulus: Stimulus,
-        recording: Path,
-        seconds: float,
-        begun: Callable[[], None],
-        done: Callable[[], bool],
-    ) -> PresentedInterval:
+        self, stimulus: Stimulus, recording: Path, seconds: float,
+        begun: Callable[[], None], done: Callable[[], bool],
+    ) -> PresentedInterval:  # fmt: skip
         """Run the loop until the time is over, or `done`."""
         if recording not in self._ready:
             self.prepare([(stimulus, recording)], seconds)
@@ -185,7 +157,7 @@ class DevicePresenter:
             "clamped": result["safety"]["clamped_force"], "recorder": result["recorder"]["error"],
             "ended": result["ended"],
         }  # fmt: skip
-        return presented_interval(recording, read_recording(recording), loop_report)
+        return presented_interval(recording, loop_report)
 
     def drop(self) -> None:
         """End prepared processes and delete their recordings, which contain no exploration."""
@@ -214,15 +186,13 @@ class DevicePresenter:
         return servo
 
 
-def presented_interval(
-    path: Path, recording: Recording, loop_report: dict[str, Any]
-) -> PresentedInterval:
+def presented_interval(path: Path, loop_report: dict[str, Any]) -> PresentedInterval:
     """Return the facts of a presented interval from its recording."""
+    recording = read_recording(path)
     ticks = len(recording.time)
     seconds = float(recording.time[-1] - recording.time[0]) if ticks > 1 else 0.0
-    return PresentedInterval(
-        path.name, ticks, seconds, exploration_measures(recording), loop_report
-    )
+    measures = exploration_measures(recording)
+    return PresentedInterval(path.name, ticks, seconds, measures, loop_report)
 
 
 def exploration_measures(recording: Recording) -> dict[str, float]:

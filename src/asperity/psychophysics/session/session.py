@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,6 @@ from asperity.psychophysics.session.journal import Journal
 from asperity.psychophysics.session.presenters import Presenter, private_files
 from asperity.psychophysics.session.tables import write_tables
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
-from asperity.psychophysics.stimuli import Stimulus
 from asperity.scene.document import write_toml
 
 SCHEMA = 1
@@ -89,14 +89,9 @@ class Session:
     """
 
     def __init__(
-        self,
-        design: ExperimentDesign,
-        folder: Path,
-        participant: str,
-        number: int = 1,
-        *,
+        self, design: ExperimentDesign, folder: Path, participant: str, number: int = 1, *,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.design, self.folder, self._now = design, folder, now
         self.participant, self.number = participant_code(participant), number
         self.procedure: Procedure = procedure(design, participant, number)
@@ -165,12 +160,9 @@ class Session:
         return Progress(self.answers, self.procedure.most, self.resumed)
 
     def run(
-        self,
-        presenter: Presenter,
-        interface: ParticipantInterface,
-        *,
+        self, presenter: Presenter, interface: ParticipantInterface, *,
         sleep: Callable[[float], None] = time.sleep,
-    ) -> SessionOutcome:
+    ) -> SessionOutcome:  # fmt: skip
         """Run the remaining trials, or until the participant pauses.
 
         Parameters
@@ -199,12 +191,9 @@ class Session:
         return SessionOutcome(self.folder, self.answers, self.answers, True)
 
     def do(
-        self,
-        trial: Trial,
-        presenter: Presenter,
-        interface: ParticipantInterface,
+        self, trial: Trial, presenter: Presenter, interface: ParticipantInterface,
         sleep: Callable[[float], None],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Present a trial, ask, and store the answer."""
         attempt = self._attempts.get(trial.number, 0) + 1
         wanted = [
@@ -218,11 +207,16 @@ class Session:
         interface.ready(trial, self.progress)
         self.journal.append("trial", time=self._time(), trial=trial.to_json(), attempt=attempt)
         self._attempts[trial.number] = attempt
-        felt = []
+        felt, shown = [], self.design.presentation
         for interval, (stimulus, recording) in enumerate(wanted, 1):
             if interval > 1:
-                sleep(self.design.presentation.pause)
-            felt.append(self._present(stimulus, recording, interval, presenter, interface))
+                sleep(shown.pause)
+            presented = presenter.present(
+                stimulus, recording, shown.seconds, partial(interface.begun, interval),
+                interface.done if shown.self_paced else lambda: False,
+            )  # fmt: skip
+            interface.ended(interval)
+            felt.append(presented)
         answer, seconds = self._asked(trial, felt, interface)
         right = trial.is_right(answer)
         self.journal.append(
@@ -236,22 +230,6 @@ class Session:
         write_tables(self.journal.events, self.folder)
         if right is not None and getattr(self.design.settings, "feedback", False):
             interface.feedback(right)
-
-    def _present(
-        self,
-        stimulus: Stimulus,
-        recording: Path,
-        interval: int,
-        presenter: Presenter,
-        interface: ParticipantInterface,
-    ) -> PresentedInterval:
-        felt = presenter.present(
-            stimulus, recording, self.design.presentation.seconds,
-            lambda: interface.begun(interval),
-            interface.done if self.design.presentation.self_paced else lambda: False,
-        )  # fmt: skip
-        interface.ended(interval)
-        return felt
 
     def _asked(
         self, trial: Trial, felt: list[PresentedInterval], interface: ParticipantInterface

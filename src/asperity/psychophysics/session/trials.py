@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from asperity.errors import AsperityError
@@ -52,17 +52,13 @@ class Trial:
 
     def to_json(self) -> dict[str, Any]:
         """Return a dict of JSON values."""
-        return {
-            "number": self.number, "kind": self.kind, "block": self.block, "level": self.level,
-            "intensity": self.intensity, "right": self.right, "track": self.track,
-            "stimuli": [stimulus.to_json() for stimulus in self.stimuli],
-        }  # fmt: skip
+        return asdict(self)
 
-    @staticmethod
-    def from_json(entry: Mapping[str, Any]) -> Trial:
+    @classmethod
+    def from_json(cls, entry: Mapping[str, Any]) -> Trial:
         """Return a trial from what `to_json` returned."""
-        stimuli = tuple(Stimulus(s["name"], s["value"]) for s in entry["stimuli"])
-        return Trial(**{**entry, "stimuli": stimuli})
+        stimuli = tuple(Stimulus(**s) for s in entry["stimuli"])
+        return cls(**{**entry, "stimuli": stimuli})
 
     def parse_answer(self, answer: Any) -> Answer:
         """Return a valid answer in the form that is stored, or raise.
