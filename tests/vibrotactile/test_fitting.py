@@ -6,10 +6,11 @@ from scipy import signal
 from texture_models import model_of, resonance
 
 from asperity.errors import AsperityError
+from asperity.runs.tool_motion import one_signal
 from asperity.vibrotactile.distances import match
 from asperity.vibrotactile.fit import FitSettings, fit, judge, long_vibration
 from asperity.vibrotactile.segments import cuts
-from asperity.vibrotactile.signals import Exploration, explored, one_axis
+from asperity.vibrotactile.signals import Exploration, explored
 from asperity.vibrotactile.summary import in_words, summary_of
 
 RATE = 1000.0
@@ -106,7 +107,8 @@ def test_a_stretch_of_changing_speed_is_left_out():
 
 def test_three_axes_become_one_of_the_same_energy():
     values = np.random.default_rng(0).standard_normal((1000, 3)) * (1.0, 2.0, 0.5)
-    one = one_axis(values)
+    values -= values.mean(axis=0)
+    one = one_signal(values)
     parts = np.sum(np.abs(np.fft.rfft(values, axis=0)) ** 2, axis=1)
     assert np.abs(np.fft.rfft(one)) ** 2 == pytest.approx(parts, rel=1e-9, abs=1e-9)
 

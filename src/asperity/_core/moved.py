@@ -161,7 +161,7 @@ MODULES = {
     "plots": "drawing.figure_style",
     "plots_run": "runs.figures",
     "plots_stability": "studies.stability.figures",
-    "plots_traces": "runs.trace_figures",
+    "plots_traces": "runs.figures",
     "poses": "geometry.poses",
     "press": "simulation.press",
     "real_surfaces": "studies.otaduy_lin_2004.real_surfaces",

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, in_si
+from asperity.cli.options import Range, command, in_si, with_options
 
 
 @command
@@ -56,20 +56,10 @@ class BakeCommand:
                 label = f"{self.source.name}  {stage}"
                 bars.update(task, completed=round(100 * share), description=label)
 
-            baked = bake(
-                self.source,
-                self.out,
-                faces=self.faces,
-                size=self.size,
-                unit=self.unit,
-                up=self.up,
-                base=self.base,
-                pixel_size=options.pixel,
-                height_range=options.relief,
-                picture=self.picture,
-                overwrite=self.overwrite,
+            baked = with_options(
+                bake, self, pixel_size=options.pixel, height_range=options.relief,
                 on_progress=show,
-            )
+            )  # fmt: skip
         report = baked.report
         columns, rows = report["texture_size"]
         error = report["error_um"]

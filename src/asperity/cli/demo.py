@@ -35,6 +35,7 @@ class DemoCommand:
         from asperity.cli.demo_pipeline import run_demo, steps
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.cli.report import report_page
+        from asperity.simulation.tool_contact import announce_compiling
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
         page = self.out / "report.html"
@@ -43,40 +44,26 @@ class DemoCommand:
         data, settings = measured_folder(self.data), StudySettings()
         loading = time.perf_counter() - start
         drags, rubs, ticks = steps(settings)
-        scenes = _scenes_notice()
+        announce_compiling("mesh_tick")
+        studies = compile_notice("studies", "dynamics.dragged_hand.integrator", "force_at")
+        scenes = compile_notice("scenes", "contact.mesh_tick", "mesh_tick")
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
-                first = bars.add_task(compile_notice(), total=drags)
+                first = bars.add_task(studies, total=drags)
                 second = bars.add_task("real surfaces", total=rubs)
                 third = bars.add_task(scenes, total=ticks)
                 results = run_demo(
-                    folder,
-                    data,
-                    settings=settings,
-                    on_drag=lambda: bars.advance(first),
-                    on_rub=lambda: bars.advance(second),
+                    folder, data, settings=settings,
+                    on_drag=lambda: bars.advance(first), on_rub=lambda: bars.advance(second),
                     on_ticks=lambda: bars.advance(third),
-                )
-            seconds = {"loading the libraries": loading} | results.watch.seconds
-            seconds["all"] = time.perf_counter() - start
-            results.watch.seconds = seconds
+                )  # fmt: skip
+            results.seconds = {
+                "loading the libraries": loading, **results.seconds,
+                "all": time.perf_counter() - start,
+            }  # fmt: skip
             write_whole(page, report_page(results))
         held = sum(claim["holds"] for claim in results.claims)
         print(
             f"{page}: {held} of {len(results.claims)} claims hold; "
             f"took {time.perf_counter() - start:.1f} s"
         )
-
-
-def _scenes_notice() -> str:
-    """Return the description of the scenes' bar; warn if the first run has to compile."""
-    import logging
-
-    from asperity._core.kernels import is_compiled
-
-    if is_compiled("contact.mesh_tick", "mesh_tick"):
-        return "scenes"
-    logging.getLogger(__name__).warning(
-        "first run after an installation: compiling takes about a minute more"
-    )
-    return "scenes (compiling first: a minute more)"

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,18 +72,12 @@ SCENES = (
 """The 6-DoF scenes of the demo."""
 
 
-@dataclass
-class Stopwatch:
-    """Wall time of each step, by name [s]."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        """Time a block."""
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+@contextmanager
+def _timing(seconds: dict[str, float], step: str) -> Iterator[None]:
+    """Keep the wall time of a block [s]."""
+    start = time.perf_counter()
+    yield
+    seconds[step] = time.perf_counter() - start
 
 
 @dataclass
@@ -102,7 +96,8 @@ class Results:
     tick_us: dict[str, tuple[float, float]]
     """Tick time of each scene with no other work running: median and 99 % quantile [us]."""
     folder: Path
-    watch: Stopwatch
+    seconds: dict[str, float]
+    """Wall time of each step, by name [s]."""
 
 
 def steps(settings: StudySettings) -> tuple[int, int, int]:
@@ -134,7 +129,7 @@ def run_demo(
         ticks of a scene.
     """
     settings = settings or StudySettings()
-    watch = Stopwatch()
+    seconds: dict[str, float] = {}
     simulator = settings.simulator()
     # Compiled kernels release the interpreter's lock: scenes and rubs run beside the studies.
     with ThreadPoolExecutor(max_workers=2) as pool:
@@ -148,20 +143,18 @@ def run_demo(
         from asperity.studies.otaduy_lin_2004.figures import rub_figure
         from asperity.studies.otaduy_lin_2004.write import write_dataset, write_studies
 
-        with watch.step("studies"):
+        with _timing(seconds, "studies"):
             studies = {
                 name: run_study(name, settings, simulator=simulator, progress=lambda _: on_drag())
                 for name in STUDIES
             }
-        with watch.step("figures and data of the studies"):
+        with _timing(seconds, "figures and data of the studies"):
             claims = write_studies(studies, None, folder, ("svg",))
         rubbed = [future.result() for future in pending]
         finished = [future.result() for future in pending_runs]
-        watch.seconds["scenes and real surfaces (beside the two above)"] = (
-            time.perf_counter() - start
-        )
+        seconds["scenes and real surfaces (beside the two above)"] = time.perf_counter() - start
     rubs, remarks, sounds = {}, {}, {}
-    with watch.step("figures, data and sounds of the real surfaces"):
+    with _timing(seconds, "figures, data and sounds of the real surfaces"):
         for surface, (dataset, remark) in zip(REAL_SURFACES, rubbed, strict=True):
             rubs[surface.name], remarks[surface.name] = dataset, remark
             write_dataset(dataset, folder / f"{surface.name}.nc")
@@ -170,21 +163,21 @@ def run_demo(
                 dataset, level=_SOUND_PROBE, rate=_SOUND_RATE, seconds=_SOUND_SECONDS
             )
             sounds[surface.name].write(folder / f"{surface.name}.wav")
-    with watch.step("ticks of the scenes, timed alone"):
+    with _timing(seconds, "ticks of the scenes, timed alone"):
         # Beside other threads, a tick would mostly wait for the interpreter's lock.
         tick_us = {
             shown.name: _timed(run, scene)
             for shown, (run, _, scene) in zip(SCENES, finished, strict=True)
         }
     runs = {}
-    with watch.step("figures and data of the scenes"):
+    with _timing(seconds, "figures and data of the scenes"):
         from asperity.runs.run_scene import write_figures, write_summary
 
         for shown, (run, pictures, _) in zip(SCENES, finished, strict=True):
             runs[shown.name] = run
             write_summary(run, folder / f"{shown.prefix}summary.json")
             write_figures(run, pictures, folder, prefix=shown.prefix, kinds=("svg",))
-    return Results(settings, studies, claims, rubs, remarks, sounds, runs, tick_us, folder, watch)
+    return Results(settings, studies, claims, rubs, remarks, sounds, runs, tick_us, folder, seconds)
 
 
 def _run_one(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command
+from asperity.cli.options import Range, command, with_options
 from asperity.cli.realtime_run import DeviceOptions
 from asperity.errors import AsperityError, require_choice
 
@@ -238,7 +238,7 @@ class AnalyseCommand:
 
         require_choice("--function", self.function, FUNCTIONS)
         results = read_results(self.folder)
-        options = AnalysisOptions(self.function, self.samples, self.confidence, self.seed)
+        options = with_options(AnalysisOptions, self)
         out = self.out or self.folder / "analysis"
         with result_folder(out, overwrite=self.overwrite) as folder:
             analysis = analyse(results, folder, options)

@@ -39,9 +39,7 @@ class FindingsCommand:
 
     def run(self) -> None:
         """Judge every finding, print the table, and write it."""
-        import json
-
-        from asperity._core.output import result_folder
+        from asperity._core.output import result_folder, write_json
         from asperity.cli.data_files import measured_folder
         from asperity.cli.progress import progress_bars
         from asperity.studies.literature import fit as fits
@@ -75,8 +73,7 @@ class FindingsCommand:
             if folder:
                 write_findings(rows, columns, labs, fit, folder)
                 if self.fit:
-                    text = json.dumps(fit, indent=1, allow_nan=False) + "\n"
-                    (folder / "fit.json").write_text(text, "utf-8")
+                    write_json(folder / "fit.json", fit)
             if self.docs:
                 write_docs(rows, columns, labs, fit, self.docs)
             print_table(rows, columns)

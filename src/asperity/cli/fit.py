@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, in_si
+from asperity.cli.options import Range, command, in_si, with_options
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
@@ -77,9 +77,7 @@ class FitCommand:
         require_choice("--criterion", self.criterion, CRITERIA)
         if not self.sources:
             raise AsperityError("SOURCE is missing: give a scene, or recordings")
-        settings = FitSettings(
-            order=self.order, criterion=self.criterion, bandwidth=self.bandwidth_hz
-        )
+        settings = with_options(FitSettings, in_si(self))
         given = None if self.model is None else read_hatt(self.model)
         with result_folder(self.out, overwrite=self.overwrite) as folder:
             training, held_out = self._data(given)
@@ -192,8 +190,7 @@ class FitCommand:
         self, folder: Path, model: TextureModel, fitted: Any, judged: list[Any],
         summary: dict[str, Any],
     ) -> None:  # fmt: skip
-        import json
-
+        from asperity._core.output import write_json
         from asperity.drawing import figure_style
         from asperity.vibrotactile import figures
         from asperity.vibrotactile.hatt import write_hatt
@@ -216,8 +213,7 @@ class FitCommand:
             self._sound(model, folder / "vibration.wav", summary)
             files.append("vibration.wav")
         summary["files"] = ["fit.json", *files]
-        text = json.dumps(summary, indent=2, allow_nan=False)
-        (folder / "fit.json").write_text(text + "\n", "utf-8")
+        write_json(folder / "fit.json", summary)
 
     def _sound(self, model: TextureModel, path: Path, summary: dict[str, Any]) -> None:
         from asperity.runs.sound import from_acceleration

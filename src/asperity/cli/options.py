@@ -9,8 +9,9 @@ SI units under a name without the unit (`in_si`): `speed`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
+from inspect import signature
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
@@ -26,6 +27,7 @@ SI_FACTORS = {
 """By how much a value in a unit is multiplied to be in SI units."""
 _POSITIONAL = Positional[Any].__metadata__[0]  # type: ignore[misc]
 Options = TypeVar("Options")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -123,3 +125,9 @@ def in_si(options: Any) -> SimpleNamespace:
             value = tuple(v * factor for v in value) if isinstance(value, tuple) else value * factor
         out[name.removesuffix(valid.suffix)] = value
     return SimpleNamespace(**out)
+
+
+def with_options(function: Callable[..., Result], options: Any, **others: Any) -> Result:
+    """Call a function, or make settings, with the options named as its parameters, and others."""
+    names = [name for name in signature(function).parameters if hasattr(options, name)]
+    return function(**{name: getattr(options, name) for name in names} | others)

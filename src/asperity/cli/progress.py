@@ -40,12 +40,8 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
         yield display
 
 
-def compile_notice() -> str:
-    """Return the description of the studies' bar, which mentions a pending compilation."""
+def compile_notice(what: str, module: str, function: str) -> str:
+    """Return the description of a bar, which mentions that a kernel has to be compiled first."""
     from asperity._core.kernels import is_compiled
 
-    return (
-        "studies"
-        if is_compiled("dynamics.dragged_hand.integrator", "force_at")
-        else "studies (compiling first)"
-    )
+    return what if is_compiled(module, function) else f"{what} (compiling first)"

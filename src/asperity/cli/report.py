@@ -1,81 +1,21 @@
 """The report of `asperity demo`: one HTML file that contains its figures and sounds.
 
-The text of the page is the template `demo_report.html`; here are the values that fill it.
+The text of the page is the template `demo_report.html`; here are the numbers that fill it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from asperity import __version__
-from asperity.cli.demo_pipeline import PROBES, SCENES, Results
+from asperity.cli.demo_pipeline import PROBES, Results
 from asperity.drawing.pages import render
 from asperity.runs.run_scene import described
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.otaduy_lin_2004.claims import Claim
 from asperity.viewer.pictures import PICTURED, PICTURES
-
-_STUDIES = {
-    "diameter": (
-        "Probe diameter",
-        "A smaller probe feels a higher peak of roughness, and feels it at a smaller spacing "
-        "(colour plate 1; Lederman et al. 2000).",
-    ),
-    "force": (
-        "Normal force",
-        "A larger normal force is rougher at every spacing and hardly moves the peak (colour "
-        "plate 2; Lederman et al. 2000).",
-    ),
-    "speed": (
-        "Speed",
-        "A faster probe peaks at a larger spacing, feels rougher there, and smoother at small "
-        "spacing (colour plate 3; Lederman et al. 1999). The paper's own metric misses the last "
-        "of these, in the paper as here.",
-    ),
-}
-"""Title and published finding of each study."""
-_CAPTION = (
-    "Points: simulated (hollow where the motion is not periodic with the surface). Lines: "
-    "quadratic fits in log-log. Large marks: peaks found by refining the spacing, with their "
-    "uncertainty."
-)
-_CAPTION_MORE = {
-    "diameter": " Dotted: the drop point of each probe, where it first touches the bottom.",
-}
-_SPEED_FINDINGS = (
-    "faster_rougher_at_large", "faster_rougher_at_largest", "slower_rougher_at_small",
-    "peak_moves_right",
-)  # fmt: skip
-"""Claims on speed that people's judgements confirm, in the order of the template's columns."""
-_SCENES = {
-    "probe-plate-dots": (
-        "A probe on raised dots (colour plate 4)",
-        "A spherical tip of 3 mm on a handle is dragged over dots of 0.4 mm. The force tilts where "
-        "the tip climbs a dot or leaves one.",
-        "Left: the tool on the plate; the frame marks the detail. Right: the tip among the dots at "
-        "the largest tangential force. The force acts at the deepest point, along the normal of "
-        "the textured surface.",
-    ),
-    "hammer-blocks": (
-        "A hammer on striped blocks (colour plate 5)",
-        "A hammer of forged, worn steel is rubbed along the first of three blocks, across its "
-        "stripes. The face is wide: the contact has up to four patches, which share one stiffness. "
-        "Force and torque repeat with the stripes.",
-        "Left: the hammer on the blocks. Right: its face, drawn translucent, on the stripes at the "
-        "largest tangential force. Arrows: the normal and the force, at the points where they act; "
-        "patches at the same point are drawn as one.",
-    ),
-    "file-cad": (
-        "A file on a machined part (colour plate 6)",
-        "A double-cut file lies on the boss of a flange and is pushed along its blade. Teeth meet "
-        "tool marks all over a wide ring, where thousands of points are nearly equally deep: of "
-        "the three scenes, this is the hardest to search.",
-        "Left: the file on the part. Right: the blade, drawn translucent, over the boss and its "
-        "bore at the largest tangential force. Arrows as above.",
-    ),
-}
-"""Title, what happens, and what the picture shows, in the order of the page."""
 
 
 def report_page(results: Results) -> str:
@@ -84,20 +24,21 @@ def report_page(results: Results) -> str:
     return render(
         "demo_report.html",
         version=__version__,
+        results=results,
+        folder=results.folder,
         claims=results.claims,
         held=sum(claim["holds"] for claim in results.claims),
+        holding={claim["id"] for claim in results.claims if claim["holds"]},
         settings=_settings(results),
-        studies=[_study(results, name) for name in _STUDIES],
-        metrics=[_metric(results.claims, key) for key in METRICS],
-        models_figure=results.folder / "models.svg",
+        metrics=METRICS,
+        verdicts=partial(_verdicts, results.claims),
         surfaces_title=_surfaces_title(results),
-        surfaces=[_surface(results, name) for name in results.rubs],
         probes=_values(PROBES, 1e3, "mm"),
         speed=f"{middle['speed'] * 1e3:g} mm/s",
         normal_force=f"{middle['normal_force']:g} N",
-        scenes=[_scene(results, name) for name in _SCENES],
+        run_numbers=partial(_run_numbers, results),
         view_pictures=[(name, PICTURES / f"{name}.jpg") for name in PICTURED],
-        durations=results.watch.seconds,
+        durations=results.seconds,
     )
 
 
@@ -122,25 +63,23 @@ def _values(values: Sequence[float], scale: float, unit: str) -> str:
     return ", ".join(f"{value * scale:g}" for value in values) + f" {unit}"
 
 
-def _study(results: Results, name: str) -> dict[str, Any]:
-    """Return one study: text, figure, and a row for each claim with a verdict for each metric."""
-    title, finding = _STUDIES[name]
+def _verdicts(claims: list[Claim], study: str) -> list[dict[str, Any]]:
+    """Return a row for each claim of a study, with a verdict for each metric."""
     rows: dict[str, dict[str, Claim]] = {}
-    for claim in results.claims:
-        if claim["id"].startswith(f"{name}."):
+    for claim in claims:
+        if claim["id"].startswith(f"{study}."):
             _, subject, metric = claim["id"].rsplit(".", 2)
             rows.setdefault(subject, {})[metric] = claim
-    claims = []
-    for by_metric in rows.values():
-        first = next(iter(by_metric.values()))
-        verdicts = [(by_metric[key]["holds"], _main_number(by_metric[key])) for key in METRICS]
-        text = first["claim"].rsplit(" [", 1)[0]
-        claims.append({"claim": text, "source": first["source"], "verdicts": verdicts})
-    return {
-        "title": title, "finding": finding, "claims": claims,
-        "figure": results.folder / f"{name}_metrics.svg",
-        "caption": _CAPTION + _CAPTION_MORE.get(name, ""),
-    }  # fmt: skip
+    return [
+        {
+            "claim": next(iter(by_metric.values()))["claim"].rsplit(" [", 1)[0],
+            "source": next(iter(by_metric.values()))["source"],
+            "verdicts": [
+                (by_metric[key]["holds"], _main_number(by_metric[key])) for key in METRICS
+            ],
+        }
+        for by_metric in rows.values()
+    ]
 
 
 def _main_number(claim: Claim) -> str:
@@ -175,15 +114,6 @@ def _percent(value: float | None) -> str:
     return f"{100 * value:.0f} %" if abs(value) >= 0.1 else f"{100 * value:.2g} %"
 
 
-def _metric(claims: list[Claim], key: str) -> dict[str, Any]:
-    """Return a metric and whether it reproduces each human finding on speed."""
-    holding = {claim["id"] for claim in claims if claim["holds"]}
-    return {
-        "label": METRICS[key].label, "origin": METRICS[key].origin,
-        "on_speed": [f"speed.{name}.{key}" in holding for name in _SPEED_FINDINGS],
-    }  # fmt: skip
-
-
 def _surfaces_title(results: Results) -> str:
     measured = [origin.startswith("Measured") for origin in results.remarks.values()]
     if all(measured):
@@ -193,31 +123,9 @@ def _surfaces_title(results: Results) -> str:
     return "Rough surfaces that stand in for measured ones"
 
 
-def _surface(results: Results, name: str) -> dict[str, Any]:
-    sound = results.sounds[name]
-    return {
-        "title": results.rubs[name].attrs["title"], "origin": results.remarks[name],
-        "figure": results.folder / f"{name}.png", "sound": results.folder / f"{name}.wav",
-        "sound_caption": f"{sound.source}; full scale is {sound.gain:.3g} m/s²",
-    }  # fmt: skip
-
-
-def _scene(results: Results, name: str) -> dict[str, Any]:
-    title, what_happens, what_is_shown = _SCENES[name]
-    prefix = next(scene.prefix for scene in SCENES if scene.name == name)
-    files = {
-        part: results.folder / f"{prefix}{part}{suffix}"
-        for part, suffix in (("picture", ".png"), ("force", ".svg"), ("torque", ".svg"))
-    }
-    summary = results.runs[name].summary
-    return files | {
-        "title": title, "what_happens": what_happens, "what_is_shown": what_is_shown,
-        "name": summary["scene"], "numbers": _run_numbers(summary, results.tick_us[name]),
-    }  # fmt: skip
-
-
-def _run_numbers(summary: dict[str, Any], tick_us: tuple[float, float]) -> list[str]:
-    """Return the main numbers of a run."""
+def _run_numbers(results: Results, scene: str) -> list[str]:
+    """Return the main numbers of the run of a scene."""
+    summary, tick_us = results.runs[scene].summary, results.tick_us[scene]
     status, aliasing = summary["status"], summary["anti_alias"]
     contacts, depths = summary["contacts"], sum(status.values())
     share = 100.0 * status["certified"] / max(depths, 1)

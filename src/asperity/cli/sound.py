@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, in_si
+from asperity.cli.options import Range, command, in_si, with_options
 
 
 @command
@@ -37,28 +37,18 @@ class SoundCommand:
 
     def run(self) -> None:
         """Write both files and print what full scale stands for."""
-        import json
-
-        from asperity._core.output import result_folder
+        from asperity._core.output import result_folder, write_json
         from asperity.cli.data_files import open_dataset
         from asperity.runs.sound import from_run
 
-        sound = from_run(
-            open_dataset(self.run_file),
-            spacing=in_si(self).spacing,
-            level=self.level,
-            rate=self.rate,
-            seconds=self.seconds,
-        )
+        sound = with_options(from_run, in_si(self), data=open_dataset(self.run_file))
         with result_folder(self.out, overwrite=self.overwrite) as folder:
             sound.write(folder / "sound.wav")
             facts = {
-                "source": sound.source,
-                "rate_hz": sound.rate,
-                "seconds": sound.samples.size / sound.rate,
-                "full_scale_m_per_s2": sound.gain,
-            }
-            (folder / "sound.json").write_text(json.dumps(facts, indent=2) + "\n")
+                "source": sound.source, "rate_hz": sound.rate,
+                "seconds": sound.samples.size / sound.rate, "full_scale_m_per_s2": sound.gain,
+            }  # fmt: skip
+            write_json(folder / "sound.json", facts)
         print(
             f"{self.out / 'sound.wav'}: {sound.source}; full scale is {sound.gain:.3g} m/s², "
             f"{facts['seconds']:.2f} s at {sound.rate} Hz"

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, in_si
+from asperity.cli.options import Range, command, in_si, with_options
 
 
 @command
@@ -41,9 +41,7 @@ class StabilityCommand:
 
     def run(self) -> None:
         """Measure, write, and print the limits."""
-        import json
-
-        from asperity._core.output import result_folder
+        from asperity._core.output import result_folder, write_json
         from asperity.cli.progress import progress_bars
         from asperity.drawing import figure_style
         from asperity.dynamics.dragged_hand.hand import Hand
@@ -53,21 +51,14 @@ class StabilityCommand:
         from asperity.studies.stability.measure import StabilitySettings, measure_stability, summary
 
         options = in_si(self)
-        settings = StabilitySettings(
-            rates=options.rates,
-            dampings=options.dampings,
-            hand=Hand(mass=options.mass),
-            force=options.force,
-            places=options.places,
-        )
+        settings = with_options(StabilitySettings, options, hand=Hand(mass=options.mass))
         scene = load_scene(self.scene)
         announce_compiling()
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             total = len(settings.rates) * len(settings.dampings)
             task = bars.add_task(scene.name, total=total)
             result = measure_stability(scene, settings, progress=lambda: bars.advance(task))
-            text = json.dumps(summary(result, scene), indent=2, allow_nan=False)
-            (folder / "stability.json").write_text(text + "\n", "utf-8")
+            write_json(folder / "stability.json", summary(result, scene))
             figure = stability_figure(result, scene.name, scene.force.stiffness)
             figure_style.save(figure, folder, "stability")
         smooth = result.plain / result.bound

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, in_si
+from asperity.cli.options import Range, command, in_si, with_options
 from asperity.errors import require_choice
 
 if TYPE_CHECKING:
@@ -87,29 +87,10 @@ class StudyCommand:
         from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
-        options, hand = in_si(self), in_si(self.hand)
-        return StudySettings(
-            surface=options.surface,
-            stimulus=StimulusOptions(
-                amplitude=options.amplitude,
-                element_height=options.element_height,
-                element_width=options.element_width,
-                flank=options.flank,
-                jitter=options.jitter,
-                hurst=options.hurst,
-                rms_slope=options.rms_slope,
-                height_range=options.height_range,
-                missing=options.missing,
-                seed=options.seed,
-            ),
-            hand=Hand(hand.mass, hand.stiffness, hand.damping),
-            spacing_range=options.spacing_range,
-            spacings=options.spacings,
-            diameters=options.diameters,
-            forces=options.forces,
-            speeds=options.speeds,
-            band=options.band,
-        )
+        options = in_si(self)
+        hand = with_options(Hand, in_si(self.hand))
+        stimulus = with_options(StimulusOptions, options)
+        return with_options(StudySettings, options, stimulus=stimulus, hand=hand)
 
     def run(self) -> None:
         """Run the studies, write the results, and print how many claims hold."""
@@ -131,7 +112,8 @@ class StudyCommand:
         with result_folder(out, overwrite=self.overwrite) as folder:
             simulator = settings.simulator()
             with progress_bars() as bars:
-                task = bars.add_task(compile_notice(), total=total)
+                notice = compile_notice("studies", "dynamics.dragged_hand.integrator", "force_at")
+                task = bars.add_task(notice, total=total)
                 results = {
                     name: run_study(
                         name, settings, simulator=simulator, progress=lambda _: bars.advance(task)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command
+from asperity.cli.options import Range, command, with_options
 
 if TYPE_CHECKING:
     from asperity.studies.sweeps.run import SweepProgress
@@ -68,11 +68,7 @@ class SweepCommand:
                 bars.update(task, completed=known, description=label)
 
             try:
-                done = run_sweep(
-                    study, out, workers=self.workers, scheduler=self.scheduler,
-                    overwrite=self.overwrite, retry_failed=self.retry_failed,
-                    any_version=self.any_version, progress=show,
-                )  # fmt: skip
+                done = with_options(run_sweep, self, study=study, store=out, progress=show)
             except KeyboardInterrupt:
                 if latest is None:
                     raise

@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-Kind = Literal["csv", "wav", "png"]
-KINDS: tuple[Kind, ...] = ("csv", "wav", "png")
 _BLOCK = 20_000
 """Rows that are written at once: a long recording is never in memory as a whole."""
 _WHOLE = ("contact_count", "flags")
@@ -118,7 +116,7 @@ def wav_bytes(sound: Sound) -> bytes:
 
 def figures(shown: Traces, title: str) -> dict[str, Figure]:
     """Return the figures of a stretch: `traces` over time, and the `spectrum` of the shaking."""
-    from asperity.runs.trace_figures import shaking_figure, traces_figure
+    from asperity.runs.figures import shaking_figure, traces_figure
 
     return {"traces": traces_figure(shown, title), "spectrum": shaking_figure(shown, title)}
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -84,12 +83,9 @@ class RecordingWriter:
     """
 
     def __init__(
-        self,
-        path: Path,
-        attributes: Mapping[str, Any] | None = None,
-        *,
+        self, path: Path, attributes: Mapping[str, Any] | None = None, *,
         clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    ) -> None:  # fmt: skip
         import h5py
 
         self._clock = clock
@@ -146,12 +142,7 @@ class RecordingWriter:
     def __enter__(self) -> RecordingWriter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -201,10 +192,10 @@ def write_recording(
         writer.add_rows(variables_of(rollout))
 
 
-def variables_of(rollout: Rollout) -> dict[str, NDArray[Any]]:
+def variables_of(rollout: Rollout, ticks: slice = slice(None)) -> dict[str, NDArray[Any]]:
     """Return the variables of a recording that a rollout has, as `add_rows` takes them."""
     found = {name: getattr(rollout, name) for name in ("time", *_VARIABLES)}
-    return {name: values for name, values in found.items() if values is not None}
+    return {name: values[ticks] for name, values in found.items() if values is not None}
 
 
 def recording_file(path: str | Path) -> Path:
@@ -224,10 +215,7 @@ def recording_file(path: str | Path) -> Path:
 
 def read_recording(path: str | Path) -> Recording:
     """Return a recording, also one whose writer was killed: then as far as it got."""
-    path = Path(path)
-    if not path.is_file():
-        raise AsperityError(f"no such recording: {path}; give a recording.h5 of asperity run")
-    with _opened(path) as file:
+    with _opened(recording_file(path)) as file:
         there = [name for name in ("time", *_VARIABLES) if name in file]
         rows = min(file[name].shape[0] for name in there)
         arrays = {name: file[name][:rows] for name in there}

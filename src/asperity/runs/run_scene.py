@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity import __version__
+from asperity._core.output import write_json
 from asperity.drawing.renderer.contact import ContactMoment, Picture, close_picture, whole_picture
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.dynamics.passivity.controller import PassivityController
@@ -102,17 +103,20 @@ def run_scene(
                     float(rollout.time[i]), rollout.tool_pose[i], simulation.contacts
                 )
             if writer and i + 1 - written == _ROWS:
-                writer.add_rows(_rows(rollout, written, i + 1))
+                writer.add_rows(variables_of(rollout, slice(written, i + 1)))
                 written = i + 1
             on_tick(i, rollout)
 
         rollout = simulation.rollout(trajectory, hand=held, controller=controller, on_tick=keep)
         if writer:
-            writer.add_rows(_rows(rollout, written, len(rollout.time)))
+            writer.add_rows(variables_of(rollout, slice(written, None)))
     summary = summary_of(scene, _described(motion), rollout) | {
         "coupling": _coupling(simulation),
-        "hand": None if controller is None else _energy(controller, rollout),
-    }
+        "hand": controller and {
+            "mean_force_n": rollout.device_wrench[:, :3].mean(axis=0).tolist(),
+            **controller.summary(),
+        },
+    }  # fmt: skip
     return Run(rollout, best, summary)
 
 
@@ -131,14 +135,6 @@ def _coupling(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-def _energy(controller: PassivityController, rollout: Rollout) -> dict[str, Any]:
-    """Return what a simulated hand felt and how the account of its energy stood."""
-    return {
-        "mean_force_n": rollout.device_wrench[:, :3].mean(axis=0).tolist(),
-        **controller.summary(),
-    }
-
-
 def _across(simulation: Simulation) -> float:
     """Return the size of the contact forces across their normals [N]; -1 without contact."""
     n = simulation.contact_count
@@ -147,10 +143,6 @@ def _across(simulation: Simulation) -> float:
     force, normal = simulation.contacts.force[:n], simulation.contacts.normal[:n]
     along = np.einsum("ij,ij->i", force, normal)
     return float(np.linalg.norm((force - along[:, None] * normal).sum(axis=0)))
-
-
-def _rows(rollout: Rollout, first: int, last: int) -> dict[str, Any]:
-    return {name: rows[first:last] for name, rows in variables_of(rollout).items()}
 
 
 def _described(motion: ScriptedMotion | Trajectory) -> dict[str, Any]:
@@ -245,7 +237,7 @@ def write_figures(
 
 def write_summary(run: Run, path: Path) -> None:
     """Write the numbers of a run as JSON."""
-    path.write_text(json.dumps(run.summary, indent=2, allow_nan=False) + "\n", "utf-8")
+    write_json(path, run.summary)
 
 
 def described(summary: dict[str, Any]) -> str:

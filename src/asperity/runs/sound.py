@@ -151,32 +151,24 @@ def from_run(
         raise AsperityError(f"level must lie between 0 and {count - 1}, got {level}")
     if "time" in acceleration.dims:
         time = data["time"].values
-        title = (
-            f"{data.attrs.get('title', 'rub')}, probe {data['diameter'].values[chosen] * 1e3:g} mm"
-        )
-        wave = acceleration.values[chosen].astype(np.float64)
+        wave, step = acceleration.values[chosen], float(time[1] - time[0])
         repeats = int(data["status"].values[chosen]) == 0
-        return from_acceleration(
-            wave,
-            float(time[1] - time[0]),
-            rate=rate,
-            seconds=seconds,
-            repeats=repeats,
-            source=title,
-        )
-    spacings = data["spacing"].values
-    if spacing is None:
-        place = int(np.argmax(data["max_acceleration"].values[chosen]))
+        probe = f"probe {data['diameter'].values[chosen] * 1e3:g} mm"
+        source = f"{data.attrs.get('title', 'rub')}, {probe}"
     else:
-        require_positive("spacing", spacing, "[m]")
-        place = int(np.argmin(np.abs(np.log(spacings / spacing))))
-    wave = acceleration.values[chosen, place].astype(np.float64)
-    length = float(data["record_length"].values[chosen, place])
-    factor = data.attrs["factor"]
-    source = (
-        f"study of {data.attrs['study']}, spacing {spacings[place] * 1e3:.3g} mm, "
-        f"{factor} {float(data[factor].values[chosen]):.3g} {data[factor].attrs['units']}"
-    )
+        spacings = data["spacing"].values
+        if spacing is None:
+            place = int(np.argmax(data["max_acceleration"].values[chosen]))
+        else:
+            require_positive("spacing", spacing, "[m]")
+            place = int(np.argmin(np.abs(np.log(spacings / spacing))))
+        wave, repeats = acceleration.values[chosen, place], True
+        step = float(data["record_length"].values[chosen, place]) / wave.size
+        factor = data.attrs["factor"]
+        source = (
+            f"study of {data.attrs['study']}, spacing {spacings[place] * 1e3:.3g} mm, "
+            f"{factor} {float(data[factor].values[chosen]):.3g} {data[factor].attrs['units']}"
+        )
     return from_acceleration(
-        wave, length / wave.size, rate=rate, seconds=seconds, repeats=True, source=source
+        wave.astype(np.float64), step, rate=rate, seconds=seconds, repeats=repeats, source=source
     )

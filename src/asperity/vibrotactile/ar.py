@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
-from asperity.vibrotactile.lsf import power_gain, reflections_of
+from asperity.vibrotactile.lsf import power_gain
 
 Array = NDArray[np.float64]
 CRITERIA = ("bic", "aic")
@@ -28,12 +28,6 @@ class Autoregression(NamedTuple):
     """Of the excitation."""
     samples: int
     """Samples that it was estimated from."""
-
-    def density(self, frequencies: Array, rate: float) -> Array:
-        """Return the one-sided power spectral density at frequencies [Hz]."""
-        z = np.exp(-2j * np.pi * np.asarray(frequencies) / rate)
-        under = np.abs(np.polyval(self.coefficients[::-1], z)) ** 2
-        return np.asarray(2.0 * self.variance / rate / under)
 
 
 def burg(segments: Sequence[Array], order: int) -> list[Autoregression]:
@@ -77,37 +71,6 @@ def criterion(model: Autoregression, kind: str = "bic") -> float:
     require_choice("criterion", kind, CRITERIA)
     each = 2.0 if kind == "aic" else math.log(model.samples)
     return model.samples * math.log(model.variance) + each * (model.coefficients.size - 1)
-
-
-def standard_errors(model: Autoregression) -> Array:
-    """Return the standard errors (p,) of the coefficients after the first.
-
-    The large-sample covariance of every efficient estimator, `s^2 R^-1 / n` with R the
-    autocovariance matrix (Brockwell & Davis 1991, section 8.10).
-    """
-    p = model.coefficients.size - 1
-    from scipy.linalg import inv, toeplitz
-
-    covariance = toeplitz(autocovariance(model, p)[:p])
-    return np.sqrt(model.variance * np.diag(inv(covariance)) / model.samples)
-
-
-def autocovariance(model: Autoregression, lags: int) -> Array:
-    """Return the autocovariance (lags + 1,) of the process of an AR model."""
-    a = model.coefficients
-    p = a.size - 1
-    out = np.zeros(max(lags, p) + 1)
-    out[0] = model.variance * power_gain(a)
-    # The step-up recursion gives the first p from the reflections; the rest follow from them.
-    reflections = reflections_of(a)
-    step, error = np.ones(1), out[0]
-    for i, k in enumerate(reflections):
-        out[i + 1] = -k * error - step[1:] @ out[i:0:-1]
-        step = np.append(step, 0.0) + k * np.append(0.0, step[::-1])
-        error *= 1.0 - k * k
-    for i in range(p + 1, out.size):
-        out[i] = -a[1:] @ out[i - 1 : i - p - 1 : -1]
-    return out[: lags + 1]
 
 
 def levinson(covariance: Array, count: int = 0) -> Autoregression:

@@ -13,7 +13,7 @@ from asperity.errors import AsperityError, require_between, require_positive
 from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.simulation import Rollout, Simulation
-from asperity.vibrotactile.signals import Exploration, explored
+from asperity.vibrotactile.signals import Exploration, explored, true_stretches
 
 Array = NDArray[np.float64]
 _STEADY = 0.02
@@ -91,23 +91,15 @@ def _steady(whole: Exploration, run: Rollout, speed: float) -> Exploration:
     room = int(_SETTLING * whole.rate)
     steady = np.abs(velocity / speed - 1.0) < _STEADY
     steady[:room], steady[len(steady) - room :] = False, False
-    begin, end = longest_run(steady)
+    begin, end = max(
+        zip(*true_stretches(steady), strict=True), key=lambda run: run[1] - run[0], default=(0, 0)
+    )
     if end - begin < 2 * room:
         raise AsperityError(
             f"the slide at {whole.name} is steady for {(end - begin) / whole.rate:.2f} s; valid: "
             f"{2.0 * _SETTLING:g} s or more: give more seconds, or a lower speed"
         )
     return whole.part(begin, end)
-
-
-def longest_run(mask: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return where the longest run of true values begins and ends."""
-    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if not begins.size:
-        return 0, 0
-    longest = int(np.argmax(ends - begins))
-    return int(begins[longest]), int(ends[longest])
 
 
 def geometric_means(values: Sequence[float]) -> list[float]:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from asperity.drawing.figure_style import COLOURS, style
 from asperity.vibrotactile.distances import HIGHEST, LOWEST, spectrum
 from asperity.vibrotactile.fit import Fitted, Held
+from asperity.vibrotactile.lsf import coefficients_of, power_gain
 from asperity.vibrotactile.model import TextureModel
 
 _MOST = 6
@@ -54,19 +55,18 @@ def _spread(held: Sequence[Held]) -> list[Held]:
 def _spectra(axis: Axes, model: TextureModel, one: Held) -> None:
     rate = model.rate
     frequency, density = spectrum(one.stretch.vibration, rate)
-    _, made = spectrum(one.made, rate)
+    made = np.interp(frequency, *spectrum(one.made, rate))
     fine = np.linspace(LOWEST, min(HIGHEST, 0.5 * rate), 800)
     curve = np.sqrt(model.filter_at(one.stretch.speed, one.stretch.force).density(fine, rate))
     inside = (frequency >= LOWEST) & (frequency <= HIGHEST)
     axis.plot(
         frequency[inside], np.sqrt(density[inside]), color=COLOURS[0], lw=1.2, label="held out"
     )
-    other = np.interp(frequency, spectrum(one.made, rate)[0], made)
     axis.plot(
-        frequency[inside], np.sqrt(other[inside]), color=COLOURS[1], lw=1.0, label="synthesised"
+        frequency[inside], np.sqrt(made[inside]), color=COLOURS[1], lw=1.0, label="synthesised"
     )
     axis.plot(fine, curve, color="#222222", lw=1.1, ls="--", label="the filter's")
-    top = max(float(np.sqrt(density[inside].max())), float(np.sqrt(other[inside].max())))
+    top = max(float(np.sqrt(density[inside].max())), float(np.sqrt(made[inside].max())))
     axis.set(yscale="log", ylim=(top * 1e-3, top * 4.0), xlim=(0.0, min(HIGHEST, 0.5 * rate)))
     axis.set_title(
         f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N: fit {one.match.fit:.2f}, "
@@ -115,12 +115,8 @@ def plane_figure(fitted: Fitted, held: Sequence[Held], title: str) -> Figure:
         plane, scores = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
         speed, force = model.speeds * 1e3, model.forces
         plane.triplot(speed, force, model.mesh.triangles, color="#cccccc", lw=0.6)
-        level = np.array(
-            [
-                np.sqrt(_power(model, i)) if model.variance[i] > 0.0 else 0.0
-                for i in range(len(speed))
-            ]
-        )
+        gains = [power_gain(coefficients_of(lsf)) for lsf in model.ar]
+        level = np.sqrt(model.variance * gains)
         n = fitted.recorded
         plane.plot(speed[n:], force[n:], "s", ms=3.0, color="#999999", label="rim")
         spots = plane.scatter(
@@ -146,9 +142,3 @@ def plane_figure(fitted: Fitted, held: Sequence[Held], title: str) -> Figure:
         scores.set_title(f"order {model.order}")
         figure.tight_layout()
     return figure
-
-
-def _power(model: TextureModel, i: int) -> float:
-    from asperity.vibrotactile.lsf import coefficients_of, power_gain
-
-    return float(model.variance[i] * power_gain(coefficients_of(model.ar[i])))

@@ -24,7 +24,7 @@ from asperity.vibrotactile.distances import Match, match
 from asperity.vibrotactile.lsf import frequencies_of
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.segments import cuts
-from asperity.vibrotactile.signals import Exploration
+from asperity.vibrotactile.signals import Exploration, true_stretches
 from asperity.vibrotactile.synthesis import Synthesiser
 
 Array = NDArray[np.float64]
@@ -100,8 +100,6 @@ class Fitted(NamedTuple):
 
     model: TextureModel
     stretches: list[Stretch]
-    groups: NDArray[np.int64]
-    """(stretches,): the recorded model of each, from 0."""
     recorded: int
     """How many models come from recordings; the rest stand on the rim."""
     scores: Array
@@ -126,9 +124,8 @@ def stretches_of(exploration: Exploration, settings: FitSettings) -> tuple[list[
     """Return the stretches of an exploration, and how many were left out."""
     rate, found, dropped = exploration.rate, [], 0
     moving = exploration.touching & (exploration.speed > _SLOWEST)
-    edges = np.diff(np.concatenate([[0], moving.astype(np.int8), [0]]))
     shortest = int(settings.shortest * rate)
-    for begin, end in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+    for begin, end in zip(*true_stretches(moving), strict=True):
         if end - begin < shortest:
             continue
         places = cuts(
@@ -169,33 +166,28 @@ def fit(
         dropped += left
     highest = settings.order or settings.highest
     groups = _groups(stretches)
-    kept = [
-        g
-        for g in range(groups.max(initial=-1) + 1)
-        if sum(s.vibration.size for s, at in zip(stretches, groups, strict=True) if at == g)
-        >= _PER_COEFFICIENT * highest
+    members = [
+        [s for s, at in zip(stretches, groups, strict=True) if at == group]
+        for group in range(groups.max(initial=-1) + 1)
     ]
-    chosen = [i for i, g in enumerate(groups) if g in kept]
-    dropped += len(stretches) - len(chosen)
-    stretches = [stretches[i] for i in chosen]
-    groups = np.array([kept.index(groups[i]) for i in chosen], dtype=np.int64)
-    if not stretches:
+    least = _PER_COEFFICIENT * highest
+    members = [own for own in members if sum(s.vibration.size for s in own) >= least]
+    kept = [s for own in members for s in own]
+    dropped += len(stretches) - len(kept)
+    if not kept:
         raise AsperityError(
             f"no stretch of {settings.shortest:g} s or more in which a tool slides evenly in "
             f"contact ({dropped} left out): record longer, at steadier speeds and forces"
         )
-    members: list[list[Stretch]] = [[] for _ in kept]
-    for stretch, group in zip(stretches, groups, strict=True):
-        members[group].append(stretch)
     ladders = [burg([s.vibration for s in own], highest) for own in members]
     scores = np.sum([[criterion(m, settings.criterion) for m in one] for one in ladders], axis=0)
     order = settings.order or max(int(np.argmin(scores)), 1)
     rate = rates[0]
     model = _assembled(
         [damped(one[order], one[0].variance, rate, settings.bandwidth) for one in ladders], members,
-        rate=rate, friction=_friction(stretches), name=name,
+        rate=rate, friction=_friction(kept), name=name,
     )  # fmt: skip
-    return Fitted(model, stretches, groups, len(kept), np.asarray(scores), dropped)
+    return Fitted(model, kept, len(members), np.asarray(scores), dropped)
 
 
 def _groups(stretches: list[Stretch]) -> NDArray[np.int64]:
@@ -223,13 +215,15 @@ def _assembled(
     At rest and in the air there is silence; towards the largest force and speed the nearest
     recorded model goes on. So every place up to them lies in a triangle, as HaTT has it.
     """
-    sizes = [np.array([s.vibration.size for s in group], dtype=np.float64) for group in members]
-    speeds = np.array(
-        [n @ [s.speed for s in g] / n.sum() for n, g in zip(sizes, members, strict=True)]
-    )
-    forces = np.array(
-        [n @ [s.force for s in g] / n.sum() for n, g in zip(sizes, members, strict=True)]
-    )
+    speeds, forces = np.array(
+        [
+            np.average(
+                [(s.speed, s.force) for s in own], axis=0,
+                weights=[s.vibration.size for s in own],
+            )
+            for own in members
+        ]
+    ).T  # fmt: skip
     lsf = np.array([frequencies_of(f.coefficients) for f in filters])
     variance = np.array([f.variance for f in filters])
     top = np.array([speeds.max(), forces.max()])

@@ -11,8 +11,16 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import NoReturn
-from xml.etree.ElementTree import Element, ElementTree, SubElement, TreeBuilder, indent
-from xml.parsers import expat
+from xml.etree.ElementTree import (
+    Element,
+    ParseError,
+    SubElement,
+    TreeBuilder,
+    XMLParser,
+    indent,
+    parse,
+    tostring,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,46 +50,34 @@ def read_hatt(path: str | Path) -> TextureModel:
         raise AsperityError(f"no such texture model: {path}; give an .xml of HaTT or asperity fit")
     if path.stat().st_size > _LARGEST:
         raise AsperityError(f"{path} is larger than {_LARGEST >> 20} MiB: no texture model")
-    root = _parsed(path)
-    if root.tag != "modelSet":
-        raise AsperityError(f"{path} is no texture model: <{root.tag}> instead of <modelSet>")
     try:
+        root = parse(path, XMLParser(target=_Builder())).getroot()
+        if root.tag != "modelSet":
+            raise AsperityError(f"no texture model: <{root.tag}> instead of <modelSet>")
         return _model(root, path.stem)
     except AsperityError as error:
         raise AsperityError(f"{path}: {error}") from None
-
-
-def _parsed(path: Path) -> Element:
-    builder, parser = TreeBuilder(), expat.ParserCreate()
-    depth = 0
-
-    def refuse(*_: object) -> NoReturn:
-        raise AsperityError(f"{path} declares a document type; a texture model must not")
-
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > _DEEPEST:
-            raise AsperityError(f"{path} is no texture model: <{tag}> stands {depth} deep")
-        builder.start(tag, attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler = begin
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = builder.data
-    try:
-        parser.Parse(path.read_bytes(), True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        if isinstance(error, AsperityError):
-            raise
+    except (ParseError, ValueError, LookupError) as error:
         raise AsperityError(f"{path} is not XML: {error}") from None
-    return builder.close()
+
+
+class _Builder(TreeBuilder):
+    """Builds the tree of a file; refuses document types, and so entities, and deep nesting."""
+
+    _depth = 0
+
+    def doctype(self, *_: object) -> NoReturn:
+        raise AsperityError("it declares a document type; a texture model must not")
+
+    def start(self, tag: str, attrs: dict[str, str], /) -> Element:
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise AsperityError(f"no texture model: <{tag}> stands {self._depth} deep")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str, /) -> Element:
+        self._depth -= 1
+        return super().end(tag)
 
 
 def _model(root: Element, stem: str) -> TextureModel:
@@ -124,12 +120,16 @@ def _number(parent: Element, tag: str, where: str = "", default: float | None = 
         if default is not None:
             return default
         raise AsperityError(f"{where}<{tag}> is missing")
+    return _finite(text, f"{where}<{tag}>")
+
+
+def _finite(text: str, what: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise AsperityError(f"{where}<{tag}> must be a finite number, got {text.strip()[:40]!r}")
+        raise AsperityError(f"{what} must be a finite number, got {text.strip()[:40]!r}")
     return value
 
 
@@ -147,17 +147,9 @@ def _values(parent: Element, tag: str, count: int, where: str = "") -> Array:
     texts = [value.text or "" for value in holder.findall("value")]
     if len(texts) != count:
         raise AsperityError(f"{where}<{tag}> holds {len(texts)} values; valid: {count}")
-    out = np.empty(count)
-    for i, text in enumerate(texts):
-        try:
-            out[i] = float(text)
-        except ValueError:
-            out[i] = math.nan
-        if not math.isfinite(out[i]):
-            raise AsperityError(
-                f"{where}<{tag}>, value {i + 1}, must be a finite number, got {text.strip()[:40]!r}"
-            )
-    return out
+    return np.array(
+        [_finite(text, f"{where}<{tag}>, value {i},") for i, text in enumerate(texts, 1)]
+    )
 
 
 def _triangles(root: Element, n: int) -> NDArray[np.int64] | None:
@@ -222,13 +214,5 @@ def write_hatt(model: TextureModel, path: str | Path) -> None:
         put(one, "speedMod", float(model.speeds[i] * 1e3))
         put(one, "forceMod", float(model.forces[i]))
     indent(root, "   ")
-    tree = ElementTree(root)
-    write_whole(Path(path), '<?xml version="1.0" encoding="utf-8"?>\n' + _text(tree))
-
-
-def _text(tree: ElementTree) -> str:
-    from io import StringIO
-
-    out = StringIO()
-    tree.write(out, encoding="unicode")
-    return out.getvalue() + "\n"
+    text = tostring(root, encoding="unicode")
+    write_whole(Path(path), f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_positive
+from asperity.runs.tool_motion import one_signal
 
 Array = NDArray[np.float64]
 HIGH_PASS = 20.0
@@ -93,7 +94,7 @@ def explored(
     heading = velocity / np.maximum(speed, 1e-9)[:, None]
     drag = -np.einsum("ij,ij->i", slow, heading)
     normal = np.linalg.norm(slow + drag[:, None] * heading, axis=1)
-    vibration = one_axis(_filtered(force, rate, "high")) / mass
+    vibration = one_signal(_filtered(force, rate, "high")) / mass
     return Exploration(name, rate, vibration, speed, normal, drag, contact_count > 0)
 
 
@@ -106,14 +107,7 @@ def _filtered(values: Array, rate: float, kind: Literal["low", "high"]) -> Array
     return np.asarray(signal.sosfiltfilt(order, values, axis=0, padlen=room), dtype=np.float64)
 
 
-def one_axis(values: Array) -> Array:
-    """Return one signal (n,) with the spectral energy of three (n, 3): DFT321.
-
-    At each frequency its size is the root of the sum of the squares, its phase that of the sum
-    (Landin, Romano, McMahan & Kuchenbecker 2010).
-    """
-    parts = np.fft.rfft(values, axis=0)
-    size = np.sqrt(np.sum(np.abs(parts) ** 2, axis=1))
-    total = parts.sum(axis=1)
-    phase = np.where(np.abs(total) > 0.0, total / np.maximum(np.abs(total), 1e-300), 1.0)
-    return np.asarray(np.fft.irfft(size * phase, n=len(values)), dtype=np.float64)
+def true_stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where the runs of true values of a mask (n,) begin and end."""
+    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
