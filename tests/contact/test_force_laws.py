@@ -1,6 +1,8 @@
 """Force laws: the baselines, friction, the sum over contacts, and other ways to the gradient."""
 
+import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from naive_engine import (
     waves,
 )
 
+from asperity.contact.response.settings import LAWS
 from asperity.geometry.bodies import Body, Geom
 
 RADIUS = 1.5e-3
@@ -55,6 +58,19 @@ def test_a_baseline_takes_the_texture_at_one_point(law, plate_pose):
         assert found.wrench[:3] == pytest.approx(force, abs=1e-9 * STIFFNESS * depth)
         assert found.wrench[3:] == pytest.approx(np.cross(arm, force), abs=1e-9)
         np.testing.assert_array_equal(touch(textured, at).wrench, found.wrench)
+
+
+def test_every_law_has_a_branch_of_its_own_and_a_place_in_the_documents():
+    page = (Path(__file__).parents[2] / "docs" / "force_laws.md").read_text("utf-8")
+    forces = {}
+    for law in LAWS:
+        engine = engine_for(ball(), plate(TEXTURE), law=law)
+        engine.wrench(pose(1e-4, 0, RADIUS - 1e-4), TICK)
+        forces[law] = np.array(engine.wrench(pose(2e-4, 0, RADIUS - 1e-4), TICK)[:3])
+        assert forces[law][2] > 0.0, law
+        assert f"`{law}`" in page
+    for one, other in itertools.combinations(LAWS, 2):
+        assert not np.allclose(forces[one], forces[other], rtol=1e-6), (one, other)
 
 
 def noise_of(seed, ticks=6000, **settings):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from asperity.errors import AsperityError
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.fillets import rounded
 from asperity.texture.patterns.patterns import (
+    EXAMPLES,
     PATTERNS,
     brushed,
     cross_cut,
@@ -26,7 +30,7 @@ from asperity.texture.patterns.patterns import (
 
 SPAN = {"size": 2e-3, "pixel_size": 2e-5}
 # Of each pattern a usual one, and the sharpest that its ranges allow, where it has fillets.
-USUAL = {
+USUAL: dict[str, dict[str, Any]] = EXAMPLES | {
     "sinusoid": {"wavelength": 1e-3, "amplitude": 1e-4, "direction": 0.5},
     "sin_product": {"wavelength": 1e-3, "amplitude": 1e-4},
     "grating": {"pitch": 1e-3, "height": 2e-4},
@@ -61,6 +65,14 @@ def between(heights: HeightField, many: int = 4) -> np.ndarray:
 
 def test_every_pattern_is_tested() -> None:
     assert set(PATTERNS) == set(USUAL)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_every_pattern_is_documented(name: str) -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    assert f"| `{name}` |" in (docs / "textures.md").read_text("utf-8")
+    listed = (docs / "api" / "texture.md").read_text("utf-8")
+    assert re.search(rf"(members:.*\b|patterns\.){name}\b", listed), name
 
 
 @pytest.mark.parametrize(("name", "options"), CASES)

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from asperity.contact.response.settings import LAWS
 from asperity.errors import AsperityError
 from asperity.scene.builtin import load_scene
 from asperity.scene.texture import body_texture
+from asperity.texture.patterns.patterns import EXAMPLES
 from asperity.viewer.changes import (
     METHODS,
-    PATTERNS,
     SMOOTH,
     methods_for,
     on_coupling,
@@ -33,9 +34,9 @@ def field_of(table):
     return body_texture(table, "texture", None)[0]
 
 
-@pytest.mark.parametrize("kind", PATTERNS)
+@pytest.mark.parametrize("kind", EXAMPLES)
 def test_any_texture_is_made_as_high_and_as_wide_as_wanted(kind):
-    table = {"kind": kind, **PATTERNS[kind]}
+    table = {"kind": kind, **EXAMPLES[kind]}
     plain = field_of(table)
     made = field_of(scaled_texture(table, relief=1.3e-4, pixel_size=1.5 * plain.pixel_size[0]))
     assert made.relief == pytest.approx(1.3e-4, rel=1e-6)
@@ -94,6 +95,7 @@ def test_laws_are_named_and_meshes_have_one(plate):
     soft = with_method(plate, "Otaduy & Lin, soft maximum", softness=5e-6)
     assert (soft.scene.force.gradient, soft.scene.force.softness) == ("soft", 5e-6)
     assert methods_for(plate.scene) == list(METHODS)
+    assert {method["law"] for method in METHODS.values()} == set(LAWS)
     made = with_meshes(plate, {"kind": "block"}, {"kind": "cad_part"})
     assert methods_for(made.scene) == list(METHODS)[:1]
     assert made.scene.coupling.mode == "implicit"

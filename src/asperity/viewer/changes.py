@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from asperity.contact.response.settings import LAWS
+from asperity.contact.response.settings import LAW_LABELS
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.scene.builtin import SCENES, load_scene
@@ -19,22 +19,9 @@ from asperity.scene.from_files import make_scene
 from asperity.scene.scene import Scene
 from asperity.scene.texture import body_texture
 from asperity.texture.height_field import HeightField
+from asperity.texture.patterns.patterns import EXAMPLES
 from asperity.viewer.session_config import SessionConfig
 
-PATTERNS: dict[str, dict[str, Any]] = {
-    "sinusoid": {"wavelength": 2e-3, "amplitude": 1e-4},
-    "sin_product": {"wavelength": 2e-3, "amplitude": 1e-4},
-    "grating": {"pitch": 2.5e-3, "height": 4e-4},
-    "stripes": {"pitch": 3e-3, "depth": 3e-4},
-    "jittered_dots": {"pitch": 2e-3, "height": 4e-4, "diameter": 8e-4},
-    "cross_cut": {"pitch": 1e-3, "height": 2e-4},
-    "knurl": {"pitch": 1.5e-3, "height": 3e-4},
-    "brushed": {
-        "size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4,
-    },
-    "rough": {"size": 0.0128, "pixel_size": 5e-5, "hurst": 0.8, "rms_slope": 0.2, "cutoff": 2e-4},
-}  # fmt: skip
-"""Built-in texture patterns with initial parameters; project defaults."""
 SMOOTH, AS_IT_IS = "smooth", "as it is"
 MESH_SIZES: dict[str, dict[str, Any]] = {
     "block": {"length": 0.06, "width": 0.04, "height": 0.015},
@@ -50,15 +37,11 @@ _LENGTHS = (
 RELIEF, PIXEL = (1e-7, 5e-3), (1e-7, 1e-3)
 """Valid ranges for textures made in a page [m]."""
 METHODS: dict[str, dict[str, Any]] = {
-    "Otaduy & Lin 2004": {"law": "otaduy-lin", "gradient": "exact"},
+    **{label: {"law": law, "gradient": "exact"} for law, label in LAW_LABELS.items()},
     "Otaduy & Lin, central differences": {"law": "otaduy-lin", "gradient": "differences"},
     "Otaduy & Lin, soft maximum": {"law": "otaduy-lin", "gradient": "soft"},
-    "Minsky 1995": {"law": "minsky", "gradient": "exact"},
-    "Ho et al. 1999": {"law": "ho", "gradient": "exact"},
-    "Siira & Pai 1996": {"law": "siira-pai", "gradient": "exact"},
 }
-"""Force laws by name, with their force settings."""
-assert {method["law"] for method in METHODS.values()} == set(LAWS)
+"""Force laws by label, with their force settings."""
 
 
 def bodies_of(scene: Scene) -> list[str]:
@@ -122,10 +105,9 @@ def with_method(
 
 def with_device(config: SessionConfig, name: str, rate: float | None = None) -> SessionConfig:
     """Return a session with another device and rate; AsperityError if its package is missing."""
-    if not name.startswith("replay:"):
-        entry = entry_of(name)
-        if not is_installed(entry):
-            raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
+    entry = entry_of(name)
+    if not is_installed(entry):
+        raise AsperityError(f"{name} needs pip install 'asperity[{entry.extra}]'")
     return replace(config, device=name, options={}, rate=config.rate if rate is None else rate)
 
 
@@ -197,7 +179,7 @@ def with_texture(
     config : SessionConfig
     body : str
     kind : str or mapping
-        A name in `PATTERNS`, "smooth", "as it is", or a texture table.
+        The name of a pattern, "smooth", "as it is", or a texture table.
     relief, pixel_size : float, optional
         As for `scaled_texture`.
     """
@@ -214,8 +196,8 @@ def with_texture(
             raise AsperityError(f"{body} is smooth; choose a texture for it")
         table = old
     elif isinstance(kind, str):
-        require_choice("texture", kind, [AS_IT_IS, SMOOTH, *PATTERNS])
-        table = {"kind": kind, **PATTERNS[kind], **placing}
+        require_choice("texture", kind, [AS_IT_IS, SMOOTH, *EXAMPLES])
+        table = {"kind": kind, **EXAMPLES[kind], **placing}
     else:
         table = {**kind, **placing}
     if table is None:

@@ -32,8 +32,12 @@ from numpy.typing import NDArray
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.geom_depth import BodyGeoms, smooth_texture_under
+from asperity.contact.response.settings import LAWS
 
-OTADUY_LIN, MINSKY, HO, SIIRA_PAI = 0, 1, 2, 3
+OTADUY_LIN = LAWS.index("otaduy-lin")
+MINSKY = LAWS.index("minsky")
+HO = LAWS.index("ho")
+SIIRA_PAI = LAWS.index("siira-pai")
 """Indices into `settings.LAWS`."""
 _SLIDING = 1e-24
 """Square of the displacement in one tick from which on the tool slides [m^2]."""
@@ -45,7 +49,7 @@ class PointContact(NamedTuple):
     normal: NDArray[np.float64]
     """n, (3,)."""
     push: float
-    """Normal force k w d [N]."""
+    """Normal force k w d [N]. Where d is above 0, the contact's stiffness k w is `push / depth`."""
     depth: float
     """d, of the smooth bodies [m]."""
     height: float
@@ -133,8 +137,10 @@ def point_force(model, law, query, noise, workspace, force_out):
         minsky_force(contact, force_out)
     elif law.law == HO:
         ho_force(contact, law.ho_gain, force_out)
-    else:
+    elif law.law == SIIRA_PAI:
         siira_pai_force(contact, force_out)
+    else:
+        clear(force_out)
 
 
 @inner_kernel

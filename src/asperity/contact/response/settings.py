@@ -11,7 +11,14 @@ from asperity.errors import (
     require_positive,
 )
 
-LAWS = ("otaduy-lin", "minsky", "ho", "siira-pai")
+LAW_LABELS = {
+    "otaduy-lin": "Otaduy & Lin 2004",
+    "minsky": "Minsky 1995",
+    "ho": "Ho et al. 1999",
+    "siira-pai": "Siira & Pai 1996",
+}
+"""Labels of the force laws, by name."""
+LAWS = tuple(LAW_LABELS)
 GRADIENTS = ("exact", "differences", "soft")
 _RANGES = {
     "stiffness": (1e-6, 1e9, "N/m"),

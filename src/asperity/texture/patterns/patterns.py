@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -227,19 +228,25 @@ def rough(
     return HeightField(heights, pixel_size, "wrap")
 
 
-PATTERNS: dict[str, Callable[..., HeightField]] = {
-    maker.__name__: maker
-    for maker in (
-        sinusoid,
-        sin_product,
-        grating,
-        stripes,
-        step,
-        jittered_dots,
-        cross_cut,
-        knurl,
+_PATTERNS: tuple[tuple[Callable[..., HeightField], dict[str, Any]], ...] = (
+    (sinusoid, {"wavelength": 2e-3, "amplitude": 1e-4}),
+    (sin_product, {"wavelength": 2e-3, "amplitude": 1e-4}),
+    (grating, {"pitch": 2.5e-3, "height": 4e-4}),
+    (stripes, {"pitch": 3e-3, "depth": 3e-4}),
+    (step, {"height": 2e-4, "size": 1e-2}),
+    (jittered_dots, {"pitch": 2e-3, "height": 4e-4, "diameter": 8e-4}),
+    (cross_cut, {"pitch": 1e-3, "height": 2e-4}),
+    (knurl, {"pitch": 1.5e-3, "height": 3e-4}),
+    (
         brushed,
+        {"size": 0.0128, "pixel_size": 5e-5, "rms": 4e-6, "length": 2e-3, "width": 3.2e-4},
+    ),
+    (
         rough,
-    )
-}
+        {"size": 0.0128, "pixel_size": 5e-5, "hurst": 0.8, "rms_slope": 0.2, "cutoff": 2e-4},
+    ),
+)
+PATTERNS = {maker.__name__: maker for maker, _ in _PATTERNS}
 """All patterns by name, as in `scene.toml`."""
+EXAMPLES = {maker.__name__: example for maker, example in _PATTERNS}
+"""A usual texture of each pattern, with which the page begins: parameters by name."""

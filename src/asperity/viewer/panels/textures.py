@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.scene.mesh import MESHES
+from asperity.texture.patterns.patterns import PATTERNS
 from asperity.viewer.changes import (
     AS_IT_IS,
-    PATTERNS,
     PIXEL,
     RELIEF,
     SMOOTH,
