@@ -12,6 +12,7 @@ The seed paper measures `max(u'')` (Otaduy & Lin 2004, section 4.2). The others 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,30 +23,6 @@ from asperity.errors import AsperityError, require_choice
 
 DEFAULT_BAND = (20.0, 200.0)
 """[Hz]; see the module's docstring."""
-
-
-class Metric(NamedTuple):
-    """A way to make one number of a motion."""
-
-    label: str
-    """For axes, without the unit."""
-    unit: str
-    origin: str
-    """Whose metric it is."""
-
-
-METRICS = {
-    "max_acceleration": Metric("max u''", "m/s²", "Otaduy & Lin (2004), section 4.2"),
-    "max_abs_acceleration": Metric("max |u''|", "m/s²", "variant of the paper's metric"),
-    "band_rms": Metric(
-        "RMS of u'' in the band", "m/s²", "asperity's, chosen after the paper's metric had failed"
-    ),
-    "threshold_power": Metric(
-        "threshold-weighted power of u''",
-        "1",
-        "after Bensmaia & Hollins (2003), as quoted; threshold curve of the MPEG haptics model",
-    ),
-}
 
 
 def spectrum(
@@ -144,12 +121,44 @@ def band_rms(
     return float(np.sqrt(0.5 * np.sum(amplitudes**2 * band_gain(frequencies, band))))
 
 
+class Metric(NamedTuple):
+    """A way to make one number of a motion."""
+
+    label: str
+    """For axes, without the unit."""
+    unit: str
+    origin: str
+    """Whose metric it is."""
+    of: Callable[[Motion, tuple[float, float]], float]
+    """Return the metric of a motion; the band [Hz] concerns `band_rms` only."""
+
+
+METRICS = {
+    "max_acceleration": Metric(
+        "max u''", "m/s²", "Otaduy & Lin (2004), section 4.2", lambda motion, _: motion.largest
+    ),
+    "max_abs_acceleration": Metric(
+        "max |u''|",
+        "m/s²",
+        "variant of the paper's metric",
+        lambda motion, _: max(motion.largest, -motion.smallest),
+    ),
+    "band_rms": Metric(
+        "RMS of u'' in the band",
+        "m/s²",
+        "asperity's, chosen after the paper's metric had failed",
+        lambda motion, band: band_rms(*acceleration_spectrum(motion), band),
+    ),
+    "threshold_power": Metric(
+        "threshold-weighted power of u''",
+        "1",
+        "after Bensmaia & Hollins (2003), as quoted; threshold curve of the MPEG haptics model",
+        lambda motion, _: threshold_weighted_power(*acceleration_spectrum(motion)),
+    ),
+}
+
+
 def evaluate(name: str, motion: Motion, *, band: tuple[float, float] = DEFAULT_BAND) -> float:
     """Return the metric `name` (a key of `METRICS`) of a motion."""
     require_choice("metric", name, METRICS)
-    if name == "max_acceleration":
-        return motion.largest
-    if name == "max_abs_acceleration":
-        return max(motion.largest, -motion.smallest)
-    lines = acceleration_spectrum(motion)
-    return band_rms(*lines, band) if name == "band_rms" else threshold_weighted_power(*lines)
+    return METRICS[name].of(motion, band)

@@ -1,5 +1,8 @@
 """The metrics against hand-made motions whose answer is known."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -104,6 +107,16 @@ def test_band_rms_needs_a_band():
 def test_unknown_metric_names_the_choices():
     with pytest.raises(AsperityError, match=r"'max_accel'.*did you mean.*band_rms"):
         evaluate("max_accel", sine_motion(60.0, 1.0))
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_every_metric_is_documented_where_it_can_be_chosen(name):
+    docs = Path(__file__).parents[3] / "docs"
+    assert f"| `{name}` |" in (docs / "concepts.md").read_text("utf-8")
+    option = re.search(
+        r"^\| `--metric .*Metric of the main figure.*$", (docs / "cli.md").read_text("utf-8"), re.M
+    )
+    assert name in option[0]
 
 
 def test_every_metric_says_whose_it_is():
