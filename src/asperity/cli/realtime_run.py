@@ -82,13 +82,13 @@ def servo_spec(
     motion : ScriptedMotion or Trajectory, optional
         Motion of the simulated hand. Default: the scene's.
     """
-    from asperity.realtime.devices.catalogue import device
+    from asperity.realtime.devices.catalogue import device, entry_of
     from asperity.realtime.servo.device_makers import named_device, simulated_device
     from asperity.realtime.servo.process import ServoSpec
     from asperity.scene.trajectory import Trajectory
 
     driver_options = parse_device_options(options.device_option)
-    replayed = device_name == "replay" or device_name.startswith("replay:")
+    in_scene = entry_of(device_name).steady
     make: functools.partial[Any]
     if device_name == "simulated":
         if driver_options:
@@ -105,9 +105,8 @@ def servo_spec(
         # Made here too, so that a wrong option is refused before the process starts.
         made: Any = device(device_name, **driver_options)
         make = functools.partial(named_device, device_name, driver_options)
-        if seconds is None and replayed:
-            seconds = made.seconds
-    in_scene = device_name == "simulated" or replayed
+        if seconds is None and in_scene:
+            seconds = getattr(made, "seconds", None)
     return ServoSpec(scene, make, in_scene=in_scene, seconds=seconds, **options.session())
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.virtual_coupling.settings import coupled_body
-from asperity.realtime.devices.catalogue import device
+from asperity.realtime.devices.catalogue import device, entry_of
 from asperity.realtime.devices.mouse import MouseDevice
 from asperity.realtime.devices.protocol import Device
 from asperity.realtime.servo.device_makers import named_device
@@ -95,7 +95,7 @@ class SessionConfig:
         return ServoSpec(
             self.scene,
             make,
-            in_scene=self.is_mouse or self.device.startswith("replay"),
+            in_scene=entry_of(self.device).steady,
             start=None if start is None else tuple(start.tolist()),
             folders=(pointer.parent,),
             held=True,

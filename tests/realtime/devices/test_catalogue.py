@@ -1,11 +1,14 @@
 """Names, options, presets, and what is found of each backend."""
 
+import re
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from asperity.cli.realtime_run import DeviceOptions, servo_spec
 from asperity.errors import AsperityError
 from asperity.realtime.devices import catalogue
 from asperity.realtime.devices.calibration import Calibrated, Calibration, save_calibration
@@ -13,6 +16,7 @@ from asperity.realtime.devices.catalogue import ENTRIES, MODELS, backend_statuse
 from asperity.realtime.devices.orientation import TurnRate, quaternion_of, unit_quaternion
 from asperity.realtime.devices.presets import PRESETS, limits_of
 from asperity.realtime.devices.wrench_check import finite_wrench
+from asperity.scene.builtin import load_scene
 
 
 @pytest.fixture(autouse=True)
@@ -28,6 +32,23 @@ def test_every_name_makes_a_device_with_limits_before_it_is_opened(name):
     made = device(name)
     assert made.limits.max_force > 0.0
     assert made.name in ENTRIES
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_every_device_is_in_both_tables_of_its_page(name):
+    page = (Path(__file__).parents[3] / "docs" / "devices.md").read_text("utf-8")
+    overview, when_writes_stop = page.split("## When writes stop")
+    for text in (overview, when_writes_stop.partition("\n## ")[0]):
+        assert re.search(rf"^\| [^|]*`{name}[:`]", text, re.M), name
+
+
+def test_a_device_whose_poses_are_those_of_the_scene_is_not_mapped(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("0, 0, 0, 0.01, 1, 0, 0, 0\n0.5, 0, 0, 0.01, 1, 0, 0, 0\n")
+    scene, options = load_scene("probe-plate"), DeviceOptions()
+    replay = servo_spec(scene, f"replay:{path}", options, None, None)
+    assert (replay.in_scene, replay.seconds) == (True, 0.5)
+    assert not servo_spec(scene, "haply-fake", options, None, None).in_scene
 
 
 def test_a_model_has_its_own_limits():
@@ -51,7 +72,7 @@ def test_unknown_names_and_options_get_the_nearest():
         device("haply-fak")
     with pytest.raises(AsperityError, match=r"option of the device haply .*did you mean 'uri'"):
         device("haply", url="ws://localhost")
-    with pytest.raises(AsperityError, match="replay needs source="):
+    with pytest.raises(AsperityError, match="replay needs the option source="):
         device("replay")
     with pytest.raises(AsperityError, match=r"no such file of poses: nothing.csv"):
         device("replay:nothing.csv")

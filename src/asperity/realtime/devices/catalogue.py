@@ -40,7 +40,8 @@ class DeviceEntry:
     home: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Middle of the workspace in the vendor's axes, if there is no calibration [m]."""
     steady: bool = False
-    """Whether it has no axes and home to calibrate."""
+    """Whether its poses are those of the scene: nothing is mapped or calibrated. The page offers
+    only the mouse of these."""
     check_options: Mapping[str, Any] = field(default_factory=dict)
     """Options for `asperity devices check`."""
 
@@ -135,7 +136,9 @@ def device(name: str, *, calibrated: bool = True, **options: Any) -> Device:
 
 
 def entry_of(name: str) -> DeviceEntry:
-    """Return the backend that a name stands for."""
+    """Return the backend that a name stands for, `replay:FILE` included."""
+    if name.startswith("replay:"):
+        name = "replay"
     require_choice("device", name, [*ENTRIES, *MODELS])
     return ENTRIES[MODELS[name][0] if name in MODELS else name]
 
@@ -170,7 +173,7 @@ def _make(entry: DeviceEntry, options: Mapping[str, Any]) -> Device:
             require_choice(f"option of the device {entry.name}", option, parameters)
     for option, parameter in parameters.items():
         if parameter.default is inspect.Parameter.empty and option not in options:
-            raise AsperityError(f"the device {entry.name} needs {option}=")
+            raise AsperityError(f"the device {entry.name} needs the option {option}=")
     made: Device = kind(**options)
     return made
 

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 RATES = ("500", "1000", "2000", "4000")
 STIFFNESS, FRICTION = (20.0, 4000.0), (0.0, 1.5)
 OWN = "(this one)"
-_NOT_HERE = ("replay", "simulated")
-"""Devices that need options besides a name."""
 
 
 class ControlsPanel:
@@ -75,7 +73,8 @@ class ControlsPanel:
             self._coupling = gui.add_dropdown(
                 "coupling", COUPLING_MODES, initial_value=scene.coupling.mode
             )
-            devices = ["mouse", *(n for n in (*DEVICES, *MODELS) if n not in ("mouse", *_NOT_HERE))]
+            hardware = (name for name, entry in DEVICES.items() if not entry.steady)
+            devices = ["mouse", *hardware, *MODELS]
             chosen = servo.config.device
             self._device = gui.add_dropdown(
                 "device", devices if chosen in devices else [chosen, *devices],
