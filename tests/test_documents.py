@@ -140,6 +140,20 @@ def test_paths_and_modules_named_for_developers_exist(name):
             assert find_spec(part), f"{name}: {part}"
 
 
+def test_names_that_tell_where_to_add_things_stand_in_the_files_beside_them():
+    text = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
+    section = text.partition("## To add ...")[2].partition("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| a")]
+    assert len(rows) >= 8
+    for row in rows:
+        parts = re.findall(r"`([^`]+)`", row)
+        paths = [root / part for part in parts for root in (ROOT, ROOT / "src" / "asperity")]
+        there = "\n".join(path.read_text("utf-8") for path in paths if path.is_file())
+        for name in parts:
+            if re.fullmatch(r"_?[A-Z]\w+", name):
+                assert re.search(rf"(?<!\w){name}\b", there), f"{name} in: {row}"
+
+
 @pytest.mark.slow
 def test_shell_blocks_of_the_readme_run_in_order_in_one_fresh_folder(tmp_path):
     """`make` finds its environment made; its tests are only collected."""

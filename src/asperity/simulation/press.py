@@ -51,7 +51,7 @@ def _level(engine: Any, start: Array, is_above: Callable[[Array], bool], failure
             place = ", ".join(f"{1e3 * value:.4g}" for value in start[:3])
             raise AsperityError(
                 f"the tool {failure} within {_FARTHEST:g} m of its start at ({place}) mm; "
-                "set trajectory.start, or press less"
+                "set trajectory.start, press less, or set a depth"
             )
         other = z - step if free else z + step
     high, low = (z, other) if free else (other, z)
