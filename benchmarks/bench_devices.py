@@ -4,8 +4,8 @@
 
 The fake runs in a process of its own, as the real service does. Three kinds of loop take turns of
 half a second at 1 kHz, absolute deadlines, so that whatever the machine does meanwhile hits all
-alike: an empty one; asperity's client, which exchanges in a thread; and one that polls the same
-socket from the loop itself. A miss is a tick that ends after its deadline.
+alike: an empty one; asperity's client, which exchanges in a thread; and one that sends and receives
+in the loop itself. A miss is a tick that ends after its deadline.
 
 The bar: asperity's client adds at most 0.1 percentage points of misses to the empty loop's, and in
 99 % of its ticks there is a new pose; it exits with 1 if one is missed.
@@ -21,10 +21,10 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from websockets.sync.client import connect
 
 from asperity.realtime.devices.haply.fake_device import HaplyFakeDevice
 from asperity.realtime.devices.haply.messages import force_message, read_state
-from asperity.realtime.devices.haply.websocket import WebSocketClient
 from asperity.realtime.devices.protocol import Reading
 
 TICK = 1e-3
@@ -37,21 +37,20 @@ class PolledClient:
     """The other way to do it: without a thread, on a socket that never waits."""
 
     def __init__(self, uri: str) -> None:
-        self._link = WebSocketClient(uri, time.monotonic)
-        while not (texts := self._link.poll()):
-            self._link.wait(0.01)
-        self._id = read_state(texts[-1], None, "auto").device_id
+        self._link = connect(uri, compression=None, ping_interval=None, proxy=None)
+        self._id = read_state(self._link.recv(10.0), None, "auto").device_id
 
     def read(self, out: Reading) -> bool:
-        texts = self._link.poll()
-        if texts:
-            state = read_state(texts[-1], None, "auto")
-            out.pose[:3], out.twist[:3] = state.position, state.velocity
-            out.pose[3:] = state.orientation
-        return bool(texts)
+        try:
+            state = read_state(self._link.recv(0.0), None, "auto")
+        except TimeoutError:
+            return False
+        out.pose[:3], out.twist[:3] = state.position, state.velocity
+        out.pose[3:] = state.orientation
+        return True
 
     def write(self, wrench: np.ndarray) -> None:
-        self._link.send(force_message(self._id, tuple(wrench[:3].tolist())))
+        self._link.send(force_message(self._id, tuple(wrench[:3].tolist())), text=True)
 
     def close(self) -> None:
         self._link.close()

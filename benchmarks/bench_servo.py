@@ -41,8 +41,7 @@ from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.realtime.servo.deadlines import Pace, SystemClock
-from asperity.realtime.servo.device_makers import simulated_device
-from asperity.realtime.servo.process import ServoSpec
+from asperity.realtime.servo.process import ServoSpec, simulated_device
 from asperity.realtime.servo.running import Servo
 from asperity.realtime.servo.scheduling import RealTime, sharpen_timers
 from asperity.realtime.servo.stats import Stats

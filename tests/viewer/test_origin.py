@@ -2,7 +2,7 @@
 
 import pytest
 
-from asperity.viewer.server.origin import refusal
+from asperity.viewer.server.access import refusal
 
 PORT = 8080
 
@@ -44,9 +44,9 @@ def test_a_websocket_of_another_origin_is_refused_by_the_server_itself():
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
 
-    from asperity.viewer.server.origin import own_origin_only
+    from asperity.viewer.server.access import guarded, own_origin
 
-    with own_origin_only():
+    with guarded(own_origin):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         url = f"ws://127.0.0.1:{server.get_port()}"

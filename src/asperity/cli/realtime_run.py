@@ -83,8 +83,7 @@ def servo_spec(
         Motion of the simulated hand. Default: the scene's.
     """
     from asperity.realtime.devices.catalogue import device, entry_of
-    from asperity.realtime.servo.device_makers import named_device, simulated_device
-    from asperity.realtime.servo.process import ServoSpec
+    from asperity.realtime.servo.process import ServoSpec, simulated_device
     from asperity.scene.trajectory import Trajectory
 
     driver_options = parse_device_options(options.device_option)
@@ -104,7 +103,7 @@ def servo_spec(
             raise AsperityError("--trajectory FILE needs --device simulated, or use replay:FILE")
         # Made here too, so that a wrong option is refused before the process starts.
         made: Any = device(device_name, **driver_options)
-        make = functools.partial(named_device, device_name, driver_options)
+        make = functools.partial(device, device_name, **driver_options)
         if seconds is None and in_scene:
             seconds = getattr(made, "seconds", None)
     return ServoSpec(scene, make, in_scene=in_scene, seconds=seconds, **options.session())

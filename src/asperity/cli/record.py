@@ -83,9 +83,9 @@ class ReplayCommand:
             self._simulate(file, self.out)
 
     def _show(self, file: Path) -> None:
-        from asperity.viewer.replayed import ReplayPage
+        from asperity.viewer.replayed import recording_page
 
-        with ReplayPage(file, self.scene, port=self.port) as page:
+        with recording_page(file, self.scene, port=self.port) as page:
             print(f"{page.url}  ({file}; Ctrl-C ends it)", flush=True)
             if not self.no_open:
                 import webbrowser

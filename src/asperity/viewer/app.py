@@ -19,7 +19,6 @@ from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.status import StatusPanel
 from asperity.viewer.panels.textures import TexturesPanel
 from asperity.viewer.panels.time import TimePanel
-from asperity.viewer.server.proxy import Proxy, is_local
 from asperity.viewer.server.server import LOCAL, Page, serve
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline, TimelineClient
@@ -40,24 +39,15 @@ def live_page(
     triangles : int
         Largest number of triangles shown.
     host, port : str, int
-        At any address but the loopback, a `Proxy` stands before the page; what this exposes, and
-        the address with its token, are printed.
+        At any address but the loopback, a token is required; what this exposes, and the address
+        with its token, are printed.
     """
-    shown, panels = instrument_panels(servo, folder)
-    local = is_local(host)
-    client: Any = shown  # has all attributes of a ServoClient
-    with serve(
-        client,
-        lambda: [*live_panels(triangles), *panels],
-        host=host if local else LOCAL,
-        port=port if local else 0,
-    ) as page:
-        if local:
-            yield page
-            return
-        with Proxy(host, port, page.server.get_port()) as proxy:
-            print(proxy.notice, flush=True)
-            yield page
+    client, panels = instrument_panels(servo, folder)
+    shown: Any = client  # has all attributes of a ServoClient
+    with serve(shown, lambda: [*live_panels(triangles), *panels], host=host, port=port) as page:
+        if page.notice:
+            print(page.notice, flush=True)
+        yield page
 
 
 def live_panels(triangles: int = TRIANGLES) -> list[Panel]:

@@ -13,7 +13,7 @@ from typing import Any
 from asperity.contact.response.settings import LAW_LABELS
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.realtime.devices.catalogue import entry_of, is_installed
-from asperity.scene.builtin import SCENES, load_scene
+from asperity.scene.builtin import load_scene
 from asperity.scene.document import PLACING
 from asperity.scene.from_files import make_scene
 from asperity.scene.scene import Scene
@@ -46,8 +46,7 @@ METHODS: dict[str, dict[str, Any]] = {
 
 def bodies_of(scene: Scene) -> list[str]:
     """Return the names of a scene's bodies, textured ones first."""
-    textured = [body.name for body in scene.bodies if body.texture is not None]
-    return textured + [body.name for body in scene.bodies if body.texture is None]
+    return [body.name for body in sorted(scene.bodies, key=lambda body: body.texture is None)]
 
 
 def texture_of(scene: Scene, body: str) -> HeightField | None:
@@ -190,30 +189,19 @@ def with_texture(
     mesh = next(b.mesh for b in scene.bodies if b.name == body)
     placing.setdefault("mapping", "triplanar" if mesh is not None else "planar")
     if kind == SMOOTH:
-        table: dict[str, Any] | None = None
-    elif kind == AS_IT_IS:
+        return replace(config, scene=scene.changed(bodies={body: {"texture": None}}))
+    table: dict[str, Any] = {**old}
+    if kind == AS_IT_IS:
         if not old:
             raise AsperityError(f"{body} is smooth; choose a texture for it")
-        table = old
     elif isinstance(kind, str):
         require_choice("texture", kind, [AS_IT_IS, SMOOTH, *EXAMPLES])
         table = {"kind": kind, **EXAMPLES[kind], **placing}
     else:
         table = {**kind, **placing}
-    if table is None:
-        return replace(config, scene=_with_table(scene, body, old, None))
     table = scaled_texture(table, relief=relief, pixel_size=pixel_size, folder=scene.folder)
-    return replace(config, scene=_with_table(scene, body, old, table))
-
-
-def _with_table(
-    scene: Scene, body: str, old: Mapping[str, Any], table: dict[str, Any] | None
-) -> Scene:
-    """Return the scene with a body's texture table replaced."""
-    if table is None:
-        return scene.changed(bodies={body: {"texture": None}})
     gone = dict.fromkeys(key for key in old if key not in table)
-    return scene.changed(bodies={body: {"texture": {**gone, **table}}})
+    return replace(config, scene=scene.changed(bodies={body: {"texture": {**gone, **table}}}))
 
 
 def with_meshes(
@@ -228,8 +216,3 @@ def with_meshes(
     )
     scene = make_scene(tool=tool, target=target, unit=unit)
     return replace(config, scene=on_coupling(scene), source="")
-
-
-def built_in_scenes() -> list[str]:
-    """Return the names of the built-in scenes."""
-    return list(SCENES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +70,5 @@ def motion_table(motion: CannedMotion, start: NDArray[np.float64]) -> Table:
     step = plan.period / count
     loop = math.ceil(before / step)
     seconds = (loop + count) * step
-    made = scripted(
-        ScriptedMotion(
-            kind=plan.kind, speed=plan.speed, length=plan.length, radius=plan.radius,
-            direction=plan.direction, seconds=seconds,
-        ),
-        start,
-        dt=step,
-    )  # fmt: skip
+    made = scripted(replace(plan, seconds=seconds), start, dt=step)
     return Table(np.asarray(made.poses, dtype=np.float64), loop, step)

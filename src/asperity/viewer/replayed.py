@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +16,8 @@ from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.replay import scene_of_recording
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.runs.recording import read_attributes, recording_file
-from asperity.viewer.downloads import Downloads
-from asperity.viewer.panels.panel import Frame, Panel
+from asperity.viewer.downloads import add_downloads
+from asperity.viewer.panels.panel import Panel, ViserServer
 from asperity.viewer.panels.plots import PlotsPanel
 from asperity.viewer.panels.roughness import RoughnessPanel
 from asperity.viewer.panels.scene_view import SceneView
@@ -53,7 +54,7 @@ class RecordingClient:
         return lambda: None
 
 
-class _DownloadPanel:
+class _DownloadPanel(Panel):
     """Downloads of the recording."""
 
     title = "Record"
@@ -61,22 +62,19 @@ class _DownloadPanel:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def build(self, server: Any, servo: Any) -> None:
+    def build(self, server: ViserServer, servo: Any) -> None:
         """Show which recording it is, and add the buttons."""
         from asperity.runs.dataset import open_recording
 
         server.gui.add_markdown(_description(self._path))
-        Downloads(lambda: open_recording(self._path), file=lambda: self._path).build(server)
-
-    def update(self, frame: Frame) -> None:
-        """Nothing changes."""
-
-    def close(self) -> None:
-        """Nothing is held."""
+        add_downloads(server.gui, lambda: open_recording(self._path), file=lambda: self._path)
 
 
-class ReplayPage:
-    """The page of a recording. Close it when done; a context manager.
+@contextmanager
+def recording_page(
+    file: Path, scene: str | None = None, *, host: str = LOCAL, port: int = 8080
+) -> Iterator[Page]:
+    """Serve the page of a recording until the block ends.
 
     Parameters
     ----------
@@ -92,54 +90,25 @@ class ReplayPage:
     AsperityError
         The file is not a recording or has no ticks, or its scene is not found.
     """
-
-    def __init__(
-        self, file: Path, scene: str | None = None, *, host: str = LOCAL, port: int = 8080
-    ) -> None:
-        path = recording_file(file)
-        found = scene_of_recording(read_attributes(path), scene, beside=path.parent)
-        self._ticks = RecordedTicks(path)
-        if not self._ticks.count:
-            self._ticks.close()
+    path = recording_file(file)
+    attributes = read_attributes(path)
+    found = scene_of_recording(attributes, scene, beside=path.parent)
+    ticks = RecordedTicks(path)
+    with closing(RecomputedContacts(found, ticks)) as contacts:
+        if not ticks.count:
             raise AsperityError(f"{path} has no ticks")
-        dt = float(self._ticks.attributes.get("dt", 1e-3))
-        timeline = Timeline(rate=1.0 / dt)
-        self._contacts = RecomputedContacts(found, self._ticks)
-        timeline.show(self._ticks, self._contacts.snapshot_at, f"recording {path.parent.name}")
+        rate = 1.0 / float(attributes.get("dt", 1e-3))
+        timeline = Timeline(rate=rate)
+        timeline.show(ticks, contacts.snapshot_at, f"recording {path.parent.name}")
         panels: list[Panel] = [
-            SceneView(),
-            TimePanel(timeline, live=False),
-            RoughnessPanel(timeline),
-            PlotsPanel(timeline),
-            _DownloadPanel(path),
-            SoundPanel(timeline, live=False),
-        ]
-        servo: Any = RecordingClient(
-            SessionConfig(found, device="recording", rate=1.0 / dt), timeline
-        )
-        self.timeline = timeline
-        self.page = Page(servo, panels, host=host, port=port, label=f"asperity: {path.parent.name}")
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self.page.url
-
-    def wait(self, seconds: float | None = None) -> bool:
-        """Wait until the page is closed, at most `seconds` [s]; return whether it is."""
-        return self.page.wait(seconds)
-
-    def close(self) -> None:
-        """Take the page down."""
-        self.page.close()
-        self._contacts.close()
-        self._ticks.close()
-
-    def __enter__(self) -> ReplayPage:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+            SceneView(), TimePanel(timeline, live=False), RoughnessPanel(timeline),
+            PlotsPanel(timeline), _DownloadPanel(path), SoundPanel(timeline, live=False),
+        ]  # fmt: skip
+        config = SessionConfig(found, device="recording", rate=rate)
+        servo: Any = RecordingClient(config, timeline)
+        title = f"asperity: {path.parent.name}"
+        with Page(servo, panels, host=host, port=port, label=title) as page:
+            yield page
 
 
 def _description(path: Path) -> str:

@@ -19,7 +19,7 @@ from asperity.realtime.servo.snapshot import SNAPSHOT, Snapshot
 if TYPE_CHECKING:
     from asperity.scene.scene import Scene
     from asperity.simulation.tool_contact import ToolContact
-    from asperity.viewer.tick_buffer import TickSequence
+    from asperity.viewer.tick_buffer import RecordedTicks
 
 _NEAR = 50
 """While a recording plays, contacts of a tick this near are shown rather than none [ticks]."""
@@ -36,10 +36,11 @@ class RecomputedContacts:
     Parameters
     ----------
     scene : Scene
-    ticks : TickSequence
+    ticks : RecordedTicks
+        Closed together with the contacts.
     """
 
-    def __init__(self, scene: Scene, ticks: TickSequence) -> None:
+    def __init__(self, scene: Scene, ticks: RecordedTicks) -> None:
         self._scene, self._ticks = scene, ticks
         self._empty = empty_snapshot()
         self._requested = -1
@@ -58,9 +59,10 @@ class RecomputedContacts:
         return snapshot if abs(at - i) < _NEAR else self._empty
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread, and close the recording."""
         self._closing = True
         self._request.set()
+        self._ticks.close()
 
     def _work(self) -> None:
         from asperity.simulation.tool_contact import ToolContact

@@ -15,10 +15,7 @@ from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.realtime.devices.catalogue import device, entry_of
 from asperity.realtime.devices.mouse import MouseDevice
 from asperity.realtime.devices.protocol import Device
-from asperity.realtime.servo.device_makers import named_device
-from asperity.realtime.servo.process import ServoSpec
-from asperity.realtime.servo.safety import SafetySettings
-from asperity.realtime.servo.scheduling import RealTime
+from asperity.realtime.servo.process import LoopSettings, ServoSpec
 from asperity.scene.scene import Scene
 
 CLEARANCE = 3e-3
@@ -26,8 +23,8 @@ CLEARANCE = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SessionConfig:
-    """A scene, a device and a rate.
+class SessionConfig(LoopSettings):
+    """A scene, a device, and, by name, the parameters of `LoopSettings`.
 
     Parameters
     ----------
@@ -38,28 +35,12 @@ class SessionConfig:
         "mouse", or a name from `asperity devices`.
     options : dict
         Options of the device.
-    rate : float
-        Ticks per second [Hz].
-    seconds : float, optional
-        Duration [s]. Default: until the page is closed.
-    passivity : bool
-        Whether the passivity controller may change the wrench.
-    mapping : dict
-        Options of `Mapping`.
-    safety : SafetySettings
-    real_time : RealTime
     """
 
     scene: Scene
     source: str = ""
     device: str = "mouse"
     options: dict[str, Any] = field(default_factory=dict)
-    rate: float = 1000.0
-    seconds: float | None = None
-    passivity: bool = True
-    mapping: dict[str, Any] = field(default_factory=dict)
-    safety: SafetySettings = field(default_factory=SafetySettings)
-    real_time: RealTime = field(default_factory=RealTime)
 
     @property
     def is_mouse(self) -> bool:
@@ -91,7 +72,7 @@ class SessionConfig:
             )
         else:
             device(self.device, **self.options)  # raises here what would fail in the servo process
-            make = functools.partial(named_device, self.device, self.options)
+            make = functools.partial(device, self.device, **self.options)
         return ServoSpec(
             self.scene,
             make,
@@ -99,10 +80,5 @@ class SessionConfig:
             start=None if start is None else tuple(start.tolist()),
             folders=(pointer.parent,),
             held=True,
-            rate=self.rate,
-            seconds=self.seconds,
-            passivity=self.passivity,
-            mapping=dict(self.mapping),
-            safety=self.safety,
-            real_time=self.real_time,
+            **self.loop_settings(),
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,38 +52,44 @@ class TickBuffer:
             return self._ticks[np.arange(first, self._count) % len(self._ticks)], self._count
 
 
-class TickSequence(Protocol):
-    """A fixed sequence of ticks with increasing times."""
+class TickSequence:
+    """A fixed sequence of ticks.
 
-    count: int
-    length: float
-    """Time from the first to the last tick [s]."""
+    Parameters
+    ----------
+    time : (n,) array
+        Increasing [s].
+    """
+
+    def __init__(self, time: NDArray[np.float64]) -> None:
+        self._time = time
+        self.count = len(time)
+        self.length = float(time[-1] - time[0]) if len(time) else 0.0
+        """Time from the first to the last tick [s]."""
 
     def index(self, at: float) -> int:
         """Return the index of the last tick not later than `at` seconds after the first."""
+        i = int(np.searchsorted(self._time, self._time[0] + at + 1e-9, side="right")) - 1
+        return min(max(i, 0), self.count - 1)
 
     def ticks(self, first: int, last: int) -> Ticks:
         """Return the ticks (n,) with indices from `first` to before `last`."""
+        raise NotImplementedError
 
 
-class TicksInMemory:
+class TicksInMemory(TickSequence):
     """A sequence of ticks (n,) held in memory."""
 
     def __init__(self, ticks: Ticks) -> None:
+        super().__init__(ticks["time"])
         self._ticks = ticks
-        self.count = len(ticks)
-        self.length = float(np.ptp(ticks["time"])) if len(ticks) else 0.0
-
-    def index(self, at: float) -> int:
-        """Return the index of the last tick not later than `at` seconds after the first."""
-        return _index(self._ticks["time"], at)
 
     def ticks(self, first: int, last: int) -> Ticks:
         """Return the ticks (n,) with indices from `first` to before `last`."""
         return self._ticks[first:last]
 
 
-class RecordedTicks:
+class RecordedTicks(TickSequence):
     """The ticks of a recording; only their times are held in memory. Close it when done.
 
     Parameters
@@ -101,16 +106,10 @@ class RecordedTicks:
     def __init__(self, path: Path) -> None:
         import h5py
 
-        self.count = require_recording(path)
+        count = require_recording(path)
         self._file = h5py.File(path, "r")
         self._lock = threading.Lock()
-        self.attributes: dict[str, Any] = dict(self._file.attrs)
-        self._time = np.asarray(self._file["time"][: self.count], dtype=np.float64)
-        self.length = float(self._time[-1] - self._time[0]) if self.count else 0.0
-
-    def index(self, at: float) -> int:
-        """Return the index of the last tick not later than `at` seconds after the first."""
-        return _index(self._time, at)
+        super().__init__(np.asarray(self._file["time"][:count], dtype=np.float64))
 
     def ticks(self, first: int, last: int) -> Ticks:
         """Return the ticks (n,) from `first` to before `last`; NaN where the file has no value."""
@@ -127,9 +126,3 @@ class RecordedTicks:
         """Close the file."""
         with self._lock:
             self._file.close()
-
-
-def _index(time: NDArray[np.float64], at: float) -> int:
-    """Return the index of the last time that is not later than `at` seconds after the first."""
-    i = int(np.searchsorted(time, time[0] + at + 1e-9, side="right")) - 1
-    return min(max(i, 0), len(time) - 1)

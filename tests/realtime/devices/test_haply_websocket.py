@@ -1,26 +1,26 @@
 """The connection itself: fragments, servers that are none, floods."""
 
 import contextlib
+import json
 import socket
 import threading
 import time
 
+import numpy as np
 import pytest
-from clocks import Clock
+from clocks import until
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
 
-from asperity.realtime.devices.haply import websocket as haply_link
-from asperity.realtime.devices.haply.websocket import WebSocketClient
+from asperity.errors import AsperityError
+from asperity.realtime.devices.haply.service import HaplyServiceDevice, attached
+from asperity.realtime.devices.protocol import Reading
 
 
-def texts_of(link, count, patience=10.0):
-    """Return the texts that come until there are `count`."""
-    found, end = [], time.monotonic() + patience
-    while len(found) < count:
-        assert time.monotonic() < end, f"{found} so far; {link.error}"
-        found += link.poll()
-        link.wait(0.01)
-    return found
+def frame(x=0.0, device_id="049D"):
+    place, still = {"x": x, "y": -0.12, "z": 0.15}, {"x": 0.0, "y": 0.0, "z": 0.0}
+    state = {"cursor_position": place, "cursor_velocity": still}
+    return json.dumps({"inverse3": [{"device_id": device_id, "state": state}]})
 
 
 @contextlib.contextmanager
@@ -32,21 +32,39 @@ def server(handler):
 
 
 def test_messages_in_pieces_and_many_at_once_come_whole_and_in_order():
+    sent = []
+
     def handler(connection):
-        connection.send(["in ", "three ", "pieces"])
-        for i in range(200):
-            connection.send(str(i))
-        connection.ping()
-        connection.send(connection.recv())
+        whole = frame()
+        connection.send([whole[:10], whole[10:50], whole[50:]])
+        with contextlib.suppress(ConnectionClosed):
+            for number in range(1, 100_000):
+                sent.append(json.loads(connection.recv()))
+                connection.ping()
+                text = frame(1e-6 * number)
+                connection.send([text[:5], text[5:]])
+                if number == 20:
+                    for _ in range(200):  # late ones, which are left
+                        connection.send(text)
 
     with server(handler) as uri:
-        link = WebSocketClient(uri, time.monotonic)
-        found = texts_of(link, 201)
-        assert found == ["in three pieces", *map(str, range(200))]
-        assert link.send(b"and back")
-        assert texts_of(link, 1) == ["and back"]
-        link.close()
-        assert not link.send(b"more")
+        assert attached(uri) == ["049D"]
+        device, reading, places = HaplyServiceDevice(uri=uri), Reading.empty(), []
+        device.open()
+
+        def many():
+            device.write(np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0]))
+            if device.read(reading):
+                assert reading.error == ""
+                places.append(reading.pose[0])
+            return len(places) > 100
+
+        assert until(many, 10.0)
+        device.close()
+    assert places == sorted(places)
+    force = {"vector": {"x": 0.0, "y": 0.0, "z": 0.5}}
+    assert any(m["inverse3"][0]["commands"]["set_cursor_force"] == force for m in sent)
+    assert not device.read(reading)
 
 
 @pytest.mark.parametrize(
@@ -64,37 +82,26 @@ def test_what_speaks_no_websocket_is_reported_and_left(answer):
                     connection.close()
 
         threading.Thread(target=speak, daemon=True).start()
-        link = WebSocketClient(f"ws://127.0.0.1:{listener.getsockname()[1]}", time.monotonic)
-        end = time.monotonic() + 5.0
-        while link.error == "not connected yet" and time.monotonic() < end:
-            assert link.poll() == []
-            link.wait(0.01)
-        assert not link.is_open
-        assert link.error not in ("", "not connected yet")
-        assert "\n" not in link.error
-        link.close()
+        uri = f"ws://127.0.0.1:{listener.getsockname()[1]}"
+        with pytest.raises(AsperityError, match=f"^no Inverse3 at {uri}: .+; start") as caught:
+            HaplyServiceDevice(uri=uri).open()
+        assert "\n" not in str(caught.value)
+        assert attached(uri) == []
 
 
 def test_an_answer_that_never_comes_is_given_up():
-    clock = Clock()
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        link = WebSocketClient(f"ws://127.0.0.1:{listener.getsockname()[1]}", clock)
-        for _ in range(200):
-            link.poll()
-            link.wait(0.0)
-        assert not link.is_open
-        clock.now += haply_link.PATIENCE + 0.1
-        link.poll()
-        assert "does not answer" in link.error
-        clock.now += haply_link.RETRY + 0.01
-        link.poll()  # tries anew
-        assert link._socket is not None
-        link.close()
+        uri = f"ws://127.0.0.1:{listener.getsockname()[1]}"
+        began = time.monotonic()
+        with pytest.raises(AsperityError, match="timed out"):
+            HaplyServiceDevice(uri=uri).open()
+        assert 0.9 < time.monotonic() - began < 10.0
+        assert attached(uri) == []
 
 
 def test_every_address_of_a_host_is_tried(monkeypatch):
     def handler(connection):
-        connection.send("hello")
+        connection.send(frame(device_id="hello"))
 
     with server(handler) as uri:
         port = int(uri.rpartition(":")[2])
@@ -102,6 +109,4 @@ def test_every_address_of_a_host_is_tried(monkeypatch):
             dead = nobody.getsockname()
         found = [(socket.AF_INET, 1, 6, "", dead), (socket.AF_INET, 1, 6, "", ("127.0.0.1", port))]
         monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
-        link = WebSocketClient(f"ws://localhost:{port}", time.monotonic)
-        assert texts_of(link, 1) == ["hello"]
-        link.close()
+        assert attached(f"ws://localhost:{port}") == ["hello"]

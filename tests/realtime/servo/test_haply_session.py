@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip("websockets")
 
 from asperity.errors import AsperityError
+from asperity.realtime.devices.catalogue import device
 from asperity.realtime.devices.haply.fake_service import FakeService
 from asperity.realtime.devices.haply.messages import HOME
-from asperity.realtime.servo.device_makers import named_device
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
 from asperity.realtime.servo.safety import SafetySettings
@@ -47,7 +47,7 @@ def test_whatever_the_service_does_no_force_stays_and_none_is_too_strong(tmp_pat
         return x + 0.02 * np.sin(0.5 * np.pi * t), y, z - down[0]
 
     with FakeService(stroking) as service:
-        make = functools.partial(named_device, "haply", {"uri": service.uri})
+        make = functools.partial(device, "haply", uri=service.uri)
         spec = ServoSpec(scene, make, safety=SafetySettings(max_force=MOST))
         with Servo(spec, path, {"scene": "probe-plate"}) as servo:
             servo.start()

@@ -14,7 +14,7 @@ import signal
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from asperity.dynamics.passivity.controller import MOST_DAMPING, PassivityContro
 from asperity.errors import AsperityError
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.devices.protocol import Device
+from asperity.realtime.devices.simulated import SimulatedDevice
 from asperity.realtime.servo import scheduling
 from asperity.realtime.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHARED, ContactWorker
 from asperity.realtime.servo.deadlines import SystemClock
@@ -36,7 +37,9 @@ from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 from asperity.realtime.servo.snapshot import SHOWN_RATE, SnapshotWriter
 from asperity.realtime.shared_file import remove_shared_folder
 from asperity.scene.scene import Scene
+from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.press import touching_pose
+from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
 
 RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
@@ -49,9 +52,41 @@ _QUICK = 0.5
 """Largest share of a tick for a contact to run on the loop's core; project default."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class LoopSettings:
+    """How a servo loop runs, whatever the scene and the device.
+
+    Parameters
+    ----------
+    rate : float
+        Ticks per second [Hz].
+    seconds : float, optional
+        Duration [s]. Default: until stopped.
+    passivity : bool
+        Whether the passivity controller may change the wrench; it keeps its energy account anyway.
+    mapping : dict
+        Options of `Mapping`.
+    safety : SafetySettings
+    real_time : RealTime
+    """
+
+    rate: float = 1000.0
+    seconds: float | None = None
+    passivity: bool = True
+    mapping: dict[str, Any] = field(default_factory=dict)
+    safety: SafetySettings = field(default_factory=SafetySettings)
+    real_time: scheduling.RealTime = field(default_factory=scheduling.RealTime)
+
+    def loop_settings(self) -> dict[str, Any]:
+        """Return these settings by name."""
+        return {setting.name: getattr(self, setting.name) for setting in fields(LoopSettings)}
+
+
 @dataclass(frozen=True)
-class ServoSpec:
+class ServoSpec(LoopSettings):
     """Everything that a servo process needs; pickled to be sent there.
+
+    Besides these parameters it has those of `LoopSettings`, by name.
 
     Parameters
     ----------
@@ -69,18 +104,8 @@ class ServoSpec:
         Wait for `Servo.go`, with everything ready, before opening the device.
     folders : tuple of Path
         Other shared folders of the parent, to be removed if it is gone.
-    rate : float
-        Ticks per second [Hz].
-    seconds : float, optional
-        Duration [s]. Default: until stopped.
     guard : float
         Share of a tick kept free after the contact in the direct mode; see `loop.GUARD`.
-    passivity : bool
-        Whether the passivity controller may change the wrench; it keeps its energy account anyway.
-    mapping : dict
-        Options of `Mapping`.
-    safety : SafetySettings
-    real_time : RealTime
     """
 
     scene: Scene
@@ -89,13 +114,17 @@ class ServoSpec:
     start: tuple[float, ...] | None = None
     held: bool = False
     folders: tuple[Path, ...] = ()
-    rate: float = 1000.0
-    seconds: float | None = None
     guard: float = GUARD
-    passivity: bool = True
-    mapping: dict[str, Any] = field(default_factory=dict)
-    safety: SafetySettings = field(default_factory=SafetySettings)
-    real_time: scheduling.RealTime = field(default_factory=scheduling.RealTime)
+
+
+def simulated_device(scene: Scene, motion: ScriptedMotion | Trajectory, dt: float) -> Device:
+    """Return a device in a simulated hand that follows a motion through a scene.
+
+    The hand lowers its press force in step with the device's soft start: a hand that leans on a
+    surface which does not push back yet would fall through it.
+    """
+    hand = Simulation(scene, dt=dt).hand(motion, press_in=SafetySettings().soft_start)
+    return SimulatedDevice(hand)
 
 
 def serve(spec: ServoSpec, folder: Path, report: Connection, recorded: bool) -> None:

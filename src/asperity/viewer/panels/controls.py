@@ -9,13 +9,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
 from asperity.realtime.devices.catalogue import ENTRIES as DEVICES
 from asperity.realtime.devices.catalogue import MODELS, device
+from asperity.scene.builtin import SCENES
 from asperity.viewer.changes import (
-    built_in_scenes,
     method_of,
     methods_for,
     with_device,
@@ -23,20 +23,16 @@ from asperity.viewer.changes import (
     with_scene,
 )
 from asperity.viewer.notify import attempt, from_browser
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
 
 RATES = ("500", "1000", "2000", "4000")
 STIFFNESS, FRICTION = (20.0, 4000.0), (0.0, 1.5)
 OWN = "(this one)"
 
 
-class ControlsPanel:
+class ControlsPanel(Panel):
     """Controls of scene, contact and device."""
 
     title = "Contact"
@@ -45,11 +41,11 @@ class ControlsPanel:
         self._generation = -1
         self._lock, self._under_way = threading.Lock(), 0
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls."""
         self._servo = servo
         gui, scene = server.gui, servo.config.scene
-        names = built_in_scenes()
+        names = list(SCENES)
         own = [] if servo.config.source in names else [OWN]
         self._scene = gui.add_dropdown(
             "scene", [*own, *names], initial_value=OWN if own else servo.config.source
@@ -119,9 +115,6 @@ class ControlsPanel:
             if value not in control.options:
                 control.options = (value, *control.options)
             control.value = value
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _of_loop(self, changes: Callable[[Any], dict[str, Any]]) -> Callable[[Any], None]:
         """Return the callback of a control whose value is sent through the mailbox."""

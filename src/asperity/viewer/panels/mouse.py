@@ -8,7 +8,7 @@ until it has not done so for a while, is closed, or another tab takes control wi
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,9 @@ from asperity.geometry.poses import rotation_of
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.viewer.motions import FORCES, KINDS, LENGTHS, SPEEDS, CannedMotion
 from asperity.viewer.notify import attempt, from_browser, notify
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.scene_view import UNITS
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.servo_client import ServoClient
 
 CONTROL_TIMEOUT = 5.0
 """Time without a drag after which a tab loses control of the tool [s]; project default."""
@@ -54,7 +50,7 @@ class Holder:
             self._last = -np.inf
 
 
-class MousePanel:
+class MousePanel(Panel):
     """The gizmo and the canned motions."""
 
     title = "Hand"
@@ -66,7 +62,7 @@ class MousePanel:
         self._generation = -1
         self._dragged = -np.inf
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the gizmo and the controls."""
         self._server, self._servo = server, servo
         self._gizmo = server.scene.add_transform_controls(
@@ -117,9 +113,6 @@ class MousePanel:
             self._put(servo.target)
         if self.is_moving and snapshot is not None:
             self._put(snapshot.handle_pose)
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     # -- dragging ------------------------------------------------------------------------------
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 from asperity.realtime.servo.ipc import Ticks
 from asperity.realtime.servo.snapshot import Snapshot
+from asperity.viewer.servo_client import ServoClient
 
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
+ViserServer = Any
+"""`viser.ViserServer`; the package is optional."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ class Frame:
 
 
 class Panel(Protocol):
-    """A part of the page.
+    """A part of the page; as a base class, one that does not move and holds nothing.
 
     `update` is called from one thread, after `build`; callbacks of controls come from viser's
     threads. An exception in `update` is logged once, and the panel is not updated any more.
@@ -64,11 +63,13 @@ class Panel(Protocol):
     title: str
     """Title of its tab; panels with the same title share one. Empty: no tab (the 3-D scene)."""
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls; called within the panel's tab."""
 
     def update(self, frame: Frame) -> None:
         """Show a frame. It has to be quick, as all panels are updated 30 times a second."""
+        return
 
     def close(self) -> None:
         """Release what the panel holds; may be called twice."""
+        return

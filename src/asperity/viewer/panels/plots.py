@@ -8,7 +8,7 @@ and a plot has 300 points.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 from asperity.realtime.servo.ipc import Ticks
 from asperity.runs.tool_motion import Traces, thinned, traces
 from asperity.runs.vibration_metrics import DEFAULT_BAND
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
 
 OFTEN = {"4 a second": 7, "1 a second": 30, "once in 4 s": 120}
 """How often plots are redrawn, and the number of page updates in between."""
@@ -38,7 +34,7 @@ _WRENCHES = {"on the tool": "contact_wrench", "in the hand": "device_wrench"}
 _AXES = ("x", "y", "z")
 
 
-class PlotsPanel:
+class PlotsPanel(Panel):
     """Force, torque, acceleration, penetration depth and spectrum of a timeline."""
 
     title = "Plots"
@@ -51,7 +47,7 @@ class PlotsPanel:
         self._length = 5.0
         self._traces: Traces
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the plots."""
         self._server = server
         gui = server.gui
@@ -95,9 +91,6 @@ class PlotsPanel:
             self._begin()
         elif self._due:
             self._draw(self._due.pop(0))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _begin(self) -> None:
         """Take the ticks to draw in the next updates."""
@@ -148,9 +141,7 @@ def traces_of_ticks(ticks: Ticks, wrench: str = "contact_wrench") -> Traces:
     )
 
 
-def _time_plot(
-    gui: viser.GuiApi, label: str, lines: tuple[str, ...], least: float, first: int
-) -> Any:
+def _time_plot(gui: Any, label: str, lines: tuple[str, ...], least: float, first: int) -> Any:
     """Add a plot over the last seconds whose range is never smaller than +-`least`."""
     empty = (np.zeros(2), *(np.full(2, np.nan) for _ in lines))
     series = [

@@ -7,31 +7,27 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from asperity._core.output import growing_folder
 from asperity.errors import AsperityError
 from asperity.realtime.servo.ipc import TICK, Ticks
+from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
 from asperity.realtime.servo.replay import SCENE_BESIDE
 from asperity.runs.recording import add_attribute
-from asperity.viewer.downloads import Downloads
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.downloads import add_downloads
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.replayed_contacts import RecomputedContacts
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.tick_buffer import RecordedTicks
 from asperity.viewer.timeline import Timeline
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.realtime.servo.parameters import LiveParameters
-    from asperity.viewer.servo_client import ServoClient
 
 _EVERY = 10
 _READY = "Every tick is written to a `recording.h5` by a separate process."
 
 
-class RecordPanel:
+class RecordPanel(Panel):
     """Records while the loop runs, and replays the recording.
 
     Parameters
@@ -51,27 +47,25 @@ class RecordPanel:
         self._generation = 0
         self._parameters: LiveParameters | None = None
         self._changes: list[dict[str, Any]] = []
-        self._replayed: tuple[RecordedTicks, RecomputedContacts] | None = None
+        self._replayed: RecomputedContacts | None = None
         self.path: Path | None = None
         """The last finished recording."""
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the buttons."""
-        import viser
-
         self._servo = servo
         gui = server.gui
-        self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="red")
-        self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, visible=False)
+        self._record = gui.add_button("Record", icon="player-record", color="red")
+        self._stop = gui.add_button("Stop", icon="player-stop", visible=False)
         self._message = gui.add_markdown(_READY)
-        self._replay = gui.add_button("Replay", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._replay = gui.add_button("Replay", icon="player-play", visible=False)
         self._record.on_click(lambda _: self.start())
         self._stop.on_click(lambda _: self.stop())
         self._replay.on_click(lambda _: self.replay())
         with gui.add_folder("Download the recording", visible=False) as self._take:
-            Downloads(self._of_recording, file=lambda: self.path).build(server)
+            add_downloads(gui, self._of_recording, file=lambda: self.path)
         with gui.add_folder("Download what is shown", expand_by_default=False):
-            Downloads(self._of_shown).build(server)
+            add_downloads(gui, self._of_shown)
 
     def update(self, frame: Frame) -> None:
         """Show the length of a recording under way; end it if the servo process is replaced."""
@@ -117,10 +111,9 @@ class RecordPanel:
                 # The scene is saved beside the recording, as it may differ from the one that it
                 # names.
                 config.scene.save(folder / SCENE_BESIDE)
-                attributes = attributes_of(
-                    config.scene, servo.parameters, source=config.source, device=servo.device
+                recorder = RecorderOnRequest(
+                    folder / "recording.h5", self._attributes(), config.rate
                 )
-                recorder = RecorderOnRequest(folder / "recording.h5", attributes, config.rate)
             except AsperityError as error:
                 self._message.content = f"**Not recording:** {error}"
                 return
@@ -167,8 +160,7 @@ class RecordPanel:
             return
         self._let_go()
         ticks = RecordedTicks(self.path)
-        contacts = RecomputedContacts(self._servo.config.scene, ticks)
-        self._replayed = ticks, contacts
+        self._replayed = contacts = RecomputedContacts(self._servo.config.scene, ticks)
         self._timeline.show(ticks, contacts.snapshot_at, f"recording {self.path.parent.name}")
         self._timeline.play()
 
@@ -176,8 +168,7 @@ class RecordPanel:
         replayed, self._replayed = self._replayed, None
         if replayed is not None:
             self._timeline.go_live()
-            replayed[1].close()
-            replayed[0].close()
+            replayed.close()
 
     def _of_recording(self) -> Any:
         from asperity.runs.dataset import open_recording
@@ -192,11 +183,14 @@ class RecordPanel:
 
         ticks = self._timeline.everything()
         ticks = ticks[last_run(ticks["time"]) :]
-        config = self._servo.config
-        attributes = attributes_of(
-            config.scene, self._servo.parameters, source=config.source, device=self._servo.device
+        columns = {name: ticks[name].copy() for name in TICK.names or ()}
+        return dataset_of(columns, self._attributes())
+
+    def _attributes(self) -> dict[str, Any]:
+        servo, config = self._servo, self._servo.config
+        return attributes_of(
+            config.scene, servo.parameters, source=config.source, device=servo.device
         )
-        return dataset_of({name: ticks[name].copy() for name in TICK.names or ()}, attributes)
 
 
 def _free(folder: Path) -> Path:

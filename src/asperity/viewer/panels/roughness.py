@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from asperity.runs.tool_motion import Roughness, last_run, roughness
 from asperity.runs.vibration_metrics import DEFAULT_BAND
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
 
 WINDOW = 1.0
 """Duration over which the metrics are computed [s]; project default."""
@@ -33,7 +27,7 @@ far as speed, force and grip are the same. A study drags a hand on a straight pa
 follows the user through its coupling."""
 
 
-class RoughnessPanel:
+class RoughnessPanel(Panel):
     """The two metrics, with an explanation of what they are and are not."""
 
     title = "Plots"
@@ -42,7 +36,7 @@ class RoughnessPanel:
         self._timeline = timeline
         self._shown: tuple[bool, float] | None = None
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the metrics and their explanation."""
         self._server = server
         with server.gui.add_folder("Perceived roughness, predicted"):
@@ -68,9 +62,6 @@ class RoughnessPanel:
         missed = max(1.0 - (len(ticks) - 1) / max(due, 1.0), 0.0)
         numbers = roughness(ticks["time"], ticks["tool_pose"][:, :3])
         self._card.content = _card(numbers if touching > 0.5 else None, missed)
-
-    def close(self) -> None:
-        """Nothing is held."""
 
 
 def _card(numbers: Roughness | None, missed: float) -> str:

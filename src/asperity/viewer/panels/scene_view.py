@@ -7,7 +7,7 @@ is made for metres.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,8 @@ from asperity.scene.scene import Scene
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
 from asperity.viewer.drawables.glb import glb
 from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact, shapes_of
-from asperity.viewer.panels.panel import Frame
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 
 Array = NDArray[np.float64]
 UNITS = 100.0
@@ -48,7 +44,7 @@ _CLOSENESS, _ASIDE = 2.3, 0.2
 """Distance of the camera, and its offset to the side, over the size of the visible part."""
 
 
-class SceneView:
+class SceneView(Panel):
     """The 3-D scene, a panel without a tab.
 
     Parameters
@@ -66,7 +62,7 @@ class SceneView:
         self.shapes: list[Drawable] = []
         """The shapes that are shown."""
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Set up light and camera, and show the scene."""
         self._server, self._servo = server, servo
         scene = server.scene
@@ -99,9 +95,6 @@ class SceneView:
         self._show_stretch(snapshot)
         self._show_contacts(snapshot)
         self._show_wrench(snapshot)
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     # -- what is made once ---------------------------------------------------------------------
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import base64
 import html
-from typing import TYPE_CHECKING
 
 from asperity.errors import AsperityError
 from asperity.runs import export
 from asperity.viewer.live_sound import LiveSound
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.panels.plots import traces_of_ticks
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
 
 _LENGTHS = {"2 s": 2.0, "5 s": 5.0, "10 s": 10.0, "20 s": 20.0}
 _RATE = 44100
@@ -29,7 +24,7 @@ _LIVE = "Played by the computer that runs the loop, not by the browser."
 _EVERY = 10
 
 
-class SoundPanel:
+class SoundPanel(Panel):
     """An audio clip of what the timeline shows, and a switch for live sound.
 
     Parameters
@@ -45,14 +40,12 @@ class SoundPanel:
         self._timeline, self._can_be_live = timeline, live
         self._live: LiveSound | None = None
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls."""
-        import viser
-
         self._servo, gui = servo, server.gui
         with gui.add_folder("Sound"):
             self._length = gui.add_dropdown("Length", tuple(_LENGTHS), initial_value="5 s")
-            button = gui.add_button("Make a clip of what is shown", icon=viser.Icon.WAVE_SINE)
+            button = gui.add_button("Make a clip of what is shown", icon="wave-sine")
             button.on_click(lambda _: self.make())
             self._audio = gui.add_html("")
             gui.add_markdown(_WHAT)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from asperity.viewer.drawables.colours import DOUBTFUL, WELL, WRONG
 from asperity.viewer.notify import attempt
-from asperity.viewer.panels.panel import Frame
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 
 EVERY = 8
 """Page updates between two updates of the numbers."""
@@ -70,12 +66,12 @@ def table(rows: list[tuple[str, str, str, str]]) -> str:
     return f'<div style="padding:0 1em;font-size:0.85em"><table>{cells}</table></div>'
 
 
-class StatusPanel:
+class StatusPanel(Panel):
     """The state of the loop, above all tabs."""
 
     title = ""
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the table, and a button to restart a loop that has ended."""
         self._servo = servo
         gui = server.gui
@@ -101,9 +97,6 @@ class StatusPanel:
         )
         _set(self._restart, "visible", servo.state == "ended")
         _set(self._numbers, "content", table(rows_of(frame, servo.parameters.rate)))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _state(self, frame: Frame) -> tuple[str, str]:
         servo = self._servo

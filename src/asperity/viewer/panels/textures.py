@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
@@ -21,20 +21,16 @@ from asperity.viewer.changes import (
 )
 from asperity.viewer.drawables.colours import css_gradient
 from asperity.viewer.notify import attempt, from_browser
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.server.uploads import Uploads
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.servo_client import ServoClient
 
 FILE = "the file below"
 _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
 """Initial pixel size and relief of an uploaded image [m]; project defaults."""
 
 
-class TexturesPanel:
+class TexturesPanel(Panel):
     """Textures and meshes of the bodies."""
 
     title = "Surfaces"
@@ -45,7 +41,7 @@ class TexturesPanel:
         self._meshes: dict[str, dict[str, Any]] = {}
         self._generation = -1
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls."""
         self._servo = servo
         gui = server.gui

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline
-
-if TYPE_CHECKING:
-    import viser
-
-    from asperity.viewer.servo_client import ServoClient
 
 _SPEEDS = {"1 x": 1.0, "1/4 x": 0.25, "1/10 x": 0.1, "1/50 x": 0.02}
 _EVERY = 3
@@ -19,7 +14,7 @@ _STEP = 1e-3
 _NOW = "Showing **now**. *Pause* keeps the last seconds for viewing; the loop goes on."
 
 
-class TimePanel:
+class TimePanel(Panel):
     """The time that is shown: buttons to pause, play and return to the present, and a slider.
 
     Parameters
@@ -36,20 +31,18 @@ class TimePanel:
         self._shown: tuple[Any, ...] = ()
         self._followed = 0.0
 
-    def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
+    def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls."""
-        import viser
-
         gui = server.gui
-        self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
-        self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._pause = gui.add_button("Pause", icon="player-pause")
+        self._play = gui.add_button("Play", icon="player-play", visible=False)
         self._now = gui.add_button("Back to now", visible=False)
         self._slider = gui.add_slider("Time [s]", 0.0, 1.0, _STEP, 0.0, visible=False)
         self._speed = gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="1 x", visible=False)
         self._message = gui.add_markdown(_NOW)
-        self._pause.on_click(_ignoring(self._timeline.hold))
-        self._play.on_click(_ignoring(self._play_or_stop))
-        self._now.on_click(_ignoring(self._timeline.go_live))
+        self._pause.on_click(lambda _: self._timeline.hold())
+        self._play.on_click(lambda _: self._play_or_stop())
+        self._now.on_click(lambda _: self._timeline.go_live())
         self._slider.on_update(self._moved)
         self._speed.on_update(self._sped)
 
@@ -81,9 +74,6 @@ class TimePanel:
             f"Showing **{timeline.what}**: {timeline.at:.3f} of {timeline.length:.2f} s."
         )  # fmt: skip
 
-    def close(self) -> None:
-        """Nothing is held."""
-
     def _play_or_stop(self) -> None:
         if self._timeline.playing:
             self._timeline.playing = False
@@ -98,8 +88,3 @@ class TimePanel:
 
     def _sped(self, _: object) -> None:
         self._timeline.speed = _SPEEDS[self._speed.value]
-
-
-def _ignoring(do: Callable[[], None]) -> Callable[[object], None]:
-    """Return a callback that ignores its event."""
-    return lambda _: do()

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
 from asperity.viewer.panels.panel import Frame, Panel
-from asperity.viewer.server.origin import own_origin_only
+from asperity.viewer.server.access import (
+    TokenGate,
+    guarded,
+    is_local,
+    own_origin,
+    require_address,
+)
 from asperity.viewer.server.transfers import bound_uploads
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.view_model import ViewModel
@@ -44,9 +50,14 @@ class Page:
         Started.
     panels : sequence of Panel
     host, port : str, int
-        Port 0: any that is free.
+        Port 0: any that is free. At any address but the loopback, a token is required.
     label : str
         Title of the page.
+
+    Raises
+    ------
+    AsperityError
+        viser is not installed, or the address cannot be used.
     """
 
     def __init__(
@@ -59,6 +70,7 @@ class Page:
         label: str = "asperity",
     ) -> None:
         self.servo, self.panels = servo, list(panels)
+        self._gate = None if is_local(host) else TokenGate()
         self.server = self._served(host, port, label)
         self.updates = 0
         """Number of updates of the panels."""
@@ -70,8 +82,15 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        """Address of the page, with the token if one is required."""
+        host, port = self.server.get_host(), self.server.get_port()
+        return self._gate.url(host, port) if self._gate else f"http://{host}:{port}"
+
+    @property
+    def notice(self) -> str:
+        """What is printed at the start if other computers can reach the page, else ""."""
+        host, port = self.server.get_host(), self.server.get_port()
+        return self._gate.notice(host, port) if self._gate else ""
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until the page is closed, at most `seconds` [s]; return whether it is."""
@@ -99,8 +118,10 @@ class Page:
 
     def _served(self, host: str, port: int, label: str) -> viser.ViserServer:
         viser = require_viser()
+        require_address(host, port)
+        guard = guarded(self._gate, **self._gate.limits) if self._gate else guarded(own_origin)
         # viser prints to standard output, which belongs to the command.
-        with own_origin_only(), contextlib.redirect_stdout(io.StringIO()):
+        with guard, contextlib.redirect_stdout(io.StringIO()):
             server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
         bound_uploads(server)
         server.gui.configure_theme(

@@ -64,7 +64,7 @@ def first_part(profile: str, spelling: str) -> str:
     return f'"session":{json.dumps({"configure": configure})},'
 
 
-def read_state(text: str, device_id: str | None, grip: str) -> HaplyState:
+def read_state(text: str | bytes, device_id: str | None, grip: str) -> HaplyState:
     """Return the state of a device in a frame; of the first device if `device_id` is None.
 
     Raises
@@ -90,7 +90,7 @@ def read_state(text: str, device_id: str | None, grip: str) -> HaplyState:
         raise ValueError(f"the service sent a frame that lacks {error}") from None
 
 
-def device_ids(text: str) -> list[str]:
+def device_ids(text: str | bytes) -> list[str]:
     """Return the ids of the Inverse3 devices in a frame; empty if it is not one."""
     try:
         return [str(entry["device_id"]) for entry in json.loads(text)["inverse3"]]

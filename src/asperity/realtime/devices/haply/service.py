@@ -25,9 +25,11 @@ Never tried on hardware: it is tested against `fake_service`, written from the s
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 from asperity.errors import AsperityError, require_choice
 from asperity.realtime.devices.haply.messages import (
@@ -38,7 +40,6 @@ from asperity.realtime.devices.haply.messages import (
     force_message,
     read_state,
 )
-from asperity.realtime.devices.haply.websocket import WebSocketClient
 from asperity.realtime.devices.orientation import TurnRate
 from asperity.realtime.devices.polling_thread import (
     Measurement,
@@ -56,7 +57,7 @@ _SILENCE = 0.25
 _LOOK = 0.002
 """Time between two checks during the wait whether zero is due [s]."""
 _FROZEN_TRAVEL = 2e-3
-_OPENING, _REOPENING = 1.0, 0.5
+_OPENING, _REOPENING, _RETRY = 1.0, 0.5, 0.05
 
 
 class HaplyServiceDevice(PolledDevice):
@@ -100,10 +101,10 @@ class HaplyServiceDevice(PolledDevice):
         self._grip = require_choice("grip", grip, GRIPS)
         self._first = first_part(profile, spelling) if profile else ""
         self._clock = clock
-        self._link: WebSocketClient | None = None
+        self._link: Any = None
+        self._greeting = ""
         self._rate = TurnRate()
         self._device_id = ""
-        self._greeted = 0
         self._position = (0.0, 0.0, 0.0)
         self._moved_at = -math.inf
 
@@ -111,16 +112,11 @@ class HaplyServiceDevice(PolledDevice):
         """Connect, and wait for the first frame with the device."""
         if self._poller is not None:
             return
-        try:
-            self._link = WebSocketClient(self._uri, self._clock)
-        except ImportError:
-            raise AsperityError(
-                "the Haply service needs websockets: pip install 'asperity[haply]'"
-            ) from None
+        _require_address(self._uri)
         try:
             self._connect(_OPENING)
         except OSError as error:
-            self._link.close()
+            self._drop()
             raise AsperityError(
                 f"no Inverse3 at {self._uri}: {error}; start Haply Hub or the Inverse service, and "
                 "see 'asperity devices'"
@@ -133,69 +129,78 @@ class HaplyServiceDevice(PolledDevice):
         poller, self._poller = self._poller, None
         if poller is not None:
             poller.stop()
-        if self._link is not None:
-            self._link.close()
+        self._drop()
 
     def _connect(self, patience: float) -> None:
-        """Wait until the service lists the device; raise OSError if it does not."""
-        link = self._link
-        assert link is not None
-        reason = ""
-        deadline = time.monotonic() + patience
-        while time.monotonic() < deadline:
-            for text in link.poll():
-                try:
-                    # Once found, the device stays the same: no force goes to another.
-                    wanted = self._device_id or self._wanted_id
-                    state = read_state(text, wanted, self._grip)
-                except ValueError as error:
-                    reason = _with_ids(str(error), device_ids(text))
-                    continue
-                self._device_id = state.device_id
-                self._moved_at = -math.inf
-                self._rate.forget()
-                return
-            link.wait(_LOOK)
-        raise OSError(reason or link.error or "the service sent nothing")
+        """Connect, and find the device in the inventory; raise OSError if that fails."""
+        self._link = _connected(self._uri, patience)
+        self._greeting = self._first
+        with _errors(""):
+            text = self._frame(patience)
+        if text is None:
+            raise OSError("the service sent nothing")
+        try:
+            # Once found, the device stays the same: no force goes to another.
+            state = read_state(text, self._device_id or self._wanted_id, self._grip)
+        except ValueError as error:
+            ids = device_ids(text)
+            raise OSError(f"{error} It lists: {', '.join(ids)}" if ids else str(error)) from None
+        self._device_id = state.device_id
+        self._moved_at = -math.inf
+        self._rate.forget()
 
     def _reopen(self) -> None:
-        link = self._link
-        assert link is not None
-        if not link.is_open:
+        if self._link is None:
             self._connect(_REOPENING)
+
+    def _drop(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
 
     def _transact(self, wrench: tuple[float, ...]) -> Measurement:
         """Send a force and return the measurement in the frame that answers it."""
-        link = self._link
-        assert link is not None
-        link.poll()  # discards frames that are late
-        self._send(link, wrench)
+        try:
+            with _errors("lost the Haply service"):
+                text = self._answer(wrench)
+        except OSError:
+            self._drop()
+            raise
+        return self._measurement(text)
+
+    def _answer(self, wrench: tuple[float, ...]) -> bytes:
+        while self._frame(0.0) is not None:
+            pass  # frames that are late
+        self._send(wrench)
         deadline = time.monotonic() + _SILENCE
         while time.monotonic() < deadline:
-            texts = link.poll()
-            if texts:
-                return self._measurement(texts[-1])
-            if not link.is_open:
-                break
+            text = self._frame(_LOOK)
+            if text is not None:
+                return text
             if wrench[:3] != ZERO[:3] and self._zero_is_wanted():
                 wrench = ZERO
-                self._send(link, wrench)
-            link.wait(_LOOK)
-        else:
-            link.drop("it went silent")
-        raise OSError(f"lost the Haply service: {link.error}")
+                self._send(wrench)
+        raise OSError("it went silent")
 
-    def _send(self, link: WebSocketClient, force: tuple[float, ...]) -> None:
-        greeting = self._first if link.openings != self._greeted else ""
-        message = force_message(self._device_id, force, self._spelling, greeting)
-        if not link.send(message):
-            raise OSError(f"lost the Haply service: {link.error or 'it takes no messages'}")
-        self._greeted = link.openings
+    def _frame(self, seconds: float) -> bytes | None:
+        """Return the next frame; None if there is none within a time [s]."""
+        if self._link is None:
+            raise OSError("it is not connected")
+        try:
+            frame: bytes = self._link.recv(seconds, decode=False)
+        except TimeoutError:
+            return None
+        return frame
+
+    def _send(self, force: tuple[float, ...]) -> None:
+        message = force_message(self._device_id, force, self._spelling, self._greeting)
+        self._link.send(message, text=True)
+        self._greeting = ""
 
     def _zero_is_wanted(self) -> bool:
         return self._poller is not None and self._poller.wanted()[:3] == ZERO[:3]
 
-    def _measurement(self, text: str) -> Measurement:
+    def _measurement(self, text: bytes) -> Measurement:
         try:
             state = read_state(text, self._device_id, self._grip)
         except ValueError as error:
@@ -218,17 +223,56 @@ def attached(uri: str = URI, patience: float = 0.5) -> list[str]:
 
     It connects and reads the inventory, and sends no command.
     """
-    link = WebSocketClient(uri, time.monotonic)
-    deadline = time.monotonic() + patience
+    _require_address(uri)
     try:
-        while time.monotonic() < deadline:
-            for text in link.poll():
-                return device_ids(text)
-            link.wait(0.02)
+        with _errors(""), _connected(uri, patience) as link:
+            return device_ids(link.recv(patience, decode=False))
+    except OSError:
         return []
-    finally:
-        link.close()
 
 
-def _with_ids(reason: str, ids: list[str]) -> str:
-    return f"{reason} It lists: {', '.join(ids)}" if ids else reason
+def _require_address(uri: str) -> None:
+    """Raise AsperityError if an address is not one, or there is no package to reach it."""
+    try:
+        from websockets.exceptions import InvalidURI
+        from websockets.uri import parse_uri
+    except ImportError:
+        raise AsperityError(
+            "the Haply service needs websockets: pip install 'asperity[haply]'"
+        ) from None
+    try:
+        secure = parse_uri(uri).secure
+    except InvalidURI:
+        raise AsperityError(f"{uri!r} is not an address; valid: ws://HOST:PORT") from None
+    if secure:
+        raise AsperityError(f"{uri!r}: the service speaks ws, not wss")
+
+
+def _connected(uri: str, patience: float) -> Any:
+    """Return a connection; OSError if none is accepted within a time [s]."""
+    from websockets.sync.client import connect
+
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            with _errors(""):
+                return connect(
+                    uri, open_timeout=patience, close_timeout=0.1, ping_interval=None,
+                    compression=None, proxy=None,
+                )  # fmt: skip
+        except OSError:
+            if time.monotonic() + _RETRY > deadline:
+                raise
+            time.sleep(_RETRY)
+
+
+@contextlib.contextmanager
+def _errors(what: str) -> Iterator[None]:
+    """Turn whatever a connection raises into an OSError of one line that begins with `what`."""
+    from websockets.exceptions import WebSocketException
+
+    try:
+        yield
+    except (OSError, EOFError, WebSocketException) as error:
+        text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise OSError(": ".join(filter(None, (what, " ".join(text.split()))))) from None
