@@ -5,6 +5,7 @@ import pytest
 from asperity.cli import main
 from asperity.realtime.devices import catalogue
 from asperity.realtime.devices.calibration import load_calibration
+from asperity.realtime.devices.haply import service as haply_service
 from asperity.realtime.devices.haply.fake_service import FakeService, still_hand
 from asperity.realtime.devices.haply.service import HaplyServiceDevice
 from asperity.realtime.servo import device_check
@@ -23,7 +24,7 @@ def _brief(monkeypatch):
 
 
 def test_the_list_fits_80_columns_and_names_every_backend(capsys, monkeypatch):
-    monkeypatch.setattr(catalogue, "_DETECT", {"haply": lambda: "Inverse3 049D, 049E, 04A0, 04A1"})
+    monkeypatch.setattr(haply_service, "attached", lambda: ["049D", "049E", "04A0", "04A1"])
     assert main(["devices"]) == 0
     told = capsys.readouterr().out
     assert max(map(len, told.splitlines()[:9])) <= 80

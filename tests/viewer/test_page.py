@@ -15,10 +15,10 @@ from websockets.sync.client import connect
 from asperity.runs.recording import read_attributes, read_recording
 from asperity.viewer import changes
 from asperity.viewer.changes import texture_of
+from asperity.viewer.panels.panel import ViewModel
 from asperity.viewer.panels.record import RecordPanel
 from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.timeline import Timeline
-from asperity.viewer.view_model import ViewModel
 from page_client import ScriptedTab
 
 

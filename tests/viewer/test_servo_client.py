@@ -12,10 +12,9 @@ from asperity.realtime.devices.catalogue import entry_of, is_installed
 from asperity.realtime.servo.ipc import TICK
 from asperity.viewer.changes import with_method, with_scene, with_texture
 from asperity.viewer.motions import CannedMotion
-from asperity.viewer.panels.panel import Frame
+from asperity.viewer.panels.panel import Frame, ViewModel
 from asperity.viewer.panels.status import WELL, WRONG, rows_of, table
 from asperity.viewer.tick_buffer import TickBuffer
-from asperity.viewer.view_model import ViewModel
 
 
 def test_a_history_keeps_the_last_ticks_and_numbers_all():

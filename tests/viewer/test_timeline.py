@@ -5,10 +5,10 @@ import pytest
 from fake_client import RATE, FakeServoClient, ticks_at
 
 from asperity.runs.recording import RecordingWriter
+from asperity.viewer.panels.panel import ViewModel
 from asperity.viewer.replayed_contacts import empty_snapshot
 from asperity.viewer.tick_buffer import RecordedTicks, TicksInMemory
 from asperity.viewer.timeline import HELD_SECONDS, Timeline, TimelineClient
-from asperity.viewer.view_model import ViewModel
 
 
 @pytest.fixture

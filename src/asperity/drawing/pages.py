@@ -21,6 +21,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup, escape
 
 TEMPLATES = Path(__file__).parent / "templates"
+STYLE = (TEMPLATES / "page.css").read_text("utf-8")
+"""The style sheet, for a page that is not made from `base.html`."""
 
 
 def render(template_name: str, **values: Any) -> str:

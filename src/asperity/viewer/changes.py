@@ -23,9 +23,7 @@ from asperity.texture.patterns.patterns import EXAMPLES
 from asperity.viewer.session_config import SessionConfig
 
 SMOOTH, AS_IT_IS = "smooth", "as it is"
-MESH_SIZES: dict[str, dict[str, Any]] = {
-    "block": {"length": 0.06, "width": 0.04, "height": 0.015},
-}
+MESH_SIZES: dict[str, dict[str, Any]] = {"block": {"length": 0.06, "width": 0.04, "height": 0.015}}
 """Sizes of built-in meshes that need some [m]; project defaults."""
 _HEIGHTS = ("amplitude", "height", "depth", "rms", "rms_slope", "height_range")
 """Parameters that scale with the relief."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.realtime.servo.contact_worker import MAX_SHOWN
+from asperity.realtime.servo.contact_worker import MAX_SHOWN, SHOWN
 from asperity.realtime.servo.snapshot import SNAPSHOT, Snapshot
 
 if TYPE_CHECKING:
@@ -84,7 +84,5 @@ class RecomputedContacts:
         stage.reset()
         n = min(stage.evaluate(pose.copy(), jumped=True).count, MAX_SHOWN)
         contacts = stage.contacts
-        return self._empty._replace(
-            point=contacts.point[:n].copy(), normal=contacts.normal[:n].copy(),
-            force=contacts.force[:n].copy(), depth=contacts.depth[:n].copy(),
-        )  # fmt: skip
+        shown = {name: getattr(contacts, name)[:n].copy() for name in SHOWN.names or ()}
+        return self._empty._replace(**shown)

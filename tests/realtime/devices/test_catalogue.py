@@ -10,12 +10,13 @@ import pytest
 
 from asperity.cli.realtime_run import DeviceOptions, servo_spec
 from asperity.errors import AsperityError
-from asperity.realtime.devices import catalogue
+from asperity.realtime.devices import catalogue, force_dimension
 from asperity.realtime.devices.calibration import Calibrated, Calibration, save_calibration
 from asperity.realtime.devices.catalogue import ENTRIES, MODELS, backend_statuses, device
+from asperity.realtime.devices.haply import service
 from asperity.realtime.devices.orientation import TurnRate, quaternion_of, unit_quaternion
 from asperity.realtime.devices.presets import PRESETS, limits_of
-from asperity.realtime.devices.wrench_check import finite_wrench
+from asperity.realtime.devices.protocol import finite_wrench
 from asperity.scene.builtin import load_scene
 
 
@@ -88,7 +89,7 @@ def test_a_file_is_replayed_by_name(tmp_path):
 
 def test_what_lacks_is_said_with_how_to_get_it(monkeypatch):
     monkeypatch.setattr(catalogue, "is_installed", lambda entry: entry.package != "pyOpenHaptics")
-    monkeypatch.setattr(catalogue, "_DETECT", {"haply": lambda: "none found"})
+    monkeypatch.setattr(service, "attached", lambda: [])
     found = {finding.entry.name: finding for finding in backend_statuses()}
     assert list(found) == list(ENTRIES)
     assert found["openhaptics"].advice.startswith("pip install 'asperity[openhaptics]'; and Open")
@@ -106,11 +107,11 @@ def test_packages_that_fail_or_chatter_do_not_spoil_the_list(monkeypatch, capfd)
         raise OSError("libdrd")
 
     monkeypatch.setattr(catalogue, "is_installed", lambda entry: True)
-    monkeypatch.setitem(catalogue._DETECT, "force-dimension", broken)
-    monkeypatch.setitem(catalogue._DETECT, "haply", lambda: "Inverse3 049D")
+    monkeypatch.setattr(force_dimension, "attached", broken)
+    monkeypatch.setattr(service, "attached", lambda: ["049D"])
     found = {finding.entry.name: finding for finding in backend_statuses()}
     assert found["haply-serial"].attached == "Inverse3 on /dev/ttyACM0"
-    assert found["haply"].advice == ""
+    assert (found["haply"].attached, found["haply"].advice) == ("Inverse3 049D", "")
     assert found["force-dimension"].attached == "unknown (OSError)"
     assert "SDK" in found["force-dimension"].advice
     assert capfd.readouterr().out == ""

@@ -5,8 +5,7 @@ import pytest
 from clocks import Clock, until
 
 from asperity.realtime.devices.polling_thread import HOLD, Measurement, PollingThread, UnusableError
-from asperity.realtime.devices.protocol import Reading
-from asperity.realtime.devices.wrench_check import ZERO
+from asperity.realtime.devices.protocol import ZERO, Reading
 
 PUSH = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
 

@@ -14,7 +14,6 @@ from asperity.geometry.rigid_body import RigidBody
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.devices.protocol import Limits, Reading
 from asperity.realtime.servo.contact_worker import ContactResult
-from asperity.realtime.servo.ipc import Publisher
 from asperity.realtime.servo.loop import ServoLoop
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 
@@ -149,7 +148,6 @@ class Bench:
         mode: str = "direct",
         takes=lambda n: 1e-4,
         settings=QUICK,
-        publisher=None,
         **options,
     ) -> None:
         self.clock = HandClock()
@@ -160,7 +158,7 @@ class Bench:
         self.loop = ServoLoop(
             self.safe, Mapping(LIMITS), self.tool, self.contacts,
             PassivityController(DT, active=False),
-            dt=DT, clock=self.clock, publisher=publisher or Publisher(), **options,
+            dt=DT, clock=self.clock, **options,
         )  # fmt: skip
 
     def run(self, ticks: int, **options) -> None:

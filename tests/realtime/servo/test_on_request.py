@@ -7,8 +7,8 @@ import pytest
 
 from asperity.errors import AsperityError
 from asperity.realtime.servo.ipc import TICK
-from asperity.realtime.servo.parameters import LiveParameters
-from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
+from asperity.realtime.servo.parameters import LiveParameters, attributes_of
+from asperity.realtime.servo.recorder import RecorderOnRequest
 from asperity.realtime.servo.replay import scene_of_recording
 from asperity.runs.recording import read_recording
 from asperity.scene.builtin import load_scene

@@ -14,21 +14,19 @@ from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 from asperity.errors import AsperityError
 from asperity.realtime.servo import scheduling as realtime
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Pace
-from asperity.realtime.servo.ipc import Publisher
 from asperity.realtime.servo.loop import GUARD, STALE
 from asperity.realtime.servo.scheduling import keep_off_core, pick_core, share_core
 from asperity.simulation.tool_contact import FALLBACK, LATE
 
 
-class Kept(Publisher):
+class Kept:
     """What would have gone to the recorder."""
 
     def __init__(self):
-        super().__init__()
         self.ticks = []
 
     def push(self, tick):
-        self.ticks.append(tick.record.copy())
+        self.ticks.append(tick.copy())
 
     @property
     def flags(self):
@@ -96,11 +94,11 @@ def test_the_contact_comes_first_where_the_core_is_shared():
 def test_a_contact_is_asked_for_when_all_else_is_done(shares):
     busy = []
 
-    class Told(Publisher):
+    class Told:
         def push(self, row):
             busy.append(bench.contacts.busy)
 
-    bench = Bench(mode="implicit", publisher=Told(), shares=shares, takes=lambda n: 0.4 * DT)
+    bench = Bench(mode="implicit", ring=Told(), shares=shares, takes=lambda n: 0.4 * DT)
     bench.run(20)
     assert not any(busy)
     assert len(bench.contacts.submitted) == 21
@@ -164,7 +162,7 @@ def test_contacts_in_time_are_felt_at_the_pose_just_read():
 
 def test_a_slow_contact_costs_the_tick_its_guard_and_no_more():
     kept = Kept()
-    bench = Bench(takes=lambda n: 3.3 * DT if n == 51 else 1e-4, publisher=kept)
+    bench = Bench(takes=lambda n: 3.3 * DT if n == 51 else 1e-4, ring=kept)
     bench.device.pose = wave
     bench.run(100)
     stats = bench.stats
@@ -197,7 +195,7 @@ def test_between_slow_contacts_the_wall_goes_on_as_it_was(mode):
 
 def test_a_contact_that_never_comes_is_let_go_of():
     kept = Kept()
-    bench = Bench(mode="implicit", takes=lambda n: 1e9 if n == 100 else 1e-4, publisher=kept)
+    bench = Bench(mode="implicit", takes=lambda n: 1e9 if n == 100 else 1e-4, ring=kept)
     bench.run(500)
     forces = bench.device.forces
     assert forces[90] > 0.3
@@ -219,7 +217,7 @@ def test_it_recovers_when_the_contact_comes_back():
 
 def test_a_late_tick_is_flagged_and_its_time_is_that_of_the_clock():
     kept = Kept()
-    bench = Bench(publisher=kept)
+    bench = Bench(ring=kept)
     bench.device.hold_up = lambda t: 2.5 * DT if 0.0205 < t < 0.0215 else 0.0
     bench.run(50)
     late = np.flatnonzero(kept.flags & LATE)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.kernels import kernel
 
 
 class Buffers(NamedTuple):
@@ -22,114 +22,62 @@ class Buffers(NamedTuple):
     """Its number, -1 without one, (rows, columns)."""
 
 
-@inner_kernel
-def _draw_triangle(corners, normals, slack, number, buffers):
-    """Draw a triangle into the buffers where it is nearer than their contents.
-
-    Parameters
-    ----------
-    corners : three (3,) arrays
-        Column and row [pixels] and distance from the eye [m] of each corner.
-    normals : three (3,) arrays
-        Normals at the corners.
-    slack : float
-        Distance by which it is extended beyond its sides [pixels].
-    number : int
-    buffers : Buffers
-        Changed.
-    """
-    a, b, c = corners
-    ax, ay, az = a[0], a[1], a[2]
-    bx, by, bz = b[0], b[1], b[2]
-    cx, cy, cz = c[0], c[1], c[2]
-    na, nb, nc = normals
-    depth = buffers.depth
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if area == 0.0 or not np.isfinite(area):
-        return
-    rows, columns = depth.shape
-    left = max(int(np.ceil(min(ax, bx, cx) - slack)), 0)
-    right = min(int(np.floor(max(ax, bx, cx) + slack)), columns - 1)
-    low = max(int(np.ceil(min(ay, by, cy) - slack)), 0)
-    high = min(int(np.floor(max(ay, by, cy) + slack)), rows - 1)
-    least_u, least_v, least_w = -1e-9, -1e-9, -1e-9
-    if slack > 0.0:
-        least_u -= slack * np.hypot(cx - ax, cy - ay) / abs(area)
-        least_v -= slack * np.hypot(bx - ax, by - ay) / abs(area)
-        least_w -= slack * np.hypot(cx - bx, cy - by) / abs(area)
-    for row in range(low, high + 1):
-        for column in range(left, right + 1):
-            u = ((column - ax) * (cy - ay) - (row - ay) * (cx - ax)) / area
-            v = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
-            if u < least_u or v < least_v or 1.0 - u - v < least_w:
-                continue
-            if slack > 0.0:  # a pixel beside the triangle shows its nearest point
-                u, v = max(u, 0.0), max(v, 0.0)
-                total = max(u + v, 1.0)
-                u, v = u / total, v / total
-            w = 1.0 - u - v
-            far = w * az + u * bz + v * cz
-            if far < depth[row, column]:
-                depth[row, column] = far
-                buffers.number[row, column] = number
-                for k in range(3):
-                    buffers.normal[row, column, k] = w * na[k] + u * nb[k] + v * nc[k]
-
-
 @kernel
-def draw_sheet(places, normals, number, buffers):
-    """Draw a grid of points into the buffers where it is nearer than their contents.
+def draw_triangles(places, normals, triangles, slack, number, buffers):
+    """Draw triangles into the buffers where they are nearer than their contents.
 
     Parameters
     ----------
-    places : (a, b, 3) array
+    places : (n, 3) array
         Column and row [pixels] and distance from the eye [m] of the points.
-    normals : (a, b, 3) array
-    number : int
-        Stored in the pixels that show the sheet.
-    buffers : Buffers
-        Changed.
-    """
-    for i in range(places.shape[0] - 1):
-        for j in range(places.shape[1] - 1):
-            for half in range(2):
-                # Corners (i, j), (i+1, j+1), and one of the two others.
-                ci = i + 1 if half == 0 else i
-                cj = j if half == 0 else j + 1
-                _draw_triangle(
-                    (places[i, j], places[i + 1, j + 1], places[ci, cj]),
-                    (normals[i, j], normals[i + 1, j + 1], normals[ci, cj]),
-                    0.0, number, buffers,
-                )  # fmt: skip
-
-
-@kernel
-def draw_patches(places, normals, corners, slack, number, buffers):
-    """Draw patches of triangles into the buffers where they are nearer than their contents.
-
-    Parameters
-    ----------
-    places : (patches, points, 3) array
-        Column and row [pixels] and distance from the eye [m] of the points.
-    normals : (patches, points, 3) array
-    corners : (triangles, 3) int array
-        Points of each triangle, the same in all patches.
+    normals : (n, 3) array
+    triangles : (m, 3) int array
+        Points of each triangle.
     slack : float
         Distance by which triangles are extended beyond their sides [pixels]: it closes the seams
         between patches of different fineness.
     number : int
-        Stored in the pixels that show the patches.
+        Stored in the pixels that show the triangles.
     buffers : Buffers
         Changed.
     """
-    for i in range(places.shape[0]):
-        for j in range(corners.shape[0]):
-            a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
-            _draw_triangle(
-                (places[i, a], places[i, b], places[i, c]),
-                (normals[i, a], normals[i, b], normals[i, c]),
-                slack, number, buffers,
-            )  # fmt: skip
+    depth = buffers.depth
+    rows, columns = depth.shape
+    for i in range(triangles.shape[0]):
+        a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
+        ax, ay, az = places[a, 0], places[a, 1], places[a, 2]
+        bx, by, bz = places[b, 0], places[b, 1], places[b, 2]
+        cx, cy, cz = places[c, 0], places[c, 1], places[c, 2]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0 or not np.isfinite(area):
+            continue
+        left = max(int(np.ceil(min(ax, bx, cx) - slack)), 0)
+        right = min(int(np.floor(max(ax, bx, cx) + slack)), columns - 1)
+        low = max(int(np.ceil(min(ay, by, cy) - slack)), 0)
+        high = min(int(np.floor(max(ay, by, cy) + slack)), rows - 1)
+        least_u, least_v, least_w = -1e-9, -1e-9, -1e-9
+        if slack > 0.0:
+            least_u -= slack * np.hypot(cx - ax, cy - ay) / abs(area)
+            least_v -= slack * np.hypot(bx - ax, by - ay) / abs(area)
+            least_w -= slack * np.hypot(cx - bx, cy - by) / abs(area)
+        for row in range(low, high + 1):
+            for column in range(left, right + 1):
+                u = ((column - ax) * (cy - ay) - (row - ay) * (cx - ax)) / area
+                v = ((bx - ax) * (row - ay) - (by - ay) * (column - ax)) / area
+                if u < least_u or v < least_v or 1.0 - u - v < least_w:
+                    continue
+                if slack > 0.0:  # a pixel beside the triangle shows its nearest point
+                    u, v = max(u, 0.0), max(v, 0.0)
+                    total = max(u + v, 1.0)
+                    u, v = u / total, v / total
+                w = 1.0 - u - v
+                far = w * az + u * bz + v * cz
+                if far < depth[row, column]:
+                    depth[row, column] = far
+                    buffers.number[row, column] = number
+                    for k in range(3):
+                        normal = w * normals[a, k] + u * normals[b, k] + v * normals[c, k]
+                        buffers.normal[row, column, k] = normal
 
 
 @kernel

@@ -13,13 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.raster import (
-    Buffers,
-    draw_patches,
-    draw_sheet,
-    light_pixels,
-    project,
-)
+from asperity.drawing.renderer.raster import Buffers, draw_triangles, light_pixels, project
 from asperity.geometry.displaced.sheet import Sheet
 from asperity.geometry.displaced.view import Camera
 
@@ -63,10 +57,11 @@ def look(sheets: Sequence[tuple[int, Sheet]], camera: Camera) -> Buffers:
     for number, sheet in sheets:
         places = np.empty(sheet.points.shape)
         project(sheet.points, camera.projection, places)
-        if sheet.corners is None:
-            draw_sheet(places, sheet.normals, number, out)
-        else:
-            draw_patches(places, sheet.normals, sheet.corners, _SLACK, number, out)
+        slack = 0.0 if sheet.corners is None else _SLACK
+        draw_triangles(
+            places.reshape(-1, 3), sheet.normals.reshape(-1, 3), sheet.triangles(), slack, number,
+            out,
+        )  # fmt: skip
     return out
 
 
@@ -98,7 +93,7 @@ def hollows(seen: Buffers, camera: Camera) -> Array:
     It is estimated in the image: a point farther away than the mean of two points on opposite sides
     is in a hollow. A point much nearer or farther than its neighbours belongs to another body.
     """
-    from scipy.ndimage import gaussian_filter, zoom
+    from scipy.ndimage import gaussian_filter, shift, zoom
 
     coarse = 4
     far = seen.depth[::coarse, ::coarse]
@@ -111,23 +106,15 @@ def hollows(seen: Buffers, camera: Camera) -> Array:
             angle = 0.25 * np.pi * turn
             rows, columns = (round(radius * spread * f(angle)) for f in (np.sin, np.cos))
             steepest = _STEEPEST * radius * size * camera.width
-            one, two = (far - _moved(far, k * rows, k * columns) for k in (1, -1))
+            one, two = (
+                far - shift(far, (k * rows, k * columns), order=0, cval=np.nan) for k in (1, -1)
+            )
             near = (np.abs(one) < steepest) & (np.abs(two) < steepest)
             lower += np.where(near, 0.5 * (one + two), 0.0) / (12.0 * size * camera.width)
         out -= 0.35 * np.clip(gaussian_filter(lower, 0.3 * spread), 0.0, 1.0)
     rows, columns = seen.depth.shape
     fine = zoom(np.clip(out, 0.35, 1.0), coarse, order=1)[:rows, :columns]
     return np.ascontiguousarray(fine)
-
-
-def _moved(values: Array, rows: int, columns: int) -> Array:
-    """Return values shifted in the image; NaN where there are none."""
-    height, width = values.shape
-    out = np.full(values.shape, np.nan)
-    i, j = (slice(max(n, 0), max(size + n, 0)) for n, size in ((rows, height), (columns, width)))
-    k, m = (slice(max(-n, 0), max(size - n, 0)) for n, size in ((rows, height), (columns, width)))
-    out[i, j] = values[k, m]
-    return out
 
 
 def shade(

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_finite, require_not_negative
-from asperity.realtime.devices.protocol import Device, Reading
-from asperity.realtime.devices.wrench_check import finite_wrench
+from asperity.realtime.devices.protocol import Device, Reading, finite_wrench
 from asperity.scene.document import require_keys, write_toml
 
 SCHEMA = 1

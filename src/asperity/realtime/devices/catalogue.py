@@ -6,12 +6,13 @@ import contextlib
 import importlib
 import inspect
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import Any
 
 from asperity.errors import AsperityError, require_choice
+from asperity.realtime.devices import force_dimension, openhaptics
 from asperity.realtime.devices.calibration import (
     Calibrated,
     Calibration,
@@ -44,6 +45,8 @@ class DeviceEntry:
     only the mouse of these."""
     check_options: Mapping[str, Any] = field(default_factory=dict)
     """Options for `asperity devices check`."""
+    found: str = ""
+    """How the names that the module's `attached` returns are shown; empty: it has none."""
 
 
 _ENTRIES = (
@@ -57,6 +60,7 @@ _ENTRIES = (
     DeviceEntry(
         "haply", "Haply Inverse3, by its service", "haply.service", "HaplyServiceDevice",
         "websockets", "haply", "Haply Hub or the Inverse service", HOME,
+        found="Inverse3 {}",
     ),
     DeviceEntry(
         "haply-fake", "the same, simulated", "haply.fake_device",
@@ -65,11 +69,12 @@ _ENTRIES = (
     DeviceEntry(
         "haply-serial", "Haply Inverse3, by serial port", "haply.serial_port",
         "HaplyHardwareDevice", "HaplyHardwareAPI", "haply",
-        "an Inverse3 on USB (Linux: group dialout)", HOME,
+        "an Inverse3 on USB (Linux: group dialout)", HOME, found="Inverse3 on {}",
     ),
     DeviceEntry(
         "force-dimension", "omega, sigma, lambda", "force_dimension", "ForceDimensionDevice",
         "forcedimension_core", "forcedimension", "Force Dimension SDK 3.16 or later",
+        found="{} found",
     ),
     DeviceEntry(
         "openhaptics", "3D Systems Touch, Premium", "openhaptics", "OpenHapticsDevice",
@@ -79,13 +84,8 @@ _ENTRIES = (
 ENTRIES = {entry.name: entry for entry in _ENTRIES}
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "inverse3": ("haply", {}),
-    "omega.6": ("force-dimension", {"model": "omega.6"}),
-    "sigma.7": ("force-dimension", {"model": "sigma.7"}),
-    "lambda.7": ("force-dimension", {"model": "lambda.7"}),
-    "touch": ("openhaptics", {"model": "touch"}),
-    "omni": ("openhaptics", {"model": "omni"}),
-    "premium-1.5-6dof": ("openhaptics", {"model": "premium-1.5-6dof"}),
-    "premium-3.0-6dof": ("openhaptics", {"model": "premium-3.0-6dof"}),
+    **{model: ("force-dimension", {"model": model}) for model in force_dimension.MODELS},
+    **{model: ("openhaptics", {"model": model}) for model in openhaptics.MODELS},
 }
 """Names of models: the backend and its options."""
 
@@ -123,13 +123,8 @@ def device(name: str, *, calibrated: bool = True, **options: Any) -> Device:
     """
     if name.startswith("replay:"):
         name, options = "replay", {"source": name.partition(":")[2], **options}
-    require_choice("device", name, [*ENTRIES, *MODELS])
-    if name in MODELS:
-        backend, settings = MODELS[name]
-        entry, options = ENTRIES[backend], {**settings, **options}
-    else:
-        entry = ENTRIES[name]
-    made = _make(entry, options)
+    entry = entry_of(name)
+    made = _make(entry, {**MODELS[name][1], **options} if name in MODELS else options)
     if entry.steady or not calibrated:
         return made
     return Calibrated(made, load_calibration(name) or Calibration(home=entry.home))
@@ -159,14 +154,8 @@ def is_calibrated(name: str) -> bool:
 
 
 def _make(entry: DeviceEntry, options: Mapping[str, Any]) -> Device:
-    try:
-        kind = getattr(
-            importlib.import_module(f"asperity.realtime.devices.{entry.module}"), entry.kind
-        )
-    except ModuleNotFoundError as error:
-        if error.name != f"asperity.realtime.devices.{entry.module}":
-            raise
-        raise AsperityError(f"this version of asperity has no {entry.name} device") from None
+    module = importlib.import_module(f"asperity.realtime.devices.{entry.module}")
+    kind = getattr(module, entry.kind)
     parameters = inspect.signature(kind).parameters
     for option in options:
         if option not in parameters:
@@ -184,51 +173,23 @@ def _status_of(entry: DeviceEntry) -> BackendStatus:
     if not is_installed(entry):
         also = f"; and {entry.by_hand}" if entry.by_hand else ""
         return BackendStatus(entry, False, "-", f"pip install 'asperity[{entry.extra}]'{also}")
-    detect = _DETECT.get(entry.name)
-    if detect is None:
-        attached, complete = ("-", True) if not entry.by_hand else ("cannot be detected", True)
-    else:
-        attached, complete = _detected(detect)
+    attached, complete = _attached(entry)
     none = attached.startswith("none")
     advice = "" if complete and not none else entry.by_hand
     return BackendStatus(entry, True, attached, f"needs {advice}" if advice else "")
 
 
-def _detected(detect: Callable[[], str]) -> tuple[str, bool]:
+def _attached(entry: DeviceEntry) -> tuple[str, bool]:
     """Return what a vendor's package reports as connected, and whether it could report."""
+    module = importlib.import_module(f"asperity.realtime.devices.{entry.module}")
+    if not entry.found:
+        return "cannot be detected" if entry.by_hand else "-", True
     try:
         # The packages print to these streams.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return detect(), True
+            names = module.attached()
     except ImportError:
         return "no vendor library", False
     except Exception as error:  # an error of one vendor's package must not end the list
         return f"unknown ({type(error).__name__})", False
-
-
-def _detect_service() -> str:
-    from asperity.realtime.devices.haply.service import attached
-
-    ids = attached()
-    return f"Inverse3 {', '.join(ids)}" if ids else "none found"
-
-
-def _detect_serial() -> str:
-    import HaplyHardwareAPI as api  # noqa: N813
-
-    ports = api.detect_inverse3s()
-    return f"Inverse3 on {', '.join(ports)}" if ports else "none found"
-
-
-def _detect_force_dimension() -> str:
-    from asperity.realtime.devices.force_dimension import attached
-
-    count = attached()
-    return f"{count} found" if count > 0 else "none found"
-
-
-_DETECT: dict[str, Callable[[], str]] = {
-    "haply": _detect_service,
-    "haply-serial": _detect_serial,
-    "force-dimension": _detect_force_dimension,
-}
+    return entry.found.format(", ".join(names)) if names else "none found", True

@@ -23,8 +23,7 @@ from asperity.errors import AsperityError, require_choice
 from asperity.realtime.devices.orientation import quaternion_of
 from asperity.realtime.devices.polling_thread import Measurement, PolledDevice, PollingThread
 from asperity.realtime.devices.presets import PRESETS
-from asperity.realtime.devices.protocol import Limits
-from asperity.realtime.devices.wrench_check import ZERO
+from asperity.realtime.devices.protocol import ZERO, Limits
 
 MODELS = ("omega.6", "sigma.7", "lambda.7")
 _WATCHDOG = 200  # of 125 us
@@ -150,11 +149,12 @@ class ForceDimensionDevice(PolledDevice):
         self._dhd = None
 
 
-def attached() -> int:
+def attached() -> list[str]:
     """Return the number of connected devices without opening one; ImportError without the SDK."""
     import forcedimension_core.dhd as dhd
 
-    return int(dhd.getDeviceCount())
+    count = int(dhd.getDeviceCount())
+    return [str(count)] if count > 0 else []
 
 
 def _import() -> Any:

@@ -134,10 +134,6 @@ class ReachingHand(SimulatedHand):
         else:
             self.offset = min(self.offset + step, MAX_OFFSET + self.wanted / self._press_stiffness)
 
-    def press_with(self, force: float | None) -> None:
-        """Press with a normal force [N] from now on; None: without regulation."""
-        self.wanted = force
-
 
 class MouseDevice(SimulatedDevice):
     """A `Device` in a simulated hand that follows a page's pointer.
@@ -193,7 +189,7 @@ class MouseDevice(SimulatedDevice):
         if target is not None:
             start = target.pose if target.table is None else self._row(target, 0.0)
             self._smoothed = SmoothedTarget(start, self.hand.dt)
-            self._reaching.press_with(None if math.isnan(target.press) else target.press)
+            self._reaching.wanted = target.press
         super().open()
 
     def _aim(self, seconds: float) -> NDArray[np.float64]:
@@ -203,7 +199,7 @@ class MouseDevice(SimulatedDevice):
         target = self._pointer.news()
         if target is not None:
             self._target = target
-            self._reaching.press_with(None if math.isnan(target.press) else target.press)
+            self._reaching.wanted = target.press
             if target.table is None:
                 self._smoothed.lead_to(target.pose)
         if self._target is not None and self._target.table is not None:

@@ -29,8 +29,7 @@ from asperity.errors import AsperityError, require_choice
 from asperity.realtime.devices.orientation import quaternion_of
 from asperity.realtime.devices.polling_thread import Measurement, PolledDevice, PollingThread
 from asperity.realtime.devices.presets import PRESETS
-from asperity.realtime.devices.protocol import Limits
-from asperity.realtime.devices.wrench_check import ZERO
+from asperity.realtime.devices.protocol import ZERO, Limits
 
 MODELS = ("touch", "omni", "premium-1.5-6dof", "premium-3.0-6dof")
 _CONTINUE = 1

@@ -7,6 +7,7 @@ last target stays.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,12 +33,10 @@ _TARGET = ["pose", "press", "count", "loop", "step", "begun", "side"]
 class PointerTarget(NamedTuple):
     """What the hand is to do."""
 
-    number: int
-    """Sequence number of this target; even, and increasing."""
     pose: NDArray[np.float64]
     """Target (7,)."""
-    press: float
-    """Normal force to press with [N]; NaN: not regulated."""
+    press: float | None
+    """Normal force to press with [N]; None: not regulated."""
     table: NDArray[np.float64] | None
     """Poses (n, 7) to play, instead of going to `pose`."""
     loop: int
@@ -116,9 +115,10 @@ class PointerFile:
         self._seen, target = found
         count = int(target["count"])
         table = self._record["tables"][int(target["side"]), :count] if count else None
+        press, step, begun = (float(target[name]) for name in ("press", "step", "begun"))
         return PointerTarget(
-            self._seen, target["pose"], float(target["press"]), table, int(target["loop"]),
-            float(target["step"]), float(target["begun"]),
+            target["pose"], None if math.isnan(press) else press, table, int(target["loop"]), step,
+            begun,
         )  # fmt: skip
 
     def _write(

@@ -18,8 +18,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from asperity.realtime.devices.protocol import Reading
-from asperity.realtime.devices.wrench_check import REFUSED, ZERO, finite_wrench
+from asperity.realtime.devices.protocol import REFUSED, ZERO, Reading, finite_wrench
 
 if TYPE_CHECKING:
     import numpy as np

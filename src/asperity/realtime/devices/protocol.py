@@ -11,13 +11,18 @@ vendor's axes to these; `mapping.Mapping` maps them to the scene.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_between, require_not_negative, require_positive
+
+ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+REFUSED = "the wrench was not six finite numbers; zero was sent"
 
 
 @dataclass(frozen=True)
@@ -110,3 +115,13 @@ class Device(Protocol):
 
     def close(self) -> None:
         """Send a zero wrench and disconnect. May be called twice. Never raises."""
+
+
+def finite_wrench(wrench: NDArray[Any] | Sequence[float]) -> tuple[float, ...] | None:
+    """Return force and torque as six floats, or None if they are not six finite numbers."""
+    try:
+        values = tuple(map(float, wrench))
+    except Exception:  # a device's `write` must not raise, whatever it was given
+        return None
+    # Each number is checked, as a sum of finite numbers may overflow.
+    return values if len(values) == 6 and all(map(math.isfinite, values)) else None

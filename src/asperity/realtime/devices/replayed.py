@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.poses import interpolate_pose, mean_twist
-from asperity.realtime.devices.protocol import Limits, Reading
-from asperity.realtime.devices.wrench_check import REFUSED, finite_wrench
+from asperity.realtime.devices.protocol import REFUSED, Limits, Reading, finite_wrench
+from asperity.scene.trajectory import Trajectory
 
 End = Literal["hold", "loop"]
 _ENDS = ("hold", "loop")
@@ -59,16 +59,16 @@ class ReplayedDevice:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._end = require_choice("end of a replay", end, _ENDS)
-        times, poses = _motion(Path(source))
-        self._times = [float(t - times[0]) for t in times]
-        self._poses = poses
+        motion = _motion(Path(source))
+        self._times = (motion.times - motion.times[0]).tolist()
+        self._poses: NDArray[np.float64] = np.asarray(motion.poses)
         self._still = np.zeros(6)
         self._clock = clock
         self._start: float | None = None
         self._error = ""
         self.wrench: tuple[float, ...] = (0.0,) * 6
         self.finished = False
-        reach = float(np.linalg.norm(poses[:, :3], axis=1).max())
+        reach = float(np.linalg.norm(self._poses[:, :3], axis=1).max())
         self.limits = limits or Limits(
             max_force=10.0, max_torque=1.0, max_stiffness=1e5, max_damping=100.0,
             max_rotational_stiffness=100.0, radius=max(0.1, 1.01 * reach), torque_dof=3,
@@ -125,23 +125,16 @@ class ReplayedDevice:
         self.wrench = (0.0,) * 6
 
 
-def _motion(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return times (n,) [s] and poses (n, 7) of a file."""
+def _motion(path: Path) -> Trajectory:
     if path.is_dir() and (path / "recording.h5").is_file():
         path = path / "recording.h5"
     if path.suffix.lower() in (".h5", ".hdf5", ".nc"):
         from asperity.runs.recording import read_recording
 
         recording = read_recording(path)
-        times, poses = recording.time, recording.handle_pose
-        if len(times) == 0:
+        if len(recording.time) == 0:
             raise AsperityError(f"{path} has no ticks to replay")
-        if not (np.isfinite(times).all() and np.isfinite(poses).all()):
-            raise AsperityError(f"{path} has poses that are not finite")
-        if len(times) > 1 and not (np.diff(times) > 0.0).all():
-            raise AsperityError(f"{path}: its times do not increase")
-        return times, poses
+        return Trajectory(recording.time, recording.handle_pose, str(path))
     from asperity.scene.trajectory_file import read_poses
 
-    trajectory = read_poses(path)
-    return np.asarray(trajectory.times, np.float64), np.asarray(trajectory.poses, np.float64)
+    return read_poses(path)

@@ -8,30 +8,33 @@ evaluated at the tool's pose only. For the same reason a contact evaluates no mo
 fit into `within` of a tick, and searches that have run for `searched` of a tick return what they
 have found.
 
-Two locks hand over: one starts the worker, the other reports that it is done. A round trip costs 16
-to 47 us in the median compared with computing in the loop itself (two cores at 2.5 GHz;
-`threading.Event` 35 to 46, a spinning wait 43 to 67), and 40 to 80 us at p99 while no other process
-wants the cores. Only the `direct` mode waits for it; in the other modes the worker computes while
-the loop sleeps. Computing in the loop while contacts are quick would save the round trip, and was
-rejected: the first slow contact would delay the loop by its full length, and contact with a mesh
-begins with a slow one.
+Two locks hand over: one starts the worker, the other reports that it is done. Only the `direct`
+mode waits for it; in the other modes the worker computes while the loop sleeps. What this costs,
+and why quick contacts are not computed in the loop: docs/design/servo.md.
 """
 
 from __future__ import annotations
 
 import sys
 import threading
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.contact.contacts import Contacts
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.realtime.servo.deadlines import Clock
+from asperity.realtime.servo.deadlines import SystemClock
 from asperity.simulation.tool_contact import ToolContact
 
 MAX_SHOWN = 16
 """Largest number of contacts kept for display."""
+SHOWN = np.dtype(
+    [
+        ("point", "f8", (MAX_SHOWN, 3)), ("normal", "f8", (MAX_SHOWN, 3)),
+        ("force", "f8", (MAX_SHOWN, 3)), ("depth", "f8", MAX_SHOWN),
+    ]
+)  # fmt: skip
+"""What is displayed of contacts: points, normals, forces (n, 3) and depths (n,)."""
 WITHIN, WITHIN_SHARED = 0.75, 0.5
 """Share of a tick for a contact's sub-poses; the rest is for handing it over. Project defaults.
 
@@ -47,12 +50,26 @@ SWITCH_INTERVAL = 5e-5
 
 
 class ShownContacts:
-    """Contacts for display: points, normals, forces (n, 3) and depths (n,)."""
+    """Contacts for display: the fields of `SHOWN`, of which the first `count` rows are valid."""
+
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    force: NDArray[np.float64]
+    depth: NDArray[np.float64]
 
     def __init__(self) -> None:
+        record = np.zeros(1, SHOWN)
         self.count = 0
-        self.point, self.normal, self.force = (np.zeros((MAX_SHOWN, 3)) for _ in range(3))
-        self.depth = np.zeros(MAX_SHOWN)
+        self.numbers: NDArray[np.float64] = record.view(np.float64)
+        for name in SHOWN.names or ():
+            setattr(self, name, record[name][0])
+
+    def take(self, contacts: Contacts, count: int) -> None:
+        """Copy the first `count` of the solver's contacts, as many as there is room for."""
+        self.count = n = min(count, MAX_SHOWN)
+        if n:
+            for name in SHOWN.names or ():
+                getattr(self, name)[:n] = getattr(contacts, name)[:n]
 
 
 class ContactResult:
@@ -69,34 +86,6 @@ class ContactResult:
         """When it was submitted, on the loop's clock [s]."""
 
 
-class ContactSource(Protocol):
-    """What the loop needs of whatever computes contacts."""
-
-    latest: ContactResult
-    busy: bool
-
-    def submit(self, pose: NDArray[np.float64], now: float, *, jumped: bool = False) -> None:
-        """Start computing the contact at a pose (7,). Only when not `busy`.
-
-        Parameters
-        ----------
-        pose : (7,) array
-        now : float
-            [s], on the loop's clock.
-        jumped : bool
-            Whether this is not the tick after the one submitted last.
-        """
-
-    def take(self) -> bool:
-        """Make a contact that is done the `latest`; return whether there was a new one."""
-
-    def wait(self, seconds: float) -> bool:
-        """Wait at most `seconds` for the contact; then do as `take`."""
-
-    def rest(self, seconds: float) -> None:
-        """Wait at most `seconds` for the contact, but do not take it yet."""
-
-
 class ContactWorker:
     """A thread that computes contacts.
 
@@ -104,7 +93,7 @@ class ContactWorker:
     ----------
     stage : ToolContact
         For the worker's use only, except between `pause` and the next `submit`.
-    clock : Clock
+    clock : SystemClock
     within : float
         Share of a tick, counted from submission, for the contact's sub-poses.
     searched : float
@@ -114,7 +103,7 @@ class ContactWorker:
     def __init__(
         self,
         stage: ToolContact,
-        clock: Clock,
+        clock: SystemClock,
         within: float = WITHIN,
         searched: float = SEARCHED,
     ) -> None:
@@ -143,7 +132,16 @@ class ContactWorker:
         return self._thread.native_id or 0
 
     def submit(self, pose: NDArray[np.float64], now: float, *, jumped: bool = False) -> None:
-        """Start computing the contact at a pose, as `ContactSource.submit`."""
+        """Start computing the contact at a pose (7,). Only when not `busy`.
+
+        Parameters
+        ----------
+        pose : (7,) array
+        now : float
+            [s], on the loop's clock.
+        jumped : bool
+            Whether this is not the tick after the one submitted last.
+        """
         self._pose[:] = pose
         self._next.submitted = now
         self._jumped = jumped
@@ -201,14 +199,8 @@ class ContactWorker:
             seconds=max(self.within * dt - gone, 0.0),
             search_seconds=max(self.searched * dt - gone, 0.0),
         )  # fmt: skip
-        contacts, shown = self.stage.contacts, out.shown
-        count = out.linear.count
+        contacts, count = self.stage.contacts, out.linear.count
         out.depth = float(contacts.depth[:count].max()) if count else 0.0
-        shown.count = n = min(count, MAX_SHOWN)
-        if n:
-            shown.point[:n] = contacts.point[:n]
-            shown.normal[:n] = contacts.normal[:n]
-            shown.force[:n] = contacts.force[:n]
-            shown.depth[:n] = contacts.depth[:n]
+        out.shown.take(contacts, count)
         self.stage.count_statuses(self.statuses)
         out.seconds = self._clock.now() - begun

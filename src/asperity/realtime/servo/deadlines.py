@@ -6,23 +6,10 @@ held up does not catch up with a burst of ticks: it continues with the tick that
 skipped ones count as misses.
 
 An operating system wakes a sleeping process late, so the loop sleeps until `SPIN` before the tick
-and then polls the clock. Measured on two cores at 2.5 GHz, Linux 6.18, with other processes
-running: delay of the ticks of an empty loop, in microseconds.
-
-| timer slack | slept until | median | p90 | p99 |
-|---|---|---|---|---|
-| 50 us, the default of Linux | the tick | 72 | 86 | 4049 |
-| | 100 us before | 0 | 31 | 4228 |
-| 1 ns (`scheduling.sharpen_timers`) | the tick | 36 | 52 | 5930 |
-| | 50 us before | 0 | 10 | 133 |
-| | 100 us before | 0 | 0 | 38 |
-
-The tails are due to other processes, which hold a core for up to 4 ms; spinning does not help
-against that.
-
-Sleeping costs more than the time: the core halts, other processes fill its caches, and what follows
-takes two to three times as long. A loop that has a core to itself may therefore poll the clock all
-the time (`BUSY`); see `scheduling.RealTime`.
+and then polls the clock. Sleeping costs more than the time: the core halts, other processes fill
+its caches, and what follows takes two to three times as long. A loop that has a core to itself may
+therefore poll the clock all the time (`BUSY`); see `scheduling.RealTime`. Measurements:
+docs/design/servo.md.
 """
 
 from __future__ import annotations
@@ -30,7 +17,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 from asperity._core.kernels import kernel
 from asperity.errors import require_between
@@ -45,21 +31,8 @@ BUSY = math.inf
 """Value of `spin` for a loop that never sleeps."""
 
 
-class Clock(Protocol):
-    """The loop's source of time."""
-
-    def now(self) -> float:
-        """Return the time from an arbitrary origin [s]; monotonic."""
-
-    def sleep(self, seconds: float) -> None:
-        """Give the processor to others for a time [s]."""
-
-    def give_way(self) -> None:
-        """Keep the processor busy for a moment without holding the interpreter's lock."""
-
-
 class SystemClock:
-    """The operating system's performance counter."""
+    """The operating system's performance counter: `now` and `sleep` in seconds."""
 
     now = staticmethod(time.perf_counter)
     sleep = staticmethod(time.sleep)
@@ -92,12 +65,12 @@ class Pace:
     ----------
     dt : float
         Tick [s], 1e-5 to 0.1.
-    clock : Clock
+    clock : SystemClock
     spin : float
         Time before a tick at which to stop sleeping [s]; `BUSY`: never sleep.
     """
 
-    def __init__(self, dt: float, clock: Clock, *, spin: float = SPIN) -> None:
+    def __init__(self, dt: float, clock: SystemClock, *, spin: float = SPIN) -> None:
         self._dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self._clock = clock
         self._spin = spin

@@ -19,14 +19,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
 from asperity.realtime.devices.calibration import Calibration
-from asperity.realtime.devices.protocol import Device
+from asperity.realtime.devices.protocol import Device, Reading
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
 
 TOP_FORCE = 0.5
@@ -99,32 +99,30 @@ def check_device(
         safe.close()
 
 
+@dataclass
 class _Check:
-    def __init__(
-        self,
-        device: SafeDevice,
-        ask: Callable[[str], None] | None,
-        tell: Callable[[str], None],
-        clock: Callable[[], float],
-        sleep: Callable[[float], None],
-    ) -> None:
-        self._device, self._ask, self._tell = device, ask, tell
-        self._clock, self._sleep = clock, sleep
-        self._reading = device.raw_reading
-        self._zero = np.zeros(6)
-        self._stalls = 0
-        self.notes: list[str] = []
+    device: SafeDevice
+    ask: Callable[[str], None] | None
+    tell: Callable[[str], None]
+    clock: Callable[[], float]
+    sleep: Callable[[float], None]
+    notes: list[str] = field(default_factory=list)
+    stalls: int = 0
+
+    @property
+    def reading(self) -> Reading:
+        return self.device.raw_reading
 
     def listen(self) -> None:
         """Read for a second: count the poses, measure their noise, stop on errors."""
-        places, new, errors = self._readings(_LISTEN)
+        places, new, errors = self._listened(_LISTEN)
         if new < 10:
             raise AsperityError(
-                f"{self._device.name} sent {new} new poses in {_LISTEN:g} s"
+                f"{self.device.name} sent {new} new poses in {_LISTEN:g} s"
                 + (f": {errors[-1]}" if errors else "; is it switched on?")
             )
         if errors:
-            raise AsperityError(f"{self._device.name}: {errors[-1]}")
+            raise AsperityError(f"{self.device.name}: {errors[-1]}")
         spread = float(np.linalg.norm(places.std(axis=0)))
         self._note(
             f"{new / _LISTEN:.0f} new poses a second; moved {spread * 1e3:.3f} mm (rms) meanwhile"
@@ -170,8 +168,8 @@ class _Check:
 
     def forces(self, axes: tuple[str, str, str]) -> float:
         """Push along each axis; return the largest force that was verified [N]."""
-        top = min(TOP_FORCE, self._device.limits.max_force)
-        if self._device.limits.force_dof == 0:
+        top = min(TOP_FORCE, self.device.limits.max_force)
+        if self.device.limits.force_dof == 0:
             self._note("it has no motors to check")
             return 0.0
         self._please(f"Hold it loosely: it will push up to {top:g} N along each axis in turn")
@@ -185,9 +183,9 @@ class _Check:
             )
             return 0.0
         self._note(f"pushed right, away, up with {top:g} N it gave way by {shown} mm that way")
-        if self._stalls:
+        if self.stalls:
             self._note(
-                f"{self._stalls} times no pose came for {_LONGEST_AGE * 1e3:.0f} ms: the computer "
+                f"{self.stalls} times no pose came for {_LONGEST_AGE * 1e3:.0f} ms: the computer "
                 "is busy, or the connection is poor"
             )
         return top
@@ -195,15 +193,15 @@ class _Check:
     def _ramp(self, direction: NDArray[np.float64], towards: str, top: float) -> float:
         """Push along a unit vector; return how far the end effector gave way along it [m]."""
         while (given := self._push(direction, towards, top)) is None:
-            self._stalls += 1
-            began = self._clock()
-            while not (self._device.read(self._clock()) and self._reading.age < _LONGEST_AGE):
+            self.stalls += 1
+            began = self.clock()
+            while not (self.device.read(self.clock()) and self.reading.age < _LONGEST_AGE):
                 self._cut()
-                self._sleep(_TICK)
-                silent = self._clock() - began
-                if self._stalls > _MAX_STALLS or silent > _RECOVERY or self._reading.error:
-                    why = self._reading.error or f"{self._reading.age * 1e3:.0f} ms without a pose"
-                    raise AsperityError(f"{self._device.name} fell silent under force: {why}")
+                self.sleep(_TICK)
+                silent = self.clock() - began
+                if self.stalls > _MAX_STALLS or silent > _RECOVERY or self.reading.error:
+                    why = self.reading.error or f"{self.reading.age * 1e3:.0f} ms without a pose"
+                    raise AsperityError(f"{self.device.name} fell silent under force: {why}")
         if given < -_SEEN:
             raise AsperityError(
                 f"pushed {towards} with {top:g} N it moved {-given * 1e3:.1f} mm the other way: "
@@ -216,70 +214,68 @@ class _Check:
         wrench = np.zeros(6)
         start = self._place()
         given = 0.0
-        began = self._clock()
+        began = self.clock()
         try:
-            while (since := self._clock() - began) < _RISE + _STAY + _FALL:
-                self._device.read(self._clock())
-                if self._reading.age > _LONGEST_AGE and not self._reading.error:
+            while (since := self.clock() - began) < _RISE + _STAY + _FALL:
+                self.device.read(self.clock())
+                if self.reading.age > _LONGEST_AGE and not self.reading.error:
                     return None
                 force = float(np.linalg.norm(wrench[:3]))
-                self._stop_runaway(self._reading.pose[:3] - start, force, towards)
+                self._stop_runaway(self.reading.pose[:3] - start, force, towards)
                 if _RISE < since < _RISE + _STAY:
-                    given = float((self._reading.pose[:3] - start) @ direction)
+                    given = float((self.reading.pose[:3] - start) @ direction)
                 part = min(since / _RISE, 1.0, max(0.0, (_RISE + _STAY + _FALL - since) / _FALL))
                 wrench[:3] = top * part * direction
-                self._device.write(wrench, self._clock())
-                self._sleep(_TICK)
+                self.device.write(wrench, self.clock())
+                self.sleep(_TICK)
         finally:
             self._cut()
         return given
 
     def _stop_runaway(self, move: NDArray[np.float64], force: float, towards: str) -> None:
         """Raise if the end effector runs away or the device reports an error."""
-        if self._reading.error:
-            raise AsperityError(
-                f"{self._device.name} fell silent under force: {self._reading.error}"
-            )
+        if self.reading.error:
+            raise AsperityError(f"{self.device.name} fell silent under force: {self.reading.error}")
         distance = float(np.linalg.norm(move))
-        speed = float(np.linalg.norm(self._reading.twist[:3]))
+        speed = float(np.linalg.norm(self.reading.twist[:3]))
         if not (distance <= RUN_AWAY_DISTANCE and speed <= RUN_AWAY_SPEED):  # also for nan
             raise AsperityError(
                 f"pushed {towards} with {force:.2f} N it ran away ({distance * 1e3:.0f} mm, "
                 f"{speed * 1e3:.0f} mm/s); the force was cut. Hold it, and begin again"
             )
 
-    def _readings(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
+    def _listened(self, seconds: float) -> tuple[NDArray[np.float64], int, list[str]]:
         """Read without force; return positions (n, 3), the number of new ones, and errors."""
         places, errors, new = [], [], 0
-        began = self._clock()
-        while self._clock() - began < seconds:
-            fresh = self._device.read(self._clock())
-            if self._reading.error:
-                errors.append(self._reading.error)
+        began = self.clock()
+        while self.clock() - began < seconds:
+            fresh = self.device.read(self.clock())
+            if self.reading.error:
+                errors.append(self.reading.error)
             if fresh:
                 new += 1
-                places.append(self._reading.pose[:3].copy())
+                places.append(self.reading.pose[:3].copy())
             self._cut()
-            self._sleep(_TICK)
+            self.sleep(_TICK)
         return (np.array(places) if places else np.zeros((1, 3))), new, errors
 
     def _cut(self) -> None:
         """Send zero at once."""
-        self._device.write(self._zero, self._clock(), known=False)
+        self.device.write(np.zeros(6), self.clock(), known=False)
 
     def _place(self) -> NDArray[np.float64]:
         """Return the median position over a tenth of a second [m]."""
-        places, new, errors = self._readings(0.1)
+        places, new, errors = self._listened(0.1)
         if new == 0:
             why = errors[-1] if errors else "no new poses"
-            raise AsperityError(f"{self._device.name} fell silent: {why}")
+            raise AsperityError(f"{self.device.name} fell silent: {why}")
         place: NDArray[np.float64] = np.median(places, axis=0)
         return place
 
     def _please(self, request: str) -> None:
-        if self._ask is not None:
-            self._ask(request)
+        if self.ask is not None:
+            self.ask(request)
 
     def _note(self, line: str) -> None:
         self.notes.append(line)
-        self._tell(line)
+        self.tell(line)

@@ -16,7 +16,7 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from asperity.errors import AsperityError
 from asperity.realtime.shared_file import SequenceLock, SharedFile
 
-if TYPE_CHECKING:
-    from asperity.realtime.servo.snapshot import SnapshotWriter
-
+RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
+"""Names of the files in the shared folder of a session."""
 Ticks = NDArray[np.void]
 """An array of `TICK` records."""
 
@@ -127,32 +126,6 @@ class TickRing:
     def lost(self) -> int:
         """Number of ticks that were dropped because the ring was full."""
         return int(self._lost)
-
-
-class Publisher:
-    """The loop's outputs: a ring, a snapshot, both or neither.
-
-    Parameters
-    ----------
-    ring : TickRing, optional
-    snapshot : SnapshotWriter, optional
-    every : int
-        Ticks from one snapshot to the next.
-    """
-
-    def __init__(
-        self,
-        ring: TickRing | None = None,
-        snapshot: SnapshotWriter | None = None,
-        *,
-        every: int = 1,
-    ) -> None:
-        self.ring, self.snapshot, self.every = ring, snapshot, every
-
-    def push(self, tick: TickRecord) -> None:
-        """Write a tick to the ring, if there is one."""
-        if self.ring is not None:
-            self.ring.push(tick.record)
 
 
 MAX_TEXT = 16_000

@@ -29,10 +29,11 @@ from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.rigid_body import centre_of_mass, shift_wrench
 from asperity.realtime.devices.mapping import Mapping
-from asperity.realtime.servo.contact_worker import ContactSource
-from asperity.realtime.servo.deadlines import BUSY, SPIN, Clock, Pace
-from asperity.realtime.servo.ipc import Publisher, TickRecord
+from asperity.realtime.servo.contact_worker import ContactWorker
+from asperity.realtime.servo.deadlines import BUSY, SPIN, Pace, SystemClock
+from asperity.realtime.servo.ipc import TickRecord, TickRing
 from asperity.realtime.servo.safety import SafeDevice
+from asperity.realtime.servo.snapshot import SnapshotWriter
 from asperity.realtime.servo.stats import Stats
 from asperity.simulation.tool_contact import CUT_SHORT, FALLBACK, LATE, PASSIVITY
 
@@ -55,15 +56,19 @@ class ServoLoop:
         Open.
     mapping : Mapping
     tool : CoupledTool
-    contacts : ContactSource
+    contacts : ContactWorker
     passivity : PassivityController
         If it is not `active`, it only keeps the energy account.
     dt : float
         Tick [s].
-    clock : Clock
+    clock : SystemClock
     guard : float
         Share of a tick kept free after the contact in the direct mode, 0.05 to 0.9.
-    publisher : Publisher
+    ring : TickRing, optional
+        Gets every tick.
+    snapshot : SnapshotWriter, optional
+        Gets every tick whose number is a multiple of `snapshot_every`.
+    snapshot_every : int
     shares : bool
         Whether loop and contacts share a core, which between ticks then belongs to the contact
         first.
@@ -76,13 +81,15 @@ class ServoLoop:
         device: SafeDevice,
         mapping: Mapping,
         tool: CoupledTool,
-        contacts: ContactSource,
+        contacts: ContactWorker,
         passivity: PassivityController,
         *,
         dt: float,
-        clock: Clock,
+        clock: SystemClock,
         guard: float = GUARD,
-        publisher: Publisher | None = None,
+        ring: TickRing | None = None,
+        snapshot: SnapshotWriter | None = None,
+        snapshot_every: int = 1,
         shares: bool = False,
         busy: bool = False,
     ) -> None:
@@ -94,7 +101,7 @@ class ServoLoop:
         self._between_work = self._yield_core if shares else None
         self._clock = clock
         self._guard = require_between("guard", guard, 0.05, 0.9)
-        self._publisher = publisher or Publisher()
+        self._ring, self._snapshot, self._snapshot_every = ring, snapshot, snapshot_every
         self._tick_record = TickRecord()
         self._felt, self._sent, self._handle = np.zeros(6), np.zeros(6), np.zeros(7)
         self._corrected = False
@@ -195,7 +202,8 @@ class ServoLoop:
         missed = now() > self.pace.deadline
         if missed:
             self._tick_record.flags[...] = int(self._tick_record.flags) | LATE
-        self._publisher.push(self._tick_record)
+        if self._ring is not None:
+            self._ring.push(self._tick_record.record)
         ended = now()
         for name, seconds in (
             ("read", read - begun), ("contact_wait", waited - read), ("tool", moved - waited),
@@ -278,12 +286,7 @@ class ServoLoop:
         self._shift_wrench(sent, -reach, sent)
         self.passivity.sent(sent)
 
-    def _publish(
-        self,
-        pose: NDArray[np.float64],
-        twist: NDArray[np.float64],
-        flags: int,
-    ) -> None:
+    def _publish(self, pose: NDArray[np.float64], twist: NDArray[np.float64], flags: int) -> None:
         record, stats, contact = self._tick_record, self.stats, self.contacts.latest
         self._time += (1 + self.pace.skipped) * self.dt
         record.time[...] = self._time
@@ -294,14 +297,14 @@ class ServoLoop:
         record.contact_count[...] = contact.linear.count
         record.flags[...] = flags
         record.penetration_depth[...] = contact.depth
-        if self._publisher.snapshot is not None and self._tick % self._publisher.every == 0:
+        if self._snapshot is not None and self._tick % self._snapshot_every == 0:
             counts = (
                 self.device.reading.buttons, stats.ticks, stats.misses, stats.fallbacks,
                 stats.passivity, self.device.counts.silences,
                 self.device.counts.clamped_force + self.device.counts.clamped_torque,
                 stats.recent_tick.p99, stats.recent_contact.p99,
             )  # fmt: skip
-            self._publisher.snapshot.write(record, twist, self.tool.twist, counts, contact.shown)
+            self._snapshot.write(record, twist, self.tool.twist, counts, contact.shown)
 
 
 def _device_to_scene(mapping: Mapping) -> NDArray[np.float64]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from asperity import __version__
 from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings, DeviceLimits, coupled_body
@@ -66,3 +70,21 @@ class LiveParameters:
         """Return a tool with this coupling, within a device's limits."""
         body = coupled_body(scene.model, scene.tool, mass_scale=self.coupling.mass_scale)
         return CoupledTool(body, self.coupling, dt=self.dt, limits=limits)
+
+
+def attributes_of(
+    scene: Scene, parameters: LiveParameters, *, source: str, device: str = ""
+) -> dict[str, Any]:
+    """Return the attributes of a recording of a running loop with its present parameters."""
+    document = deepcopy(dict(scene.document))
+    force = {"stiffness": parameters.stiffness, "friction": parameters.friction}
+    document["force"] = {**document.get("force", {}), **force}
+    coupling = parameters.coupling
+    document["coupling"] = {k: v for k, v in asdict(coupling).items() if v is not None}
+    return {
+        "scene": scene.name, "source": source, "trajectory": "device", "device": device,
+        "dt": parameters.dt, "anti_alias": scene.anti_alias, "coupling": coupling.mode,
+        "hand": "device", "contact_lag": int(coupling.mode != "direct"), "version": __version__,
+        "document": json.dumps(document), "notes": "\n".join(scene.notes),
+        "begun": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }  # fmt: skip

@@ -13,6 +13,7 @@ import logging
 import signal
 import time
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from multiprocessing.connection import Connection
@@ -24,13 +25,14 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.passivity.controller import MOST_DAMPING, PassivityController
 from asperity.errors import AsperityError
+from asperity.realtime.devices.catalogue import device
 from asperity.realtime.devices.mapping import Mapping
 from asperity.realtime.devices.protocol import Device
 from asperity.realtime.devices.simulated import SimulatedDevice
 from asperity.realtime.servo import scheduling
 from asperity.realtime.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHARED, ContactWorker
 from asperity.realtime.servo.deadlines import SystemClock
-from asperity.realtime.servo.ipc import Mailbox, ParentProcess, Publisher, TickRing
+from asperity.realtime.servo.ipc import MAILBOX, RING, SNAPSHOT, Mailbox, ParentProcess, TickRing
 from asperity.realtime.servo.loop import GUARD, ServoLoop
 from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.safety import SafeDevice, SafetySettings
@@ -42,8 +44,6 @@ from asperity.simulation.press import touching_pose
 from asperity.simulation.simulation import Simulation
 from asperity.simulation.tool_contact import ToolContact
 
-RING, SNAPSHOT, MAILBOX = "ring", "snapshot", "mailbox"
-"""Names of the files in the shared folder."""
 _GO_POLLING = 1e-3
 """Time between two looks of a held loop for its release [s]."""
 _CLEARANCE = 2e-3
@@ -115,6 +115,12 @@ class ServoSpec(LoopSettings):
     held: bool = False
     folders: tuple[Path, ...] = ()
     guard: float = GUARD
+
+
+def named_device(name: str, options: dict[str, Any]) -> Device:
+    """Return a device of the catalogue; deprecated: use `functools.partial(device, name)`."""
+    warnings.warn("named_device is deprecated: use device", DeprecationWarning, stacklevel=2)
+    return device(name, **options)
 
 
 def simulated_device(scene: Scene, motion: ScriptedMotion | Trajectory, dt: float) -> Device:
@@ -202,11 +208,9 @@ def _run(
         dt=parameters.dt,
         clock=clock,
         guard=spec.guard,
-        publisher=Publisher(
-            ring,
-            SnapshotWriter(folder / SNAPSHOT),
-            every=max(1, round(spec.rate / SHOWN_RATE)),
-        ),
+        ring=ring,
+        snapshot=SnapshotWriter(folder / SNAPSHOT),
+        snapshot_every=max(1, round(spec.rate / SHOWN_RATE)),
         shares=core is not None,
         busy=busy,
     )
@@ -290,8 +294,7 @@ class _BetweenTicks:
         loop, scene = self._loop, self._spec.scene
         tool = parameters.tool(scene, loop.device.limits)
         tool.reset(loop.tool.pose)
-        stage = loop.contacts.stage  # type: ignore[attr-defined]
-        stage.change(force=parameters.force(scene.force), dt=parameters.dt)
+        loop.contacts.stage.change(force=parameters.force(scene.force), dt=parameters.dt)
         loop.tool = tool
         if parameters.dt != loop.dt:
             loop.passivity.dt = parameters.dt

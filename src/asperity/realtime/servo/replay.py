@@ -107,10 +107,7 @@ def differences(recording: Recording, rollout: Rollout, dt: float) -> dict[str, 
     lag = int(recording.attributes.get("contact_lag", 0))
     there = (row < len(rollout.time)) & (row >= lag)
     untouched = there & (recording.flags & TOUCHED == 0)
-    out: dict[str, Any] = {
-        "ticks": int(there.sum()),
-        "ticks_untouched": int(untouched.sum()),
-    }
+    out: dict[str, Any] = {"ticks": int(there.sum()), "ticks_untouched": int(untouched.sum())}
     for what, shift in (("contact_wrench", lag), ("device_wrench", 0)):
         apart = np.zeros((len(row), 6))
         apart[there] = getattr(rollout, what)[row[there] - shift] - getattr(recording, what)[there]

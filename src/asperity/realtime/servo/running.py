@@ -7,7 +7,7 @@ import shutil
 import signal
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.ipc import RING_SECONDS, TICK, Mailbox, TickRing, Ticks
+from asperity.realtime.servo.ipc import (
+    MAILBOX,
+    RING,
+    RING_SECONDS,
+    SNAPSHOT,
+    TICK,
+    Mailbox,
+    TickRing,
+    Ticks,
+)
 from asperity.realtime.servo.parameters import LiveParameters
-from asperity.realtime.servo.process import MAILBOX, RING, SNAPSHOT, ServoSpec, serve
-from asperity.realtime.servo.recorder import record
+from asperity.realtime.servo.process import ServoSpec, serve
+from asperity.realtime.servo.recorder import Recorder
 from asperity.realtime.servo.scheduling import keep_off_core
 from asperity.realtime.servo.snapshot import Snapshot, SnapshotReader
 from asperity.realtime.shared_file import shared_folder
@@ -68,17 +77,13 @@ class Servo:
         self._mailbox = Mailbox(self._folder / MAILBOX, create=True)
         spawn = multiprocessing.get_context("spawn")
         self._report, theirs = spawn.Pipe(duplex=False)
-        self._ring = self._recorder = None
+        self._ring: TickRing | None = None
+        self._recorder: Recorder | None = None
         self._recorded: dict[str, Any] = {"ticks": 0, "error": ""}
         if recording is not None or rows:
             self._ring = TickRing(self._folder / RING, int(RING_SECONDS * spec.rate))
-        if recording is not None:
-            self._recorder_report, recorder_end = spawn.Pipe(duplex=False)
-            self._recorder = spawn.Process(
-                target=record, name="asperity-recorder",
-                args=(self._folder / RING, recording, dict(attributes or {}), recorder_end),
-            )  # fmt: skip
-            self._recorder_end = recorder_end
+            if recording is not None:
+                self._recorder = Recorder(self._folder, self._ring, recording, attributes or {})
         self.process = spawn.Process(
             target=serve,
             name="asperity-servo",
@@ -94,7 +99,7 @@ class Servo:
     @property
     def recorder(self) -> Any:
         """The recorder's process, or None."""
-        return self._recorder
+        return self._recorder.process if self._recorder is not None else None
 
     @property
     def snapshot_path(self) -> Path:
@@ -114,34 +119,31 @@ class Servo:
         AsperityError
             The loop could not begin; the message explains why.
         """
-        return self._or_finished(self._start)
-
-    def go(self) -> dict[str, Any]:
-        """Let a held loop open its device and tick; return as `start` does."""
-        return self._or_finished(self._go)
-
-    def _or_finished(self, begin: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        try:
-            return begin()
-        except AsperityError:
-            with suppress(AsperityError):
-                self.finish()
-            raise
-
-    def _start(self) -> dict[str, Any]:
         if self._recorder is not None:
             self._recorder.start()
-            self._recorder_end.close()
         self.process.start()
         self._servo_end.close()
         return self._wait_until("held" if self.spec.held else "ready")
 
-    def _go(self) -> dict[str, Any]:
+    def go(self) -> dict[str, Any]:
+        """Let a held loop open its device and tick; return as `start` does."""
         self._mailbox.go()
         return self._wait_until("ready")
 
     def _wait_until(self, wanted: str) -> dict[str, Any]:
         """Wait for the servo process to report "held" or "ready"; return what it sent."""
+        try:
+            ready = self._reported(wanted)
+        except AsperityError:
+            with suppress(AsperityError):
+                self.finish()
+            raise
+        core, recorder = ready.get("core"), self.recorder
+        if core is not None and recorder is not None and recorder.pid is not None:
+            self._recorder_core["recorder"] = keep_off_core(core, recorder.pid)
+        return ready
+
+    def _reported(self, wanted: str) -> dict[str, Any]:
         until = time.monotonic() + STARTING
         while not self._report.poll(0.05):
             if not self.process.is_alive() and not self._report.poll(0.0):
@@ -152,11 +154,7 @@ class Servo:
         if kind != wanted:
             self._result = (kind, what)
             raise AsperityError(str(what))
-        ready: dict[str, Any] = what
-        core = ready.get("core")
-        if core is not None and self._recorder is not None and self._recorder.pid is not None:
-            self._recorder_core["recorder"] = keep_off_core(core, self._recorder.pid)
-        return ready
+        return dict(what)
 
     @property
     def is_alive(self) -> bool:
@@ -224,7 +222,6 @@ class Servo:
                 self.process.kill()
                 self.process.join()
         recorded = self._finish_recorder()
-        kind: str
         what: Any
         kind, what = self._result or ("failed", f"the servo process ended ({self._exit()})")
         if kind == "failed":
@@ -257,21 +254,10 @@ class Servo:
         return kind, what
 
     def _finish_recorder(self) -> dict[str, Any]:
-        if self._recorder is None or self._ring is None or self._recorder.pid is None:
-            return self._recorded
-        # The servo process closes the ring itself, unless it was killed.
-        self._ring.close()
-        if self._recorder_report.poll(4 * ENDING):
-            try:
-                self._recorded = self._recorder_report.recv()
-            except EOFError:
-                self._recorded["error"] = "the recorder was killed"
-        self._recorder.join(ENDING)
-        if self._recorder.is_alive():
-            self._recorder.kill()
-            self._recorder.join()
-        self._recorder, lost = None, self._ring.lost
-        self._recorded = {**self._recorded, "ticks_lost": lost}
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None and recorder.process.pid is not None:
+            # The servo process closes the ring itself, unless it was killed.
+            self._recorded = recorder.finish(4 * ENDING)
         return self._recorded
 
     def _exit(self) -> str:

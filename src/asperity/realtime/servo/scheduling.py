@@ -109,10 +109,8 @@ def keep_off_core(core: int, process: int) -> str:
 def share_core(core: int, threads: Sequence[int]) -> str:
     """Run threads of this process on one core; return the outcome.
 
-    Handing over to a thread on another core first wakes that core, whose caches are cold. On a
-    virtual machine with two cores, the same contact took 0.3 ms on another core and 0.1 ms alone;
-    of the probe's contacts in the hand 2 to 3 % were late on two cores, 0.3 to 0.8 % on one, and 0
-    to 0.02 % on one that never sleeps and that the recorder is kept off.
+    Handing over to a thread on another core first wakes that core, whose caches are cold; what that
+    costs: docs/design/servo.md.
     """
     return _attempt(lambda: f"on {_stay_on(core, threads)}, with the loop")
 

@@ -15,9 +15,8 @@ import numpy as np
 from asperity._core.output import growing_folder
 from asperity.drawing.renderer.contact import ContactMoment
 from asperity.errors import AsperityError
-from asperity.realtime.servo.parameters import LiveParameters
+from asperity.realtime.servo.parameters import LiveParameters, attributes_of
 from asperity.realtime.servo.process import ServoSpec
-from asperity.realtime.servo.recording_on_request import attributes_of
 from asperity.realtime.servo.running import Servo
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.runs.recording import Recording, read_recording
@@ -28,6 +27,8 @@ from asperity.simulation.tool_contact import ToolContact
 
 POLLING = 0.1
 """Time between two looks of the parent at the loop [s]."""
+_TICK_US = ("p95", "p99", "p999", "max")
+_RESULTS = ("timing", "safety", "recorder", "real_time", "ended", "passivity")
 
 
 def run_session(
@@ -97,17 +98,10 @@ def _write(spec: ServoSpec, folder: Path, result: dict[str, Any], figures: bool)
         "seconds": float(recording.time[-1]),
     }  # fmt: skip
     summary = summary_of(spec.scene, motion, rollout)
-    timing = result["timing"]
-    tick = timing["stages_us"]["tick"]
+    tick = result["timing"]["stages_us"]["tick"]
     summary["tick_seconds"] = 1.0 / spec.rate
-    summary["tick_us"] = {
-        "median": tick["p50"],
-        **{k: tick[k] for k in ("p95", "p99", "p999", "max")},
-    }
-    summary |= {
-        name: result[name] for name in ("timing", "safety", "recorder", "real_time", "ended")
-    }
-    summary["passivity"] = result["passivity"]
+    summary["tick_us"] = {"median": tick["p50"], **{name: tick[name] for name in _TICK_US}}
+    summary |= {name: result[name] for name in _RESULTS}
     run = Run(rollout, _moment(spec.scene, rollout), summary)
     write_summary(run, folder / "summary.json")
     if figures:

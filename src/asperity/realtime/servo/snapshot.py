@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
-from asperity.realtime.servo.contact_worker import MAX_SHOWN, ShownContacts
+from asperity.realtime.servo.contact_worker import SHOWN, ShownContacts
 from asperity.realtime.servo.ipc import TICK, TickRecord
 from asperity.realtime.shared_file import SequenceLock, SharedFile
 
@@ -33,8 +33,7 @@ SNAPSHOT = np.dtype(
         *[(name, TICK[name]) for name in _LIKE_TICK],
         ("handle_twist", "f8", 6), ("tool_twist", "f8", 6),
         *[(name, "f8") for name in _COUNTS],
-        ("shown", "f8"), ("point", "f8", (MAX_SHOWN, 3)), ("normal", "f8", (MAX_SHOWN, 3)),
-        ("force", "f8", (MAX_SHOWN, 3)), ("depth", "f8", MAX_SHOWN),
+        ("shown", "f8"), *[(name, SHOWN[name]) for name in SHOWN.names or ()],
     ]
 )  # fmt: skip
 """The snapshot file after its sequence number (int64): doubles in this order, for any language.
@@ -46,7 +45,6 @@ FIELDS = {name: SNAPSHOT[name].shape or (1,) for name in SNAPSHOT.names or ()}
 _SNAPSHOT_OFFSETS = {name: field[1] for name, field in (SNAPSHOT.fields or {}).items()}
 _SNAPSHOT_FILE = np.dtype([("sequence", "i8"), ("snapshot", SNAPSHOT)])
 _SECONDS = ("time", "tick_p99", "contact_p99")
-_CONTACT_FIELDS = ("point", "normal", "force", "depth")
 _ATTEMPTS = 1000
 
 
@@ -94,15 +92,11 @@ class Snapshot(NamedTuple):
     @staticmethod
     def of(record: NDArray[np.void]) -> Snapshot:
         """Return what a record of dtype `SNAPSHOT` holds."""
-        n = int(record["shown"])
-        values: dict[str, Any] = {}
-        for name in Snapshot._fields:
-            value = record[name]
-            if name in _CONTACT_FIELDS:
-                values[name] = value[:n]
-            elif value.ndim:
-                values[name] = value
-            else:
+        values: dict[str, Any] = {name: record[name] for name in Snapshot._fields}
+        for name, value in values.items():
+            if name in (SHOWN.names or ()):
+                values[name] = value[: int(record["shown"])]
+            elif not value.ndim:
                 values[name] = float(value) if name in _SECONDS else int(value)
         return Snapshot(**values)
 
@@ -116,16 +110,13 @@ class SnapshotWriter:
         self._lock = SequenceLock(record["sequence"])
         snapshot = record["snapshot"]
         self._handle_twist, self._tool_twist = snapshot["handle_twist"], snapshot["tool_twist"]
-        self._point, self._normal = snapshot["point"], snapshot["normal"]
-        self._force, self._depth = snapshot["force"], snapshot["depth"]
-        # Neighbouring fields as one array each: one assignment instead of seven and ten.
-        self._like_tick = self._numbers("time", "handle_twist")
-        self._counts = self._numbers("buttons", "point")
-
-    def _numbers(self, first: str, end: str) -> NDArray[np.float64]:
-        """Return the numbers from one field to before another."""
-        start, stop = (_SNAPSHOT_OFFSETS[name] for name in (first, end))
-        return self._file.array(np.float64, ((stop - start) // 8,), 8 + start)
+        # Neighbouring fields as one array each: one assignment instead of seven, ten and four.
+        numbers = self._file.array(np.float64, (SNAPSHOT.itemsize // 8,), 8)
+        twists, counts, contacts = (
+            _SNAPSHOT_OFFSETS[name] // 8 for name in ("handle_twist", "buttons", "point")
+        )
+        self._like_tick, self._counts = numbers[:twists], numbers[counts:contacts]
+        self._contacts = numbers[contacts:]
 
     def write(
         self,
@@ -146,17 +137,12 @@ class SnapshotWriter:
             The fields of `Snapshot` from `buttons` to `contact_p99`.
         contacts : ShownContacts
         """
-        n = contacts.count
         with self._lock:
             self._like_tick[:] = tick.numbers[: len(self._like_tick)]
             self._handle_twist[:] = handle_twist
             self._tool_twist[:] = tool_twist
-            self._counts[:] = (*counts, n)
-            if n:
-                self._point[:n] = contacts.point[:n]
-                self._normal[:n] = contacts.normal[:n]
-                self._force[:n] = contacts.force[:n]
-                self._depth[:n] = contacts.depth[:n]
+            self._counts[:] = (*counts, contacts.count)
+            self._contacts[:] = contacts.numbers
 
 
 class SnapshotReader:

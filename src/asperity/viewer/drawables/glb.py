@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -52,41 +52,41 @@ def glb(
     """
     painted = places is not None and image is not None
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-    parts: list[tuple[NDArray[Any], int, str, int]] = [
-        (np.ascontiguousarray(vertices, np.float32), _ARRAYS, "VEC3", _FLOAT),
-        (np.ascontiguousarray(normals, np.float32), _ARRAYS, "VEC3", _FLOAT),
-        (np.ascontiguousarray(places, np.float32), _ARRAYS, "VEC2", _FLOAT)
-        if painted
-        else (np.ascontiguousarray(linear, np.float32), _ARRAYS, "VEC3", _FLOAT),
-        (np.ascontiguousarray(faces, np.uint32).reshape(-1), _INDICES, "SCALAR", _UINT),
+    arrays: list[NDArray[Any]] = [
+        np.ascontiguousarray(array, np.float32)
+        for array in (vertices, normals, places if painted else linear)
     ]
-    views: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
-    at = 0
-    for array, target, kind, component in parts:
-        views.append({"buffer": 0, "byteOffset": at, "byteLength": array.nbytes, "target": target})
-        accessors.append(
-            {
-                "bufferView": len(accessors), "componentType": component, "type": kind,
-                "count": len(array), **_bounds(array, len(accessors) == 0),
-            }
-        )  # fmt: skip
-        at += array.nbytes
+    arrays.append(np.ascontiguousarray(faces, np.uint32).reshape(-1))
+    accessors: list[dict[str, Any]] = [
+        {
+            "bufferView": i, "count": len(array),
+            "componentType": _FLOAT if array.ndim == 2 else _UINT,
+            "type": f"VEC{array.shape[1]}" if array.ndim == 2 else "SCALAR",
+        }
+        for i, array in enumerate(arrays)
+    ]  # fmt: skip
+    if len(vertices):  # the format requires the bounds of positions
+        low, high = arrays[0].min(axis=0), arrays[0].max(axis=0)
+        accessors[0] |= {"min": low.tolist(), "max": high.tolist()}
     surface: dict[str, Any] = {"metallicFactor": metallic, "roughnessFactor": roughness}
     tree: dict[str, Any] = {}
-    blocks = [array.tobytes() for array, *_ in parts]
+    blocks = [array.tobytes() for array in arrays]
     if painted and image is not None:
         surface["baseColorTexture"] = {"index": 0}
-        blocks.append(_jpeg(image))
-        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(blocks[-1])})
-        at += len(blocks[-1])
         tree = {
-            "images": [{"bufferView": len(views) - 1, "mimeType": "image/jpeg"}],
+            "images": [{"bufferView": len(blocks), "mimeType": "image/jpeg"}],
             # Without mipmaps: a triangle is stretched into its region of the image, and the
             # level chosen for its narrow side would blur stripes across the wide one.
             "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR}],
             "textures": [{"source": 0, "sampler": 0}],
         }
+        blocks.append(_jpeg(image))
+    views: list[dict[str, Any]] = []
+    at = 0
+    for block, target in zip_longest(blocks, (_ARRAYS, _ARRAYS, _ARRAYS, _INDICES)):
+        of = {"target": target} if target else {}
+        views.append({"buffer": 0, "byteOffset": at, "byteLength": len(block), **of})
+        at += len(block)
     attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0" if painted else "COLOR_0": 2}
     tree |= {
         "asset": {"version": "2.0"},
@@ -108,13 +108,6 @@ def _jpeg(image: NDArray[np.uint8]) -> bytes:
     out = io.BytesIO()
     Image.fromarray(image).save(out, "JPEG", quality=_QUALITY, subsampling=0)
     return out.getvalue()
-
-
-def _bounds(array: NDArray[Any], wanted: bool) -> dict[str, Sequence[float]]:
-    """Return the bounds that the format requires of positions."""
-    if not wanted or not len(array):
-        return {}
-    return {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
 
 
 def _file(text: bytes, data: bytes) -> bytes:

@@ -11,11 +11,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES
 from asperity.realtime.devices.catalogue import ENTRIES as DEVICES
 from asperity.realtime.devices.catalogue import MODELS, device
 from asperity.scene.builtin import SCENES
 from asperity.viewer.changes import (
+    METHODS,
     method_of,
     methods_for,
     with_device,
@@ -44,42 +47,23 @@ class ControlsPanel(Panel):
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the controls."""
         self._servo = servo
-        gui, scene = server.gui, servo.config.scene
-        names = list(SCENES)
-        own = [] if servo.config.source in names else [OWN]
-        self._scene = gui.add_dropdown(
-            "scene", [*own, *names], initial_value=OWN if own else servo.config.source
-        )
-        self._scene.on_update(self._choose_scene)
+        gui, force = server.gui, servo.config.scene.force
+        hardware = [name for name, entry in DEVICES.items() if not entry.steady]
+        self._scene = gui.add_dropdown("scene", list(SCENES))
         with gui.add_folder("Force"):
-            self._stiffness = gui.add_slider(
-                "stiffness [N/m]", *STIFFNESS, 10.0, _within(scene.force.stiffness, STIFFNESS)
-            )
-            self._friction = gui.add_slider(
-                "friction", *FRICTION, 0.01, _within(scene.force.friction, FRICTION)
-            )
-            self._method = gui.add_dropdown(
-                "law", methods_for(scene), initial_value=method_of(scene)
-            )
+            self._stiffness = gui.add_slider("stiffness [N/m]", *STIFFNESS, 10.0, STIFFNESS[0])
+            self._friction = gui.add_slider("friction", *FRICTION, 0.01, FRICTION[0])
+            self._method = gui.add_dropdown("law", list(METHODS))
             self._softness = gui.add_number(
-                "softness [um]", round(1e6 * scene.force.softness, 3), min=0.1, max=1000.0,
-                step=0.1, hint="Of the soft maximum", visible=scene.force.gradient == "soft",
+                "softness [um]", round(1e6 * force.softness, 3), min=0.1, max=1000.0, step=0.1,
+                hint="Of the soft maximum",
             )  # fmt: skip
         with gui.add_folder("Hand and loop"):
-            self._coupling = gui.add_dropdown(
-                "coupling", COUPLING_MODES, initial_value=scene.coupling.mode
-            )
-            hardware = (name for name, entry in DEVICES.items() if not entry.steady)
-            devices = ["mouse", *hardware, *MODELS]
-            chosen = servo.config.device
-            self._device = gui.add_dropdown(
-                "device", devices if chosen in devices else [chosen, *devices],
-                initial_value=chosen,
-            )  # fmt: skip
-            rate = f"{servo.config.rate:.0f}"
-            self._rate = gui.add_dropdown(
-                "rate [Hz]", RATES if rate in RATES else (rate, *RATES), initial_value=rate
-            )
+            self._coupling = gui.add_dropdown("coupling", COUPLING_MODES)
+            self._device = gui.add_dropdown("device", ["mouse", *hardware, *MODELS])
+            self._rate = gui.add_dropdown("rate [Hz]", RATES)
+        self._show_values()
+        self._scene.on_update(self._choose_scene)
         self._stiffness.on_update(self._of_loop(lambda v: {"stiffness": float(v)}))
         self._friction.on_update(self._of_loop(lambda v: {"friction": float(v)}))
         self._coupling.on_update(
@@ -100,10 +84,13 @@ class ControlsPanel(Panel):
         if frame.generation == self._generation or self._under_way:
             return
         self._generation = frame.generation
+        self._show_values()
+
+    def _show_values(self) -> None:
         config, parameters = self._servo.config, self._servo.parameters
         scene = config.scene
-        self._stiffness.value = _within(parameters.stiffness, STIFFNESS)
-        self._friction.value = _within(parameters.friction, FRICTION)
+        self._stiffness.value = float(np.clip(parameters.stiffness, *STIFFNESS))
+        self._friction.value = float(np.clip(parameters.friction, *FRICTION))
         self._method.options = methods_for(scene)
         self._method.value = method_of(scene)
         self._softness.visible = scene.force.gradient == "soft"
@@ -166,7 +153,3 @@ class ControlsPanel(Panel):
             self._under_way -= 1
         if not done:
             self._generation = -1
-
-
-def _within(value: float, bounds: tuple[float, float]) -> float:
-    return float(min(max(value, bounds[0]), bounds[1]))

@@ -76,19 +76,18 @@ class MousePanel(Panel):
             "The green ghost is your hand, to which the tool is coupled."
         )
         self._take = gui.add_button("Control the tool from this tab", icon="hand-grab")
-        self._take.on_click(self._take_control)
+        self._take.on_click(lambda event: self.holder.take(event.client_id, time.monotonic()))
         self._home = gui.add_button("Lift off", hint="Return to the hand's initial pose")
         self._home.on_click(self._lift_off)
         with gui.add_folder("Canned motions"):
             motion = servo.config.scene.motion
             own = motion if isinstance(motion, ScriptedMotion) else ScriptedMotion()
             self._kind = gui.add_dropdown("motion", KINDS)
-            self._speed = gui.add_slider(
-                "speed [mm/s]", *(1e3 * s for s in SPEEDS), 1.0, _within(1e3 * own.speed, 500.0)
-            )
-            self._length = gui.add_slider(
-                "length [mm]", *(1e3 * s for s in LENGTHS), 1.0, _within(1e3 * own.length, 200.0)
-            )
+            speeds, lengths = ([1e3 * value for value in b] for b in (SPEEDS, LENGTHS))
+            speed = min(max(round(1e3 * own.speed), speeds[0]), speeds[1])
+            length = min(max(round(1e3 * own.length), lengths[0]), lengths[1])
+            self._speed = gui.add_slider("speed [mm/s]", *speeds, 1.0, speed)
+            self._length = gui.add_slider("length [mm]", *lengths, 1.0, length)
             self._direction = gui.add_slider(
                 "direction [deg]", -180.0, 180.0, 1.0, round(np.degrees(own.direction))
             )
@@ -140,9 +139,6 @@ class MousePanel(Panel):
         self._gizmo.position = tuple((UNITS * position).tolist())
         self._gizmo.wxyz = tuple(pose[3:].tolist())
 
-    def _take_control(self, event: Any) -> None:
-        self.holder.take(event.client_id, time.monotonic())
-
     def _lift_off(self, event: Any) -> None:
         if self._allowed(event):
             self._stop_motion()
@@ -189,7 +185,3 @@ class MousePanel(Panel):
         if snapshot is not None:
             self._servo.point(snapshot.handle_pose)
             self._put(self._servo.target)
-
-
-def _within(value: float, most: float) -> float:
-    return float(min(max(round(value), 1.0), most))

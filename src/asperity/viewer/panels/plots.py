@@ -32,6 +32,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Okabe & Ito (2008), as in the figures."""
 _WRENCHES = {"on the tool": "contact_wrench", "in the hand": "device_wrench"}
 _AXES = ("x", "y", "z")
+_TIME = "time from the moment shown [s]"
 
 
 class PlotsPanel(Panel):
@@ -66,20 +67,19 @@ class PlotsPanel(Panel):
             ("acceleration", "acceleration [m/s²]", _AXES, 1.0),
             ("depth", "penetration depth [mm]", ("deepest contact",), 0.01),
         ):
-            self._plots[name] = _time_plot(gui, label, lines, least, 3 if name == "depth" else 0)
+            first, low = (3, 0.0) if name == "depth" else (0, -least)
+            series = [
+                {"label": n, "stroke": c} for n, c in zip(lines, COLOURS[first:], strict=False)
+            ]
+            self._plots[name] = _plot(gui, label, _TIME, (-5.0, 0.0), (low, least), series)
         low, high = DEFAULT_BAND
-        self._plots["spectrum"] = gui.add_uplot(
-            (np.zeros(2), np.full(2, np.nan), np.full(2, np.nan)),
-            (
-                {"label": "Hz"},
-                {"label": f"{low:g}-{high:g} Hz", "fill": "rgba(230,159,0,0.22)",
-                 "stroke": "rgba(230,159,0,0.9)", "width": 0, "points": {"show": False}},
-                {"label": "m/s²", "stroke": COLOURS[0], "width": 1, "points": {"show": False}},
-            ),
-            title="spectrum of the acceleration, last 2 s",
-            scales={"x": {"time": False, "range": (0.0, 500.0)}, "y": {"range": _range(0.0, 0.1)}},
-            axes=_axes("frequency [Hz]"), height=_HEIGHT, legend={"live": False},
-            padding=(2, 14, 0, 0),
+        band = {
+            "label": f"{low:g}-{high:g} Hz", "fill": "rgba(230,159,0,0.22)",
+            "stroke": "rgba(230,159,0,0.9)", "width": 0,
+        }  # fmt: skip
+        self._plots["spectrum"] = _plot(
+            gui, "spectrum of the acceleration, last 2 s", "frequency [Hz]", (0.0, 500.0),
+            (0.0, 0.1), [band, {"label": "m/s²", "stroke": COLOURS[0]}],
         )  # fmt: skip
 
     def update(self, frame: Frame) -> None:
@@ -141,34 +141,22 @@ def traces_of_ticks(ticks: Ticks, wrench: str = "contact_wrench") -> Traces:
     )
 
 
-def _time_plot(gui: Any, label: str, lines: tuple[str, ...], least: float, first: int) -> Any:
-    """Add a plot over the last seconds whose range is never smaller than +-`least`."""
-    empty = (np.zeros(2), *(np.full(2, np.nan) for _ in lines))
-    series = [
-        {"label": name, "stroke": COLOURS[first + i], "width": 1, "points": {"show": False}}
-        for i, name in enumerate(lines)
-    ]
+def _plot(
+    gui: Any, title: str, along: str, x: tuple[float, float], least: tuple[float, float],
+    lines: list[dict[str, Any]],
+) -> Any:  # fmt: skip
+    """Add a plot that shows `x`, and at least the heights `least`."""
+    low, high = ({"pad": 0.1, "soft": limit, "mode": 1} for limit in least)
     return gui.add_uplot(
-        empty,
-        ({"label": "s"}, *series),
-        title=label,
-        scales={
-            "x": {"time": False, "range": (-5.0, 0.0)},
-            "y": {"range": _range(0.0 if len(lines) == 1 else -least, least)},
-        },
-        axes=_axes("time from the moment shown [s]"),
-        height=_HEIGHT,
-        legend={"live": False},
-        padding=(2, 14, 0, 0),
-    )
-
-
-def _range(least: float, most: float) -> dict[str, Any]:
-    """Return axis limits that the data may extend but not shrink."""
-    return {
-        "min": {"pad": 0.1, "soft": least, "mode": 1},
-        "max": {"pad": 0.1, "soft": most, "mode": 1},
-    }
+        (np.zeros(2), *(np.full(2, np.nan) for _ in lines)),
+        (
+            {"label": along[along.index("[") + 1 : -1]},
+            *({"width": 1, "points": {"show": False}, **line} for line in lines),
+        ),
+        title=title,
+        scales={"x": {"time": False, "range": x}, "y": {"range": {"min": low, "max": high}}},
+        axes=_axes(along), height=_HEIGHT, legend={"live": False}, padding=(2, 14, 0, 0),
+    )  # fmt: skip
 
 
 def _axes(label: str) -> tuple[dict[str, Any], dict[str, Any]]:

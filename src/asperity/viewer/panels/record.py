@@ -12,8 +12,8 @@ from typing import Any
 from asperity._core.output import growing_folder
 from asperity.errors import AsperityError
 from asperity.realtime.servo.ipc import TICK, Ticks
-from asperity.realtime.servo.parameters import LiveParameters
-from asperity.realtime.servo.recording_on_request import RecorderOnRequest, attributes_of
+from asperity.realtime.servo.parameters import LiveParameters, attributes_of
+from asperity.realtime.servo.recorder import RecorderOnRequest
 from asperity.realtime.servo.replay import SCENE_BESIDE
 from asperity.runs.recording import add_attribute
 from asperity.viewer.downloads import add_downloads

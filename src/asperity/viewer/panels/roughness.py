@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from asperity.drawing.pages import render
 from asperity.runs.tool_motion import Roughness, last_run, roughness
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
@@ -66,29 +67,7 @@ class RoughnessPanel(Panel):
 
 def _card(numbers: Roughness | None, missed: float) -> str:
     """Return the metrics as HTML."""
-    if numbers is None:
-        band, along, under = "&ndash;", "&ndash;", "not in contact for half of the last second"
-    else:
-        band, along = f"{numbers.band_rms:.2f}", f"{numbers.max_along:.2f}"
-        under = f"last {WINDOW:g} s, mean speed {numbers.speed * 1e3:.0f} mm/s"
-    warning = (
-        f'<div style="color:#b54708;font-size:0.75em">{missed:.0%} of the ticks were missed: their '
-        "gaps shake the tool as well</div>"
-        if missed > _MISSED
-        else ""
-    )
-    return (
-        '<div data-asperity="roughness" style="padding:0.3em 0.6em;line-height:1.25">'
-        '<div style="display:flex;gap:1.6em">'
-        + _number(band, f"band metric, {_LOW:g}&ndash;{_HIGH:g} Hz")
-        + _number(along, "max u''")
-        + f'</div><div style="opacity:0.7;font-size:0.75em">{under}</div>{warning}</div>'
-    )
-
-
-def _number(value: str, label: str) -> str:
-    return (
-        f'<div><div style="font-size:1.5em;font-weight:600">{value}'
-        '<span style="font-size:0.55em;font-weight:400"> m/s&sup2;</span></div>'
-        f'<div style="opacity:0.7;font-size:0.75em">{label}</div></div>'
-    )
+    return render(
+        "live_roughness.html", numbers=numbers, missed=missed, most_missed=_MISSED, window=WINDOW,
+        band=DEFAULT_BAND,
+    )  # fmt: skip

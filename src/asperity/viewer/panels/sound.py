@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 
+from asperity.drawing.pages import render
 from asperity.errors import AsperityError
 from asperity.runs import export
 from asperity.viewer.live_sound import LiveSound
@@ -88,12 +89,7 @@ class SoundPanel(Panel):
             return
         seconds = sound.samples.size / sound.rate
         data = base64.b64encode(export.wav_bytes(sound)).decode()
-        self._audio.content = (
-            '<audio controls data-asperity="sound" style="width:100%" '
-            f'src="data:audio/wav;base64,{data}"></audio>'
-            f'<div style="font-size:0.75em;opacity:0.7;padding:0 0.5em">{seconds:.2f} s; full '
-            f"scale is {sound.gain:.3g} m/s&sup2;</div>"
-        )
+        self._audio.content = render("live_clip.html", data=data, seconds=seconds, gain=sound.gain)
 
     def _switched(self) -> None:
         self.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
+from asperity.drawing.pages import render
 from asperity.viewer.drawables.colours import DOUBTFUL, WELL, WRONG
 from asperity.viewer.notify import attempt
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
@@ -14,11 +15,6 @@ EVERY = 8
 """Page updates between two updates of the numbers."""
 _MISSES, _FALLBACKS = 0.02, 0.10
 """Shares of a second's ticks shown as wrong; smaller ones are doubtful; project defaults."""
-_ROW = (
-    '<tr><td style="padding:1px 6px 1px 0;color:#555">{name}</td>'
-    '<td style="text-align:right;font-variant-numeric:tabular-nums;font-weight:600;color:{colour}">'
-    '{value}</td><td style="padding-left:4px;color:#777">{unit}</td></tr>'
-)
 
 
 def judged(value: float, doubtful: float, wrong: float) -> str:
@@ -59,11 +55,7 @@ def rows_of(frame: Frame, wanted: float) -> list[tuple[str, str, str, str]]:
 
 def table(rows: list[tuple[str, str, str, str]]) -> str:
     """Return the rows as an HTML table."""
-    cells = "".join(
-        _ROW.format(name=escape(n), value=escape(v), unit=escape(u), colour=c)
-        for n, v, u, c in rows
-    )
-    return f'<div style="padding:0 1em;font-size:0.85em"><table>{cells}</table></div>'
+    return render("live_status.html", rows=rows)
 
 
 class StatusPanel(Panel):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
+from asperity.drawing.pages import render
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.scene.mesh import MESHES
+from asperity.scene.scene import Scene
 from asperity.texture.patterns.patterns import PATTERNS
 from asperity.viewer.changes import (
     AS_IT_IS,
@@ -70,13 +73,13 @@ class TexturesPanel(Panel):
                 button = gui.add_upload_button(
                     f"Mesh of the {which}", icon="upload", mime_type=".stl,.obj,.ply,.glb"
                 )
-                button.on_upload(self._mesh_dropped(which))
+                button.on_upload(self._dropped("Mesh", partial(self._keep_mesh, which)))
             self._unit = gui.add_dropdown("unit of the files", list(UNITS), initial_value="mm")
             self._build = gui.add_button("Make a scene of them", color="green")
         self._message = gui.add_markdown("")
         for control in (self._body, self._kind):
             control.on_update(self._show_sizes)
-        self._drop.on_upload(self._image_dropped)
+        self._drop.on_upload(self._dropped("Image", self._keep_image))
         self._apply.on_click(self._applied)
         self._build.on_click(self._built)
 
@@ -114,37 +117,31 @@ class TexturesPanel(Panel):
             self._relief.value = round(1e3 * field.relief, 5)
             self._pixel.value = round(1e6 * field.pixel_size[0], 4)
 
-    def _image_dropped(self, event: Any) -> None:
-        file = event.target.value
+    def _dropped(self, what: str, keep: Callable[[str, bytes], str]) -> Callable[[Any], None]:
+        """Return the callback of an upload, which `keep` stores; it returns the message."""
 
-        def keep() -> None:
-            path = self._uploads.image(file.name, file.content)
-            self._image = {"file": str(path), "border": "wrap"}
-            self._kind.value = FILE
-            self._show_now()
-            self._message.content = (
-                "The image has been uploaded: set its height and pixel size, then Apply."
-            )
-
-        if not attempt(event, "Image", keep):
-            self._message.content = "The file was refused; nothing has changed."
-
-    def _mesh_dropped(self, which: str) -> Any:
         def dropped(event: Any) -> None:
             file = event.target.value
+            self._message.content = "The file was refused; nothing has changed."
 
-            def keep() -> None:
-                path = self._uploads.mesh(file.name, file.content)
-                self._meshes[which] = {"file": str(path)}
-                self._choices[which].value = FILE
-                self._message.content = (
-                    f"The {which}'s mesh has been uploaded: set its unit, then make a scene."
-                )
+            def store() -> None:
+                self._message.content = keep(file.name, file.content)
 
-            if not attempt(event, "Mesh", keep):
-                self._message.content = "The file was refused; nothing has changed."
+            attempt(event, what, store)
 
         return dropped
+
+    def _keep_image(self, name: str, content: bytes) -> str:
+        path = self._uploads.image(name, content)
+        self._image = {"file": str(path), "border": "wrap"}
+        self._kind.value = FILE
+        self._show_now()
+        return "The image has been uploaded: set its height and pixel size, then Apply."
+
+    def _keep_mesh(self, which: str, name: str, content: bytes) -> str:
+        self._meshes[which] = {"file": str(self._uploads.mesh(name, content))}
+        self._choices[which].value = FILE
+        return f"The {which}'s mesh has been uploaded: set its unit, then make a scene."
 
     def _applied(self, event: Any) -> None:
         body, kind = self._body.value, self._kind.value
@@ -187,18 +184,11 @@ class TexturesPanel(Panel):
         self._message.content = "A scene of meshes." if done else "Nothing has changed."
 
 
-def _legend(scene: Any) -> str:
+def _legend(scene: Scene) -> str:
     """Return the legend of the height colours, with the range of each textured body."""
-    lines = [
+    ranges = [
         f"{body.name}: {1e3 * body.texture.lowest:.3g} to {1e3 * body.texture.highest:.3g} mm"
         for body in scene.bodies
         if body.texture is not None
     ]
-    if not lines:
-        return ""
-    ranges = "<br>".join(lines)
-    return (
-        '<div style="padding:0.4em 1em;font-size:0.85em">Colour by height, low to high'
-        f'<div style="height:0.7em;border-radius:3px;background:{css_gradient()}"></div>'
-        f"{ranges}</div>"
-    )
+    return render("live_heights.html", ranges=ranges, gradient=css_gradient())

@@ -11,17 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
-from asperity.viewer.panels.panel import Frame, Panel
-from asperity.viewer.server.access import (
-    TokenGate,
-    guarded,
-    is_local,
-    own_origin,
-    require_address,
-)
+from asperity.viewer.panels.panel import Frame, Panel, ViewModel
+from asperity.viewer.server.access import TokenGate, guarded, is_local, own_origin, require_address
 from asperity.viewer.server.transfers import bound_uploads
 from asperity.viewer.servo_client import ServoClient
-from asperity.viewer.view_model import ViewModel
 
 if TYPE_CHECKING:
     import viser

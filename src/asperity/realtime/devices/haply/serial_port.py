@@ -29,8 +29,7 @@ from asperity.errors import AsperityError
 from asperity.realtime.devices.orientation import TurnRate, unit_quaternion
 from asperity.realtime.devices.polling_thread import Measurement, PolledDevice, PollingThread
 from asperity.realtime.devices.presets import PRESETS
-from asperity.realtime.devices.protocol import Limits, Reading
-from asperity.realtime.devices.wrench_check import ZERO
+from asperity.realtime.devices.protocol import ZERO, Limits, Reading
 
 _TIMEOUT = 0.05
 _FARTHEST = 2.0
@@ -168,6 +167,13 @@ class HaplyHardwareDevice(PolledDevice):
         self._rate.add(self._clock(), orientation)
         nowhere = (0.0, 0.0, 0.0)
         return Measurement(nowhere, nowhere, orientation, self._rate.rate, int(status["buttons"]))
+
+
+def attached() -> list[str]:
+    """Return the ports of the connected Inverse3 devices; ImportError without the package."""
+    import HaplyHardwareAPI as api  # noqa: N813
+
+    return list(api.detect_inverse3s())
 
 
 def _require_port(port: str) -> None:

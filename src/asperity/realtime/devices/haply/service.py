@@ -3,13 +3,7 @@
 The service answers each message with one frame of state and sends nothing else. A `PollingThread`
 sends the newest force, waits for its frame, and waits for the next force. So there is never more
 than one force on the way, however slow the service is, and the pose of a tick answers the force of
-the previous tick.
-
-Polling a non-blocking socket from the servo's own thread was tried first, and is still measured in
-`benchmarks/bench_devices.py`. Sending wakes the service, which now and then takes the servo's core
-for a time slice. Over eight runs on two cores, most of them busy, the servo's read and write took
-0.4 to 6.4 ms (p99.9) that way, and 0.1 to 0.8 ms with the thread; in seven of them more ticks were
-late without the thread (with both cores occupied by others, a third of them against a seventh).
+the previous tick. Why a thread: docs/design/servo.md.
 
 - *When writes stop*, the thread sends zero after 20 ms. If the process is killed, nothing is sent
   any more: commands are documented as non-persistent, the service then idles and the force ends.
@@ -48,8 +42,7 @@ from asperity.realtime.devices.polling_thread import (
     UnusableError,
 )
 from asperity.realtime.devices.presets import PRESETS
-from asperity.realtime.devices.protocol import Limits
-from asperity.realtime.devices.wrench_check import ZERO
+from asperity.realtime.devices.protocol import ZERO, Limits
 
 URI = "ws://localhost:10001"
 _SILENCE = 0.25
