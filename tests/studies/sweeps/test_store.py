@@ -59,7 +59,7 @@ def test_the_store_is_a_dataset_with_named_dimensions_and_units(whole, study, tm
         warnings.simplefilter("error")
         with xr.open_zarr(tmp_path / "a.zarr", chunks=None) as data:
             assert data["band_rms"].identical(whole["band_rms"])
-    session = stores.SweepStore(tmp_path / "a.zarr", study).sessions()[0]
+    session = stores.SweepStore(tmp_path / "a.zarr", study).sessions[0]
     assert session["computed"] == 48
     assert session["revision"] is None or len(session["revision"]) >= 40
     assert "numba" in session["program"]

@@ -107,8 +107,8 @@ class LevelsRenderer(Renderer):
         bodies = place_bodies(scene)
         self._probe = voxmap.LOW.renderer(scene, dt)
         self._each = smooth_area(bodies.tool) / len(self._probe.shell.points)
-        names = [body.name for body in scene.bodies]
-        self._number = [names.index(there.body.name) for there in bodies.standing]
+        numbers = range(len(scene.bodies))
+        self._number = [i for i in numbers if scene.bodies[i] is not bodies.tool]
         self._renderers: dict[tuple[int, int], SolverRenderer] = {}
         self.used_levels: dict[str, int] = {}
         """The level used for each body at the last pose."""
@@ -147,11 +147,8 @@ class LevelsRenderer(Renderer):
         """Return the renderer of the tool against one body, at one level."""
         if (level, number) not in self._renderers:
             scene = self._scene
-            two = tuple(
-                body
-                for i, body in enumerate(self.levels[level].bodies)
-                if i == number or body.name == scene.tool
-            )
+            bodies = self.levels[level].bodies
+            two = tuple(b for i, b in enumerate(bodies) if i == number or b.name == scene.tool)
             pair = replace(scene, bodies=two)
             self._renderers[level, number] = SolverRenderer(pair, scene.force, self._dt)
         return self._renderers[level, number]

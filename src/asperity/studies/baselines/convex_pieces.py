@@ -81,21 +81,17 @@ class ConvexRenderer(Renderer):
         data.qpos[self._qpos : self._qpos + 7] = pose
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        deepest: dict[tuple[int, int], int] = {}
         pairs, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
-        for i in range(data.ncon):
-            pair = int(pairs[i, 0]), int(pairs[i, 1])
-            of_tool = [int(model.geom_bodyid[geom]) == self._tool for geom in pair]
-            if distance[i] >= 0.0 or of_tool[0] == of_tool[1]:
-                continue
-            if pair not in deepest or distance[i] < distance[deepest[pair]]:
-                deepest[pair] = i
+        of_tool = model.geom_bodyid[pairs] == self._tool
+        deepest: dict[tuple[int, ...], int] = {}
+        for i in np.flatnonzero((distance < 0.0) & (of_tool[:, 0] != of_tool[:, 1])):
+            best = deepest.setdefault(tuple(pairs[i].tolist()), i)
+            if distance[i] < distance[best]:
+                deepest[tuple(pairs[i].tolist())] = i
         which = np.array(list(deepest.values()), dtype=np.int64)
-        if not which.size:
-            return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
         # MuJoCo's normal points from the first geom to the second.
-        first = model.geom_bodyid[pairs[which, 0]] == self._tool
-        normals = data.contact.frame[which, :3] * np.where(first, -1.0, 1.0)[:, None]
+        signs = np.where(of_tool[which, 0], -1.0, 1.0)
+        normals = data.contact.frame[which, :3] * signs[:, None]
         return np.array(data.contact.pos[which]), normals, -np.array(distance[which])
 
     def wrench(self, pose: Array) -> MethodWrench:

@@ -60,7 +60,12 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
     centre, radius = bounding_ball(body)
     view = ViewBall(centre, 1.01 * radius, max(round(2.02 * radius / spacing), 8))
     if body.mesh is not None:
-        return _of_mesh(body, view)
+        return _joined([
+            DisplacedSurface(
+                sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3), sheet.triangles()
+            )
+            for sheet in mesh_sheets(body, _STILL, view)
+        ])  # fmt: skip
     parts = []
     if body.texture is None:
         # The renderer samples smooth faces with a third of the points.
@@ -81,7 +86,7 @@ def displaced_surface(body: Body, spacing: float, *, smooth: bool = False) -> Di
 
 def _skirts(
     body: Body, face: GeomFace, points: Array, shown: NDArray[np.bool_]
-) -> Iterator[DisplacedSurface]:  # fmt: skip
+) -> Iterator[DisplacedSurface]:
     """Yield strips from the borders of a displaced face down to its base.
 
     Where two faces meet at an edge, each is displaced along its own normal and the surface opens.
@@ -114,20 +119,9 @@ def _of_grid(points: Array, normals: Array, shown: NDArray[np.bool_]) -> Displac
     """Return a grid of points (a, b, 3) as triangles, without those that are hidden."""
     flat, outwards = points.reshape(-1, 3), normals.reshape(-1, 3)
     faces = facing_outwards(flat, outwards, grid_triangles(*shown.shape))
-    keep = shown.ravel()
-    faces = faces[keep[faces].any(axis=1)]
-    used = np.zeros(keep.size, bool)
-    used[faces] = True
-    number = np.cumsum(used) - 1
-    return DisplacedSurface(flat[used], outwards[used], number[faces])
-
-
-def _of_mesh(body: Body, view: ViewBall) -> DisplacedSurface:
-    parts = []
-    for sheet in mesh_sheets(body, _STILL, view):
-        points, normals = sheet.points.reshape(-1, 3), sheet.normals.reshape(-1, 3)
-        parts.append(DisplacedSurface(points, normals, sheet.triangles()))
-    return _joined(parts)
+    faces = faces[shown.ravel()[faces].any(axis=1)]
+    used, number = np.unique(faces, return_inverse=True)
+    return DisplacedSurface(flat[used], outwards[used], number.reshape(faces.shape))
 
 
 def _joined(parts: list[DisplacedSurface]) -> DisplacedSurface:
@@ -144,9 +138,8 @@ def bounding_ball(body: Body) -> tuple[Array, float]:
     if body.mesh is not None:
         low, high = body.mesh.vertices.min(axis=0), body.mesh.vertices.max(axis=0)
     else:
-        boxes = [_box(geom) for geom in body.geoms]
-        low = np.min([a for a, _ in boxes], axis=0)
-        high = np.max([b for _, b in boxes], axis=0)
+        boxes = np.array([_box(geom) for geom in body.geoms])
+        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
@@ -172,8 +165,7 @@ def area(surface: DisplacedSurface) -> float:
 
 def smooth_area(body: Body) -> float:
     """Return the approximate area of the smooth surface of a body [m^2]."""
-    _, radius = bounding_ball(body)
-    return area(displaced_surface(body, radius / 50.0, smooth=True))
+    return area(displaced_surface(body, bounding_ball(body)[1] / 50.0, smooth=True))
 
 
 def is_unbounded(body: Body) -> bool:

@@ -17,7 +17,7 @@ asperity's force (see `contact.response`) computed in another way, with one cont
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,8 +54,9 @@ class Meshes:
     """The full-detail mesh and the smooth mesh of a body, for FCL."""
 
     def __init__(self, full: DisplacedSurface, smooth: DisplacedSurface) -> None:
-        self.full = full
-        self.normals = _face_normals(full)
+        mean = full.normals[full.faces].sum(axis=1)
+        self.normals = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+        """Means of the normals at each triangle's corners, (m, 3)."""
         self.object, self.smooth = _object(full), _object(smooth)
 
     def place(self, rotation: Array, position: Array) -> None:
@@ -76,25 +77,24 @@ def _object(surface: DisplacedSurface) -> Any:
     return fcl.CollisionObject(mesh, fcl.Transform())
 
 
-def _face_normals(surface: DisplacedSurface) -> Array:
-    """Return the mean of the normals at each triangle's corners, (m, 3)."""
-    mean = surface.normals[surface.faces].sum(axis=1)
-    return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12))
-
-
+@dataclass(eq=False)
 class FullMeshRenderer(Renderer):
     """Renders the meshes of a tool against those of the other bodies."""
 
-    def __init__(
-        self, tool: Meshes, others: list[tuple[Meshes, Standing]], centre: Array,
-        stiffness: float, tolerance: float,
-    ) -> None:  # fmt: skip
-        self.tool, self.others = tool, others
-        self._centre, self._stiffness, self._tolerance = centre, stiffness, tolerance
-        for meshes, there in others:
+    tool: Meshes
+    others: list[tuple[Meshes, Standing]]
+    centre: Array
+    """The tool's centre of mass in its frame [m], (3,)."""
+    stiffness: float
+    """k [N/m]."""
+    tolerance: float
+    """Tolerance of the depth [m]."""
+    queries: int = field(default=0, init=False)
+    """Number of queries to FCL."""
+
+    def __post_init__(self) -> None:
+        for meshes, there in self.others:
             meshes.place(there.rotation, there.position)
-        self.queries = 0
-        """Number of queries to FCL."""
         self.reset()
 
     def reset(self) -> None:
@@ -105,7 +105,7 @@ class FullMeshRenderer(Renderer):
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         rotation = rotation_of(pose[3:])
-        middle = centre_at(pose, self._centre)
+        middle = centre_at(pose, self.centre)
         force, torque, deepest, count = np.zeros(3), np.zeros(3), 0.0, 0
         for i, (other, there) in enumerate(self.others):
             self.tool.place(rotation, pose[:3])
@@ -118,7 +118,7 @@ class FullMeshRenderer(Renderer):
             depth, found = self._separate(other, rotation, pose[:3], n, self._last[i])
             self._last[i] = depth
             m, place = self._touch(other, there, rotation, n, found)
-            push = self._stiffness * depth * m
+            push = self.stiffness * depth * m
             force += push
             torque += np.cross(place - depth * n - middle, push)
             deepest, count = max(deepest, depth), count + 1
@@ -167,11 +167,11 @@ class FullMeshRenderer(Renderer):
             while low > 0.0 and not meets(low):
                 high, low, step = low, low - 2.0 * step, 2.0 * step
             low = max(low, 0.0)
-        while high - low > self._tolerance:
+        while high - low > self.tolerance:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if meets(middle) else (low, middle)
         # Slightly deeper: coplanar faces touch in no particular place.
-        return low, meets(max(low - 0.5 * self._tolerance, 0.0), _LAST)
+        return low, meets(max(low - 0.5 * self.tolerance, 0.0), _LAST)
 
     def _touch(
         self, other: Meshes, there: Standing, rotation: Array, n: Array, found: list[Any]

@@ -44,30 +44,22 @@ _SAME_WAY = 0.9
 """Least cosine between the directions of local minima that count as one."""
 
 
+@dataclass(eq=False)
 class LmdRenderer(Renderer):
-    """Renders the tree of the tool against those of the bodies around it.
+    """Renders the tree of the tool against those of the bodies around it."""
 
-    Parameters
-    ----------
-    tool : Tree
-    others : list of (Tree, Standing)
-    centre : (3,) array
-        The tool's centre of mass in its frame [m].
-    stiffness : float
-        k [N/m].
-    stand_off : float
-        s [m].
-    merged : float
-        Local minima within this distance of one with a smaller distance are dropped [m].
-    """
+    tool: Tree
+    others: list[tuple[Tree, Standing]]
+    centre: Array
+    """The tool's centre of mass in its frame [m], (3,)."""
+    stiffness: float
+    """k [N/m]."""
+    stand_off: float
+    """s [m]."""
+    merged: float
+    """Local minima within this distance of one with a smaller distance are dropped [m]."""
 
-    def __init__(
-        self, tool: Tree, others: list[tuple[Tree, Standing]], centre: Array, *,
-        stiffness: float, stand_off: float, merged: float,
-    ) -> None:  # fmt: skip
-        self.tool, self.others = tool, others
-        self._centre, self._stiffness = centre, stiffness
-        self._stand_off, self._merged = stand_off, merged
+    def __post_init__(self) -> None:
         self._points, self._distances = np.empty((_MOST, 3, 3)), np.empty(_MOST)
         self._crossing = np.empty((2, 3))
         self.looked = np.zeros(2, np.int64)
@@ -87,7 +79,7 @@ class LmdRenderer(Renderer):
         for tree, there in self.others:
             rotation, shift = there.relative(pose)
             found = local_minima(
-                self.tool, tree, rotation, shift, self._stand_off, self._points, self._distances,
+                self.tool, tree, rotation, shift, self.stand_off, self._points, self._distances,
                 self.looked,
             )  # fmt: skip
             own = self._points[:found] @ there.rotation.T
@@ -101,17 +93,17 @@ class LmdRenderer(Renderer):
                     place = place + there.position
                     points.append(np.array([[place, place, direction / size]]))
                     distances.append(np.zeros(1))
-        return _merged(np.concatenate(points), np.concatenate(distances), self._merged)
+        return _merged(np.concatenate(points), np.concatenate(distances), self.merged)
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         points, distances = self.minima(pose)
         if not len(distances):
             return NOTHING
-        forces = self._stiffness * (self._stand_off - distances)[:, None] * points[:, 2]
-        arms = points[:, 0] - centre_at(pose, self._centre)
+        forces = self.stiffness * (self.stand_off - distances)[:, None] * points[:, 2]
+        arms = points[:, 0] - centre_at(pose, self.centre)
         torque = np.cross(arms, forces).sum(axis=0)
-        deepest = self._stand_off - float(distances[0])
+        deepest = self.stand_off - float(distances[0])
         return MethodWrench(forces.sum(axis=0), torque, deepest, len(distances))
 
 

@@ -54,29 +54,22 @@ _LOW_PASS = 125.0
 """Corner frequency of the low-pass filter of the velocity [rad/s]."""
 
 
+@dataclass(eq=False)
 class VibrationRenderer(Renderer):
-    """Renders the smooth contact of a scene with a vibration added.
+    """Renders the smooth contact of a scene with a vibration added."""
 
-    Parameters
-    ----------
-    smooth : SolverRenderer
-    model : TextureModel
-        At the rate of the poses.
-    centre : (3,) array
-        The tool's centre of mass in its frame [m].
-    mass : float
-        m [kg].
-    dt : float
-        Time between poses [s].
-    """
+    smooth: SolverRenderer
+    synthesiser: Synthesiser
+    """Of a model at the rate of the poses."""
+    centre: Array
+    """The tool's centre of mass in its frame [m], (3,)."""
+    mass: float
+    """m [kg]."""
+    dt: float
+    """Time between poses [s]."""
 
-    def __init__(
-        self, smooth: SolverRenderer, model: TextureModel, centre: Array, *, mass: float,
-        dt: float, seed: int,
-    ) -> None:  # fmt: skip
-        self.smooth, self.synthesiser = smooth, Synthesiser(model, seed=seed)
-        self._centre, self._mass, self._dt = centre, mass, dt
-        self._share = -math.expm1(-_LOW_PASS * dt)
+    def __post_init__(self) -> None:
+        self._share = -math.expm1(-_LOW_PASS * self.dt)
         self.reset()
 
     def reset(self) -> None:
@@ -89,7 +82,7 @@ class VibrationRenderer(Renderer):
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
         wrench = self.smooth.wrench(pose)
-        moved = np.zeros(3) if self._last is None else (pose[:3] - self._last) / self._dt
+        moved = np.zeros(3) if self._last is None else (pose[:3] - self._last) / self.dt
         self._velocity += self._share * (moved - self._velocity)
         self._last = np.array(pose[:3])
         normal = float(np.linalg.norm(wrench.force))
@@ -99,10 +92,10 @@ class VibrationRenderer(Renderer):
         a = self.synthesiser.next(speed, normal)
         if normal == 0.0 or speed == 0.0:
             return wrench
-        force = self._mass * a * np.cross(n, along / speed)
+        force = self.mass * a * np.cross(n, along / speed)
         contacts = self.smooth.solver.contacts
         deepest = int(np.argmax(contacts.depth[: wrench.contacts]))
-        arm = contacts.point[deepest] - centre_at(pose, self._centre)
+        arm = contacts.point[deepest] - centre_at(pose, self.centre)
         return wrench._replace(
             force=wrench.force + force, torque=wrench.torque + np.cross(arm, force)
         )
@@ -157,10 +150,8 @@ class VibrationMethod(Method):
             sample = enlarge_sample(scene)
             runs = explore(sample, SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass)
             model = fit(runs, name=scene.name).model
-        return VibrationRenderer(
-            base, at_rate(model, 1.0 / dt), place_bodies(scene).centre, mass=self.mass, dt=dt,
-            seed=self.seed,
-        )  # fmt: skip
+        synthesiser = Synthesiser(at_rate(model, 1.0 / dt), seed=self.seed)
+        return VibrationRenderer(base, synthesiser, place_bodies(scene).centre, self.mass, dt)
 
 
 def enlarge_sample(scene: Scene) -> Scene:

@@ -8,11 +8,6 @@ from asperity._core.kernels import inner_kernel
 
 
 @inner_kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner_kernel
 def _segments(p, p2, q, q2, out):
     """Return the squared distance of two segments; write their nearest points to `out` (2, 3).
 

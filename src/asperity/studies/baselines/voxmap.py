@@ -24,7 +24,7 @@ memory and points allow. *Low detail*: of the smooth surfaces, coarser.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -201,45 +201,36 @@ def shell_forces(shell, voxmap, rotation, translation, centre, out):
     return deepest, contacts
 
 
+@dataclass(eq=False)
 class VoxmapRenderer(Renderer):
-    """Renders a pointshell against voxmaps.
+    """Renders a pointshell against voxmaps."""
 
-    Parameters
-    ----------
-    shell : Pointshell
-    maps : sequence of (Voxmap, Standing)
-    centre : (3,) array
-        The tool's centre of mass in its frame [m].
-    stiffness : float
-        K of one point [N/m].
-    """
-
-    def __init__(
-        self, shell: Pointshell, maps: list[tuple[Voxmap, Standing]], centre: Array,
-        stiffness: float,
-    ) -> None:  # fmt: skip
-        self.shell, self.maps = shell, maps
-        self._centre, self._stiffness = centre, stiffness
-        self._sums = ShellWrench(np.zeros(3), np.zeros(3))
-        self.touching: list[int] = []
-        """Number of points that touched each body at the last pose."""
+    shell: Pointshell
+    maps: list[tuple[Voxmap, Standing]]
+    centre: Array
+    """The tool's centre of mass in its frame [m], (3,)."""
+    stiffness: float
+    """K of one point [N/m]."""
+    touching: list[int] = field(default_factory=list, init=False)
+    """Number of points that touched each body at the last pose."""
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
+        sums = ShellWrench(np.zeros(3), np.zeros(3))
         force, torque, deepest = np.zeros(3), np.zeros(3), 0.0
         self.touching = []
         for grid, there in self.maps:
             depth, contacts = shell_forces(
-                self.shell, grid, *there.relative(pose), self._centre, self._sums
+                self.shell, grid, *there.relative(pose), self.centre, sums
             )
-            force += there.rotation @ self._sums.force
-            torque += there.rotation @ self._sums.torque
+            force += there.rotation @ sums.force
+            torque += there.rotation @ sums.torque
             deepest = max(deepest, float(depth))
             self.touching.append(int(contacts))
         touching = sum(self.touching)
         if touching == 0:
             return NOTHING
-        scale = self._stiffness * min(1.0, SUMMED / touching)
+        scale = self.stiffness * min(1.0, SUMMED / touching)
         return MethodWrench(scale * force, scale * torque, deepest, touching)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,13 +17,7 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
 from asperity.simulation.simulation import Simulation
 from asperity.studies.baselines import METHODS, Method, Renderer
-from asperity.studies.comparison.drive import (
-    DrivenRun,
-    find_pressing_height,
-    follow_path,
-    mean_push,
-    raise_path,
-)
+from asperity.studies.comparison import drive
 from asperity.studies.comparison.properties import (
     STEPS,
     Properties,
@@ -80,7 +75,7 @@ class MethodResult(NamedTuple):
     """Duration of its preparation [s]."""
     height: float
     """Height of its path above asperity's [m]."""
-    run: DrivenRun | None
+    run: drive.DrivenRun | None
     reference_tick: float | None
     """Median tick of asperity just before and after it [s]."""
     spectrum: ForceSpectrum | None
@@ -164,15 +159,12 @@ def compare(
     progress("asperity's path", 0)
     poses = make_path(scene, settings)
     reference = REFERENCE.prepare(scene, dt=settings.dt)
-    push = mean_push(reference, poses)
+    push = drive.mean_push(reference, poses)
     if push <= 0.0:
         raise AsperityError(
             f"on this motion the tool of scene {scene.name!r} is not pushed up: nothing to compare"
         )
-    rows = []
-    for method in methods:
-        row = _row(method, scene, settings, poses, push, reference, progress)
-        rows.append(row)
+    rows = [_row(method, scene, settings, poses, push, reference, progress) for method in methods]
     return Comparison(scene, settings, poses, push, rows)
 
 
@@ -191,40 +183,43 @@ def _row(
     progress(f"{method.label}: preparing", 0)
     properties = None
     if settings.properties:
-        done = 0
-
-        def step() -> None:
-            nonlocal done
-            done += 1
-            progress(f"{method.label}: properties", round(100 * done / STEPS))
-
+        step = _counter(progress, f"{method.label}: properties", STEPS)
         properties = measure_properties(method, step)
     failed = MethodResult(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
     if failed.reason is not None:
         return failed
-    done = 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        if done % 50 == 0:
-            progress(f"{method.label}: ticks", round(100 * done / len(poses)))
-
+    tick = _counter(progress, f"{method.label}: ticks", len(poses), every=50)
     begun = time.perf_counter()
     try:
         renderer = method.prepare(scene, dt=settings.dt)
         preparing = time.perf_counter() - begun
         progress(f"{method.label}: pressing", 0)
-        height = 0.0 if method is REFERENCE else find_pressing_height(renderer, poses, push)
+        height = 0.0 if method is REFERENCE else drive.find_pressing_height(renderer, poses, push)
         # Right before the run: preparing may take minutes, in which the machine's speed changes.
-        before = follow_path(reference, poses[_REFERENCE_TICKS]).seconds
-        run = follow_path(renderer, raise_path(poses, height), budget=settings.budget, on_tick=tick)
+        before = drive.follow_path(reference, poses[_REFERENCE_TICKS]).seconds
+        run = drive.follow_path(
+            renderer, drive.raise_path(poses, height), budget=settings.budget, on_tick=tick
+        )
     except AsperityError as error:
         return failed._replace(reason=str(error))
     except MemoryError:  # the other methods must still run
         return failed._replace(reason="it needs more memory than there is")
-    after = follow_path(reference, poses[_REFERENCE_TICKS]).seconds
+    after = drive.follow_path(reference, poses[_REFERENCE_TICKS]).seconds
     reference_tick = float(np.median(np.concatenate([before, after])))
     frequency, level = force_spectrum(run.force, settings.dt)
     spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))
     return MethodResult(method, None, preparing, height, run, reference_tick, spectrum, properties)
+
+
+def _counter(
+    progress: Callable[[str, int], None], what: str, total: int, *, every: int = 1
+) -> Callable[[], None]:
+    """Return a function that reports, every so many calls, how many of `total` there were [%]."""
+    numbers = itertools.count(1)
+
+    def count() -> None:
+        done = next(numbers)
+        if done % every == 0:
+            progress(what, round(100 * done / total))
+
+    return count

@@ -130,13 +130,7 @@ def follow_path(
         on_tick()
         if budget is not None and i >= 63 and clock() - begun > budget:
             break
-    return DrivenRun(
-        np.array([row.force for row in rows]),
-        np.array([row.torque for row in rows]),
-        np.array([row.depth for row in rows]),
-        np.array([row.contacts for row in rows]),
-        np.array(seconds),
-    )
+    return DrivenRun(*map(np.array, zip(*rows, strict=True)), np.array(seconds))
 
 
 def simulate_resting_hand(

@@ -19,14 +19,7 @@ from asperity.runs.figures import across_mean
 from asperity.scene.scene import Scene
 from asperity.studies.baselines import Method, Renderer
 from asperity.studies.baselines.placement import place_bodies
-from asperity.studies.comparison import stimuli
-from asperity.studies.comparison.drive import (
-    DrivenRun,
-    find_pressing_height,
-    follow_path,
-    raise_path,
-    simulate_resting_hand,
-)
+from asperity.studies.comparison import drive, stimuli
 from asperity.studies.stability.measure import Symptoms
 
 Array = NDArray[np.float64]
@@ -149,9 +142,9 @@ class _Bench:
     def _prepared(self, scene: Scene) -> tuple[Scene, Renderer]:
         return scene, self._method.prepare(scene)
 
-    def _slid(self, ready: tuple[Scene, Renderer], force: float = stimuli.FORCE) -> DrivenRun:
+    def _slid(self, ready: tuple[Scene, Renderer], force: float = stimuli.FORCE) -> drive.DrivenRun:
         """Slide along the path, pressed to a mean force."""
-        return follow_path(ready[1], _pressed_path(*ready, force))
+        return drive.follow_path(ready[1], _pressed_path(*ready, force))
 
     def torque(self) -> tuple[float, str]:
         """Measure the torque that texture exerts on a sliding flat foot."""
@@ -181,12 +174,12 @@ class _Bench:
         """Compare two speeds, one four times the other, over equal times, to and fro."""
         scene, renderer = self._ball()
         path = stimuli.straight_path(scene, stimuli.SPEED)
-        height = find_pressing_height(renderer, path, stimuli.FORCE)
+        height = drive.find_pressing_height(renderer, path, stimuli.FORCE)
         sizes = []
         for share, passes in ((0.5, 2), (2.0, 8)):
-            there = raise_path(stimuli.straight_path(scene, share * stimuli.SPEED), height)
+            there = drive.raise_path(stimuli.straight_path(scene, share * stimuli.SPEED), height)
             poses = np.concatenate([there, there[::-1]] * (passes // 2))
-            sizes.append(tangential_rms(follow_path(renderer, poses).force))
+            sizes.append(tangential_rms(drive.follow_path(renderer, poses).force))
         slow, fast = sizes
         value = 0.0 if slow <= 1e-6 else 100.0 * abs(fast / slow - 1.0)
         return value, f"{1e3 * slow:.3g} and {1e3 * fast:.3g} mN"
@@ -202,7 +195,7 @@ class _Bench:
         """Compare the forces on one plate made of 1, 4 and 16 boxes, along the same path."""
         poses = _pressed_path(*self._ball())
         one, *others = (
-            follow_path(self._ball(boxes=boxes)[1], poses).force for boxes in (1, 4, 16)
+            drive.follow_path(self._ball(boxes=boxes)[1], poses).force for boxes in (1, 4, 16)
         )
         return _difference(one, others)
 
@@ -212,7 +205,9 @@ class _Bench:
         poses = _pressed_path(scene, renderer)
         pose = poses[len(poses) // 2].copy()
         pose[0] = 0.25 * stimuli.WAVELENGTH
-        return simulate_resting_hand(renderer, pose, place_bodies(scene).centre, stimuli.FORCE)
+        return drive.simulate_resting_hand(
+            renderer, pose, place_bodies(scene).centre, stimuli.FORCE
+        )
 
 
 def _smooth(scene: Scene) -> Scene:
@@ -222,10 +217,10 @@ def _smooth(scene: Scene) -> Scene:
 def _pressed_path(scene: Scene, renderer: Renderer, force: float = stimuli.FORCE) -> Array:
     """Return the poses (n, 7) of the path, pressed to a mean force [N]."""
     path = stimuli.straight_path(scene, stimuli.SPEED)
-    return raise_path(path, find_pressing_height(renderer, path, force))
+    return drive.raise_path(path, drive.find_pressing_height(renderer, path, force))
 
 
-def _turning(run: DrivenRun) -> float:
+def _turning(run: drive.DrivenRun) -> float:
     """Return the RMS change of the torque on the foot about the middle of its sole [N m].
 
     The torque of the lateral force about that point is subtracted.

@@ -12,13 +12,8 @@ import numpy as np
 
 from asperity._core.output import write_whole
 from asperity.drawing import figure_style
+from asperity.studies.comparison import figures
 from asperity.studies.comparison.compare import Comparison, MethodResult
-from asperity.studies.comparison.figures import (
-    cost_figure,
-    done_rows,
-    spectra_figure,
-    traces_figure,
-)
 from asperity.studies.comparison.page import FIGURES, markdown, page
 from asperity.studies.comparison.properties import CRITERIA
 
@@ -29,10 +24,10 @@ def write_comparison(result: Comparison, folder: Path, command: str) -> None:
     (folder / "comparison.json").write_text(text + "\n", "utf-8")
     _methods_csv(result, folder / "methods.csv")
     _traces_csv(result, folder / "traces.csv")
-    if done_rows(result):
-        figures = (traces_figure(result), spectra_figure(result), cost_figure(result))
-        for name, figure in zip(FIGURES, figures, strict=True):
-            figure_style.save(figure, folder, name)
+    if figures.done_rows(result):
+        draw = (figures.traces_figure, figures.spectra_figure, figures.cost_figure)
+        for name, figure in zip(FIGURES, draw, strict=True):
+            figure_style.save(figure(result), folder, name)
     text = markdown(result, command, {name: f"{name}.png" for name in FIGURES})
     (folder / "comparison.md").write_text(text, "utf-8")
     (folder / "comparison.html").write_text(page(result, command, folder), "utf-8")
@@ -97,7 +92,7 @@ def _methods_csv(result: Comparison, path: Path) -> None:
 
 
 def _traces_csv(result: Comparison, path: Path) -> None:
-    rows = done_rows(result)
+    rows = figures.done_rows(result)
     parts = ("force_x_n", "force_y_n", "force_z_n", "torque_x_n_m", "torque_y_n_m", "torque_z_n_m")
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)

@@ -16,6 +16,7 @@ from asperity.geometry.offsets.surface import drop_point
 from asperity.studies.literature.conditions import GRAINS, grains_curves
 from asperity.studies.literature.criteria import maximum_of
 from asperity.studies.literature.finger import Finger
+from asperity.studies.literature.hand_search import UNITS
 from asperity.studies.literature.laboratory import Laboratory, Touch
 from asperity.studies.literature.measures import Measure
 from asperity.studies.literature.plates import Gratings, Plate
@@ -63,17 +64,18 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
         axes = figure.subplots(2, 3).ravel()
         probes = [f"D = {d * 1e3:g} mm" for d in plan.diameters]
         speeds = [f"v = {v * 1e3:g} mm/s" for v in plan.speeds]
-        _family(axes[0], lab, measure, lab.sinusoids, plan.touches("diameter"), probes)
-        axes[0].set_title("Sinusoids, three probes")
-        _family(axes[1], lab, measure, lab.sinusoids, plan.touches("speed"), speeds)
-        axes[1].set_title("Sinusoids, three speeds")
-        _family(axes[2], lab, measure, lab.dots, plan.touches("diameter"), probes)
+        families = (
+            ("Sinusoids, three probes", lab.sinusoids, "diameter", probes),
+            ("Sinusoids, three speeds", lab.sinusoids, "speed", speeds),
+            ("Dots, three probes; dotted: drop points", lab.dots, "diameter", probes),
+            ("Dots, three speeds", lab.dots, "speed", speeds),
+        )
+        for axis, (name, plate, factor, labels) in zip(axes, families, strict=False):
+            _family(axis, lab, measure, plate, plan.touches(factor), labels)
+            axis.set_title(name)
         for colour, diameter in zip(COLOURS, plan.diameters, strict=False):
             place = drop_point(diameter, height=lab.dots.height) * 1e3
             axes[2].axvline(place, color=colour, lw=1.0, ls=":")
-        axes[2].set_title("Dots, three probes; dotted: drop points")
-        _family(axes[3], lab, measure, lab.dots, plan.touches("speed"), speeds)
-        axes[3].set_title("Dots, three speeds")
         grooves = plan.groove_places
         _draw(axes[4], grooves, lab.curve(measure, Gratings(), plan.touch(), grooves), 0, "probe")
         axes[4].set_title("Gratings")
@@ -116,7 +118,6 @@ def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
 
 def fit_figure(fit: dict[str, Any]) -> Figure:
     """Return profiles over the hand's parameters, and the share of designs for each finding."""
-    units = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
     with style():
         figure = Figure(figsize=(10.2, 6.6))
         grid = figure.add_gridspec(2, 3, height_ratios=[1.0, 1.25])
@@ -131,7 +132,7 @@ def fit_figure(fit: dict[str, Any]) -> Figure:
             spread = fit["bootstrap"][name]
             axis.axvspan(spread["low"], spread["high"], color="#f2ead2", zorder=0)
             axis.axvline(fit["chosen"][name], color="#333333", lw=1.0, ls="--")
-            axis.set(xscale="log", xlabel=f"{name} [{units[name]}]", ylim=(0, fit["counted"] + 0.5))
+            axis.set(xscale="log", xlabel=f"{name} [{UNITS[name]}]", ylim=(0, fit["counted"] + 0.5))
             axis.set_yticks(range(0, fit["counted"] + 1, 2))
             if i == 0:
                 axis.set_ylabel(f"most findings, of {fit['counted']}")

@@ -13,21 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.studies.literature import hand_search
 from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.hand_search import (
     HELD_OUT,
     RANGES,
     SearchResult,
-    bootstrap,
-    choose,
-    draw_conditions,
-    find_neighbours,
-    most_findings,
     parameter_values,
     percentile_interval,
-    profile_counts,
-    sample_hands,
-    search,
 )
 from asperity.studies.literature.laboratory import Laboratory, Tables, judge_or_explain
 from asperity.studies.literature.measures import COLUMNS, Measure
@@ -49,8 +42,8 @@ def run_fit(
     count: int = 64, *, seed: int = 0, progress: Callable[[], None] | None = None
 ) -> dict[str, Any]:
     """Search `count` hands (a power of 2) and all metrics; return the fit, ready for JSON."""
-    searched = search(sample_hands(count, seed), progress=progress)
-    default = search([Hand()], tuple(COLUMNS.values()))
+    searched = hand_search.search(hand_search.sample_hands(count, seed), progress=progress)
+    default = hand_search.search([Hand()], tuple(COLUMNS.values()))
     return summarise(searched, default, seed=seed, progress=progress)
 
 
@@ -67,8 +60,8 @@ def summarise(
     ids = [finding.id for finding in findings]
     counted = np.array([finding not in HELD_OUT for finding in ids])
     weights = counted.astype(np.float64)
-    best = choose(holds, weights, find_neighbours(hands))
-    most = most_findings(holds, weights)
+    best = hand_search.choose(holds, weights, hand_search.find_neighbours(hands))
+    most = hand_search.most_findings(holds, weights)
     row, most_row = holds[best.hand, best.measure], holds[most.hand, most.measure]
     counts = holds[:, :, counted].sum(axis=2)
     names = list(COLUMNS)
@@ -153,7 +146,7 @@ def _elsewhere(
     """Return in how many held-out sets of conditions each design gets each finding."""
     times = {name: {f.id: 0 for f in findings} for name in DESIGNS}
     for seed in range(1, others + 1):
-        plan, dots, sinusoids = draw_conditions(seed)
+        plan, dots, sinusoids = hand_search.draw_conditions(seed)
         tables: Tables = {}
         labs = {
             hand: Laboratory(hand, plan, dots=dots, sinusoids=sinusoids, tables=tables)
@@ -175,9 +168,9 @@ def _resampled(
     seed: int,
 ) -> dict[str, Any]:
     """Return the bootstrap over the counted findings."""
-    found = bootstrap(
+    found = hand_search.bootstrap(
         searched.holds[:, :, counted],
-        find_neighbours(searched.hands),
+        hand_search.find_neighbours(searched.hands),
         seed=seed,
         fixed={name: row[counted] for name, row in fixed.items()},
     )
@@ -215,8 +208,8 @@ def _profiles(
         values = parameter_values(hands, name)
         profiles[name] = {
             "edges": edges.tolist(),
-            "any_metric": profile_counts(values, counts.max(axis=1), edges),
-            "chosen_metric": profile_counts(values, counts[:, measure], edges),
+            "any_metric": hand_search.profile_counts(values, counts.max(axis=1), edges),
+            "chosen_metric": hand_search.profile_counts(values, counts[:, measure], edges),
         }
     return profiles
 

@@ -35,6 +35,8 @@ from asperity.studies.literature.plates import Dots, Sinusoids
 
 RANGES = {"mass": (0.01, 0.5), "stiffness": (50.0, 5000.0), "damping": (0.3, 30.0)}
 """Ranges of the hand's parameters [kg], [N/m], [N s/m], log-uniform; asperity's, and wide."""
+UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
+"""Units of the hand's parameters."""
 HELD_OUT = ("static.speed", "grit.generated", "grit.measured")
 """Findings that the choice does not use. The measured papers are judged for the choice alone."""
 LOWS = (5.0, 10.0, 20.0, 40.0, 80.0)

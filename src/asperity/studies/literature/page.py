@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from asperity.drawing.pages import render
 from asperity.studies.literature.catalogue import FINDINGS
-from asperity.studies.literature.finding import Finding
+from asperity.studies.literature.hand_search import UNITS
 from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, count_findings
 
 FIGURES = ("findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit")
-_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N s/m"}
 
 
 def page(
@@ -31,19 +30,11 @@ def page(
     return render(
         "findings.md",
         rows=rows, columns=columns, fit=fit, images=images, count=len(FINDINGS),
-        heads=[_head(column) for column in columns],
         tallies=["{} of {}".format(*count_findings(rows, column.name)) for column in columns],
         nowhere=[r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())],
-        held_out=_held_out(fit), uncertainty=_uncertainty(fit), gained=_gained(fit),
-        result=lambda row: _result(row, columns), sources=_sources,
-        names=names, measured=_measured, shares=_shares, hand_text=_hand_text,
-        marks=MARKS, units=_UNITS,
+        held_out=_held_out(fit), gained=_gained(fit), result=lambda row: _result(row, columns),
+        measured=_measured, chosen=CHOSEN, marks=MARKS, units=UNITS,
     )  # fmt: skip
-
-
-def names(ids: Iterable[str]) -> str:
-    """Return ids as a list in code."""
-    return ", ".join(f"`{name}`" for name in ids)
 
 
 def value_text(value: Any) -> str:
@@ -56,11 +47,6 @@ def value_text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.3g}"
     return "none" if value is None else str(value)
-
-
-def _head(column: Column) -> str:
-    name = column.measure.name.replace("|", "\\|")
-    return f"chosen: {name}" if column.name == CHOSEN else name
 
 
 def _result(row: FindingResult, columns: Sequence[Column]) -> str:
@@ -78,25 +64,9 @@ def _result(row: FindingResult, columns: Sequence[Column]) -> str:
     return f"{count}: {', '.join(held)}." if held else f"{count}."
 
 
-def _sources(finding: Finding) -> str:
-    parts = [
-        f"{s.authors} ({s.year}), {s.venue}" + (f", doi:{s.doi}" if s.doi else "")
-        for s in finding.sources
-    ]
-    return "; ".join(parts) + (f" ({finding.where})" if finding.where else "") + "."
-
-
 def _measured(measured: dict[str, Any]) -> str:
     return "; ".join(
         f"{name.replace('_', ' ')} {value_text(value)}" for name, value in measured.items()
-    )
-
-
-def _hand_text(pair: dict[str, Any]) -> str:
-    """Return the metric and the hand of a design of the fit."""
-    return (
-        f"{pair['name']} with a hand of {pair['mass']:.2g} kg, {pair['stiffness']:.3g} N/m and "
-        f"{pair['damping']:.2g} N s/m"
     )
 
 
@@ -121,27 +91,3 @@ def _gained(fit: dict[str, Any]) -> bool:
     boot = fit["bootstrap"]
     better = boot["left_out"] > boot["left_out_of"]["band_rms"]
     return bool(sums["chosen"] > sums["band_rms"] and better)
-
-
-def _uncertainty(fit: dict[str, Any]) -> list[list[str]]:
-    """Return the rows of the table of the choice's uncertainty."""
-    best, boot, good = fit["chosen"], fit["bootstrap"], fit["hands_as_good"]
-    low, high = best["metric"]["band"] or (None, None)
-    rows = [(f"{name} [{unit}]", best[name], boot[name]) for name, unit in _UNITS.items()]
-    rows.append(("low edge of the band [Hz]", low, boot["low_edge"]))
-    rows.append(("high edge of the band [Hz]", high, boot["high_edge"]))
-    out = []
-    for name, value, spread in rows:
-        span = good.get(name.split(" ")[0])
-        out.append([
-            name,
-            "none" if value is None else f"{value:.3g}",
-            f"{span[0]:.2g} to {span[1]:.2g}" if span else "",
-            ", ".join(f"{spread[key]:.3g}" for key in ("low", "median", "high"))
-            if spread else "none",
-        ])  # fmt: skip
-    return out
-
-
-def _shares(shares: dict[str, float]) -> str:
-    return ", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "none"

@@ -104,6 +104,9 @@ class DragSimulator:
 
     def motion(self, condition: Condition) -> Motion:
         """Return the hand's motion under a condition."""
+        if self.model == "siira-pai":
+            # The model depends on neither spacing nor diameter: all share one motion.
+            condition = replace(condition, spacing=1.0, diameter=1.0)
         if condition not in self._motions:
             self._motions[condition] = self._drag(condition)
         return self._motions[condition]
@@ -118,15 +121,10 @@ class DragSimulator:
 
     def _drag(self, condition: Condition) -> Motion:
         if self.model == "siira-pai":
-            # The model depends on neither spacing nor diameter: all share one motion.
-            key = Condition(1.0, 1.0, condition.normal_force, condition.speed)
-            if key in self._motions:
-                return self._motions[key]
             noise = siira_pai.texture_force(
                 condition.normal_force, _NOISE_SECONDS, seed=self.options.seed
             )
-            self._motions[key] = shake(noise, _NOISE_TICK, self.hand, condition.speed)
-            return self._motions[key]
+            return shake(noise, _NOISE_TICK, self.hand, condition.speed)
         motion = drag_over(
             self._force(condition), condition.normal_force, self.hand, condition.speed
         )

@@ -215,24 +215,24 @@ class Wall:
 
     def limit(self, pose: NDArray[np.float64], rate: float, damping: float) -> float:
         """Return the largest stiffness [N/m] at which an oscillation decays, to 2 %."""
+
+        def decays(logarithm: float) -> bool:
+            return self.decays(pose, math.exp(logarithm), rate, damping)
+
         low, high = math.log(SOFTEST), math.log(STIFFEST)
         # Bracket it around Colgate's bound first: it is rarely far from it.
         near = math.log(min(max(2.0 * damping * rate, 2.0 * SOFTEST), 0.5 * STIFFEST))
         for guess in (near - 2.0, near + 0.7):
             if low < guess < high:
-                if self.decays(pose, math.exp(guess), rate, damping):
-                    low = guess
-                else:
+                if not decays(guess):
                     high = guess
                     break
+                low = guess
         for _ in range(_HALVINGS):
             if high - low < TOLERANCE:
                 break
             middle = 0.5 * (low + high)
-            if self.decays(pose, math.exp(middle), rate, damping):
-                low = middle
-            else:
-                high = middle
+            low, high = (middle, high) if decays(middle) else (low, middle)
         return math.exp(0.5 * (low + high))
 
     def decays(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,12 +21,6 @@ _LEAN = {
     "distributed.scheduler.work-stealing": False,
 }
 """Services switched off in local workers: they manage graphs and data, which a sweep lacks."""
-
-
-def count_local_cores() -> int:
-    """Return how many cores this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @contextmanager
@@ -52,14 +45,14 @@ def connect(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         else:
             stack.enter_context(dask.config.set(_LEAN))
             stack.callback(_kill_others, set(active_children()))
-            cluster = _local_cluster(workers or count_local_cores())
+            cluster = _local_cluster(workers)
             stack.callback(_close, cluster)
             client = Client(cluster)
         stack.callback(_close, client)
         yield client
 
 
-def _local_cluster(workers: int) -> Any:
+def _local_cluster(workers: int | None) -> Any:
     from distributed import LocalCluster
 
     try:

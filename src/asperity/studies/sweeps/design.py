@@ -239,19 +239,17 @@ def read_design(
     drawn = [v for v in variations if v.drawn]
     fixed = [v for v in variations if not v.drawn]
     fixed.sort(key=lambda v: v.key.startswith(tuple(inner)))
-    if kind in ("grid", "list"):
-        if drawn:
-            what = "choose" if drawn[0].values is not None else "a range without count"
-            raise AsperityError(
-                f"vary.{drawn[0].key}: {what} is for sampled designs (design.kind = "
-                f'"latin-hypercube" or "sobol"); give {"values" if what == "choose" else "count"}'
-            )
-        axes = [Axis(v.key, {v.key: v.values or []}) for v in fixed]
-        if kind == "list":
-            axes = [_together(axes)]
-    else:
-        axes = [_sampled(kind, spec, seed, drawn), *(Axis(v.key, {v.key: v.values or []})
-                for v in fixed)]  # fmt: skip
+    axes = [Axis(v.key, {v.key: v.values or []}) for v in fixed]
+    if kind not in ("grid", "list"):
+        axes = [_sampled(kind, spec, seed, drawn), *axes]
+    elif drawn:
+        what = "choose" if drawn[0].values is not None else "a range without count"
+        raise AsperityError(
+            f"vary.{drawn[0].key}: {what} is for sampled designs (design.kind = "
+            f'"latin-hypercube" or "sobol"); give {"values" if what == "choose" else "count"}'
+        )
+    elif kind == "list":
+        axes = [_together(axes)]
     design = SweepDesign(kind, seed, tuple(axes))
     if design.size > MOST:
         raise AsperityError(f"the study has {design.size} combinations; valid: {MOST} at most")

@@ -130,18 +130,13 @@ def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[
             try:
                 outcome = submit(alone, "-alone").result()
             except KilledWorker:
-                outcome = _deadly(len(study.keep))
+                outcome = BatchOutcome(
+                    np.full((1, len(study.keep)), np.nan), np.array([FAILED], np.int8),
+                    ["every worker that ran it died"], machine(),
+                )  # fmt: skip
             except Exception as error:
                 raise _stopped(client, error) from None
             yield alone, outcome
-
-
-def _deadly(count: int) -> BatchOutcome:
-    """Return the outcome of a combination that kills its worker; `count` numbers are kept."""
-    states = np.array([FAILED], np.int8)
-    return BatchOutcome(
-        np.full((1, count), np.nan), states, ["every worker that ran it died"], machine()
-    )
 
 
 def _cut(jobs: Sequence[Job], least: int, workers: Callable[[], int]) -> Iterator[Job]:

@@ -14,6 +14,7 @@ from asperity.scene.document import arguments, beside, require_keys
 from asperity.studies.otaduy_lin_2004.drags import MODELS, Condition, DragSimulator
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
 from asperity.studies.sweeps.content import nest, seed_of
+from asperity.studies.sweeps.study import Runner
 
 _RANGES = {
     "spacing": (5e-5, 2e-2, "m"),
@@ -147,26 +148,15 @@ NUMBERS: dict[str, tuple[str, str]] = {
 DEFAULT_KEEP = tuple(NUMBERS)
 
 
-class DragRuns:
-    """Runs combinations of a study of drags; surfaces and slope tables are shared between them.
+@dataclass
+class DragRuns(Runner):
+    """Runs combinations of a study of drags; surfaces and slope tables are shared between them."""
 
-    Parameters
-    ----------
-    fixed : mapping
-        Fixed parameters by dotted key, checked.
-    folder : Path
-        Folder to which relative paths refer.
-    seed : int
-        Part of every seed that is derived from content.
-    """
-
-    def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
-        self.fixed, self.folder, self.seed = dict(fixed), folder, seed
-        self._simulators: dict[tuple[Any, ...], DragSimulator] = {}
+    _simulators: dict[tuple[Any, ...], DragSimulator] = field(default_factory=dict, init=False)
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
         """Run one combination and return its numbers `keep`."""
-        values = self.fixed | dict(varied)
+        values = {**self.fixed, **varied}
         drag = drag_of(values)
         options = drag.stimulus
         if "stimulus.seed" not in values:

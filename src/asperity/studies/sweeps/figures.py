@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, plain_ticks, style
 from asperity.errors import AsperityError
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
+from asperity.studies.sweeps.batch import FAILED, WAITING
 from asperity.studies.sweeps.sensitivity import Groups, share
 from asperity.studies.sweeps.views import SweepView, completed_table, is_number
 
@@ -41,9 +42,9 @@ def draw(data: xr.Dataset, view: SweepView) -> Figure:
 
 def _counted(data: xr.Dataset) -> str:
     states = data["state"].values
-    failed, waiting = int((states == 2).sum()), int((states == 0).sum())
-    rest = [f"{failed} failed"] * bool(failed) + [f"{waiting} not run yet"] * bool(waiting)
-    return ", ".join([f"{states.size} combinations", *rest])
+    named = ((states.size, "combinations"), ((states == FAILED).sum(), "failed"),
+             ((states == WAITING).sum(), "not run yet"))  # fmt: skip
+    return ", ".join(f"{count} {what}" for count, what in named if count)
 
 
 def _curve(
@@ -55,19 +56,13 @@ def _curve(
     scale, _ = _scale(data, view.x)
     x = columns[view.x].astype(np.float64)
     log = _is_log(x), _is_log(results)
-    levels: list[Any] = [None]
-    if view.colour:
-        levels = list(np.unique(columns[view.colour]))
+    levels: list[Any] = list(np.unique(columns[view.colour])) if view.colour else [None]
     for i, level in enumerate(levels):
         chosen = np.ones(x.size, bool) if level is None else columns[view.colour] == level
         _draw_level(axis, data, view, x[chosen] * scale, results[chosen], i, level, all(log))
     log_scale(axis, x=log[0], y=log[1])
-    axis.set_xlabel(_axis_label(data, view.x))
-    axis.set_ylabel(_axis_label(data, view.metric))
-    hidden = [n for n in columns if n not in (view.x, view.colour) and np.unique(columns[n]).size]
-    if hidden:
-        names = ", ".join(str(data[n].attrs.get("long_name", n)) for n in hidden)
-        axis.set_title(f"median and 10-90 % over {names}"[:95], fontsize=8)
+    axis.set(xlabel=_axis_label(data, view.x), ylabel=_axis_label(data, view.metric))
+    _note_hidden(axis, data, "median and 10-90 %", set(columns) - {view.x, view.colour})
     axis.legend(loc="best", handletextpad=0.4, labelspacing=0.3)
     return figure
 
@@ -102,8 +97,7 @@ def _draw_level(
                 peak, float(fit(np.array([peak * 1e-3]))[0]), marker, color=colour, ms=7.5,
                 mec="black", mew=0.9, zorder=5,
             )  # fmt: skip
-            unit = _scale(data, view.x)[1]
-            label += f", peak {peak:.3g}{'' if unit == '1' else ' ' + unit}"
+            label += f", peak {peak:.3g}{_spaced(_scale(data, view.x)[1])}"
         axis.plot(centres, middle, marker, color=colour, ms=3.2, mew=0.0, alpha=0.75, label=label)
     else:
         axis.plot(
@@ -117,10 +111,8 @@ def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results:
     axis = figure.subplots()
     across, up = Groups(columns[view.x], results), Groups(columns[view.y], results)
     heat = np.full((len(up.centres), len(across.centres)), np.nan)
-    for i in range(heat.shape[0]):
-        for j in range(heat.shape[1]):
-            cell = results[(up.places == i) & (across.places == j)]
-            heat[i, j] = np.median(cell) if cell.size else np.nan
+    for i, j in np.unique(np.stack([up.places, across.places], axis=1), axis=0):
+        heat[i, j] = np.median(results[(up.places == i) & (across.places == j)])
     edges, logs = [], []
     for name, groups in ((view.x, across), (view.y, up)):
         centres = np.asarray(groups.centres, np.float64) * _scale(data, name)[0]
@@ -129,13 +121,9 @@ def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results:
     norm = LogNorm() if _is_log(heat[np.isfinite(heat)]) else None
     image = axis.pcolormesh(*edges, heat, cmap="cividis", norm=norm)
     log_scale(axis, x=logs[0], y=logs[1])
-    axis.set_xlabel(_axis_label(data, view.x))
-    axis.set_ylabel(_axis_label(data, view.y))
+    axis.set(xlabel=_axis_label(data, view.x), ylabel=_axis_label(data, view.y))
     axis.grid(False)
-    hidden = [n for n in columns if n not in (view.x, view.y)]
-    if hidden:
-        names = ", ".join(str(data[n].attrs.get("long_name", n)) for n in hidden)
-        axis.set_title(f"median over {names}"[:95], fontsize=8)
+    _note_hidden(axis, data, "median", set(columns) - {view.x, view.y})
     bar = figure.colorbar(image, ax=axis, label=_axis_label(data, view.metric))
     if norm is not None:
         plain_ticks(bar.ax.yaxis)
@@ -159,9 +147,8 @@ def _effects(
     figure = Figure(figsize=(3.3 * across, 2.7 * down + 0.3), layout="constrained")
     axes = np.atleast_1d(figure.subplots(down, across)).ravel()
     bars = axes[0]
-    words = [str(data[name].attrs.get("long_name", name)) for name in names]
     bars.barh(range(len(names)), [100.0 * shares[name] for name in names], color=COLOURS[0])
-    bars.set_yticks(range(len(names)), words)
+    bars.set_yticks(range(len(names)), [_label(data, name) for name in names])
     bars.invert_yaxis()
     bars.set_xlim(0, max(100.0 * max(shares.values()) * 1.1, 5.0))
     bars.set_xlabel("% of the variance")
@@ -213,18 +200,31 @@ def _scale(data: xr.Dataset, name: str) -> tuple[float, str]:
     return _SHOWN.get(unit, (1.0, unit))
 
 
+def _label(data: xr.Dataset, name: str) -> str:
+    return str(data[name].attrs.get("long_name", name))
+
+
+def _note_hidden(axis: Axes, data: xr.Dataset, what: str, hidden: set[str]) -> None:
+    """Title a panel with the parameters over which it shows medians."""
+    names = ", ".join(_label(data, str(n)) for n in data.coords if n in hidden)
+    if names:
+        axis.set_title(f"{what} over {names}"[:95], fontsize=8)
+
+
 def _axis_label(data: xr.Dataset, name: str) -> str:
     unit = _scale(data, name)[1] if is_number(data, name) else ""
-    words = str(data[name].attrs.get("long_name", name))
-    return words if unit in ("", "1") else f"{words} [{unit}]"
+    return f"{_label(data, name)} [{unit}]" if unit not in ("", "1") else _label(data, name)
 
 
 def _level_label(data: xr.Dataset, name: str, level: Any) -> str:
     if not is_number(data, name):
         return str(level)
     scale, unit = _scale(data, name)
-    words = str(data[name].attrs.get("long_name", name))
-    return f"{words} {level * scale:.3g}{'' if unit in ('', '1') else ' ' + unit}"
+    return f"{_label(data, name)} {level * scale:.3g}{_spaced(unit)}"
+
+
+def _spaced(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def _is_log(values: Values) -> bool:

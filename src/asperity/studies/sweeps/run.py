@@ -135,12 +135,13 @@ def run_sweep(
         if jobs:
             outcomes = _start(study, stack, workers, scheduler, jobs, states, progress)
             where = "scheduler" if scheduler else "local"
-            session = results.add_session(session_facts() | {"where": where, "ended": None})
+            results.sessions.append(session_facts() | {"where": where, "ended": None})
+            results.write_sessions()
             begun = time.perf_counter()
             machines = _write_outcomes(results, outcomes, states, progress)
-            results.update_session(
-                session, {"ended": now(), "computed": computed, "machines": sorted(machines)}
-            )
+            facts = {"ended": now(), "computed": computed, "machines": sorted(machines)}
+            results.sessions[-1] |= facts
+            results.write_sessions()
         seconds = time.perf_counter() - begun
         counts = _progress_of(states)
         return SweepSummary(

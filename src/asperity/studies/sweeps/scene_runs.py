@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +22,32 @@ from asperity.scene.scene import ANTI_ALIAS_MODES, Scene
 from asperity.scene.texture import body_texture, with_seed
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.sweeps.content import flatten, hash_content, nest, seed_of
+from asperity.studies.sweeps.study import Runner
 
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
 BATCH = (1, 4)
 """Least and largest number of combinations in a block; each takes seconds."""
 SEEDS = ("scene", "content")
-_OWN: dict[str, Any] = {"scene": str, "seeds": str, "hand": bool, "dt": float, "repeat": int}
+
+
+@dataclass
+class _Own:
+    """Parameters that `scene.toml` does not have."""
+
+    scene: str = ""
+    seeds: str = "scene"
+    hand: bool = False
+    dt: float = 1e-3
+    repeat: int = 0
+
+
+_OWN = tuple(f.name for f in fields(_Own))
 _SECTIONS: dict[str, Any] = {
     "force": ForceSettings, "coupling": CouplingSettings, "trajectory": ScriptedMotion,
 }  # fmt: skip
+_MAKES = _SECTIONS | {"hand": Hand, "probe": probe_plate}
+"""What checks a value, by the section of its key."""
 _EXTRA = {"force": ("anti_alias",), "trajectory": ("file",), "coupling": ()}
 PROBE = "probe.diameter"
 """Diameter of the tip in the built-in scenes `PROBE_PLATES`."""
@@ -100,39 +117,25 @@ def checked(values: Mapping[str, Any], where: str, folder: Path) -> dict[str, An
     for key, value in plain.items():
         section, dot, name = key.partition(".")
         place = f"{where}.{key}"
-        if not dot or key == PROBE or section == "hand":
-            out[key] = _own(key, value, where, folder)
-        elif key == "force.anti_alias":
-            at(place, lambda value=value: require_choice("mode", value, ANTI_ALIAS_MODES))  # type: ignore[misc]
+        if key == "force.anti_alias":
+            at(place, partial(require_choice, "mode", value, ANTI_ALIAS_MODES))
         elif key == "trajectory.file":
             if not isinstance(value, str) or not beside(folder, value).is_file():
                 raise AsperityError(f"{place}: no such file: {value!r}")
-        else:
-            options = arguments({name: value}, f"{where}.{section}", _SECTIONS[section])
-            at(place, lambda s=section, o=options: _SECTIONS[s](**o))  # type: ignore[misc]
+        elif dot:
+            makes = _MAKES[section]
+            options = arguments({name: value}, f"{where}.{section}", makes)
+            at(place, partial(makes, **options))
             out[key] = list(options[name]) if isinstance(options[name], tuple) else options[name]
+        else:
+            out |= arguments({key: value}, where, _Own)
+    if "seeds" in out:
+        at(f"{where}.seeds", partial(require_choice, "seeds", out["seeds"], SEEDS))
+    if "dt" in out:
+        require_between(f"{where}.dt", out["dt"], 1e-5, 0.1, "s")
+    if "scene" in out:
+        at(f"{where}.scene", partial(_scene, out["scene"], folder))
     return out
-
-
-def _own(key: str, value: Any, where: str, folder: Path) -> Any:
-    """Return the checked value of a parameter that `scene.toml` does not have."""
-    place, kind = f"{where}.{key}", _OWN.get(key, float)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        wanted = {str: "a text", bool: "true or false", float: "a number", int: "a whole number"}
-        raise AsperityError(f"{place} must be {wanted[kind]}, got {value!r}")
-    if key == "seeds":
-        at(place, lambda: require_choice("seeds", value, SEEDS))
-    if key == "dt":
-        require_between(place, value, 1e-5, 0.1, "s")
-    if key == "scene":
-        at(place, lambda: _scene(value, folder))
-    if key == PROBE:
-        at(place, lambda: probe_plate(diameter=value))
-    if key in _HAND:
-        at(place, lambda: Hand(**{key.partition(".")[2]: value}))
-    return value
 
 
 def _scene(name: str, folder: Path) -> Scene:
@@ -190,7 +193,7 @@ def _check_bodies(
         require_keys(body, place, ("texture",))
         table = _texture(known.get(name, {}).get("texture", {}), body.get("texture", {}), folder)
         own = folder if "file" in body.get("texture", {}) else scene.folder
-        at(where, lambda t=table, p=place, f=own: body_texture(t, f"{p}.texture", f))  # type: ignore[misc]
+        at(where, partial(body_texture, table, f"{place}.texture", own))
 
 
 def _texture(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -226,26 +229,15 @@ def unit_and_label(key: str) -> tuple[str, str]:
     return _UNITS.get(name, ""), f"{place} {name}".strip().replace("_", " ")
 
 
-class SceneRuns:
-    """Runs combinations of a study of scenes, one after the other.
+@dataclass
+class SceneRuns(Runner):
+    """Runs combinations of a study of scenes; neighbours share the scene's bodies."""
 
-    Parameters
-    ----------
-    fixed : mapping
-        Fixed parameters by dotted key, checked.
-    folder : Path
-        Folder to which relative paths refer.
-    seed : int
-        Part of every seed that is derived from content.
-    """
-
-    def __init__(self, fixed: Mapping[str, Any], folder: Path, seed: int) -> None:
-        self.fixed, self.folder, self.seed = dict(fixed), folder, seed
-        self._scenes: dict[str, Scene] = {}
+    _scenes: dict[str, Scene] = field(default_factory=dict, init=False)
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
         """Run one combination and return its numbers `keep`."""
-        values = {"dt": 1e-3} | self.fixed | dict(varied)
+        values = {"dt": _Own.dt, **self.fixed, **varied}
         scene = self._scene_of(values)
         given = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
         hand = Hand(**given) if given else bool(values.get("hand", False))

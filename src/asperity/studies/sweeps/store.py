@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,6 +114,8 @@ class SweepStore:
         self._arrays: dict[str, Any] = {name: self._group[name] for name in names}
         self._chunk = tuple(self._arrays["state"].chunks)
         self.blocks = list(blocks(study.design.shape, self._chunk))
+        self.sessions: list[dict[str, Any]] = json.loads(str(self._group.attrs["sessions"]))
+        """Facts of each run of the sweep, oldest first; `write_sessions` stores them."""
 
     def read(self, block: SweepBlock) -> BlockResults:
         """Return the results of a block. What Zarr raises for a damaged chunk passes through."""
@@ -172,26 +174,9 @@ class SweepStore:
             with suppress(FileNotFoundError):
                 (self.path / name / "c" / place).unlink()
 
-    def sessions(self) -> list[dict[str, Any]]:
-        """Return the recorded facts of each run of the sweep, oldest first."""
-        found = json.loads(str(self._group.attrs["sessions"]))
-        assert isinstance(found, list)
-        return found
-
-    def add_session(self, facts: Mapping[str, Any]) -> int:
-        """Record a run of the sweep; return its index."""
-        sessions = self.sessions()
-        self._write_sessions([*sessions, dict(facts)])
-        return len(sessions)
-
-    def update_session(self, index: int, facts: Mapping[str, Any]) -> None:
-        """Record more facts of a run of the sweep."""
-        sessions = self.sessions()
-        sessions[index] |= facts
-        self._write_sessions(sessions)
-
-    def _write_sessions(self, sessions: list[dict[str, Any]]) -> None:
-        self._group.attrs["sessions"] = json.dumps(sessions, ensure_ascii=False)
+    def write_sessions(self) -> None:
+        """Store `sessions`."""
+        self._group.attrs["sessions"] = json.dumps(self.sessions, ensure_ascii=False)
         consolidate(self._group)
 
 

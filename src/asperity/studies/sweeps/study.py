@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -42,11 +43,20 @@ _BLOCKS = 20
 _KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
 
 
-class Runner(Protocol):
-    """Runs combinations, one after the other."""
+@dataclass
+class Runner:
+    """Runs combinations of a study, one after the other."""
+
+    fixed: Mapping[str, Any]
+    """Fixed parameters by dotted key, checked."""
+    folder: Path
+    """Folder to which relative paths refer."""
+    seed: int
+    """Part of every seed that is derived from content."""
 
     def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
         """Run one combination and return its numbers `keep`."""
+        raise NotImplementedError
 
 
 class StudyKind(Protocol):
@@ -210,7 +220,7 @@ def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise AsperityError(f"keep must be a list of names, got {names!r}")
     for i, name in enumerate(names):
-        at(f"keep[{i}]", lambda name=name: require_choice("number", name, of.NUMBERS))  # type: ignore[misc]
+        at(f"keep[{i}]", partial(require_choice, "number", name, of.NUMBERS))
     if len(set(names)) != len(names):
         raise AsperityError(f"keep names something twice: {', '.join(names)}")
     return tuple(names)
@@ -222,9 +232,7 @@ def _checked(variation: Variation, of: StudyKind, folder: Path) -> Variation:
     values = [of.checked({key: value}, "vary", folder)[key] for value in variation.extremes]
     if variation.values is not None:
         return variation._replace(values=values)
-    if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values) or not all(
-        map(math.isfinite, values)
-    ):
+    if not all(type(v) in (int, float) and math.isfinite(v) for v in values):
         raise AsperityError(
             f"vary.{key} is not a number, so it has no range; give its values as a list"
         )

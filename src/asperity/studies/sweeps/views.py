@@ -86,11 +86,12 @@ def choose_views(
             raise AsperityError(f"{option} must be a parameter with numbers, got {name!r}")
     across = x or (axes[0] if axes else None)
     up = y or next((n for n in axes if n != across), None)
-    colours = colour or _colour(data, names, across)
+    few = [n for n in names if data[n].dims == (n,) and 1 < data.sizes[n] <= _COLOURS]
+    most = max((n for n in few if n != across), key=lambda n: data.sizes[n], default="")
     found = []
     for metric in metrics or data.attrs["keep"][:1]:
         if view == "curve" or (view is None and across is not None):
-            found.append(SweepView("curve", metric, _given("x", across), colour=colours or ""))
+            found.append(SweepView("curve", metric, _given("x", across), colour=colour or most))
         if view == "map" or (view is None and across and up and colour is None):
             found.append(SweepView("map", metric, _given("x", across), _given("y", up)))
         if view == "effects" or (view is None and len(names) > 1 and not (x or y or colour)):
@@ -108,25 +109,14 @@ def _given(option: str, name: str | None) -> str:
     return name
 
 
-def _colour(data: xr.Dataset, names: Sequence[str], across: str | None) -> str | None:
-    """Return the axis with most levels, of those that colours can show."""
-    few = [
-        n for n in names if n != across and data[n].dims == (n,) and 1 < data.sizes[n] <= _COLOURS
-    ]
-    return max(few, key=lambda n: data.sizes[n], default=None)
-
-
 def completed_table(
     data: xr.Dataset, metric: str
 ) -> tuple[dict[str, NDArray[np.generic]], NDArray[np.float64]]:
     """Return the values of parameters and metric, a row for each combination that is done."""
     whole = data[metric]
-    done = (data["state"].values == DONE).ravel()
+    done = data["state"].values == DONE
     columns = {
-        name: np.broadcast_to(
-            np.asarray(data[name].values).reshape([-1 if d in data[name].dims else 1
-                                                   for d in whole.dims]), whole.shape
-        ).ravel()[done]
+        name: data[name].broadcast_like(whole).transpose(*whole.dims).values[done]
         for name in parameter_names(data)
-    }  # fmt: skip
-    return columns, np.asarray(whole.values, np.float64).ravel()[done]
+    }
+    return columns, whole.values[done].astype(np.float64)
