@@ -82,12 +82,13 @@ class CompareCommand:
             if row.reason is not None:
                 print(f"  {row.method.name}: not applicable: {row.reason}")
                 continue
-            assert row.cost is not None
+            done = row.rendered
+            assert done is not None
             reference = row.method.name == "asperity"
-            ratio = "" if reference else f", {row.ratio:.3g} times asperity's"
+            ratio = "" if reference else f", {done.ratio:.3g} times asperity's"
             print(
-                f"  {row.method.name}: median {1e6 * row.cost[0]:.3g} us{ratio}; "
-                f"{1e3 * (row.band_rms or 0.0):.3g} mN between 20 and 200 Hz"
+                f"  {row.method.name}: median {1e6 * done.cost[0]:.3g} us{ratio}; "
+                f"{1e3 * done.band_rms:.3g} mN between 20 and 200 Hz"
             )
 
     def _command(self) -> str:

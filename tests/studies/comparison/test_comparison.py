@@ -138,9 +138,9 @@ def result():
 def test_all_are_pressed_alike_and_timed(result):
     for row in result.rows:
         assert row.reason is None
-        assert row.run.force[:, 2].mean() == pytest.approx(result.push, rel=0.15)
-        assert row.ratio > 0.0
-    rms = {row.method.name: row.band_rms for row in result.rows}
+        assert row.rendered.run.force[:, 2].mean() == pytest.approx(result.push, rel=0.15)
+        assert row.rendered.ratio > 0.0
+    rms = {row.method.name: row.rendered.band_rms for row in result.rows}
     assert rms["low-resolution"] < 1e-6
     assert rms["asperity"] > 0.01
 
@@ -152,7 +152,7 @@ def test_what_is_written_can_be_read_again(result, tmp_path):
     with (tmp_path / "traces.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(result.poses)
-    own = result.rows[0].run.force
+    own = result.rows[0].rendered.run.force
     assert float(rows[7]["asperity_force_x_n"]) == pytest.approx(own[7, 0], rel=1e-4)
     for name in ("traces", "spectra", "cost"):
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
@@ -196,7 +196,7 @@ def test_a_method_that_fails_on_the_way_leaves_the_others(failure, words):
     methods = [failing, METHODS["minsky"]]
     rows = compare(scene, methods, CompareSettings(properties=False)).rows
     assert words in rows[0].reason
-    assert [row.run is None for row in rows] == [True, False]
+    assert [row.rendered is None for row in rows] == [True, False]
 
 
 @pytest.mark.slow
@@ -234,6 +234,6 @@ def test_trajectories_keep_their_own_motion():
     )
     settings = CompareSettings(motion=motion, properties=False)
     done = compare(scene, choose_methods(["minsky"]), settings)
-    felt = done.rows[0].run
+    felt = done.rows[0].rendered.run
     assert felt.contacts[0] == 0
     assert felt.contacts[len(felt.contacts) // 2] == 1

@@ -84,7 +84,8 @@ class ConvexRenderer(Renderer):
         pairs, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
         of_tool = model.geom_bodyid[pairs] == self._tool
         deepest: dict[tuple[int, ...], int] = {}
-        for i in np.flatnonzero((distance < 0.0) & (of_tool[:, 0] != of_tool[:, 1])):
+        touching = (distance < 0.0) & (of_tool[:, 0] != of_tool[:, 1])
+        for i in np.flatnonzero(touching).tolist():
             best = deepest.setdefault(tuple(pairs[i].tolist()), i)
             if distance[i] < distance[best]:
                 deepest[tuple(pairs[i].tolist())] = i

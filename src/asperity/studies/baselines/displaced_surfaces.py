@@ -173,10 +173,11 @@ def is_unbounded(body: Body) -> bool:
     return any(geom.kind == "plane" and 0.0 in geom.size[:2] for geom in body.geoms)
 
 
-def finite_reason(body: Body) -> str | None:
-    """Return why a body has no surface of finitely many points, or None."""
-    if body.texture is not None and is_unbounded(body):
-        return f"{body.name} is a textured unbounded plane: it has no finite surface to sample"
+def finite_reason(*bodies: Body) -> str | None:
+    """Return why one of the bodies has no surface of finitely many points, or None."""
+    for body in bodies:
+        if body.texture is not None and is_unbounded(body):
+            return f"{body.name} is a textured unbounded plane: it has no finite surface to sample"
     return None
 
 

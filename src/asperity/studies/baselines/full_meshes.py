@@ -222,7 +222,7 @@ class FullMeshMethod(Method):
             import fcl  # noqa: F401
         except ImportError:
             return "python-fcl is not installed: pip install 'asperity[compare]'"
-        return next(filter(None, map(finite_reason, scene.bodies)), None)
+        return finite_reason(*scene.bodies)
 
     def renderer(self, scene: Scene, dt: float) -> FullMeshRenderer:
         """Return a renderer of a scene."""

@@ -148,7 +148,7 @@ class LmdMethod(Method):
         for body in scene.bodies:
             if is_unbounded(body):
                 return f"{body.name} is an unbounded plane: no tree of triangles"
-        return next(filter(None, map(finite_reason, scene.bodies)), None)
+        return finite_reason(*scene.bodies)
 
     def renderer(self, scene: Scene, dt: float) -> LmdRenderer:
         """Return a renderer of a scene."""

@@ -37,9 +37,11 @@ from asperity.scene.scene import Scene
 from asperity.studies.baselines.placement import (
     Standing,
     centre_at,
+    is_level,
     only_one_target,
     place_bodies,
     tool_and_others,
+    top_of,
 )
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 from asperity.texture.bounds import Pyramid, pyramid_of
@@ -138,21 +140,14 @@ class OffsetRenderer(Renderer):
 
 def _top_under(body: Body, x: float, y: float) -> float | None:
     """Return the height of the highest top face over a place of the body [m], or None."""
-    tops = []
-    for geom in body.geoms:
-        half, (gx, gy, gz) = geom.size, geom.position
-        if geom.kind == "plane":
-            inside = all(
-                size == 0.0 or abs(a - b) <= size
-                for size, a, b in zip(half[:2], (x, y), (gx, gy), strict=True)
-            )
-            top = gz
-        else:
-            inside = abs(x - gx) <= half[0] and abs(y - gy) <= half[1]
-            top = gz + half[2]
-        if inside:
-            tops.append(float(top))
-    return max(tops, default=None)
+    under = [
+        geom
+        for geom in body.geoms
+        # Of a plane, size 0 is unbounded.
+        if abs(x - geom.position[0]) <= (geom.size[0] or math.inf)
+        and abs(y - geom.position[1]) <= (geom.size[1] or math.inf)
+    ]
+    return max(map(top_of, under), default=None)
 
 
 def _sphere_of(body: Body) -> Geom | None:
@@ -182,9 +177,8 @@ class OffsetMethod(Method):
         sphere = _sphere_of(tool)
         if sphere is None or tool.texture is not None:
             return f"made for a smooth sphere, and {tool.name} is none"
-        for geom in target.geoms:
-            if geom.kind not in ("box", "plane") or abs(geom.quaternion[0]) < 1.0 - 1e-9:
-                return f"made for the tops of level boxes, and {target.name} is none"
+        if not is_level(target):
+            return f"made for the tops of level boxes, and {target.name} is none"
         field = target.texture
         if field is None:
             return None

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.bodies import Body
+from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 
@@ -66,6 +66,19 @@ def only_one_target(scene: Scene) -> str | None:
     """Return why a method for one target body cannot render a scene, or None."""
     count = len(scene.bodies) - 1
     return None if count == 1 else f"made for one body beside the tool, this scene has {count}"
+
+
+def is_level(body: Body) -> bool:
+    """Return whether a body consists of boxes and planes whose tops are level in its frame."""
+    return all(
+        geom.kind in ("box", "plane") and abs(geom.quaternion[0]) >= 1.0 - 1e-9
+        for geom in body.geoms
+    )
+
+
+def top_of(geom: Geom) -> float:
+    """Return the height of the top of a level box or plane in its body's frame [m]."""
+    return float(geom.position[2] + (geom.size[2] if geom.kind == "box" else 0.0))
 
 
 def centre_at(pose: Array, centre: Array) -> Array:

@@ -32,9 +32,11 @@ from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.placement import (
     centre_at,
+    is_level,
     only_one_target,
     place_bodies,
     tool_and_others,
+    top_of,
     without_textures,
 )
 from asperity.studies.baselines.protocol import Method, MethodWrench, Renderer
@@ -161,18 +163,12 @@ def enlarge_sample(scene: Scene) -> Scene:
     texture becomes an unbounded plane; any other is left as it is.
     """
     _, (target,) = tool_and_others(scene)
-    level = all(
-        geom.kind in ("box", "plane") and abs(geom.quaternion[0]) > 1.0 - 1e-9
-        for geom in target.geoms
-    )
     repeats = target.texture is not None and target.texture.border == "wrap"
-    if not level or not repeats or target.mapping != "planar":
+    if not is_level(target) or not repeats or target.mapping != "planar":
         return scene
     root = ElementTree.fromstring(scene.xml)
     body = next(one for one in root.iter("body") if one.get("name") == target.name)
-    top = max(
-        geom.position[2] + (geom.size[2] if geom.kind == "box" else 0.0) for geom in target.geoms
-    )
+    top = max(map(top_of, target.geoms))
     for geom in body.findall("geom"):
         body.remove(geom)
     ElementTree.SubElement(body, "geom", type="plane", size="0 0 0.01", pos=f"0 0 {top:.9g}")

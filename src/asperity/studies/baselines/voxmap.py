@@ -257,9 +257,7 @@ class VoxmapMethod(Method):
 
     def can(self, scene: Scene) -> str | None:
         """Return why the method cannot render a scene, or None."""
-        if self.smooth:
-            return None
-        return next(filter(None, map(finite_reason, scene.bodies)), None)
+        return None if self.smooth else finite_reason(*scene.bodies)
 
     def renderer(self, scene: Scene, dt: float) -> VoxmapRenderer:
         """Return a renderer of a scene; takes up to a minute at full detail."""

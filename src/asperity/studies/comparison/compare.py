@@ -65,50 +65,50 @@ class ForceSpectrum(NamedTuple):
     """[N]."""
 
 
-class MethodResult(NamedTuple):
-    """Results of one method."""
+class Rendered(NamedTuple):
+    """What a method rendered along the motion, and at what cost."""
 
-    method: Method
-    reason: str | None
-    """Why it could not render the scene; then only `properties` may be present."""
     preparing: float
     """Duration of its preparation [s]."""
     height: float
     """Height of its path above asperity's [m]."""
-    run: drive.DrivenRun | None
-    reference_tick: float | None
+    run: drive.DrivenRun
+    reference_tick: float
     """Median tick of asperity just before and after it [s]."""
-    spectrum: ForceSpectrum | None
-    properties: Properties | None
+    spectrum: ForceSpectrum
 
     @property
-    def cost(self) -> tuple[float, float] | None:
+    def cost(self) -> tuple[float, float]:
         """Median and 99th percentile of a tick [s]."""
-        if self.run is None:
-            return None
         return float(np.median(self.run.seconds)), float(np.percentile(self.run.seconds, 99))
 
     @property
-    def ratio(self) -> float | None:
+    def ratio(self) -> float:
         """Median tick over asperity's, timed on the same machine just before and after."""
-        if self.cost is None or self.reference_tick is None:
-            return None
         return self.cost[0] / self.reference_tick
 
     @property
-    def band_rms(self) -> float | None:
+    def band_rms(self) -> float:
         """RMS of the tangential force between 20 and 200 Hz [N]."""
-        if self.spectrum is None:
-            return None
         f = self.spectrum.frequency
         inside = (f >= BAND[0]) & (f <= BAND[1])
         # A Hann window spreads the power of a sine over 1.5 lines.
         return float(np.sqrt((self.spectrum.amplitude[inside] ** 2).sum() / 2.0 / 1.5))
 
     @property
-    def tangential(self) -> float | None:
+    def tangential(self) -> float:
         """RMS of the tangential force [N]."""
-        return None if self.run is None else tangential_rms(self.run.force)
+        return tangential_rms(self.run.force)
+
+
+class MethodResult(NamedTuple):
+    """Results of one method."""
+
+    method: Method
+    reason: str | None
+    """Why it could not render the scene; then only `properties` may be present."""
+    rendered: Rendered | None
+    properties: Properties | None
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _row(
     if settings.properties:
         step = _counter(progress, f"{method.label}: properties", STEPS)
         properties = measure_properties(method, step)
-    failed = MethodResult(method, method.can(scene), 0.0, 0.0, None, None, None, properties)
+    failed = MethodResult(method, method.can(scene), None, properties)
     if failed.reason is not None:
         return failed
     tick = _counter(progress, f"{method.label}: ticks", len(poses), every=50)
@@ -208,7 +208,8 @@ def _row(
     reference_tick = float(np.median(np.concatenate([before, after])))
     frequency, level = force_spectrum(run.force, settings.dt)
     spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))
-    return MethodResult(method, None, preparing, height, run, reference_tick, spectrum, properties)
+    rendered = Rendered(preparing, height, run, reference_tick, spectrum)
+    return MethodResult(method, None, rendered, properties)
 
 
 def _counter(

@@ -130,7 +130,8 @@ def follow_path(
         on_tick()
         if budget is not None and i >= 63 and clock() - begun > budget:
             break
-    return DrivenRun(*map(np.array, zip(*rows, strict=True)), np.array(seconds))
+    force, torque, depth, contacts = map(np.array, zip(*rows, strict=True))
+    return DrivenRun(force, torque, depth, contacts, np.array(seconds))
 
 
 def simulate_resting_hand(

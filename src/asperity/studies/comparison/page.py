@@ -42,13 +42,14 @@ class Section(NamedTuple):
 
 def cells_of(row: MethodResult) -> list[str]:
     """Return the cells of a method in the table of cost and force."""
-    if row.run is None or row.cost is None:
+    done = row.rendered
+    if done is None:
         return ["-"] * len(_COLUMNS)
     numbers = (
-        1e6 * row.cost[0], 1e6 * row.cost[1], row.ratio or 0.0, 1e3 * (row.tangential or 0.0),
-        1e3 * (row.band_rms or 0.0), 1e3 * float(row.run.torque.std(axis=0).max()),
+        1e6 * done.cost[0], 1e6 * done.cost[1], done.ratio, 1e3 * done.tangential,
+        1e3 * done.band_rms, 1e3 * float(done.run.torque.std(axis=0).max()),
     )  # fmt: skip
-    return [*map(format_number, numbers), f"{len(row.run.force)}"]
+    return [*map(format_number, numbers), f"{len(done.run.force)}"]
 
 
 def sections(result: Comparison) -> list[Section]:

@@ -52,20 +52,21 @@ def _row(row: MethodResult) -> dict[str, Any]:
         "name": row.method.name, "label": row.method.label, "source": row.method.source,
         "what_it_is_not": row.method.what_it_is_not, "cannot": row.reason,
     }  # fmt: skip
-    if row.run is not None and row.cost is not None:
+    done = row.rendered
+    if done is not None:
         out |= {
-            "ticks": len(row.run.force),
-            "preparing_s": row.preparing,
-            "raised_m": row.height,
-            "tick_median_s": row.cost[0],
-            "tick_p99_s": row.cost[1],
-            "tick_over_asperity": row.ratio,
-            "tangential_rms_n": row.tangential,
-            "band_rms_n": row.band_rms,
-            "mean_force_n": row.run.force.mean(axis=0).tolist(),
-            "torque_std_n_m": row.run.torque.std(axis=0).tolist(),
-            "deepest_m": float(row.run.depth.max()),
-            "contacts_median": float(np.median(row.run.contacts)),
+            "ticks": len(done.run.force),
+            "preparing_s": done.preparing,
+            "raised_m": done.height,
+            "tick_median_s": done.cost[0],
+            "tick_p99_s": done.cost[1],
+            "tick_over_asperity": done.ratio,
+            "tangential_rms_n": done.tangential,
+            "band_rms_n": done.band_rms,
+            "mean_force_n": done.run.force.mean(axis=0).tolist(),
+            "torque_std_n_m": done.run.torque.std(axis=0).tolist(),
+            "deepest_m": float(done.run.depth.max()),
+            "contacts_median": float(np.median(done.run.contacts)),
         }
     if row.properties is not None:
         out["properties"] = {k: m._asdict() for k, m in row.properties.measured.items()}
@@ -98,9 +99,9 @@ def _traces_csv(result: Comparison, path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(
             ["time_s", "x_m", "y_m", "z_m"]
-            + [f"{row.method.name}_{part}" for row in rows for part in parts]
+            + [f"{method.name}_{part}" for method, _ in rows for part in parts]
         )
-        wrenches = [np.hstack([row.run.force, row.run.torque]) for row in rows if row.run]
+        wrenches = [np.hstack([done.run.force, done.run.torque]) for _, done in rows]
         for i, pose in enumerate(result.poses):
             cells = [f"{i * result.settings.dt:.6g}", *(f"{x:.9g}" for x in pose[:3])]
             for wrench in wrenches:

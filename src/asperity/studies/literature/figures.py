@@ -64,7 +64,7 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
         axes = figure.subplots(2, 3).ravel()
         probes = [f"D = {d * 1e3:g} mm" for d in plan.diameters]
         speeds = [f"v = {v * 1e3:g} mm/s" for v in plan.speeds]
-        families = (
+        families: tuple[tuple[str, Plate, str, list[str]], ...] = (
             ("Sinusoids, three probes", lab.sinusoids, "diameter", probes),
             ("Sinusoids, three speeds", lab.sinusoids, "speed", speeds),
             ("Dots, three probes; dotted: drop points", lab.dots, "diameter", probes),
