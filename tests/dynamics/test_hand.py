@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import naive
-from asperity.dynamics.dragged_hand.hand import PERIODIC_TOLERANCE, Hand, MotionStatus, drag
+from asperity.dynamics.dragged_hand.hand import Hand, MotionStatus, drag
+from asperity.dynamics.dragged_hand.periodic_motion import PERIODIC_TOLERANCE
 from asperity.errors import AsperityError
 from asperity.geometry.offsets.analytic import Grating, Sinusoid
 from asperity.geometry.offsets.dots import DotPlate

@@ -117,7 +117,7 @@ def arguments(table: Table, where: str, makes: Callable[..., Any] | type) -> dic
     }
 
 
-def options(
+def parse_options(
     table: Table, key: str, makes: Callable[..., Any], source: str, placing: Iterable[str]
 ) -> dict[str, Any]:
     """Return the arguments of `makes` in a table; errors list all keys that it may have.
@@ -129,18 +129,18 @@ def options(
     return arguments({k: v for k, v in table.items() if k in names}, key, makes)
 
 
-def made(
+def make_by_kind(
     what: str, makers: Mapping[str, Callable[..., Any]], table: Table, key: str,
     placing: Iterable[str],
 ) -> Any:  # fmt: skip
     """Return what the maker named by a table's `kind` makes of its other keys."""
     kind = table["kind"]
     at(f"{key}.kind", lambda: require_choice(what, kind, makers))
-    given = options(table, key, makers[kind], "kind", placing)
+    given = parse_options(table, key, makers[kind], "kind", placing)
     return at(key, lambda: makers[kind](**given))
 
 
-def named_file(table: Table, key: str, folder: Path | None) -> Path:
+def find_file(table: Table, key: str, folder: Path | None) -> Path:
     """Return the path of a table's `file`, which has to exist; relative names lie in a folder."""
     if not isinstance(table["file"], str):
         raise AsperityError(f"{key}.file must be a text, got {table['file']!r}")

@@ -25,7 +25,7 @@ from asperity.geometry.mesh.topology import crosses, gradients
 from asperity.geometry.poses import rotation_of
 from asperity.geometry.shapes.block import block
 from asperity.geometry.shapes.shape import Shape, cad_part, file_tool, hammer
-from asperity.scene.document import Table, arguments, at, made, named_file, options
+from asperity.scene.document import Table, arguments, at, find_file, make_by_kind, parse_options
 from asperity.scene.mjcf import mesh_assets, mesh_geoms, model_mesh
 
 MESHES: dict[str, Callable[..., Shape]] = {
@@ -148,13 +148,13 @@ def body_elements(
 
 def _shape(table: Table, key: str) -> Shape:
     """Return what the maker named by `kind` makes."""
-    shape: Shape = made("mesh", MESHES, table, key, _PLACING)
+    shape: Shape = make_by_kind("mesh", MESHES, table, key, _PLACING)
     return shape
 
 
 def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
-    given = options(table, key, _file_keys, "file", _PLACING)
-    path = named_file(table, key, folder)
+    given = parse_options(table, key, _file_keys, "file", _PLACING)
+    path = find_file(table, key, folder)
     atlas = given.pop("atlas", False)
     mesh = at(key, lambda: read_mesh(path, **given))
     return at(f"{key}.atlas", lambda: with_atlas(mesh)) if atlas else mesh

@@ -52,7 +52,7 @@ from asperity.scene.document import (
     at,
     beside,
     check_document,
-    named_file,
+    find_file,
     read_toml,
     require_keys,
     write_toml,
@@ -253,7 +253,7 @@ def _coupling(table: Table) -> CouplingSettings:
 def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
     if "file" in table:
         require_keys(table, "trajectory", ("file",))
-        path = named_file(table, "trajectory", folder)
+        path = find_file(table, "trajectory", folder)
         return at("trajectory.file", lambda: read_poses(path))
     if "kind" in table:
         at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))

@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
-from asperity.scene.document import PLACING, Table, arguments, at, made, named_file, options
+from asperity.scene.document import (
+    PLACING,
+    Table,
+    arguments,
+    at,
+    find_file,
+    make_by_kind,
+    parse_options,
+)
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import PATTERNS
 
@@ -24,12 +32,12 @@ def body_texture(
         return None, {}
     placing = arguments({k: v for k, v in table.items() if k in PLACING}, key, _placing)
     if "file" in table:
-        given = options(table, key, HeightField.from_file, "file", PLACING)
-        path = named_file(table, key, folder)
+        given = parse_options(table, key, HeightField.from_file, "file", PLACING)
+        path = find_file(table, key, folder)
         return at(key, lambda: HeightField.from_file(path, **given)), placing
     if "kind" not in table:
         raise AsperityError(f"{key} needs either kind (one of: {', '.join(PATTERNS)}) or file")
-    return made("texture", PATTERNS, table, key, PLACING), placing
+    return make_by_kind("texture", PATTERNS, table, key, PLACING), placing
 
 
 def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:

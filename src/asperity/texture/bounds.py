@@ -8,9 +8,10 @@ certificate.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
 
@@ -51,7 +52,7 @@ def pyramid_of(coefficients: Array) -> Pyramid:
         level = (_running(c, 4, 1), _running(np.diff(c, 2, axis=1), 2, 1), third)
     levels = [level]
     while max(level[0].shape) > 1:
-        level = tuple(_halve(_halve(part, 0), 1) for part in level)  # type: ignore[assignment]
+        level = tuple(halved(halved(part, 0), 1) for part in level)  # type: ignore[assignment]
         levels.append(level)
     sizes = [entry[0].size for entry in levels]
     heights, curvatures, changes = (
@@ -79,7 +80,7 @@ def _running(values: Array, width: int, axis: int) -> Array:
     return np.maximum.reduce([values.take(range(a, a + count), axis) for a in range(width)])
 
 
-def _halve(level: Array, axis: int) -> Array:
+def halved(level: NDArray[Any], axis: int) -> NDArray[Any]:
     """Return the maxima of neighbouring pairs along `axis`; an odd last entry is kept."""
     if level.shape[axis] == 1:
         return level

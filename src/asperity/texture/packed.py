@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import small_kernel
+from asperity.texture.bounds import halved
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 from asperity.texture.spline import curvature_weights, slope_weights, weights
@@ -160,10 +161,7 @@ def _pyramid(
         first += len(blocks[-1])
         if max(level.shape[:2]) == 1:
             return np.concatenate(blocks).view(BLOCK_BOUNDS).reshape(-1)
-        for axis in (0, 1):
-            if level.shape[axis] > 1:
-                starts = np.arange(0, level.shape[axis], 2)
-                level = np.maximum.reduceat(level, starts, axis=axis)
+        level = halved(halved(level, 0), 1)
 
 
 def _most(c: Array, along_u: int, along_v: int, size: bool = False, parts: int = 1) -> NDArray:

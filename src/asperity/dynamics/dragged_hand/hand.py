@@ -33,6 +33,7 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.dynamics.dragged_hand.integrator import DragModel
 from asperity.dynamics.dragged_hand.periodic_motion import (
+    MAX_SUBHARMONIC,
     PeriodSearch,
     drag_a_length,
     drag_until_repeat,
@@ -40,10 +41,6 @@ from asperity.dynamics.dragged_hand.periodic_motion import (
 from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 
-PERIODIC_TOLERANCE = 1e-6
-"""(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
-
-_MAX_SUBHARMONIC = 8
 _LEAST_STEPS = 64
 _RECORDED_STEPS = 256
 """Least number of recorded samples a period: a spectrum needs more than the integration."""
@@ -55,8 +52,6 @@ _STEPS_A_RADIAN = 8
 """Least number of steps a radian of the hand's fastest free motion, however slow the drive."""
 _LONGEST_RUN = 25.0
 """Time constants of the hand after which a motion that has not repeated counts as aperiodic."""
-_APERIODIC_RECORD = 16
-"""Periods of the surface in the record of an aperiodic motion."""
 
 
 class MotionStatus(IntEnum):
@@ -194,17 +189,9 @@ def drag(
     model = DragModel(*map(float, (hand.mass, hand.stiffness, hand.damping, speed)))
     status, mismatch = MotionStatus.APERIODIC, math.nan
     if length is None or settle is None:
-        most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * _MAX_SUBHARMONIC
+        most = math.ceil(_LONGEST_RUN * hand.time_constant * speed / period) + 2 * MAX_SUBHARMONIC
         ahead = extrapolate and period / speed < _LONG_PERIOD * hand.time_constant
-        search = PeriodSearch(
-            steps=steps,
-            max_periods=most,
-            extrapolate=ahead,
-            max_subharmonic=_MAX_SUBHARMONIC,
-            aperiodic_periods=_APERIODIC_RECORD,
-            samples=finer,
-            tolerance=PERIODIC_TOLERANCE,
-        )
+        search = PeriodSearch(steps=steps, max_periods=most, extrapolate=ahead, samples=finer)
         repeat, run, mismatch, *extremes, record = drag_until_repeat(
             cubics, model, float(start), search
         )

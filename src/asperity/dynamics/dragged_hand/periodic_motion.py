@@ -21,6 +21,12 @@ import numpy as np
 from asperity._core.kernels import kernel
 from asperity.dynamics.dragged_hand.integrator import DRAG_STATE, advance_period, force_table
 
+PERIODIC_TOLERANCE = 1e-6
+"""(u - v t, u') repeats to this fraction of (the surface's period, the speed)."""
+MAX_SUBHARMONIC = 8
+"""Largest number of periods after which the motion may repeat."""
+_APERIODIC_PERIODS = 16
+"""Periods of the surface in the record of an aperiodic motion."""
 _CYCLES = 8
 _FIRST_PERIODS = 2
 _APART = 1000.0
@@ -40,14 +46,8 @@ class PeriodSearch(NamedTuple):
     """Periods after which the motion counts as aperiodic."""
     extrapolate: bool
     """Whether to look for the fixed point by extrapolation first."""
-    max_subharmonic: int
-    """Largest number of periods after which the motion may repeat."""
-    aperiodic_periods: int
-    """Periods to record of a motion that does not repeat."""
     samples: int
     """Recorded samples for each integration step."""
-    tolerance: float
-    """Mismatch at which a state repeats, relative to the period and the speed."""
 
 
 @kernel
@@ -165,13 +165,12 @@ def run_until_repeat(motion, search, table, model, tolerance):
         `mismatch` is that of the last period, in tolerances.
     """
     state = motion[0]
-    depth = search.max_subharmonic
-    history = np.empty((depth, 2))
+    history = np.empty((MAX_SUBHARMONIC, 2))
     mismatch = np.inf
     for period in range(search.max_periods + 1):
         lag, speed = state.position - state.drive, state.velocity
-        for back in range(1, min(depth, period) + 1):
-            old = (period - back) % depth
+        for back in range(1, min(MAX_SUBHARMONIC, period) + 1):
+            old = (period - back) % MAX_SUBHARMONIC
             miss = max(
                 abs(lag - history[old, 0]) / tolerance[0],
                 abs(speed - history[old, 1]) / tolerance[1],
@@ -181,7 +180,8 @@ def run_until_repeat(motion, search, table, model, tolerance):
             # A motion that alternates while it settles is also close to itself two periods ago.
             if miss <= 1.0 and (back == 1 or mismatch > _APART):
                 return back, period, miss
-        history[period % depth, 0], history[period % depth, 1] = lag, speed
+        latest = period % MAX_SUBHARMONIC
+        history[latest, 0], history[latest, 1] = lag, speed
         if period < search.max_periods:
             _run_period(motion, search, table, model)
     return 0, search.max_periods, mismatch
@@ -218,9 +218,9 @@ def drag_until_repeat(cubics, model, start, search):
     table = force_table(cubics[0], cubics[1], cubics[2])
     period = table.edges[table.edges.size - 1]
     phase = _phase(cubics, start)
-    steps, samples, relative = search.steps, search.samples, search.tolerance
+    steps, samples = search.steps, search.samples
     step = period / model.speed / steps
-    tolerance = np.array([relative * period, relative * model.speed])
+    tolerance = np.array([PERIODIC_TOLERANCE * period, PERIODIC_TOLERANCE * model.speed])
     motion = np.empty(1, DRAG_STATE)
     place_at(motion, 0.0, model.speed, phase, table)
     repeat, run, mismatch = 0, 0, np.inf
@@ -233,7 +233,7 @@ def drag_until_repeat(cubics, model, start, search):
     if repeat == 0:
         place_at(motion, 0.0, model.speed, phase, table)
         repeat, run, mismatch = run_until_repeat(motion, search, table, model, tolerance)
-    periods = repeat if repeat > 0 else search.aperiodic_periods
+    periods = repeat if repeat > 0 else _APERIODIC_PERIODS
     nearest, least = motion, np.inf
     for _ in range(_RECORDINGS):
         before = _scaled(motion, tolerance)
@@ -258,9 +258,9 @@ def drag_until_repeat(cubics, model, start, search):
     if repeat > 0 and not mismatch <= _APART:
         repeat = 0
         smallest, largest, record = _recorded(
-            motion, search.aperiodic_periods * steps * samples, step / samples, table, model
+            motion, _APERIODIC_PERIODS * steps * samples, step / samples, table, model
         )
-    return repeat, run, mismatch * relative, smallest, largest, record
+    return repeat, run, mismatch * PERIODIC_TOLERANCE, smallest, largest, record
 
 
 @kernel
