@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from asperity.scene.builtin import load_scene
-from asperity.scene.builtin.probe_plate import _XML
 from asperity.scene.scene import scene_of
 from asperity.studies.baselines.convex_pieces import CONVEX_PIECES, cluster_contacts
 
@@ -41,12 +40,13 @@ def test_opposite_pushes_are_not_mixed():
 def two_boxes():
     """Return the plate of probe-plate as two boxes that meet at x = 0."""
     one = '<geom name="slab" type="box" size="0.05 0.02 0.004" rgba="0.80 0.74 0.63 1"/>'
-    assert one in _XML
+    xml = load_scene("probe-plate").xml
+    assert one in xml
     halves = "".join(
         f'<geom type="box" pos="{x} 0 0" size="0.025 0.02 0.004"/>' for x in (-0.025, 0.025)
     )
-    xml = _XML.replace(one, halves).format(height=1.6e-3, radius=1.5e-3, thin=9e-4, shaft=7.5e-4)
-    return scene_of(xml, {"schema": 1, "tool": {"body": "probe"}}, name="halves")
+    document = {"schema": 1, "tool": {"body": "probe"}}
+    return scene_of(xml.replace(one, halves), document, name="halves")
 
 
 def test_a_ball_is_pushed_by_its_depth_also_over_a_seam():
