@@ -19,7 +19,9 @@ install()
 
 
 def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return _lazy(name)
     old = renamed(name)
-    if old is None and name not in __all__:
+    if old is None:
         raise AttributeError(f"module 'asperity' has no attribute {name!r}")
-    return _lazy(name) if old is None else old
+    return old

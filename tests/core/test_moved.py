@@ -4,10 +4,10 @@ import importlib
 
 import pytest
 
-from asperity._core.moved import MODULES, NAMES, PACKAGES, PUBLIC, new_name
+from asperity._core.moved import new_name, tables
 
 
-@pytest.mark.parametrize("old", [*MODULES, *PACKAGES])
+@pytest.mark.parametrize("old", [*tables()["modules"], *tables()["packages"]])
 def test_what_has_moved_is_where_the_table_says(old):
     new = new_name(f"asperity.{old}")
     assert new is not None
@@ -24,8 +24,8 @@ def test_what_has_moved_is_where_the_table_says(old):
         "from asperity.scene import Scene, scene_of",
         "from asperity.scenes.file_cad import file_cad",
         "from asperity.perception.metrics import METRICS",
-        *(" import ".join(f"from asperity.{name}".rsplit(".", 1)) for name in NAMES),
-        *(f"from asperity import {name}" for name in PUBLIC),
+        *(" import ".join(f"from asperity.{name}".rsplit(".", 1)) for name in tables()["names"]),
+        *(f"from asperity import {name}" for name in tables()["public"]),
     ],
 )
 def test_an_old_name_works_and_warns(line):
