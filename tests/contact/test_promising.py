@@ -117,7 +117,7 @@ def test_a_place_says_nothing_of_a_part_that_it_is_not_in():
             continue  # its base may lie beyond the line
         here, depths = np.sign(away), np.zeros(4)
         parts = np.array([here, -here, here * [1, -1], here * [-1, 1]])
-        regions = SubRegions(np.tile(at, (4, 1)), parts, depths, 0.0)
+        regions = SubRegions(np.tile(at, (4, 1)), parts, depths, np.zeros((4, 3)), 0.0)
         _known_depths(engine._scene.textures, pairs, regions, lines, memory)
         assert (depths[1:] == -np.inf).all()
         known += depths[0] > -np.inf

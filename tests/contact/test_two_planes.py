@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from asperity._core.kernels import kernel
-from asperity.contact.narrow_phase.bounds.plane_pairs import planes_of, quarter_bounds
+from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
+from asperity.contact.narrow_phase.bounds.planes import lifts_within, planes_of
 from asperity.contact.narrow_phase.newton_ascent import is_within
 from asperity.contact.narrow_phase.overlap import overlap_at
 from asperity.contact.narrow_phase.patch_pair import searches_a
@@ -28,8 +29,10 @@ def _evaluate(textures, memory, number, box, threshold, bounds, highest):
     stride, search = memory.patches_b.shape[0], memory.search[0]
     a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
     patch, other = (a, b) if searches_a(a, b) else (b, a)
-    planes, at = planes_of(textures, patch, other), search.at
     x0, x1, y0, y1 = box[0], box[1], box[2], box[3]
+    whole = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
+    lifts = lifts_within(textures, patch, other, whole)
+    planes, at = planes_of(patch, other, lifts), search.at
     quarter_bounds(textures, patch, other, planes, (x0, x1, y0, y1), threshold, bounds)
     for child in range(4):
         highest[child] = -np.inf

@@ -30,7 +30,7 @@ from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 from asperity.texture.spline import curvature_weights, slope_weights, weights
 
-_MOST_BLOCKS = 512**2
+_MOST_BLOCKS = 2 * 512**2
 """Largest number of blocks into which the cells of a coarse texture are subdivided."""
 _EDGE = 1e-6
 """A rectangle larger than a block by less than this counts as its size [cells]."""
@@ -47,6 +47,7 @@ TEXTURE_MAP = np.dtype([
     ("first_window_level", np.int64),
     ("cells_per_metre", np.float64, 2),
     ("max_abs_height", np.float64),
+    ("max_abs_surface", np.float64),
     ("max_slope", np.float64),
     ("max_curvature", np.float64),
     ("max_third_derivative", np.float64),
@@ -59,7 +60,8 @@ TEXTURE_MAP = np.dtype([
 `rows` and `columns` count cells, `coefficient_columns` spline coefficients. `wraps` is 1 or 0.
 Each side of a cell is cut into `parts` with bounds of their own. `cells_per_metre` is along u and
 v. `max_abs_height` and `max_curvature` (over all directions) bound the spline's coefficients, and
-so the surface [m, 1/m]; `max_third_derivative` likewise [1/m^2]; `max_slope` [-]. `rms` and
+so the surface [m, 1/m]; `max_third_derivative` likewise [1/m^2]; `max_slope` [-].
+`max_abs_surface` bounds the surface by its Bezier points, more sharply [m]. `rms` and
 `lowest` are those of the samples, `highest` bounds the surface [m].
 """
 LEVEL = np.dtype([("first", np.int64), ("rows", np.int64), ("columns", np.int64)])
@@ -106,12 +108,14 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
         first_level = len(levels)
         pyramid = _pyramid(cells, field.pixel_size, levels, count(bounds), parts)
         highest, sizes = windows(_rounded_up(_most(cells, 0, 0, parts=parts)), wraps)
+        deepest = float(_most(-cells, 0, 0).max())
         pu, pv = field.pixel_size
         curvature = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
         maps[i] = (
             count(coefficients), c.shape[1], rows, columns, wraps, parts,
             first_level, len(levels) - first_level, count(window_levels),
-            (1.0 / pu, 1.0 / pv), np.max(np.abs(c)), pyramid["slope"][-1],
+            (1.0 / pu, 1.0 / pv), np.max(np.abs(c)), max(highest.max(), deepest),
+            pyramid["slope"][-1],
             curvature + _largest(c, 1, 1) / (pu * pv), _third(c, pu, pv),
             field.rms, field.lowest, highest.max(),
         )  # fmt: skip

@@ -53,7 +53,7 @@ from asperity.contact.manifold.overlap_region import (
 from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
-from asperity.contact.narrow_phase.mesh_patches import FacetQuery, collect_candidates
+from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.geometry.frames import depth_tolerance, to_world
 
@@ -213,11 +213,6 @@ def _search_patches(model, parameters, query, d, count, memory, space, workspace
     for k in range(3):
         frame[2, k] = world[k]
     facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
-    candidates, made_a, has_room = collect_candidates(
-        scene.textures, model.facets, scene.geometry, facets, workspace, space
-    )
-    if not has_room:
-        manifold.count[0].dropped += 1
     start = manifold.count[0].patches
     tolerance = depth_tolerance(
         scene.textures, scene.geometry, scene.tool, query.body, parameters.tolerance
@@ -226,10 +221,12 @@ def _search_patches(model, parameters, query, d, count, memory, space, workspace
         space.region.sums[d], local[0], local[1], parameters.patch_radius,
         memory.guess[query.body, d],
     )  # fmt: skip
-    patches = region_depths(
-        scene.textures, region, (candidates, made_a), facets,
+    patches, has_room = region_depths(
+        (scene.textures, model.facets, scene.geometry), region, facets,
         SearchLimits(tolerance, parameters.max_nodes), workspace, space, manifold.result[start:],
     )  # fmt: skip
+    if not has_room:
+        manifold.count[0].dropped += 1
     for p in range(patches):
         patch = manifold.patches[start + p]
         patch.body, patch.direction, patch.part = query.body, d, p

@@ -3,23 +3,24 @@
 Wide contact of two textured bodies has thousands of points that are nearly as deep. Boxes of all
 pairs of plane patches stand in one heap, ordered by a bound that costs two look-ups in the
 textures' pyramids. A box is quartered until it is about as large as the finest waves of the
-textures; only then is it evaluated with second-order bounds and Newton ascents. So the budget is
-spent where the deepest point may be, and the top of the heap bounds the rest. Pairs with a curved
-patch are searched depth first when it is their turn.
+textures; only then is it evaluated with second-order bounds and Newton ascents (and over a smooth
+plane, a little before, with second-order bounds alone). So the budget is spent where the deepest
+point may be, and the top of the heap bounds the rest. Pairs with a curved patch are searched depth
+first when it is their turn.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
-from asperity.contact.narrow_phase.bounds.plane_pairs import planes_of, quarter_bounds, under_box
+from asperity.contact.narrow_phase.bounds.plane_pairs import quarter_bounds
+from asperity.contact.narrow_phase.bounds.planes import box_under, planes_of
+from asperity.contact.narrow_phase.bounds.rough_on_smooth import rough_bound
 from asperity.contact.narrow_phase.branch_and_bound import (
     SMALLEST,
     evaluate_node,
@@ -27,7 +28,11 @@ from asperity.contact.narrow_phase.branch_and_bound import (
     resolve_leaf,
     search_pair,
 )
-from asperity.contact.narrow_phase.incumbent import is_spent, pruning_threshold
+from asperity.contact.narrow_phase.displaced_surface import parameters_over
+from asperity.contact.narrow_phase.incumbent import is_spent, pruning_threshold, record_maximum
+from asperity.contact.narrow_phase.leaves import resolve_once
+from asperity.contact.narrow_phase.newton_ascent import newton_ascent
+from asperity.contact.narrow_phase.node_queue import MAX_NODES, pop, push
 from asperity.contact.narrow_phase.patch_pair import (
     PLANES,
     PatchPair,
@@ -35,47 +40,19 @@ from asperity.contact.narrow_phase.patch_pair import (
     searches_a,
     sides_of,
 )
-from asperity.contact.narrow_phase.records import NODE, QUEUE_STATE
-from asperity.contact.narrow_phase.warm_start import both_hold, extent_holds
 
-MAX_NODES = 131072
-"""Most boxes of one search."""
 _LAST, _LAST_CUT = 16, 2
 """Boxes that are ascended in when the budget is spent, and when the time is."""
 _LEAF = 1.0
 """Size at which boxes are evaluated to second order [grains of the finer texture]."""
+_FINE = 2.0
+"""Size at which boxes of a rough plane and a smooth one are bounded to second order [grains]."""
 _RESOLVED = 1.5
 """Size at which certified boxes are no longer divided [grains]."""
 _CHEAP = 0.1
 """Cost of a bound from the pyramids alone [nodes]."""
 _INITIAL = 2.0
 """Cost of the first ascent in a pair [nodes]."""
-
-
-class NodeQueue(NamedTuple):
-    """Memory of a best-first search, allocated once."""
-
-    nodes: NDArray[np.void]
-    """NODE records, (MAX_NODES,)."""
-    heap: NDArray[np.int64]
-    """Numbers of the open nodes, the one with the largest bound on top, (MAX_NODES,)."""
-    keys: NDArray[np.float64]
-    """Their bounds [m], (MAX_NODES,)."""
-    retired: NDArray[np.int64]
-    """Numbers of the nodes that a search has pruned or left, (MAX_NODES,)."""
-    state: NDArray[np.void]
-    """One QUEUE_STATE record."""
-
-
-def node_queue() -> NodeQueue:
-    """Return memory for a best-first search."""
-    return NodeQueue(
-        nodes=np.zeros(MAX_NODES, NODE),
-        heap=np.zeros(MAX_NODES, np.int64),
-        keys=np.zeros(MAX_NODES),
-        retired=np.zeros(MAX_NODES, np.int64),
-        state=np.zeros(1, QUEUE_STATE),
-    )
 
 
 @small_kernel
@@ -93,38 +70,6 @@ def _grain(textures, patch):
     )
 
 
-@inner_kernel
-def _push(heap, keys, size, number, key):
-    """Push a node onto a heap of `size` nodes, whose largest key is on top."""
-    at = size
-    while at > 0:
-        above = (at - 1) >> 1
-        if keys[above] >= key:
-            break
-        keys[at], heap[at] = keys[above], heap[above]
-        at = above
-    keys[at], heap[at] = key, number
-
-
-@inner_kernel
-def _pop(heap, keys, size):
-    """Remove the top of a heap of `size` nodes."""
-    key, number = keys[size - 1], heap[size - 1]
-    last = size - 1
-    at = 0
-    while True:
-        child = 2 * at + 1
-        if child >= last:
-            break
-        if child + 1 < last and keys[child + 1] > keys[child]:
-            child += 1
-        if keys[child] <= key:
-            break
-        keys[at], heap[at] = keys[child], heap[child]
-        at = child
-    keys[at], heap[at] = key, number
-
-
 @small_kernel
 def _beyond_added(textures, a, b, box, added):
     """Return whether a box lies beyond one of the last `added` borders of A's patch."""
@@ -134,29 +79,30 @@ def _beyond_added(textures, a, b, box, added):
     first = a.border_count - added
     if searches_a(a, b):
         return beyond_straight_borders(a, first, x, y, half_x, half_y)
-    under = under_box(planes_of(textures, b, a), (x, y, half_x, half_y), 0.0)
+    under = box_under(parameters_over(b, a), (x, y, half_x, half_y), 0.0)
     return beyond_straight_borders(a, first, *under)
 
 
 @inner_kernel
-def _initialise_near(textures, stride, count, guess, memory):
-    """Ascend from the last deepest point `guess` (u, v) in every pair of planes that holds it.
+def ascend_in(textures, stride, count, found, memory):
+    """Ascend from the last deepest point in its pair of planes, number, x and y `found`, if any.
 
-    Other pairs are initialised when it is their turn: ascending in all would take most of the time.
+    Ascending in every pair would take most of the time.
     """
-    search = memory.search[0]
-    for row in range(count):
+    search, number = memory.search[0], int(found[0])
+    for row in range(count if number >= 0 else 0):
         candidate = memory.candidates[row]
-        candidate.is_initialised = candidate.extent[0] == candidate.extent[0]
-        if not extent_holds(candidate, guess[0], guess[1]):
-            continue
-        pair_number = candidate.number
-        a = memory.patches_a[pair_number // stride]
-        b = memory.patches_b[pair_number % stride]
-        patch, other = (a, b) if searches_a(a, b) else (b, a)
-        if both_hold(patch, other, guess[0], guess[1]):
-            initialise_pair(textures, patch, other, guess, search, candidate)
+        if candidate.number == number:
+            a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
+            patch, other = (a, b) if searches_a(a, b) else (b, a)
+            x0, x1, y0, y1 = sides_of(patch)
+            box = candidate.box
+            step = 0.1 * max(box[1] - box[0], box[3] - box[2])
             search.nodes += _INITIAL
+            if newton_ascent(
+                textures, patch, other, (x0, x1, y0, y1), found[1], found[2], step, search
+            ):
+                record_maximum(search, number, 0.0)
 
 
 @small_kernel
@@ -187,7 +133,7 @@ def _fill_heap(textures, stride, count, memory, queue, added):
             if bound <= pruning_threshold(search):
                 retired = _retire(queue, retired, used)
             else:
-                _push(queue.heap, queue.keys, size, used, bound)
+                push(queue.heap, queue.keys, size, used, bound)
                 size += 1
             used += 1
         return size, used, retired
@@ -203,7 +149,7 @@ def _fill_heap(textures, stride, count, memory, queue, added):
         are_planes, box = a.bulge == 0.0 and b.bulge == 0.0, _box_of(node, candidate)
         if are_planes and _beyond_added(textures, a, b, box, added):
             continue
-        _push(queue.heap, queue.keys, size, number, node.bound)
+        push(queue.heap, queue.keys, size, number, node.bound)
         size += 1
     return size, used, retired
 
@@ -216,11 +162,11 @@ def _set_node(node, box, bound, row):
 
 
 @small_kernel
-def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
+def _divide(textures, planes, pair, node, row, grains, search, queue):
     """Bound the quarters of a node of two planes and store them after those in use.
 
     Returns the number of the best quarter, -1 without one, and its bound. Pruned quarters are
-    marked.
+    marked. `grains` is the node's size over the grain of the texture.
     """
     nodes, used = queue.nodes, queue.state[0].used
     x0, x1, y0, y1, above = node
@@ -228,15 +174,13 @@ def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
     best, highest = np.int64(-1), -np.inf
     cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
     mx, my = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-    quarter_bounds(
-        textures,
-        pair.patch,
-        pair.other,
-        planes,
-        (x0, x1, y0, y1),
-        pruning_threshold(search),
-        bounds,
-    )
+    is_leaf = grains <= _LEAF
+    is_fine = grains <= _FINE and pair.patch.texture >= 0 and pair.other.texture < 0
+    if not is_fine:
+        quarter_bounds(
+            textures, pair.patch, pair.other, planes, (x0, x1, y0, y1), pruning_threshold(search),
+            bounds,
+        )  # fmt: skip
     for child in range(4):
         if (child & 1 and not cut_x) or (child & 2 and not cut_y):
             continue
@@ -244,6 +188,10 @@ def _divide(textures, planes, pair, node, row, is_leaf, search, queue):
         q0, q1 = (my if child & 2 else y0), (my if cut_y and not child & 2 else y1)
         search.nodes += _CHEAP
         threshold = pruning_threshold(search)
+        if is_fine:
+            x, y = 0.5 * (p0 + p1), 0.5 * (q0 + q1)
+            box = (x, y, p1 - x, q1 - y)
+            bounds[child] = rough_bound(textures, pair.patch, pair.other, planes, box)
         high = min(bounds[child], above)
         if high == -np.inf:
             continue
@@ -283,7 +231,9 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
     """
     search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes
     heap, keys = queue.heap, queue.keys
-    _initialise_near(textures, stride, count, guess, memory)
+    for row in range(count):
+        # Boxes of two planes, one of them rough, lead to their deepest points by themselves.
+        candidates[row].is_initialised = candidates[row].extent[0] == candidates[row].extent[0]
     size, used, retired = _fill_heap(textures, stride, count, memory, queue, added)
     while size > 0:
         above, number = keys[0], heap[0]
@@ -293,7 +243,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             search.upper_bound = max(search.upper_bound, above)
             _ascend_in_best(textures, stride, size, memory, queue)
             break
-        _pop(heap, keys, size)
+        pop(heap, keys, size)
         size -= 1
         row = nodes[number].candidate
         candidate = candidates[row]
@@ -306,7 +256,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             initialise_pair(textures, patch, other, guess, search, candidate)
             search.nodes += _INITIAL
             # Two straight patches are solved, but not for a sub-region.
-            _push(heap, keys, size, number, min(above, candidate.bound))
+            push(heap, keys, size, number, min(above, candidate.bound))
             size += 1
             continue
         if patch.bulge > 0.0 or other.bulge > 0.0:
@@ -314,7 +264,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             if added == 0:
                 retired = _retire(queue, retired, number)
             continue
-        planes = planes_of(textures, patch, other)
+        planes = planes_of(patch, other, candidate.lifts)
         pair = PatchPair(
             patch, other, pair_number, np.int64(PLANES), candidate.base_x, candidate.base_y,
             pair_shift(textures, patch, other), sides_of(patch),
@@ -328,28 +278,28 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
             if above <= search.incumbent + tolerance and large <= _RESOLVED * grain:
                 is_done = True
                 search.nodes += 1.0
-                resolve_leaf(textures, pair, (x0, x1, y0, y1), above, search)
+                resolve_once(textures, pair, (x0, x1, y0, y1), above, search)
             elif is_done:
                 search.upper_bound = max(search.upper_bound, above)
             if is_done:
                 if added == 0:
                     retired = _retire(queue, retired, number)
                 break
-            is_leaf, first = large <= _LEAF * grain, used
+            grains, first = large / grain, used
             queue.state[0].used = used
             best, highest = _divide(
-                textures, planes, pair, (x0, x1, y0, y1, above), row, is_leaf, search, queue
+                textures, planes, pair, (x0, x1, y0, y1, above), row, grains, search, queue
             )
             used = queue.state[0].used
             # Plunge into the best quarter until it is small: what is found there prunes others.
-            plunge = highest > pruning_threshold(search) and not is_leaf
+            plunge = highest > pruning_threshold(search) and grains > _LEAF
             for k in range(first, used):
                 node = nodes[k]
                 if node.is_pruned:
                     if added == 0:
                         retired = _retire(queue, retired, k)
                 elif k != best or not plunge:
-                    _push(heap, keys, size, k, node.bound)
+                    push(heap, keys, size, k, node.bound)
                     size += 1
             if not plunge:
                 break

@@ -18,10 +18,15 @@ from asperity.contact.broad_phase.facet_pairs import (
 )
 from asperity.contact.manifold.overlap_region import clip_pair
 from asperity.contact.manifold.split import bound_by, split_lines
-from asperity.contact.narrow_phase.best_first import best_first_search
+from asperity.contact.narrow_phase.best_first import ascend_in, best_first_search
 from asperity.contact.narrow_phase.geom_depth import frame_round
-from asperity.contact.narrow_phase.incumbent import TIE, begin_search
-from asperity.contact.narrow_phase.mesh_patches import FacetQuery, collect_candidates
+from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, begin_search
+from asperity.contact.narrow_phase.mesh_patches import (
+    FacetQuery,
+    Wanted,
+    collect_candidates,
+    list_pairs,
+)
 from asperity.contact.narrow_phase.penetration import fill_penetration
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
 from asperity.contact.narrow_phase.warm_start import (
@@ -96,20 +101,23 @@ def _in_contact_frame(point, frame, body):
 def _begin(search, max_nodes, culled):
     """Begin a search for points that touch, where pairs up to `culled` deep were culled [m]."""
     begin_search(search, max_nodes, 0.0)
-    search.upper_bound = max(culled, 0.0)
+    search.upper_bound = culled
 
 
 @inner_kernel
 def _single_deepest(memory, stride, lines):
-    """Return whether a single point is deepest, and its distances from the lines [m]."""
-    search, number = memory.search[0], 0
+    """Return whether a single point is deepest, and its distances from the lines [m].
+
+    Facets that meet in a corner or an edge share points.
+    """
+    search, best, is_single = memory.search[0], memory.search[0].best, True
     for t in range(search.tie_count):
         tie = search.ties[t]
         if tie.f >= search.incumbent - TIE:
-            number += 1 if tie.weight == 0.0 else 2
-    if number != 1:
+            off = abs(tie.point[0] - best.point[0]) + abs(tie.point[1] - best.point[1])
+            is_single = is_single and tie.weight == 0.0 and off < SAME_POINT
+    if not is_single:
         return False, 0.0, 0.0
-    best = search.best
     a, b = memory.patches_a[best.pair // stride], memory.patches_b[best.pair % stride]
     first, second = distances_from_lines(a, b, best, lines)
     return True, first, second
@@ -130,43 +138,52 @@ def _limit_to_sub_region(memory, made_a, lines, side_1, side_2, radius):
 
 
 @inner_kernel
-def region_depths(textures, region, found, query, limits, memory, space, results_out):
+def region_depths(model, region, query, limits, memory, space, results_out):
     """Search the sub-regions of one direction; fill a `PENETRATION` record for each.
 
-    Returns how many sub-regions there are: 1, 2 or 4. One that does not touch has a depth of -inf.
+    Returns how many sub-regions there are, 1, 2 or 4, and whether there was room for all facets.
+    A sub-region that does not touch has a depth of -inf.
 
     Parameters
     ----------
-    textures : Textures
+    model : tuple (Textures, FacetTable, Geometry)
     region : SplitRegion
-    found : tuple (int, int)
-        Number of candidates and of patches of A, as by `collect_candidates`.
     query : FacetQuery
     limits : SearchLimits
     memory : Workspace
     space : FacetSpace
     results_out : PENETRATION records (4,)
     """
-    (count, made_a), (tolerance, max_nodes) = found, limits
-    lines = space.lines
+    (textures, _, _), (tolerance, max_nodes), lines = model, limits, space.lines
     search, stride, n = memory.search[0], memory.patches_b.shape[0], query.frame[2]
     points, sides, depths = stack_array((4, 2)), stack_array((4, 2)), stack_array((4,))
-    regions = SubRegions(points, sides, depths, region.radius)
+    found = stack_array((4, 3))
+    regions = SubRegions(points, sides, depths, found, region.radius)
     first, second = _fill_sub_regions(region, query, lines, regions)
-    number = (2 if first else 1) * (2 if second else 1)
+    number = np.int64((2 if first else 1) * (2 if second else 1))
+    none = np.int64(0)
+    listed = list_pairs(model, query, space)
+    # First the few facets over what was deepest last: how deep they are rules out most others.
+    wanted = Wanted(listed, none, none, -math.inf, points, number)
+    count, made_a, made_b, had_room = collect_candidates(model, query, wanted, memory, space)
     fill_known_depths(textures, count, stride, regions, number, lines, memory)
-    best, least = np.int64(0), depths[0]
+    best, least = none, depths[0]
     for p in range(1, number):
         least = min(least, depths[p])
         best = p if depths[p] > depths[best] else best
-    count = cull_pairs(textures, count, stride, max(least, 0.0), memory)
+    culled = max(least, 0.0)
+    wanted = Wanted(listed, made_a, made_b, culled, points, none)
+    count, made_a, made_b, has_room = collect_candidates(model, query, wanted, memory, space)
+    has_room = has_room and had_room
+    count = cull_pairs(textures, count, stride, culled, memory)
     # The deepest point of all is that of every sub-region that it lies in.
-    _begin(search, float(max_nodes), least)
+    _begin(search, float(max_nodes), culled)
     guess = (points[best, 0], points[best, 1])
-    best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, np.int64(0))
+    ascend_in(textures, stride, count, found[best], memory)
+    best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
     if number == 1 or results_out[0].depth == -math.inf:
-        return 1
+        return 1, has_room
     single, at_1, at_2 = _single_deepest(memory, stride, lines)
     for p in range(number - 1, -1, -1):
         side_1, side_2 = sides[p, 0], sides[p, 1]
@@ -174,13 +191,14 @@ def region_depths(textures, region, found, query, limits, memory, space, results
             copy_record(results_out[p], results_out[0])
             continue
         added = _limit_to_sub_region(memory, made_a, lines, side_1, side_2, region.radius)
-        _begin(search, max_nodes / 2, least)
+        _begin(search, max_nodes / 2, culled)
         guess = (points[p, 0], points[p, 1])
+        ascend_in(textures, stride, count, found[p], memory)
         best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
         fill_penetration(textures, stride, n, tolerance, memory, results_out[p])
         for a in range(made_a):
             memory.patches_a[a].border_count -= added
-    return number
+    return number, has_room
 
 
 @kernel
@@ -191,7 +209,7 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
     facet table and the geometry; `frames` those of the bodies, (3, 4) each. Returns whether there
     was room for all facets.
     """
-    (textures, table, geometry), (body_a, body_b) = model, frames
+    (textures, table, _), (body_a, body_b) = model, frames
     tolerance, max_nodes = limits
     frame, search, region = memory.frame, memory.search[0], space.region
     facets, transform, local = region.facets, stack_array((3, 4)), stack_array((3,))
@@ -210,8 +228,10 @@ def facets_along(model, frames, n, overlap, limits, memory, space, result_out):
             local[i] += body_b[k, i] * n[k]
     frame_round(n, frame)
     query = FacetQuery(np.int64(kept), np.int64(-1), local, frame, body_a, body_b)
-    count, _, has_room = collect_candidates(textures, table, geometry, query, memory, space)
-    stride = memory.patches_b.shape[0]
+    none, stride = np.int64(0), memory.patches_b.shape[0]
+    listed = list_pairs(model, query, space)
+    wanted = Wanted(listed, none, none, -math.inf, stack_array((4, 2)), none)
+    count, _, _, has_room = collect_candidates(model, query, wanted, memory, space)
     count = cull_pairs(textures, count, stride, -math.inf, memory)
     begin_search(search, float(max_nodes), -math.inf)
     guess = (np.nan, np.nan)

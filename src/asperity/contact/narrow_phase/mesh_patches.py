@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.facet_patch import fill_facet_patch
 from asperity.contact.narrow_phase.geom_depth import fill_geom_patches
+from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.narrow_phase.patch_pair import pair_shift
 from asperity.contact.narrow_phase.surface_patch import FLATTEST
+from asperity.contact.narrow_phase.warm_start import ON_BORDER
 
 
 class FacetQuery(NamedTuple):
@@ -30,6 +33,22 @@ class FacetQuery(NamedTuple):
     """Rotation and translation of A from the contact's origin, world axes, (3, 4) [m]."""
     frame_b: NDArray[np.float64]
     """Rotation and translation of B, (3, 4) [m]."""
+
+
+class Wanted(NamedTuple):
+    """Which of the listed pairs of facets `collect_candidates` takes."""
+
+    listed: int
+    """How many are listed."""
+    made_a: int
+    """Patches of A that exist already."""
+    made_b: int
+    depth: float
+    """Pairs that cannot be deeper are left out [m]."""
+    place: NDArray[np.float64]
+    """(u, v) of points in its rows [m]."""
+    places: int
+    """Number of them that pairs have to lie over one of, 0: anywhere."""
 
 
 class _View(NamedTuple):
@@ -58,6 +77,18 @@ def _fill_transform(frame, body, rotation_out, translation_out):
                 total += frame[i, k] * body[k, j]
             rotation_out[i, j] = total
             translation_out[i] += frame[i, j] * body[j, 3]
+
+
+@inner_kernel
+def _fill_transform_with_offset(frame, body, axes_out):
+    """Fill the transform (3, 4) from a body's frame to the contact frame."""
+    for i in range(3):
+        axes_out[i, 3] = 0.0
+        for j in range(3):
+            axes_out[i, j] = 0.0
+            for k in range(3):
+                axes_out[i, j] += frame[i, k] * body[k, j]
+            axes_out[i, 3] += frame[i, j] * body[j, 3]
 
 
 @inner_kernel
@@ -132,13 +163,129 @@ def _is_listed(candidates, count, number):
 
 
 @inner_kernel
-def collect_candidates(textures, table, geometry, query, memory, space):
-    """Fill the patches of all facets of a query, and `memory.candidates` with pairs that may meet.
+def _see(corners, sides, axes, sign, slot):
+    """Fill the extent of a facet in the contact frame, and its highest corner.
 
-    Returns how many candidates there are, how many patches of A, and whether there was room for
-    all. A pair's number is that of A's patch times the room for patches, plus that of B's.
+    `corners` are in B's frame, `axes` (3, 4) the rows of the transform to the contact frame; `sign`
+    is that of z, which points out of the facet's body.
     """
+    u0 = v0 = np.inf
+    u1 = v1 = top = -np.inf
+    for c in range(sides):
+        x, y, z = corners[c, 0], corners[c, 1], corners[c, 2]
+        u = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z + axes[0, 3]
+        v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z + axes[1, 3]
+        w = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z + axes[2, 3]
+        u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
+        top = max(top, sign * w)
+    slot.extent[0], slot.extent[1], slot.extent[2], slot.extent[3] = u0, u1, v0, v1
+    slot.top = top
+
+
+@small_kernel
+def _raise_by_texture(textures, table, texture, f, n, slot):
+    """Add to what is seen of a facet what its texture does; `n` (3,) is z in its body's frame."""
+    slot.shift = 0.0
+    if texture < 0:
+        return
+    w, half, axes = table.w[f], table.half[f], table.axes[f]
+    along = lean = 0.0
+    least = -half[0] * abs(w[3] * n[0] + w[4] * n[1] + w[5] * n[2])
+    least -= half[1] * abs(w[6] * n[0] + w[7] * n[1] + w[8] * n[2])
+    for k in range(3):
+        least += w[k] * n[k]
+        along += axes[2, k] * n[k]
+        lean += abs(w[k] - axes[2, k])
+    # Seen from behind, hollows rise.
+    slot.top += max(table.top[f], 0.0) if least >= 0.0 else np.inf
+    if table.unit[f] == 1.0:
+        lean = min(lean + math.sqrt(max(1.0 - along * along, 0.0)), 1.0)
+    else:
+        lean = 1.0
+    slot.shift = textures.maps[texture].max_abs_surface * lean
+
+
+@small_kernel
+def _lie_beside(one, other):
+    """Return whether two facets that have been seen lie clearly beside each other."""
+    shift = one.shift + other.shift + ON_BORDER
+    return (
+        one.extent[0] > other.extent[1] + shift
+        or one.extent[1] < other.extent[0] - shift
+        or one.extent[2] > other.extent[3] + shift
+        or one.extent[3] < other.extent[2] - shift
+    )
+
+
+@inner_kernel
+def list_pairs(model, query, space):
+    """Fill `space.listed` with the pairs of facets that may touch as seen along n; return how many.
+
+    No patches are made for that: most facets of a round tool are far from the deepest point.
+    """
+    textures, table, geometry = model
     space.clock[0] += 1
+    number, axes, n_a = space.clock[0], stack_array((3, 4)), stack_array((3,))
+    _fill_transform_with_offset(query.frame, query.frame_b, axes)
+    for k in range(3):
+        n_a[k] = 0.0
+        for i in range(3):
+            n_a[k] -= query.frame[2, i] * query.frame_a[i, k]
+    facets, listed, count = space.region.facets, space.listed, np.int64(0)
+    for i in range(query.facet_pairs):
+        f, g = facets.pairs[i, 0], facets.pairs[i, 1]
+        if not _faces_direction(table, f, g, query.normal, space):
+            continue
+        if query.direction >= 0 and table.shares[g, query.direction] == 0.0:
+            continue
+        if table.geom[f] < 0 and table.geom[g] < 0:
+            one, other = space.slots[0, f], space.slots[1, g]
+            if one.seen != number:
+                one.seen = number
+                _see(facets.corners[f], table.sides[f], axes, -1.0, one)
+                texture = geometry.texture[table.body[f]]
+                _raise_by_texture(textures, table, texture, f, n_a, one)
+            if other.seen != number:
+                other.seen = number
+                _see(table.points[g], table.sides[g], axes, 1.0, other)
+                texture = geometry.texture[table.body[g]]
+                _raise_by_texture(textures, table, texture, g, query.normal, other)
+            if _lie_beside(one, other):
+                continue
+        listed[count] = i
+        count += 1
+    return count
+
+
+@small_kernel
+def _is_wanted(one, other, wanted):
+    """Return whether two facets may be as deep as is wanted, over one of the wanted places."""
+    if one.top + other.top <= wanted.depth - TIE:
+        return False
+    if wanted.places == 0:
+        return True
+    holds = False
+    for p in range(wanted.places):
+        u, v = wanted.place[p, 0], wanted.place[p, 1]
+        holds = holds or (_is_over(one.extent, u, v) and _is_over(other.extent, u, v))
+    return holds
+
+
+@small_kernel
+def _is_over(extent, u, v):
+    """Return whether (u, v) lies within an extent, or at its border."""
+    within_u = extent[0] - ON_BORDER <= u and u <= extent[1] + ON_BORDER
+    return within_u and extent[2] - ON_BORDER <= v and v <= extent[3] + ON_BORDER
+
+
+@inner_kernel
+def collect_candidates(model, query, wanted, memory, space):
+    """Fill the patches of the listed facets that are wanted, and `memory.candidates`.
+
+    Returns how many candidates there are, how many patches of A and of B, and whether there was
+    room for all. A pair's number is that of A's patch times the room for patches, plus that of B's.
+    """
+    textures, table, geometry = model
     stride, query_number = memory.patches_b.shape[0], space.clock[0]
     frame, down = query.frame, stack_array((3, 3))
     rotation_a, translation_a = stack_array((3, 3)), stack_array((3,))
@@ -149,17 +296,19 @@ def collect_candidates(textures, table, geometry, query, memory, space):
     _fill_transform(frame, query.frame_b, rotation_b, translation_b)
     view_a = _View(np.int64(0), down, query.frame_a, rotation_a, translation_a)
     view_b = _View(np.int64(1), frame, query.frame_b, rotation_b, translation_b)
-    made_a = made_b = count = 0
+    made_a, made_b, count = wanted.made_a, wanted.made_b, np.int64(0)
     has_room = True
     candidates, facets = memory.candidates, space.region.facets.pairs
-    for i in range(query.facet_pairs):
-        f, g = facets[i, 0], facets[i, 1]
-        if not _faces_direction(table, f, g, query.normal, space):
-            continue
-        if query.direction >= 0 and table.shares[g, query.direction] == 0.0:
-            continue
+    for i in range(wanted.listed):
+        f, g = facets[space.listed[i], 0], facets[space.listed[i], 1]
+        of_geom = table.geom[f] >= 0 or table.geom[g] >= 0
         # Most patches exist already, and a call passes hundreds of numbers.
         slot_a, slot_b = space.slots[0, f], space.slots[1, g]
+        if of_geom:
+            if wanted.places > 0:
+                continue
+        elif not _is_wanted(slot_a, slot_b, wanted):
+            continue
         first_a, end_a, first_b, end_b = slot_a.first, slot_a.end, slot_b.first, slot_b.end
         if table.geom[f] >= 0 or slot_a.made != query_number:
             first_a, end_a, made_a, fits = _patches_of_facet(
@@ -171,7 +320,6 @@ def collect_candidates(textures, table, geometry, query, memory, space):
                 table, geometry, g, view_b, made_b, memory.patches_b, space
             )
             has_room = has_room and fits
-        of_geom = table.geom[f] >= 0 or table.geom[g] >= 0
         for a in range(first_a, end_a):
             for b in range(first_b, end_b):
                 number = a * stride + b
@@ -186,4 +334,4 @@ def collect_candidates(textures, table, geometry, query, memory, space):
                 candidates[count].number = number
                 _fill_common_extent(patch, other, candidates[count])
                 count += 1
-    return count, made_a, has_room
+    return count, made_a, made_b, has_room

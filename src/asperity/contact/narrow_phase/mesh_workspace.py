@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.manifold.overlap_region import OverlapRegion, overlap_region
 from asperity.contact.manifold.records import DIRECTION, ContactManifold, contact_manifold
-from asperity.contact.narrow_phase.best_first import NodeQueue, node_queue
+from asperity.contact.narrow_phase.node_queue import NodeQueue, node_queue
 from asperity.contact.narrow_phase.records import PATCH_SLOT
 
 MAX_SURFACE_PATCHES = 4096
@@ -28,6 +28,8 @@ class FacetSpace(NamedTuple):
     """PATCH_SLOT records: the surface patch of each facet of A and of B, (2, facets)."""
     geom_slots: NDArray[np.void]
     """PATCH_SLOT records: the surface patches of each geom, (geoms,)."""
+    listed: NDArray[np.int64]
+    """Numbers of the pairs of facets that may touch as seen along n, (MAX_CANDIDATES,)."""
     clock: NDArray[np.int64]
     """Number of the last query, (1,)."""
     directions: NDArray[np.void]
@@ -47,6 +49,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         manifold=contact_manifold(),
         slots=np.zeros((2, facets), PATCH_SLOT),
         geom_slots=np.zeros(geoms, PATCH_SLOT),
+        listed=np.zeros(MAX_CANDIDATES, np.int64),
         clock=np.zeros(1, np.int64),
         directions=np.zeros(DIRECTIONS, DIRECTION),
         queue=node_queue(),

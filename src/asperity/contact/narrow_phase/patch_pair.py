@@ -105,7 +105,7 @@ def pair_roughness(textures, patch, other):
     rough = 0.0
     for either in (patch, other):
         if either.texture >= 0:
-            rough += max(min(textures.maps[either.texture].max_abs_height, either.texture_top), 0.0)
+            rough += max(min(textures.maps[either.texture].highest, either.texture_top), 0.0)
     return rough
 
 

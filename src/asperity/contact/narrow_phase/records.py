@@ -188,13 +188,28 @@ CANDIDATE = np.dtype(
         ("number", "i8"),  # A's patch * stride + B's patch
         ("box", "f8", 4),  # planes: x0, x1, y0, y1 over which they overlap [m]
         ("extent", "f8", 4),  # planes, one of them rough: u0, u1, v0, v1 of both [m]; else nan
+        ("lifts", "f8", 5),  # planes: see `bounds.planes.Lifts`
     ],
     align=True,
 )
 """Pair of patches that may hold the deepest point."""
 
-PATCH_SLOT = np.dtype([("first", "i8"), ("end", "i8"), ("made", "i8")], align=True)
-"""Patches `first` to `end - 1` of a facet or a geom, valid in the query with the number `made`."""
+PATCH_SLOT = np.dtype(
+    [
+        ("first", "i8"),
+        ("end", "i8"),
+        ("made", "i8"),
+        ("seen", "i8"),
+        ("extent", "f8", 4),  # u0, u1, v0, v1 of the base [m]
+        ("top", "f8"),  # highest z of the base, raised by the highest texture [m]
+        ("shift", "f8"),  # how far the texture moves points sideways at most [m]
+    ],
+    align=True,
+)
+"""Patches `first` to `end - 1` of a facet or a geom, valid in the query with the number `made`.
+
+What is known of a facet before its patch is made is valid in the query with the number `seen`.
+"""
 
 QUEUE_STATE = np.dtype([("retired", "i8"), ("stored", "i8"), ("used", "i8")], align=True)
 """Nodes retired and nodes stored after the last search of a whole region; nodes now in use."""

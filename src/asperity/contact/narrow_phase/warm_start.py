@@ -14,13 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
-from asperity.contact.narrow_phase.bounds.limits import beyond_borders
 from asperity.contact.narrow_phase.bounds.plane_pairs import bound_pair, top_bound
 from asperity.contact.narrow_phase.displaced_surface import parameters_at, place_at
 from asperity.contact.narrow_phase.incumbent import TIE
-from asperity.contact.narrow_phase.newton_ascent import is_within
-from asperity.contact.narrow_phase.overlap import overlap_at
+from asperity.contact.narrow_phase.overlap import limits_at, overlap_at
 from asperity.contact.narrow_phase.patch_pair import searches_a
+from asperity.contact.narrow_phase.surface_patch import entries
+
+ON_BORDER = 1e-9
+"""A point this far beyond a facet may still lie on its border [m]."""
+_PLACED = 1e-10
+"""Distance to which a point's parameters are found [m]."""
+_STEPS = 8
+_OFF_BORDER = 1e-10
+"""How far beyond a limit a deepest point of the last tick may lie: it moves with the tool [m]."""
 
 
 class SubRegions(NamedTuple):
@@ -32,31 +39,47 @@ class SubRegions(NamedTuple):
     """Side of either line that a sub-region is on, 1 or -1; 0: both sides, (n, 2)."""
     depth: NDArray[np.float64]
     """Lower bound of the depth, -inf if unknown, (n,) [m]."""
+    found: NDArray[np.float64]
+    """The pair that is so deep there and the parameters of the point: number, x, y; (n, 3)."""
     radius: float
     """How far sub-regions reach over the lines [m]."""
 
 
 @small_kernel
-def _holds(patch, u, v):
-    """Return whether a patch's base covers (u, v)."""
-    x, y = parameters_at(patch, u, v)
-    sides = patch.rectangle
-    if not (sides[0] <= x <= sides[1]) or not (sides[2] <= y <= sides[3]):
-        return False
-    return not beyond_borders(patch, x, y, 0.0, 0.0)
+def _extent_holds(candidate, u, v):
+    """Return whether (u, v) lies within the extent of a candidate's planes, or at its border."""
+    low_u, high_u, low_v, high_v = candidate.extent
+    within_u = low_u - ON_BORDER <= u and u <= high_u + ON_BORDER
+    return within_u and low_v - ON_BORDER <= v and v <= high_v + ON_BORDER
 
 
 @inner_kernel
-def both_hold(patch, other, u, v):
-    """Return whether both patches cover (u, v) of the contact frame."""
-    return _holds(patch, u, v) and _holds(other, u, v)
+def _overlap_over(textures, patch, other, u, v, search):
+    """Evaluate the overlap over (u, v), in `search.at`; return whether it is within the limits.
 
-
-@small_kernel
-def extent_holds(candidate, u, v):
-    """Return whether (u, v) lies within the extent of a candidate's planes."""
-    extent = candidate.extent
-    return extent[0] <= u <= extent[1] and extent[2] <= v <= extent[3]
+    A texture moves points sideways, so the parameters of the point are found by iteration.
+    """
+    at = search.at
+    x, y = parameters_at(patch, u, v)
+    off = np.inf
+    for _ in range(_STEPS):
+        overlap_at(textures, patch, other, x, y, search, at)
+        if at.f == -np.inf:
+            return False
+        off_u, off_v = at.point[0] - u, at.point[1] - v
+        last, off = off, abs(off_u) + abs(off_v)
+        if off < _PLACED or off > 0.9 * last:
+            break
+        i, j, k, m = entries(patch.lateral_inverse)
+        x -= i * off_u + j * off_v
+        y -= k * off_u + m * off_v
+    if not off < ON_BORDER:
+        return False
+    sides = patch.rectangle
+    worst = max(max(sides[0] - at.x, at.x - sides[1]), max(sides[2] - at.y, at.y - sides[3]))
+    for n in range(limits_at(patch, other, at, search.limits)):
+        worst = max(worst, search.limits[n].g)
+    return worst <= _OFF_BORDER
 
 
 @inner_kernel
@@ -83,26 +106,32 @@ def fill_known_depths(textures, count, stride, regions, parts, lines, memory):
     search = memory.search[0]
     at = search.at
     for p in range(parts):
-        regions.depth[p] = -np.inf
+        regions.depth[p], regions.found[p, 0] = -np.inf, -1.0
     for row in range(count):
         candidate = memory.candidates[row]
+        last_u = last_v = np.nan
+        is_within = False
         for p in range(parts):
             u, v = regions.point[p, 0], regions.point[p, 1]
-            if not extent_holds(candidate, u, v):
+            if not _extent_holds(candidate, u, v):
                 continue
             number = candidate.number
             a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
             patch, other = (a, b) if searches_a(a, b) else (b, a)
-            if not both_hold(patch, other, u, v):
-                continue
-            x, y = parameters_at(patch, u, v)
-            overlap_at(textures, patch, other, x, y, search, at)
-            if not at.f > regions.depth[p] or not is_within(patch, other, at, search):
+            # One point is often the deepest of several sub-regions.
+            if not (u == last_u and v == last_v):
+                last_u, last_v = u, v
+                is_within = _overlap_over(textures, patch, other, u, v, search)
+            if not is_within:
                 continue
             first, second = distances_from_lines(a, b, at, lines)
             reach = -regions.radius
-            if regions.side[p, 0] * first >= reach and regions.side[p, 1] * second >= reach:
+            if regions.side[p, 0] * first < reach or regions.side[p, 1] * second < reach:
+                continue
+            if at.f > regions.depth[p]:
+                found = regions.found[p]
                 regions.depth[p] = at.f
+                found[0], found[1], found[2] = number, at.x, at.y
 
 
 @inner_kernel

@@ -116,8 +116,14 @@ def quadratic_bound(matrix, half_x, half_y, bound, slack, at):
     level = at.f + 0.5 * square + abs(m12) * half_x * half_y
     rise = _rise(abs(at.f_x), m11, half_x) + _rise(abs(at.f_y), m22, half_y)
     bound = min(bound, at.f + rise + abs(m12) * half_x * half_y)
-    is_concave = m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
+    is_concave = _is_concave(m11, m12, m22)
     return box_bound(bound, CONCAVE if is_concave else QUADRATIC, level, slack)
+
+
+@small_kernel
+def _is_concave(m11, m12, m22):
+    """Return whether a symmetric matrix is negative definite."""
+    return m11 < 0.0 and m11 * m22 - m12 * m12 > 0.0
 
 
 @small_kernel
@@ -173,10 +179,14 @@ def _third_order(textures, patch, other, over, over_other, fastest, closest):
 def _with_third(found, third, half_x, half_y, bound, at):
     """Return `found`, or the bound by the Hessian at the centre, which changes by `third` at most.
 
-    The latter is sharper on ridges and in small boxes.
+    The latter is sharper on ridges and in small boxes. By Taylor's theorem f rises over its
+    quadratic by a third of what it would if all of the box had the changed Hessian; concave it is
+    only with all of the change.
     """
-    matrix = (at.f_xx + third, at.f_xy, at.f_yy + third)
+    matrix = (at.f_xx + third / 3.0, at.f_xy, at.f_yy + third / 3.0)
     by_third = quadratic_bound(matrix, half_x, half_y, bound, found.slack, at)
+    if by_third.kind == CONCAVE and not _is_concave(at.f_xx + third, at.f_xy, at.f_yy + third):
+        by_third = box_bound(by_third.value, QUADRATIC, by_third.level, by_third.slack)
     least = min(found.value, by_third.value)
     if by_third.kind > found.kind or (by_third.kind == found.kind and by_third.level < found.level):
         return box_bound(least, by_third.kind, by_third.level, by_third.slack)

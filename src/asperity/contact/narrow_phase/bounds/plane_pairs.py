@@ -8,7 +8,6 @@ quarters in a tick.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +15,14 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.bounds.limits import beyond_straight_borders
 from asperity.contact.narrow_phase.bounds.overlap import order_zero_bound
-from asperity.contact.narrow_phase.bounds.texture import on_texture, plane_normal
+from asperity.contact.narrow_phase.bounds.planes import lifts_within, planes_of, under_box
+from asperity.contact.narrow_phase.bounds.texture import (
+    on_texture,
+    plane_normal,
+)
 from asperity.contact.narrow_phase.bounds.triplanar import is_triplanar, triplanar_top
-from asperity.contact.narrow_phase.displaced_surface import parameters_over
 from asperity.contact.narrow_phase.flat_on_flat import plane_overlap
-from asperity.contact.narrow_phase.patch_pair import pair_shift
+from asperity.contact.narrow_phase.patch_pair import pair_shift, window_of
 from asperity.contact.narrow_phase.surface_patch import PLANAR, entries
 from asperity.texture.highest import WHOLE, texture_top, top_over, windows_for
 
@@ -28,35 +30,12 @@ _LEANING = 0.1
 """Lateral shift over the size of a box above which it is bounded where points are moved to."""
 
 
-class Planes(NamedTuple):
-    """What all bounds of the overlap of two plane patches share."""
-
-    b0: float
-    """The other's first parameter over (x, y): b0 + b1 x + b2 y [m]."""
-    b1: float
-    b2: float
-    c0: float
-    """The other's second parameter: c0 + c1 x + c2 y [m]."""
-    c1: float
-    c2: float
-    z_x: float
-    """Overlap of the smooth bases: z_0 + z_x x + z_y y [m]."""
-    z_y: float
-    z_0: float
-    lift: float
-    """Rise of the overlap per height of the texture, at most."""
-    other_lift: float
-    """And per height of the other's."""
-    shift: float
-    """How far textures move points at most, by the other's parameters [m]."""
-
-
 @small_kernel
 def _cap(textures, patch):
     """Return the highest texture all over a patch [m]."""
     if patch.texture < 0:
         return 0.0
-    return min(patch.texture_top, textures.maps[patch.texture].max_abs_height)
+    return min(patch.texture_top, textures.maps[patch.texture].highest)
 
 
 @small_kernel
@@ -82,57 +61,9 @@ def _highest_of_any(textures, patch, x, y, half_x, half_y):
 
 
 @small_kernel
-def planes_of(textures, patch, other):
-    """Return the `Planes` of two plane patches."""
-    i, j, k, m = entries(other.lateral_inverse)
-    b0, b1, b2, c0, c1, c2 = parameters_over(patch, other)
-    slope, s_x, s_y = patch.slope, other.slope[0], other.slope[1]
-    z_x = slope[0] + s_x * b1 + s_y * c1
-    z_y = slope[1] + s_x * b2 + s_y * c2
-    z_0 = patch.origin[2] + other.origin[2] + s_x * b0 + s_y * c0
-    g1, g2 = i * s_x + k * s_y, j * s_x + m * s_y
-    shift = pair_shift(textures, patch, other) / other.lateral_min
-    return Planes(
-        b0, b1, b2, c0, c1, c2, z_x, z_y, z_0, _lift(patch, g1, g2),
-        _lift(other, -g1, -g2), shift,
-    )  # fmt: skip
-
-
-@small_kernel
-def _lift(patch, g1, g2):
-    """Return how much the height of a plane over (u, v) rises per height of its texture, at most.
-
-    (g1, g2) is the slope of the other plane.
-    """
-    lift = patch.normal[2] + g1 * patch.normal[0] + g2 * patch.normal[1]
-    if patch.is_unit:
-        return lift
-    # Before normalisation w is linear.
-    x = patch.normal_from_x[2] + g1 * patch.normal_from_x[0] + g2 * patch.normal_from_x[1]
-    y = patch.normal_from_y[2] + g1 * patch.normal_from_y[0] + g2 * patch.normal_from_y[1]
-    lift += abs(x) * patch.rectangle[1] + abs(y) * patch.rectangle[3]
-    return min(max(lift, 0.0) / patch.normal_min, math.sqrt(1.0 + g1 * g1 + g2 * g2))
-
-
-@small_kernel
 def _lifting_height(patch, high):
     """Return the height of a texture that counts for `_lift`: where normals vary, that above 0."""
     return high if patch.is_unit else max(high, 0.0)
-
-
-@small_kernel
-def under_box(planes, box, shift):
-    """Return the box (x, y, half_x, half_y) of the other's parameters that may lie under one.
-
-    `shift` widens it on all sides [m].
-    """
-    x, y, half_x, half_y = box
-    return (
-        planes.b0 + planes.b1 * x + planes.b2 * y,
-        planes.c0 + planes.c1 * x + planes.c2 * y,
-        abs(planes.b1) * half_x + abs(planes.b2) * half_y + shift,
-        abs(planes.c1) * half_x + abs(planes.c2) * half_y + shift,
-    )
 
 
 @small_kernel
@@ -168,7 +99,7 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
     x0, x1, y0, y1 = box
     cut_x, cut_y = 2.0 * (x1 - x0) > y1 - y0, 2.0 * (y1 - y0) > x1 - x0
     half_x, half_y = (0.25 if cut_x else 0.5) * (x1 - x0), (0.25 if cut_y else 0.5) * (y1 - y0)
-    _, _, reach_x, reach_y = under_box(planes, (0.0, 0.0, half_x, half_y), planes.shift)
+    _, _, reach_x, reach_y = under_box(planes, (0.0, 0.0, half_x, half_y))
     z_x, z_y, slope, other_slope = planes.z_x, planes.z_y, patch.slope, other.slope
     rise = planes.z_0 + abs(z_x) * half_x + abs(z_y) * half_y
     rise_x = patch.origin[2] + abs(slope[0]) * half_x + abs(slope[1]) * half_y
@@ -196,14 +127,15 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
             | (by - reach_y > sides[3]) | (by + reach_y < sides[2])
         )  # fmt: skip
         bounds_out[child] = -np.inf if apart else bound
-    leans = planes.shift > _LEANING * max(reach_x, reach_y) and other.texture >= 0
+    leans = planes.shift > _LEANING * max(reach_x, reach_y)
+    leans = leans and planes.back == -np.inf and planes.other_back == -np.inf
     mixed = is_triplanar(patch) or is_triplanar(other)
     for child in range(4 if mixed else 0):
         if bounds_out[child] > threshold:
             x = x0 + (3.0 if child & 1 else 1.0) * half_x
             y = y0 + (3.0 if child & 2 else 1.0) * half_y
             quarter = (x, y, half_x, half_y)
-            under, smooth = under_box(planes, quarter, planes.shift), rise + z_x * x + z_y * y
+            under, smooth = under_box(planes, quarter), rise + z_x * x + z_y * y
             highs[child] = _highest_of_any(textures, patch, *quarter)
             highs[4 + child] = _highest_of_any(textures, other, *under)
             bound = _lifted(patch, other, planes, smooth, np.inf, highs[child], highs[4 + child])
@@ -213,7 +145,7 @@ def quarter_bounds(textures, patch, other, planes, box, threshold, bounds_out):
             x = x0 + (3.0 if child & 1 else 1.0) * half_x
             y = y0 + (3.0 if child & 2 else 1.0) * half_y
             quarter = (x, y, half_x, half_y)
-            under = under_box(planes, quarter, planes.shift)
+            under = under_box(planes, quarter)
             if beyond_straight_borders(patch, 0, *quarter) or beyond_straight_borders(
                 other, 0, *under
             ):
@@ -244,7 +176,7 @@ def _displacement(textures, patch, low, high, box):
         return 0.0, 0.0, 0.0
     x, y, half_x, half_y = box
     radius = math.sqrt(half_x * half_x + half_y * half_y)
-    size = textures.maps[patch.texture].max_abs_height
+    size = textures.maps[patch.texture].max_abs_surface
     low, high = max(low, -size), min(high, size)
     middle, half = 0.5 * (low + high), 0.5 * max(high - low, 0.0)
     w_u, w_v, _, change, _, _ = plane_normal(patch, x, y, radius)
@@ -299,7 +231,8 @@ def _lifted(patch, other, planes, smooth, top, high_x, high_y):
     high_y = _lifting_height(other, high_y)
     # No point is higher than its base point and the highest texture together.
     top = _raised_tops(patch, other, top, high_x, high_y)
-    return min(smooth + planes.lift * high_x + planes.other_lift * high_y, top)
+    up_x, up_y = planes.lift * high_x, planes.other_lift * high_y
+    return min(smooth + max(up_x, planes.back) + max(up_y, planes.other_back), top)
 
 
 @small_kernel
@@ -344,13 +277,21 @@ def bound_pair(textures, patch, other, search, candidate_out):
         return
     candidate.bound = -np.inf
     polygon, shift = search.polygon, pair_shift(textures, patch, other)
-    size, at_zero, g_x, g_y = plane_overlap(patch, other, shift, polygon)
-    if size == 0:
+    size = min(other.rectangle[1], other.rectangle[3]) * other.lateral_min
+    if shift > _LEANING * size and not (patch.is_unit and other.is_unit):
+        # Points move less than those of the whole facet where normals vary.
+        x0, x1, y0, y1 = window_of(patch, other, shift)
+        if not (x0 <= x1 and y0 <= y1):
+            return
+        whole = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
+        shift = min(shift, lifts_within(textures, patch, other, whole).shift * other.lateral_min)
+    count, at_zero, g_x, g_y = plane_overlap(patch, other, shift, polygon)
+    if count == 0:
         return
     smooth = -np.inf
     x0, y0 = polygon[0, 0], polygon[0, 1]
     x1, y1 = x0, y0
-    for j in range(size):
+    for j in range(count):
         x, y = polygon[j, 0], polygon[j, 1]
         smooth = max(smooth, at_zero + g_x * x + g_y * y)
         x0, x1, y0, y1 = min(x0, x), max(x1, x), min(y0, y), max(y1, y)
@@ -358,8 +299,11 @@ def bound_pair(textures, patch, other, search, candidate_out):
     sides[0], sides[1], sides[2], sides[3] = x0, x1, y0, y1
     box = (0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
     candidate.base_x, candidate.base_y = box[0], box[1]
-    planes = planes_of(textures, patch, other)
-    under = under_box(planes, box, planes.shift)
+    lifts = lifts_within(textures, patch, other, box)
+    for n in range(5):
+        candidate.lifts[n] = lifts[n]
+    planes = planes_of(patch, other, lifts)
+    under = under_box(planes, box)
     candidate.bound = _bound_over(textures, patch, other, planes, smooth, box, under)
     if is_triplanar(patch) or is_triplanar(other):
         high_x = _highest_of_any(textures, patch, *box)

@@ -75,7 +75,7 @@ def bounds_of(top, slopes, normal, min_root, max_root):
 @small_kernel
 def texture_size(textures, patch):
     """Return the largest |t| of a patch's texture [m]."""
-    return textures.maps[patch.texture].max_abs_height if patch.texture >= 0 else 0.0
+    return textures.maps[patch.texture].max_abs_surface if patch.texture >= 0 else 0.0
 
 
 @small_kernel
@@ -95,7 +95,7 @@ def lateral_shift(textures, patch):
     """Return how far a patch's texture moves points sideways at most [m]."""
     if patch.texture < 0 or patch.is_level:
         return 0.0
-    return textures.maps[patch.texture].max_abs_height * patch.normal_lateral
+    return textures.maps[patch.texture].max_abs_surface * patch.normal_lateral
 
 
 @small_kernel
@@ -134,7 +134,7 @@ def plane_slopes(textures, patch, box, normal_slope, normal_bend):
     if patch.is_unit:
         return slope, bend, bend_size
     mix_1, mix_2 = mixing(patch, x, y, half_x, half_y)
-    size = textures.maps[k].max_abs_height
+    size = textures.maps[k].max_abs_surface
     more = 2.0 * mix_1 * w1 * slope + (mix_2 * w1 * w1 + mix_1 * w2) * size
     return slope + mix_1 * w1 * size, bend + more, bend_size + more
 
@@ -239,7 +239,7 @@ def texture_over(textures, patch, x0, x1, y0, y1):
     bend_size = textures.maps[k].max_curvature * speed * speed + slope * turn
     slope *= speed
     if mapping == TRIPLANAR:
-        size, w1, w2 = textures.maps[k].max_abs_height, normal[4], normal[5]
+        size, w1, w2 = textures.maps[k].max_abs_surface, normal[4], normal[5]
         more = 2.0 * MIX_1 * w1 * slope + (MIX_2 * w1 * w1 + MIX_1 * w2) * size
         bend += more
         bend_size += more

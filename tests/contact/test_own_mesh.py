@@ -1,0 +1,151 @@
+"""A user's own files: many small smooth facets against two large ones with a picture on them.
+
+Normals of the large ones are averaged round the rim, as those of a file without normals are; the
+picture may be as rough as grain of one pixel.
+"""
+
+import time
+
+import numpy as np
+import pytest
+from naive_meshes import ball_mesh, engine_of, thing, touch, with_uv
+
+from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.texture.height_field import HeightField
+
+RADIUS, HALF, PIXEL = 4e-3, (15e-3, 10e-3, 2.5e-3), 120e-6
+SPECTRA = {"waves": 0.05, "self-affine": 0.2, "grain": 10.0}
+CORNERS = np.array([(i & 4, i & 2, i & 1) for i in range(8)], dtype=bool)
+FACES = np.array([
+    (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+    (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+])  # fmt: skip
+
+
+def picture(kind, seed=4):
+    """Return a field of 8-bit grey levels, 0.2 mm from black to white."""
+    rng = np.random.default_rng(seed)
+    waves = np.hypot(*np.meshgrid(np.fft.fftfreq(128), np.fft.fftfreq(128)))
+    shape = np.exp(-0.5 * (waves / SPECTRA[kind]) ** 2)
+    if kind == "self-affine":
+        shape = np.maximum(waves, 4 / 128) ** -1.5
+    rough = np.fft.ifft2(np.fft.fft2(rng.normal(size=(128, 128))) * shape).real
+    grey = np.round(255 * (rough - rough.min()) / np.ptp(rough))
+    return HeightField((grey - grey.mean()) * 2e-4 / 255, PIXEL, border="wrap")
+
+
+def scene(kind, mapping):
+    """Return an engine, and its tile: a ball of 1,280 triangles over a box of 12."""
+    texture = picture(kind)
+    mesh = mesh_from_arrays(np.where(CORNERS, 1.0, -1.0) * HALF, FACES)
+    if mapping == "uv":
+        mesh = with_uv(mesh, texture, seed=2)
+    tile = thing("plate", mesh, texture, mapping)
+    return engine_of(thing("tool", ball_mesh(RADIUS, 3)), tile, stiffness=400.0), tile
+
+
+def over(x, y, depth):
+    """Return a pose with the ball that deep in the smooth tile."""
+    return np.array([x, y, HALF[2] + RADIUS - depth, 1.0, 0.0, 0.0, 0.0])
+
+
+def textured_top(tile, texture, x, y):
+    """Return points of the tile's textured top over base points (x, y), (n, 3)."""
+    mesh, out = tile.body.mesh, np.full((x.size, 3), np.nan)
+    corners = mesh.vertices[mesh.faces]
+    for k in np.flatnonzero(np.all(corners[:, :, 2] > 0.0, axis=1)):
+        a, b, c = corners[k]
+        share = np.linalg.solve(
+            np.stack([b[:2] - a[:2], c[:2] - a[:2]], axis=1), np.stack([x, y]) - a[:2, None]
+        )
+        share = np.stack([1.0 - share.sum(axis=0), *share], axis=1)
+        mine = share.min(axis=1) >= -1e-9
+        share = share[mine]
+        base, w = share @ corners[k], share @ mesh.normals[k]
+        w /= np.linalg.norm(w, axis=1)[:, None]
+        if mesh.uv is None:
+            maps = [(1, 2), (2, 0), (0, 1)]
+            heights = [texture.heights(base[:, i], base[:, j]) for i, j in maps]
+            weights = w.T**4 / np.sum(w**4, axis=1)
+            t = np.sum(weights * np.array(heights), axis=0)
+        else:
+            t = texture.heights(*((share @ mesh.uv[k]) * texture.size).T)
+        out[mine] = base + t[:, None] * w
+    return out
+
+
+def deepest(tile, texture, ball, at, n):
+    """Return the overlap along n by samples of the tile, ever finer round the deepest few."""
+    points = ball.vertices[ball.faces] + at[:3]
+    outward = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    facing = outward @ n < 0.0
+    outward, points = outward[facing], points[facing, 0]
+    offset = np.einsum("ij,ij->i", outward, points)
+
+    def overlap(x, y):
+        p = textured_top(tile, texture, x, y)
+        # The ball is convex: its lower side is the highest of its facets' planes.
+        along = outward @ n
+        side = ((offset[:, None] - outward @ p.T) / along[:, None]).max(axis=0)
+        beside = np.linalg.norm(p - at[:3] - ((p - at[:3]) @ n)[:, None] * n, axis=1)
+        return np.where(beside < 0.8 * RADIUS, -side, -np.inf)
+
+    step = 25e-6
+    line = np.arange(-2.5e-3, 2.5e-3, step)
+    x, y = (part.ravel() for part in np.meshgrid(at[0] + line, at[1] + line))
+    best = -np.inf
+    for _ in range(5):
+        f = overlap(x, y)
+        best = max(best, np.nanmax(f))
+        keep = np.argsort(-np.nan_to_num(f, nan=-np.inf))[:60]
+        fine = np.linspace(-step, step, 11)
+        dx, dy = (part.ravel() for part in np.meshgrid(fine, fine))
+        x, y = (x[keep, None] + dx).ravel(), (y[keep, None] + dy).ravel()
+        step /= 5.0
+    return best
+
+
+@pytest.mark.parametrize("kind", SPECTRA)
+@pytest.mark.parametrize("mapping", ["uv", "triplanar"])
+def test_every_depth_is_certified_and_none_is_lost(kind, mapping):
+    """Along a slide, deep in the tile: as deep as a plain search finds, and felt in every tick."""
+    engine, tile = scene(kind, mapping)
+    ball, texture = ball_mesh(RADIUS, 3), picture(kind)
+    path = [over(x, 0.3 * x + 1e-3, 1.2e-3) for x in np.linspace(-6e-3, 6e-3, 40)]
+    into = [over(*path[0][:2], depth) for depth in np.arange(-2e-4, 1.2e-3, 5e-5)]
+    for at in into:
+        touch(engine, at)
+    for i, at in enumerate(path):
+        found = touch(engine, at)
+        assert len(found.depth) > 0
+        assert (found.status == 0).all()
+        assert found.gap.max() <= max(1e-3 * texture.rms, 1e-9)
+        assert found.mean_depth > 1.0e-3
+        if i % 8 == 0:
+            plain = deepest(tile, texture, ball, at, found.normal[0])
+            assert found.depth.max() == pytest.approx(plain, abs=found.gap.max() + 3e-8)
+
+
+def _seconds(engine, path):
+    """Return the median time of a tick; processor time, so that others do not count."""
+    taken = []
+    for at in path:
+        begun = time.thread_time()
+        touch(engine, at)
+        taken.append(time.thread_time() - begun)
+    return float(np.median(taken))
+
+
+def test_triangles_cost_a_few_times_what_simple_solids_do():
+    """Grain was a hundred times slower, and not certified at that."""
+    engine, _ = scene("grain", "triplanar")
+    texture = picture("grain")
+    plate = Body("plate", [Geom("box", np.array(HALF))], texture)
+    simple = engine_of(Body("tool", [Geom("sphere", np.array([RADIUS, 0, 0]))]), plate)
+    path = [over(x, 1e-3, 1.2e-3) for x in np.linspace(-5e-3, 5e-3, 60)]
+    into = [over(*path[0][:2], depth) for depth in np.arange(-2e-4, 1.2e-3, 5e-5)]
+    for at in into:
+        touch(engine, at)
+        touch(simple, at)
+    assert _seconds(engine, path) < 12.0 * _seconds(simple, path)
