@@ -18,19 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Mask
 from asperity._core.output import result_folder, write_json
 from asperity.baking.cloud import map_of_points
 from asperity.baking.error import BakeError, bake_error, plate_error
-from asperity.baking.folder import (
-    HEIGHTS,
-    OBJECT,
-    Texture,
-    write_heights,
-    write_mesh,
-    write_scene,
-)
+from asperity.baking.folder import HEIGHTS, OBJECT, Texture, write_heights, write_mesh, write_scene
 from asperity.baking.heights import bake_heights
 from asperity.baking.picture import draw_bake
 from asperity.baking.place import stroke_over
@@ -46,7 +39,6 @@ from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.scene import Scene, read_scene
 from asperity.texture.height_field import HeightField
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 SMALLEST, LARGEST = 32, 8192
 """Smallest and largest texture [texels a side]."""
@@ -179,7 +171,7 @@ class _Work:
     texture: Texture
     report: dict[str, Any]
     hard_angle: float | None = None
-    rough: NDArray[np.bool_] | None = None
+    rough: Mask | None = None
     """Triangles of `low` that represent `full`; None: all."""
 
 

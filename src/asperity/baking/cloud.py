@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from asperity._core.arrays import Array
 from asperity.baking.fill import filled
 from asperity.errors import AsperityError
 from asperity.texture.height_field import HeightField
 
-Array = NDArray[np.float64]
 _NEIGHBOURS = 16
 _REACH = 1.2
 """Length scale of a point's weight [mean distances between points]."""

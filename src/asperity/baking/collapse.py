@@ -17,15 +17,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity._core.kernels import kernel
 from asperity.baking.edge_heap import pop, push
 from asperity.baking.quadrics import cost_at, fill_cheapest, triangle_cross, vertex_quadrics
 from asperity.geometry.mesh.topology import edges_of
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _MOST = 256
 """Triangles around a vertex, at most."""
 
@@ -48,9 +46,9 @@ class _Surface(NamedTuple):
     """(n, 3)."""
     faces: Indices
     """(m, 3)."""
-    alive: NDArray[np.bool_]
+    alive: Mask
     """Which triangles remain, (m,)."""
-    border: NDArray[np.bool_]
+    border: Mask
     """Which vertices are on a border, (n,)."""
     corners: _Corners
 
@@ -150,7 +148,7 @@ def _keeps_topology(surface, edge, rings, marks, mark):
 
 @kernel
 def _moved(surface, edge, side, f, place):
-    """Return whether triangle f survives a collapse to `place`, its corner that moves, and all."""
+    """Return whether triangle f remains when its end moves, which corner that is, and all three."""
     points, end, other = surface.points, edge[side], edge[1 - side]
     a, b, c = surface.faces[f, 0], surface.faces[f, 1], surface.faces[f, 2]
     corner = 0 if a == end else 1 if b == end else 2

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.baking.folder import Texture
 from asperity.baking.heights import places
 from asperity.baking.nearest import Nearest
@@ -21,7 +21,6 @@ from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import crosses
 from asperity.texture.height_field import HeightField
 
-Array = NDArray[np.float64]
 _SAMPLES = 60_000
 _MOST = 500_000
 """Largest number of triangles, approximately, by which the baked surface is represented."""
@@ -90,9 +89,7 @@ def plate_error(
     return _statistics(away)
 
 
-def scattered(
-    triangles: Array, count: int, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], Array]:
+def scattered(triangles: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Array]:
     """Return random points, uniform by area: triangles (k,) and weights of their corners (k, 3)."""
     area = np.linalg.norm(crosses(triangles), axis=1)
     face = np.sort(rng.choice(len(triangles), count, p=area / area.sum()))
@@ -100,7 +97,7 @@ def scattered(
     return face.astype(np.int64), np.stack([1.0 - r, r * (1.0 - s), r * s], axis=1)
 
 
-def displaced(mesh: Mesh, field: HeightField, face: NDArray[np.int64], weights: Array) -> Array:
+def displaced(mesh: Mesh, field: HeightField, face: Indices, weights: Array) -> Array:
     """Return points of the textured surface [m], (n, 3), at points of the mesh."""
     assert mesh.uv is not None
     points, along = places(mesh, face, weights)
@@ -129,7 +126,7 @@ def _as_triangles(low: Mesh, field: HeightField) -> Array:
     return np.concatenate(parts)
 
 
-def divided(divisions: int) -> tuple[Array, NDArray[np.int64]]:
+def divided(divisions: int) -> tuple[Array, Indices]:
     """Return weights (k, 3) of the points of an evenly divided triangle, and its parts (m, 3)."""
     n = divisions
     i, j = (a.ravel() for a in np.indices((n + 1, n + 1)))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array
+
 _ROUNDS = 8
 """Smoothing passes at each scale."""
 

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.baking.place import PRESSED, Stroke
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.document import write_toml
 from asperity.scene.mjcf import mesh_assets, mesh_geoms
 
-Array = NDArray[np.float64]
 OBJECT, MESH, HEIGHTS = "object", "object.obj", "heights.tiff"
 STIFFNESS = 400.0
 """Contact stiffness [N/m], which a 3D Systems Touch can render."""

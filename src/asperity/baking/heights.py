@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity.baking.fill import filled
 from asperity.baking.nearest import Nearest
 from asperity.baking.rays import FullSurface
@@ -23,7 +24,6 @@ from asperity.baking.texels import Texels, texels_of
 from asperity.baking.unwrap import texture_span
 from asperity.geometry.mesh.mesh import Mesh
 
-Array = NDArray[np.float64]
 _CAGE = 1.6
 """Range of the rays, in local distances between the two surfaces."""
 _SAMPLED = 50_000
@@ -101,7 +101,7 @@ def bake_heights(
     return Baked(filled(grid).astype(np.float32), texels, coverage, mended, farthest)
 
 
-def places(mesh: Mesh, face: NDArray[np.int64], weights: Array) -> tuple[Array, Array]:
+def places(mesh: Mesh, face: Indices, weights: Array) -> tuple[Array, Array]:
     """Return points of a mesh [m] and the unit normals for displacement there, (n, 3)."""
     points = np.einsum("ij,ijk->ik", weights, mesh.vertices[mesh.faces[face]])
     along = np.einsum("ij,ijk->ik", weights, mesh.normals[face])
@@ -130,7 +130,7 @@ def _cages(low: Mesh, full: Array) -> Array:
     return _CAGE * wide
 
 
-def _outliers(grid: Array, limit: float) -> NDArray[np.bool_]:
+def _outliers(grid: Array, limit: float) -> Mask:
     """Return which heights differ from the local median by more than `limit`, in small clusters."""
     known = np.isfinite(grid)
     if not known.any():

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import kernel
 from asperity.geometry.mesh.topology import crosses
 
-Array = NDArray[np.float64]
 _SAMPLES = 200_000
 _AT_ONCE = 100_000
 _CANDIDATES, _MORE_CANDIDATES = 6, 48
@@ -38,7 +37,7 @@ class Nearest:
         spread, self._owner = _spread(triangles, self._wide)
         self._tree = KDTree(spread)
 
-    def to(self, points: Array) -> tuple[NDArray[np.int64], Array]:
+    def to(self, points: Array) -> tuple[Indices, Array]:
         """Return the nearest triangle to each point (n, 3) and its distance [m]."""
         best, away = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
         for start in range(0, len(points), _AT_ONCE):
@@ -52,7 +51,7 @@ class Nearest:
         return best, away
 
     def _fill_nearest(
-        self, points: Array, candidates: int, face_out: NDArray[np.int64], away_out: Array
+        self, points: Array, candidates: int, face_out: Indices, away_out: Array
     ) -> None:
         """Fill the nearest of the triangles whose samples are nearest to each point."""
         candidates = min(candidates, len(self._owner))
@@ -107,7 +106,7 @@ def _square_distance(triangle, point):
     return least
 
 
-def _spread(triangles: Array, wide: float) -> tuple[Array, NDArray[np.int64]]:
+def _spread(triangles: Array, wide: float) -> tuple[Array, Indices]:
     """Return the centres of parts of the triangles, none longer than `wide`, and their triangles.
 
     A triangle is bisected at its longest side, so parts of a sliver are short slivers.

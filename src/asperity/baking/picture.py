@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Mask
 from asperity.baking.nearest import Nearest
 from asperity.drawing.figure_style import style
 from asperity.drawing.renderer.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
@@ -26,7 +26,6 @@ from asperity.geometry.displaced.sheet import Sheet
 from asperity.geometry.displaced.view import Camera, ViewBall
 from asperity.geometry.mesh.topology import crosses
 
-Array = NDArray[np.float64]
 _COLUMNS, _ROWS = 640, 520
 _FOOT = 30.0
 """Space below each picture for scale bars [pixels]."""
@@ -42,7 +41,7 @@ _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 def draw_bake(
     full: Array, body: Body, report: dict[str, Any], path: Path,
-    *, rough: NDArray[np.bool_] | None = None,
+    *, rough: Mask | None = None,
 ) -> None:  # fmt: skip
     """Draw a bake to a PNG file.
 
@@ -143,7 +142,7 @@ def _patches(triangles: Array) -> list[Sheet]:
 
 
 def _baked(
-    body: Body, camera: Camera, faces: NDArray[np.bool_] | None = None, *, closed: bool = True
+    body: Body, camera: Camera, faces: Mask | None = None, *, closed: bool = True
 ) -> Sequence[Sheet]:
     radius = 0.5 * float(np.hypot(camera.width, camera.rows * camera.pixel))
     view = ViewBall(camera.centre, radius, int(radius / camera.pixel), camera)
@@ -175,7 +174,7 @@ def _lit(seen: Buffers, sheets: Sequence[Sheet], camera: Camera, colour: Sequenc
     return image
 
 
-def _errors(body: Body, camera: Camera, full: Array, rough: NDArray[np.bool_] | None) -> Array:
+def _errors(body: Body, camera: Camera, full: Array, rough: Mask | None) -> Array:
     """Return the signed distance from the full mesh of the surface in each pixel [m].
 
     NaN where there is no surface, or one outside `rough`. Distances are those of the nearest point

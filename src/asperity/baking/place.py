@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from asperity._core.arrays import Array
 from asperity.baking.rays import FullSurface
 
-Array = NDArray[np.float64]
 DIAMETER = 3e-3
 """Radius of the probe's tip on objects of ten times that size or more [m]."""
 _SHARE = 0.1

@@ -9,13 +9,11 @@ spline on the map unchanged, and a few texels of transition.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity.baking.folder import Texture
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.texture.height_field import HeightField
 
-Array = NDArray[np.float64]
 HARD_ANGLE = 45.0
 """Angle beyond which edges are hard [degrees]."""
 THICKNESS = 0.1

@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
-Array = NDArray[np.float64]
 LEAST_FACING = 0.05
 """Least cosine between a hit's normal and the ray: slopes up to 20."""
 _MOST_PASSED = 12

@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.baking.collapse import collapsed
 from asperity.geometry.mesh.checks import SAME_PLACE, count_of, same_places
 from asperity.geometry.mesh.crossings import crossing_triangles
@@ -23,8 +23,6 @@ from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.normals import smooth_normals
 from asperity.geometry.mesh.topology import crosses, edges_of
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 _LIMITS = ((0.2, 0.03), (0.2, 0.0), (0.1, 0.0))
 """Least cosine between normals, and least quality of triangles; strict first."""
 LEAST_FACING = 0.2

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
 from asperity.geometry.mesh.files import SUFFIXES, read_mesh
@@ -21,7 +21,6 @@ from asperity.geometry.mesh.mesh import Mesh
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
 
-Array = NDArray[np.float64]
 HAND = (5e-3, 0.5)
 """Smallest and largest extent of a hand-held object [m], for guessing the unit."""
 _GUESSES = ("m", "mm", "cm", "in", "um", "dm")

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity._core.kernels import kernel
 from asperity.geometry.mesh.checks import SAME_PLACE, same_places
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import edges_of, next_corner
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 OUTSIDE, INSIDE, GUTTER = 0, 1, 2
 GUTTER_WIDTH = 3.0
 """Margin around charts in which the surface continues [texels]; the spline uses two."""
@@ -51,7 +50,7 @@ class Texels:
     weights: Array
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Mask:
         """Which texels have their centre in a chart, (k,)."""
         return np.asarray(self.kind[tuple(self.where.T)] == INSIDE)
 
@@ -85,7 +84,7 @@ def texels_of(mesh: Mesh, size: int) -> Texels:
     return Texels(kind, where, face[at], weights[at])
 
 
-def _neighbours(mesh: Mesh) -> tuple[Indices, NDArray[np.bool_]]:
+def _neighbours(mesh: Mesh) -> tuple[Indices, Mask]:
     """Return the opposite half-edges (-1: none), and which half-edges are borders of charts."""
     assert mesh.uv is not None
     extent = float(np.ptp(mesh.vertices, axis=0).max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,9 +16,9 @@ from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.psychophysics.design import ExperimentDesign
-    from asperity.psychophysics.interfaces.protocol import ParticipantInterface
-    from asperity.psychophysics.session.presenters import Presenter
+    from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Progress
     from asperity.psychophysics.session.session import Session, SessionOutcome
+    from asperity.psychophysics.session.trials import Trial
     from asperity.realtime.servo.process import ServoSpec
     from asperity.scene.scene import Scene
 
@@ -93,38 +94,35 @@ class ExperimentCommand:
         from asperity.psychophysics.interfaces.terminal import TerminalInterface
         from asperity.psychophysics.session.presenters import DevicePresenter
 
-        design = session.design
         if self.page:
             return self._run_in_page(session)
+        if self.device is None:
+            return self._run_simulated(session)
         front: ParticipantInterface = TerminalInterface()
         if self.simulate:
-            front = SimulatedInterface(design, session.participant, session.number)
-        if self.device is None:
-            return self._run_simulated(session, front)
-        presenter = DevicePresenter(design.stimuli, functools.partial(self._spec, self.device))
-        try:
+            front = SimulatedInterface(session.design, session.participant, session.number)
+        spec = functools.partial(self._spec, self.device)
+        with closing(DevicePresenter(session.design.stimuli, spec)) as presenter:
             return session.run(presenter, front)
-        finally:
-            presenter.close()
 
-    def _run_simulated(self, session: Session, front: ParticipantInterface) -> SessionOutcome:
+    def _run_simulated(self, session: Session) -> SessionOutcome:
         """Run a session in simulated time, with a progress bar."""
         from asperity.cli.progress import progress_bars
+        from asperity.psychophysics.interfaces.protocol import SimulatedInterface
         from asperity.psychophysics.session.presenters import HeadlessPresenter
         from asperity.simulation.tool_contact import announce_compiling
 
         design = session.design
         announce_compiling()
-        presenter: Presenter = HeadlessPresenter(design.stimuli, hand=design.presentation.hand)
         with progress_bars() as bars:
             task = bars.add_task(design.name, total=session.progress.most)
-            ready = front.ready
 
-            def show(trial: Any, progress: Any) -> None:
-                bars.update(task, completed=progress.done)
-                ready(trial, progress)
+            class Participant(SimulatedInterface):
+                def ready(self, trial: Trial, progress: Progress) -> None:
+                    bars.update(task, completed=progress.done)
 
-            front.ready = show  # type: ignore[method-assign]
+            presenter = HeadlessPresenter(design.stimuli, hand=design.presentation.hand)
+            front = Participant(design, session.participant, session.number)
             return session.run(presenter, front, sleep=lambda _: None)
 
     def _run_in_page(self, session: Session) -> SessionOutcome:
@@ -163,12 +161,9 @@ class ExperimentCommand:
             Page(link, panels(desk, config, show=show), port=self.port, label=design.name) as page,
         ):
             print(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)", flush=True)
-            presenter = DevicePresenter(design.stimuli, spec, on_servo=link.feel)
             front = PageInterface(desk, lambda line: print(line, file=sys.stderr, flush=True))
-            try:
+            with closing(DevicePresenter(design.stimuli, spec, on_servo=link.feel)) as presenter:
                 return session.run(presenter, front)
-            finally:
-                presenter.close()
 
     def _spec(self, device: str, scene: Scene, seconds: float) -> ServoSpec:
         """Return the servo process of one interval."""

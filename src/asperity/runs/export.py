@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.runs.sound import Sound, from_acceleration
 from asperity.runs.tool_motion import Traces, traces
@@ -130,7 +130,7 @@ def png_bytes(figure: Figure) -> bytes:
 
 def part_of(data: xr.Dataset, start: float = 0.0, seconds: float | None = None) -> xr.Dataset:
     """Return the ticks from `start` on [s] for so many seconds; refuse where there are none."""
-    time: NDArray[np.float64] = data["time"].values
+    time: Array = data["time"].values
     if not len(time):
         raise AsperityError("the recording has no ticks")
     end = np.inf if seconds is None else start + seconds

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
 from asperity.simulation.simulation import Rollout
 from asperity.simulation.tool_contact import FLAGS
@@ -58,14 +59,14 @@ class Recording:
     not say it.
     """
 
-    time: NDArray[np.float64]
-    handle_pose: NDArray[np.float64]
-    tool_pose: NDArray[np.float64]
-    contact_wrench: NDArray[np.float64]
-    device_wrench: NDArray[np.float64]
-    contact_count: NDArray[np.int64]
-    flags: NDArray[np.int64]
-    penetration_depth: NDArray[np.float64]
+    time: Array
+    handle_pose: Array
+    tool_pose: Array
+    contact_wrench: Array
+    device_wrench: Array
+    contact_count: Indices
+    flags: Indices
+    penetration_depth: Array
     attributes: dict[str, Any] = field(default_factory=dict)
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.io import wavfile
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between, require_positive
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _LARGEST_RATIO = 1000
 class Sound:
     """Samples between -1 and 1, and what they stand for."""
 
-    samples: NDArray[np.float64]
+    samples: Array
     rate: int
     """[Hz]"""
     gain: float
@@ -45,7 +45,7 @@ class Sound:
 
 
 def from_acceleration(
-    acceleration: NDArray[np.float64],
+    acceleration: Array,
     step: float,
     *,
     rate: int = 44100,
@@ -101,9 +101,7 @@ def from_acceleration(
     return Sound(samples * (PEAK / loudest), rate, loudest / PEAK, source)
 
 
-def _band_limited(
-    values: NDArray[np.float64], step: float, rate: int
-) -> tuple[NDArray[np.float64], float]:
+def _band_limited(values: Array, step: float, rate: int) -> tuple[Array, float]:
     """Return values at about the rate of a sound, with nothing above half their own; the step.
 
     Lines between samples of a servo loop would add mirror images of its spectrum, which are heard

@@ -16,11 +16,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
 
-Array = NDArray[np.float64]
 HEADING = 0.1
 """The direction of motion is that of the mean velocity over this time [s]."""
 STANDING = 1e-3

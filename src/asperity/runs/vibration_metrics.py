@@ -16,8 +16,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity.dynamics.dragged_hand.hand import Motion, MotionStatus
 from asperity.errors import AsperityError, require_choice
 
@@ -25,9 +26,7 @@ DEFAULT_BAND = (20.0, 200.0)
 """[Hz]; see the module's docstring."""
 
 
-def spectrum(
-    signal: NDArray[np.float64], step: float, *, periodic: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def spectrum(signal: Array, step: float, *, periodic: bool) -> tuple[Array, Array]:
     """Return the one-sided amplitude spectrum of a record.
 
     Parameters
@@ -60,7 +59,7 @@ def spectrum(
     return frequencies, amplitudes
 
 
-def acceleration_spectrum(motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def acceleration_spectrum(motion: Motion) -> tuple[Array, Array]:
     """Return frequencies [Hz] and amplitudes of u'' [m/s^2] of a motion.
 
     u'' jumps where the contact does, and samples of a jumping signal alias: the k-th harmonic of
@@ -74,7 +73,7 @@ def acceleration_spectrum(motion: Motion) -> tuple[NDArray[np.float64], NDArray[
     return frequencies, amplitudes * (2.0 * np.pi * frequencies) ** 2
 
 
-def band_gain(frequencies: ArrayLike, band: tuple[float, float]) -> NDArray[np.float64]:
+def band_gain(frequencies: ArrayLike, band: tuple[float, float]) -> Array:
     """Return the power gain of a second-order Butterworth band-pass at `frequencies` [Hz]."""
     low, high = band
     if not 0.0 < low < high < np.inf:
@@ -85,7 +84,7 @@ def band_gain(frequencies: ArrayLike, band: tuple[float, float]) -> NDArray[np.f
     return 1.0 / (1.0 + ((f**2 - low * high) / (f * (high - low))) ** 4)
 
 
-def detection_threshold_db(frequencies: ArrayLike) -> NDArray[np.float64]:
+def detection_threshold_db(frequencies: ArrayLike) -> Array:
     r"""Return the threshold of detecting vibration [dB], relative to its value at 0 dB.
 
     `T(f) = 50 (log10(c f + b) / log10 b)^2 - 45`, at most 0, with `c = 1/550`, `b = 1 - 250 c`:
@@ -100,7 +99,7 @@ def detection_threshold_db(frequencies: ArrayLike) -> NDArray[np.float64]:
 
 
 def threshold_weighted_power(
-    frequencies: NDArray[np.float64], amplitudes: NDArray[np.float64], reference: float = 1.0
+    frequencies: Array, amplitudes: Array, reference: float = 1.0
 ) -> float:
     """Return `sum (A_f / (reference 10^(T/20)))^2` of the amplitudes of u''.
 
@@ -113,9 +112,7 @@ def threshold_weighted_power(
 
 
 def band_rms(
-    frequencies: NDArray[np.float64],
-    amplitudes: NDArray[np.float64],
-    band: tuple[float, float] = DEFAULT_BAND,
+    frequencies: Array, amplitudes: Array, band: tuple[float, float] = DEFAULT_BAND
 ) -> float:
     """Return the RMS [m/s^2] of what a second-order band-pass lets through."""
     return float(np.sqrt(0.5 * np.sum(amplitudes**2 * band_gain(frequencies, band))))

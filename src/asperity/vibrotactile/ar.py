@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_choice
 from asperity.vibrotactile.lsf import power_gain
 
-Array = NDArray[np.float64]
 CRITERIA = ("bic", "aic")
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
-Array = NDArray[np.float64]
 LOWEST = 20.0
 """Frequencies that count begin here [Hz]."""
 HIGHEST = 1000.0

@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_between, require_positive
 from asperity.scene.scene import Scene
@@ -15,7 +14,6 @@ from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.simulation import Rollout, Simulation
 from asperity.vibrotactile.signals import Exploration, explored, true_stretches
 
-Array = NDArray[np.float64]
 _STEADY = 0.02
 """How far a speed may be from its own to count as steady."""
 _SETTLING = 0.1

@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.vibrotactile.ar import CRITERIA, Autoregression, burg, criterion, damped
 from asperity.vibrotactile.distances import Match, match
@@ -27,7 +27,6 @@ from asperity.vibrotactile.segments import cuts
 from asperity.vibrotactile.signals import Exploration, true_stretches
 from asperity.vibrotactile.synthesis import Synthesiser
 
-Array = NDArray[np.float64]
 _BLOCK = 0.02
 """Cuts fall on multiples of this [s]."""
 _SEGMENT_ORDER = 8
@@ -190,7 +189,7 @@ def fit(
     return Fitted(model, kept, len(members), np.asarray(scores), dropped)
 
 
-def _groups(stretches: list[Stretch]) -> NDArray[np.int64]:
+def _groups(stretches: list[Stretch]) -> Indices:
     """Return the group (n,) of each stretch: no two of one are far apart in force and speed."""
     if len(stretches) < 2:
         return np.zeros(len(stretches), np.int64)

@@ -23,14 +23,13 @@ from xml.etree.ElementTree import (
 )
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError
 from asperity.vibrotactile.lsf import coefficients_of
 from asperity.vibrotactile.model import HIGHEST_ORDER, MOST_MODELS, TextureModel
 
-Array = NDArray[np.float64]
 _LARGEST = 64 * 2**20
 """Of a file [bytes]; those of the toolkit are below one megabyte."""
 _DEEPEST = 16
@@ -152,7 +151,7 @@ def _values(parent: Element, tag: str, count: int, where: str = "") -> Array:
     )
 
 
-def _triangles(root: Element, n: int) -> NDArray[np.int64] | None:
+def _triangles(root: Element, n: int) -> Indices | None:
     """Return the triangles, counted from 0, or None where the file has none."""
     found = root.findall("tri")
     count = _number(root, "numTri", default=float(len(found)))
@@ -180,7 +179,7 @@ def write_hatt(model: TextureModel, path: str | Path) -> None:
     def put(parent: Element, tag: str, value: float | int | str) -> None:
         SubElement(parent, tag).text = value if isinstance(value, str) else repr(value)
 
-    def put_list(parent: Element, tag: str, values: Array | NDArray[np.int64]) -> None:
+    def put_list(parent: Element, tag: str, values: Array | Indices) -> None:
         holder = SubElement(parent, tag, type="array")
         for value in values.tolist():
             put(holder, "value", value)

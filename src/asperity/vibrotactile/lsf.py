@@ -16,12 +16,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
-
-Array = NDArray[np.float64]
 
 
 def frequencies_of(coefficients: ArrayLike) -> Array:

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_not_negative, require_positive
 from asperity.vibrotactile.lsf import are_stable, coefficients_of
 from asperity.vibrotactile.triangles import Triangulation, triangulated, weigh
 
-Array = NDArray[np.float64]
 MOST_MODELS = 5000
 HIGHEST_ORDER = 128
 
@@ -74,7 +73,7 @@ class TextureModel:
     ma: Array = field(default_factory=lambda: np.empty((0, 0)))
     gain: Array = field(default_factory=lambda: np.empty(0))
     friction: float = 0.0
-    triangles: NDArray[np.int64] | None = None
+    triangles: Indices | None = None
     mesh: Triangulation = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -130,7 +129,7 @@ class TextureModel:
         """How many AR coefficients there are."""
         return int(self.ar.shape[1])
 
-    def weights(self, speed: float, force: float) -> tuple[NDArray[np.int64], Array]:
+    def weights(self, speed: float, force: float) -> tuple[Indices, Array]:
         """Return the models (3,) at a speed [m/s] and force [N], and their weights (3,)."""
         corners, shares = np.empty(3, np.int64), np.empty(3)
         weigh(self.mesh, float(speed), float(force), -1, corners, shares)

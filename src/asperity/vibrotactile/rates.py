@@ -6,14 +6,13 @@ from dataclasses import replace
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between
 from asperity.vibrotactile.ar import damped, levinson
 from asperity.vibrotactile.lsf import frequencies_of
 from asperity.vibrotactile.model import TextureModel
 
-Array = NDArray[np.float64]
 _BINS = 1 << 14
 _NARROWEST = 1.0
 """A refitted resonance is no narrower [Hz]."""

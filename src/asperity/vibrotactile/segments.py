@@ -19,9 +19,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from asperity._core.arrays import Array
+
 _MOST_BLOCKS = 400
 
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array, Indices, Mask
 from asperity.errors import AsperityError, require_positive
 from asperity.runs.tool_motion import one_signal
 
-Array = NDArray[np.float64]
 HIGH_PASS = 20.0
 """Below it is the hand's motion, above it the texture's vibration [Hz] (Culbertson et al. 2014)."""
 _SHORTEST = 64
@@ -34,7 +33,7 @@ class Exploration:
     """Across it [N]."""
     drag: Array
     """Against the motion [N]."""
-    touching: NDArray[np.bool_]
+    touching: Mask
 
     def part(self, begin: int, end: int) -> Exploration:
         """Return a stretch of it."""
@@ -46,7 +45,7 @@ class Exploration:
 
 
 def explored(
-    time: Array, tool_pose: Array, wrench: Array, contact_count: NDArray[np.int64], *,
+    time: Array, tool_pose: Array, wrench: Array, contact_count: Indices, *,
     mass: float, name: str = "run",
 ) -> Exploration:  # fmt: skip
     """Return the exploration in a run.
@@ -107,7 +106,7 @@ def _filtered(values: Array, rate: float, kind: Literal["low", "high"]) -> Array
     return np.asarray(signal.sosfiltfilt(order, values, axis=0, padlen=room), dtype=np.float64)
 
 
-def true_stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def true_stretches(mask: Mask) -> tuple[Indices, Indices]:
     """Return where the runs of true values of a mask (n,) begin and end."""
     edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
     return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

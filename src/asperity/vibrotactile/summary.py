@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.vibrotactile.distances import Match
 from asperity.vibrotactile.fit import Fitted, Held
 from asperity.vibrotactile.model import TextureModel
-
-Array = NDArray[np.float64]
 
 
 def summary_of(model: TextureModel, fitted: Fitted | None, held: Sequence[Held]) -> dict[str, Any]:

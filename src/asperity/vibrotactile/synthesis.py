@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 from asperity.vibrotactile.lsf import fill_coefficients
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.triangles import Triangulation, weigh
-
-Array = NDArray[np.float64]
 
 
 class Synthesiser:

@@ -8,13 +8,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
+from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
 
-Array = NDArray[np.float64]
 _FLAT = 1e-10
 """A triangle of less than this area (of 1 x 1) is none."""
 
@@ -24,19 +23,17 @@ class Triangulation(NamedTuple):
 
     places: Array
     """(n, 2), between 0 and 1."""
-    triangles: NDArray[np.int64]
+    triangles: Indices
     """(m, 3) places of each, counted from 0."""
     inverses: Array
     """(m, 2, 2): from a place less the third corner to the weights of the first two."""
-    rim: NDArray[np.int64]
+    rim: Indices
     """(r, 2) places of the edges that belong to one triangle only."""
     scale: Array
     """(2,) what places were divided by: m/s and N."""
 
 
-def triangulated(
-    speeds: Array, forces: Array, triangles: NDArray[np.int64] | None = None
-) -> Triangulation:
+def triangulated(speeds: Array, forces: Array, triangles: Indices | None = None) -> Triangulation:
     """Return the triangulation of models at `speeds` [m/s] and `forces` [N], (n,) each.
 
     Without `triangles` (m, 3) it is Delaunay's, of the scaled places.
@@ -70,7 +67,7 @@ def triangulated(
     return Triangulation(places, triangles, np.ascontiguousarray(inverses), _rim(triangles), scale)
 
 
-def _rim(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def _rim(triangles: Indices) -> Indices:
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     named, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
     return np.ascontiguousarray(named[counts == 1])

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
 from asperity.psychophysics.analysis.magnitudes import Magnitudes
 from asperity.psychophysics.analysis.scales import Scale
@@ -110,7 +110,7 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
     reach = 0.06 * max(high - low, 1e-12)
     fine = np.linspace(low - reach, high + reach, 300)
 
-    def shown(intensity: Any) -> NDArray[np.float64]:
+    def shown(intensity: Any) -> Array:
         levels = 10.0 ** np.asarray(intensity) if log else np.asarray(intensity)
         return np.asarray(levels * factor)
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.results import SessionResult
 from asperity.studies.otaduy_lin_2004.peak_fit import QuadraticFit, fit_quadratic
@@ -25,15 +25,15 @@ class Magnitudes:
     """Normalised magnitude estimates and fits."""
 
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
     """(n,) of the axis; NaN where a stimulus has none."""
     sessions: tuple[str, ...]
-    by_session: NDArray[np.float64]
+    by_session: Array
     """(sessions, n): geometric means of the normalised estimates; NaN where there is none."""
-    mean: NDArray[np.float64]
+    mean: Array
     """(n,): geometric mean over sessions."""
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Array
+    high: Array
     fit: QuadraticFit | None
     """Log-log, as in section 4.2 of Otaduy & Lin (2004); None with fewer than four levels."""
     peak: tuple[float, float] | None
@@ -90,7 +90,7 @@ def analyse_magnitudes(
     )  # fmt: skip
 
 
-def _logs(result: SessionResult, names: tuple[str, ...]) -> list[NDArray[np.float64]]:
+def _logs(result: SessionResult, names: tuple[str, ...]) -> list[Array]:
     """Return the logarithms of a session's estimates, by stimulus."""
     session: list[list[float]] = [[] for _ in names]
     for answered in result.answers:
@@ -101,22 +101,20 @@ def _logs(result: SessionResult, names: tuple[str, ...]) -> list[NDArray[np.floa
     return [np.array(group) for group in session]
 
 
-def _table(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
+def _table(logs: list[list[Array]]) -> Array:
     return np.array(
         [[group.mean() if group.size else np.nan for group in session] for session in logs]
     )
 
 
-def _session_mean(logs: list[list[NDArray[np.float64]]]) -> NDArray[np.float64]:
+def _session_mean(logs: list[list[Array]]) -> Array:
     """Return the mean over sessions (n,), NaN where no session has an estimate."""
     table = _table(logs)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.nansum(table, axis=0) / np.isfinite(table).sum(axis=0))
 
 
-def _drawn(
-    logs: list[list[NDArray[np.float64]]], rng: np.random.Generator
-) -> list[list[NDArray[np.float64]]]:
+def _drawn(logs: list[list[Array]], rng: np.random.Generator) -> list[list[Array]]:
     chosen = logs
     if len(logs) >= 5:
         chosen = [logs[i] for i in rng.integers(0, len(logs), len(logs))]
@@ -125,5 +123,5 @@ def _drawn(
     ]
 
 
-def _slope(values: NDArray[np.float64], logs: NDArray[np.float64]) -> float:
+def _slope(values: Array, logs: Array) -> float:
     return float(np.polyfit(np.log10(values), logs, 1)[0])

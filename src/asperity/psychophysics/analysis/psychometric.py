@@ -15,9 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import expit, ndtr, ndtri
 
+from asperity._core.arrays import Array
 from asperity.errors import require_between, require_choice, require_positive
 
 FUNCTIONS = {
@@ -60,7 +61,7 @@ class Psychometric:
         require_between("guess", self.guess, 0.0, 1.0)
         require_choice("function", self.function, FUNCTIONS)
 
-    def __call__(self, intensity: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, intensity: ArrayLike) -> Array:
         """Return the probability of a right answer."""
         return probability(
             intensity, self.threshold, self.width, self.lapse, self.guess, self.function
@@ -87,11 +88,11 @@ def probability(
     lapse: ArrayLike,
     guess: float,
     function: str,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return psi(x) of arrays that broadcast against each other."""
     shift = np.asarray(intensity, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
     z = shift / np.asarray(width, dtype=np.float64)
-    rising: NDArray[np.float64]
+    rising: Array
     if function == "logistic":
         rising = np.asarray(expit(_LOGISTIC * z))
     elif function == "normal":

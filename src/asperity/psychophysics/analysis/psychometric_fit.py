@@ -21,9 +21,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric
 from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, LikelihoodSearch
@@ -117,9 +118,7 @@ def fit_psychometric(
     )  # fmt: skip
 
 
-def _deviance(
-    hits: NDArray[np.float64], count: NDArray[np.float64], p: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _deviance(hits: Array, count: Array, p: Array) -> Array:
     """Return twice the log likelihood ratio between the observed parts and p."""
     p = np.clip(p, 1e-9, 1.0 - 1e-9)
     seen = hits / count

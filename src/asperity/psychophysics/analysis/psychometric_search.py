@@ -9,8 +9,8 @@ that is held, at once.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.psychophysics.analysis.psychometric import probability
 
 HIGHEST_LAPSE = 0.06
@@ -25,8 +25,6 @@ _FINER = 3
 """Number of refinements of an interval's end, each by `_STEPS` steps."""
 _MOST = 2_000_000
 """Largest number of probabilities in memory at once."""
-
-Array = NDArray[np.float64]
 
 
 class LikelihoodSearch:

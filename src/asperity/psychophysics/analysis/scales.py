@@ -23,10 +23,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.special import expit, log_ndtr, ndtr
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
 PRIOR = 0.1
@@ -40,10 +40,10 @@ class Scale:
     """Scale values of the stimuli with confidence intervals."""
 
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: Array
     """(n,), mean 0."""
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Array
+    high: Array
     model: str
     separated: bool
     """Whether the answers alone give no finite scale, so that the prior limits it."""
@@ -87,7 +87,7 @@ def fit_scale(
     return Scale(tuple(names), fitted[0], low, high, model, not _connected(n, orders))
 
 
-def wins(n: int, orders: Sequence[Sequence[int]]) -> NDArray[np.float64]:
+def wins(n: int, orders: Sequence[Sequence[int]]) -> Array:
     """Return how often i was put before j (n, n)."""
     table = np.zeros((n, n))
     for order in orders:
@@ -97,7 +97,7 @@ def wins(n: int, orders: Sequence[Sequence[int]]) -> NDArray[np.float64]:
     return table
 
 
-def circular_triads(table: NDArray[np.float64]) -> tuple[int, int]:
+def circular_triads(table: Array) -> tuple[int, int]:
     """Return how many triads are circular (i before j before k before i), and of how many.
 
     By majority over repeats; pairs that are even are left out with their triads.
@@ -111,9 +111,7 @@ def circular_triads(table: NDArray[np.float64]) -> tuple[int, int]:
     return sum(int(abs(turns) == 3.0) for turns in triads), len(triads)
 
 
-def _plackett_luce(
-    n: int, orders: Sequence[Sequence[int]], weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _plackett_luce(n: int, orders: Sequence[Sequence[int]], weights: Array) -> Array:
     """Return scales (samples, n) of trials that count as often as `weights` (samples, trials)."""
     # Each stage of a ranking is a choice among those that are left.
     stages = [(t, o[i], frozenset(o[i:])) for t, o in enumerate(orders) for i in range(len(o) - 1)]
@@ -139,9 +137,7 @@ def _plackett_luce(
     return np.asarray(scale - scale.mean(axis=1, keepdims=True))
 
 
-def _thurstone(
-    n: int, orders: Sequence[Sequence[int]], weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _thurstone(n: int, orders: Sequence[Sequence[int]], weights: Array) -> Array:
     """Return scales (samples, n), by Newton's method on a cost that is convex."""
     tables = np.stack([wins(n, [order]) for order in orders])
     table = np.tensordot(weights, tables, axes=1)
@@ -162,12 +158,12 @@ def _thurstone(
     return np.asarray(scale - scale.mean(axis=1, keepdims=True))
 
 
-def _hazard(z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hazard(z: Array) -> Array:
     """Return phi(z) / Phi(z)."""
     return np.asarray(np.exp(-0.5 * z * z - log_ndtr(z)) / np.sqrt(2.0 * np.pi))
 
 
-def _bend(z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bend(z: Array) -> Array:
     """Return minus the second derivative of log Phi(z): above 0."""
     hazard = _hazard(z)
     return np.asarray(np.maximum(hazard * (z + hazard), 1e-12))
@@ -179,7 +175,7 @@ def _connected(n: int, orders: Sequence[Sequence[int]]) -> bool:
     return bool(count == 1)
 
 
-def predicted(scale: Scale) -> NDArray[np.float64]:
+def predicted(scale: Scale) -> Array:
     """Return the probability (n, n) that i is put before j."""
     apart = scale.values[:, None] - scale.values[None, :]
     return np.asarray(ndtr(apart) if scale.model == "thurstone" else expit(apart))

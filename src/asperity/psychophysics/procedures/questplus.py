@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_between, require_choice, require_not_negative
 from asperity.psychophysics.analysis.psychometric import FUNCTIONS, probability
 
@@ -86,14 +86,14 @@ class QuestPlus:
         Default: uniform.
     """
 
-    intensities: NDArray[np.float64]
-    thresholds: NDArray[np.float64]
-    widths: NDArray[np.float64]
-    lapses: NDArray[np.float64]
+    intensities: Array
+    thresholds: Array
+    widths: Array
+    lapses: Array
     guess: float = 0.5
     function: str = "weibull"
-    prior: NDArray[np.float64] | None = None
-    posterior: NDArray[np.float64] = field(init=False)
+    prior: Array | None = None
+    posterior: Array = field(init=False)
     """(thresholds, widths, lapses), sums to 1."""
     done: int = field(init=False, default=0)
 
@@ -113,7 +113,7 @@ class QuestPlus:
             )
         self.posterior = prior / prior.sum()
 
-    def expected_entropy(self) -> NDArray[np.float64]:
+    def expected_entropy(self) -> Array:
         """Return the expected entropy [nat] of the posterior after an answer at each intensity.
 
         H(theta | answer) = H(theta) + H(answer | theta) - H(answer): this identity avoids
