@@ -26,7 +26,8 @@ def ripples(points: Array) -> Array:
 def ellipsoid(subdivisions: int = 2) -> Mesh:
     """Return a low-resolution ellipsoid of 20 times 4 to the power of `subdivisions` triangles."""
     ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
-    return mesh_from_arrays(np.asarray(ball.vertices) * AXES, np.asarray(ball.faces))
+    points, faces = np.asarray(ball.vertices) * AXES, np.asarray(ball.faces)
+    return mesh_from_arrays(points, faces, hard_angle=180.0)
 
 
 def displaced_finely(

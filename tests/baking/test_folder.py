@@ -117,7 +117,7 @@ def test_depths_follow_those_of_the_full_meshes(tmp_path):
     box = [Geom("mesh", (0.03, 0.03, 0.03))]
     for name, subdivisions, scale in (("tool", 1, 0.5), ("target", 2, 1.0)):
         low = ellipsoid(subdivisions)
-        low = mesh_from_arrays(low.vertices * scale, low.faces)
+        low = mesh_from_arrays(low.vertices * scale, low.faces, hard_angle=180.0)
         vertices, faces = displaced_finely(low, ripples, 12)
         path = write(tmp_path / f"{name}.ply", vertices, faces)
         result = asperity.bake(path, tmp_path / name, faces=300, size=512, unit="m", picture=False)
@@ -167,7 +167,7 @@ def test_onto_a_given_mesh_with_texture_coordinates_of_its_own(tmp_path, scan):
 
     low = unwrapped(ellipsoid(2), 128)
     (tmp_path / "low").mkdir()
-    base = write_mesh(low, tmp_path / "low")
+    base = write_mesh(low, tmp_path / "low", 180.0)
     target = write(tmp_path / "full.ply", *displaced_finely(low, ripples, 6))
     result = asperity.bake(
         target, tmp_path / "out", size=128, unit="m", base=tmp_path / "low" / "object.obj",

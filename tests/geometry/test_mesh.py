@@ -1,5 +1,7 @@
 """Meshes from arrays: what is refused, what is put right, and which corners share a normal."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -137,8 +139,10 @@ def test_winding_is_made_to_face_outwards(turned, as_stl):
         for place, where in zip(corners, coordinates, strict=True):
             old = np.flatnonzero((CUBE[faces[k]] == place).all(axis=1))[0]
             assert np.array_equal(where, uv[k, old])
+    assert np.array_equal(mesh.normals, np.repeat(facets(mesh)[:, None], 3, axis=1))
     outwards = np.sign(at - 0.01) / np.sqrt(3)
-    assert mesh.normals == pytest.approx(outwards, abs=1e-12)
+    smooth = mesh_from_arrays(*arrays_, uv=uv, hard_angle=180)
+    assert smooth.normals == pytest.approx(outwards, abs=1e-12)
 
 
 def test_a_cavity_keeps_facing_inwards():
@@ -216,7 +220,7 @@ def test_normals_do_not_depend_on_how_a_face_is_split():
     other = CUBE_FACES.copy()
     other[0], other[1] = [0, 1, 2], [1, 3, 2]
     for faces in (CUBE_FACES, other):
-        mesh = mesh_from_arrays(CUBE, faces)
+        mesh = mesh_from_arrays(CUBE, faces, hard_angle=180)
         outwards = np.sign(mesh.vertices[mesh.faces] - 0.01) / np.sqrt(3)
         assert mesh.normals == pytest.approx(outwards, abs=1e-14)
 
@@ -249,10 +253,104 @@ def test_hard_edges_part_the_normals_of_a_cube():
     hard = mesh_from_arrays(CUBE, CUBE_FACES, hard_angle=30)
     assert np.array_equal(hard.normals, np.repeat(facets(hard)[:, None], 3, axis=1))
     assert noted(hard, "the displaced surface opens at 12 hard edges")
-    for angle in (None, 95, 180):
+    assert np.array_equal(mesh_from_arrays(CUBE, CUBE_FACES).normals, hard.normals)
+    for angle in (95, 180):
         soft = mesh_from_arrays(CUBE, CUBE_FACES, hard_angle=angle)
         assert soft.notes == ()
         assert abs(soft.normals) == pytest.approx(np.full((12, 3, 3), 3**-0.5))
+
+
+def turned(vertices):
+    """Return vertices turned about all axes, as float32 files have them."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("xyz", [0.3, -0.7, 1.1]).apply(vertices).astype(np.float32)
+
+
+def cells(n, half, height=0.0):
+    """Return a square of n x n cells of two triangles, facing up."""
+    vertices, faces = grid(n, lambda x, y: height + 0.0 * x, 2 * half)
+    return vertices - [half, half, 0], faces
+
+
+def chamfered(n, angle, half=0.01, width=0.001):
+    """Return an open slab of n x n cells with a chamfer that turns by `angle` degrees, and sides.
+
+    The strips of the chamfer and of the sides have as many cells along the rim as the top.
+    """
+    vertices, faces = [cells(n, half)[0]], [cells(n, half)[1]]
+    line = np.linspace(-1, 1, n + 1)
+    drop = width * np.tan(np.radians(angle))
+    rims = [(half, 0.0), (half + width, -drop), (half + width, -drop - 0.004)]
+    for quarter in range(4):
+        c, s = np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)
+        for (out, z), (below, lower) in itertools.pairwise(rims):
+            upper = np.stack([np.full(n + 1, out), out * line, np.full(n + 1, z)], axis=1)
+            under = np.stack([np.full(n + 1, below), below * line, np.full(n + 1, lower)], axis=1)
+            points = np.concatenate([upper, under]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+            i, start = np.arange(n), sum(map(len, vertices))
+            vertices.append(points)
+            a, b, low = i, i + 1, i + n + 1
+            strip = np.concatenate(
+                [np.stack([a, low, low + 1], axis=1), np.stack([a, low + 1, b], axis=1)]
+            )
+            faces.append(start + strip)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def top_normals(mesh, up):
+    """Return the corner normals of the triangles that face up."""
+    return mesh.normals[facets(mesh) @ up > 1 - 1e-4]
+
+
+@pytest.mark.parametrize("angle", [44.5, 45, 45.5])
+def test_flat_faces_with_sharp_edges_are_flat_however_they_are_meshed(angle):
+    """A chamfer of 45 degrees, and all that turns more, is sharp without any option."""
+    for n in (1, 2, 5, 16):
+        vertices, faces = chamfered(n, angle)
+        for turn in (lambda v: v, turned):
+            mesh = mesh_from_arrays(turn(vertices), faces)
+            flat = np.repeat(facets(mesh)[:, None], 3, axis=1)
+            assert np.abs(mesh.normals - flat).max() < 2e-5
+            assert not noted(mesh, "hard edge")
+
+
+@pytest.mark.parametrize("angle", [10, 30])
+def test_a_small_soft_rim_does_not_tilt_the_flat_face_it_surrounds(angle):
+    """Neither for a slab of two triangles nor for one of 512: the rim takes the face's normal."""
+    up = np.array([0.0, 0.0, 1.0])
+    for n in (1, 2, 5, 16):
+        vertices, faces = chamfered(n, angle)
+        mesh = mesh_from_arrays(vertices, faces)
+        assert np.array_equal(top_normals(mesh, up), np.broadcast_to(up, (2 * n * n, 3, 3)))
+        mesh = mesh_from_arrays(turned(vertices), faces)
+        up_turned = turned(up[None])[0].astype(float)
+        assert np.abs(top_normals(mesh, up_turned) - up_turned).max() < 2e-5
+        # And the rim is soft: the chamfer begins with the normal of the top.
+        chamfer = np.abs(facets(mesh) @ up_turned - np.cos(np.radians(angle))) < 1e-3
+        begins = (np.abs(mesh.normals[chamfer] - up_turned).max(axis=2) < 2e-5).sum()
+        assert begins == 3 * 4 * n
+
+
+@pytest.mark.parametrize("sides", [3, 4, 5, 6, 8])
+def test_a_prism_is_sharp_and_a_round_solid_smooth(sides):
+    trimesh = pytest.importorskip("trimesh")
+    prism = trimesh.creation.cylinder(radius=0.01, height=0.02, sections=sides)
+    mesh = mesh_from_arrays(turned(prism.vertices), prism.faces)
+    assert np.abs(mesh.normals - facets(mesh)[:, None]).max() < 1e-5
+    cylinder = trimesh.creation.cylinder(radius=0.01, height=0.02, sections=3 * sides)
+    mesh = mesh_from_arrays(cylinder.vertices, cylinder.faces)
+    side = np.abs(facets(mesh)[:, 2]) < 0.5
+    outwards = mesh.vertices[mesh.faces][side] * [100, 100, 0]
+    assert mesh.normals[side] == pytest.approx(outwards, abs=1e-9)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_a_sphere_of_few_triangles_is_smooth(n):
+    """Down to an icosahedron of 20, whose edges turn by 41.8 degrees."""
+    vertices, faces = ball(n)
+    mesh = mesh_from_arrays(vertices, faces)
+    assert mesh.normals == pytest.approx(vertices[faces] / 0.01, abs=0.01)
 
 
 def test_smoothing_goes_round_a_place_fan_by_fan():
@@ -278,7 +376,7 @@ def test_smoothing_goes_round_a_place_fan_by_fan():
 
 def test_closed_solids_that_touch_in_a_corner_keep_to_themselves():
     vertices = np.concatenate([CUBE, CUBE + 0.02])
-    mesh = mesh_from_arrays(vertices, np.concatenate([CUBE_FACES, CUBE_FACES + 8]))
+    mesh = mesh_from_arrays(vertices, np.concatenate([CUBE_FACES, CUBE_FACES + 8]), hard_angle=180)
     centre = np.repeat([0.01, 0.03], 12)[:, None, None]
     outwards = np.sign(mesh.vertices[mesh.faces] - centre) / np.sqrt(3)
     assert mesh.normals == pytest.approx(outwards, abs=1e-12)
@@ -290,7 +388,7 @@ def test_cracks_and_seams_do_not_tear():
         [0, 0, 0], [1, 0, 0], [0.5, 0.5, 0.2], [0, 1, 0], [1, 1, 0], [0, 0.9, 0.01],
     ])  # fmt: skip
     mesh = mesh_from_arrays(
-        *split(vertices, np.array([[0, 1, 2], [1, 4, 2], [4, 3, 2], [5, 0, 2]]))
+        *split(vertices, np.array([[0, 1, 2], [1, 4, 2], [4, 3, 2], [5, 0, 2]])), hard_angle=180
     )
     at_top = mesh.vertices[mesh.faces][:, 2, 2] == 0.002
     assert at_top.all()

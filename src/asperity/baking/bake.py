@@ -43,6 +43,8 @@ Progress = Callable[[str, float], None]
 SMALLEST, LARGEST = 32, 8192
 """Smallest and largest texture [texels a side]."""
 FEWEST = 4
+SMOOTH = 180.0
+"""`hard_angle` of a baked mesh [degrees]: heights are along normals that triangles share."""
 _SHARES = {"read": 0.03, "simplify": 0.06, "unwrap": 0.05, "rays": 0.35, "error": 0.15,
            "pieces": 0.2, "scene": 0.04, "picture": 0.12}  # fmt: skip
 """Approximate share of the time of each stage, for the progress bar."""
@@ -170,7 +172,8 @@ class _Work:
     low: Mesh
     texture: Texture
     report: dict[str, Any]
-    hard_angle: float | None = None
+    hard_angle: float
+    """Of the edges of `low` [degrees]: heights are along its normals."""
     rough: Mask | None = None
     """Triangles of `low` that represent `full`; None: all."""
 
@@ -224,7 +227,7 @@ def _mesh(
         low = _base(Path(os.path.expanduser(base)), mesh, unit, up)
     stages.at("unwrap")
     laid = unwrapped(low, size)
-    low = write_mesh(laid, folder)
+    low = write_mesh(laid, folder, SMOOTH)
     stages.at("rays")
     baked = bake_heights(low, full, size, on_progress=stages.done)
     if baked.coverage == 0.0:
@@ -244,7 +247,7 @@ def _mesh(
         "closed": not any("open" in note for note in laid.notes),
         "texel_um": round(1e6 * span / size, 3),
     }
-    return _Work(full, low, texture, report)
+    return _Work(full, low, texture, report, SMOOTH)
 
 
 def _base(path: Path, mesh: Mesh, unit: str, up: str | None) -> Mesh:

@@ -68,7 +68,7 @@ class Texture(NamedTuple):
     size: tuple[float, float]
 
 
-def write_mesh(mesh: Mesh, folder: Path, hard_angle: float | None = None) -> Mesh:
+def write_mesh(mesh: Mesh, folder: Path, hard_angle: float) -> Mesh:
     """Write the mesh and return it as read back; heights are baked over the result.
 
     Nine digits are kept; the normals along which the texture displaces follow from them.
@@ -97,13 +97,11 @@ def write_heights(texture: Texture, folder: Path) -> None:
 
 def write_scene(
     name: str, mesh: Mesh, pieces: Sequence[Array], texture: Texture, stroke: Stroke, folder: Path,
-    hard_angle: float | None = None,
+    hard_angle: float,
 ) -> None:  # fmt: skip
     """Write `scene.xml` and `scene.toml` for the mesh and heights in the folder."""
     (folder / "scene.xml").write_text(_xml(name, mesh, pieces, stroke), "utf-8")
-    table: dict[str, Any] = {"file": MESH, "unit": "m"}
-    if hard_angle is not None:
-        table["hard_angle"] = hard_angle
+    table: dict[str, Any] = {"file": MESH, "unit": "m", "hard_angle": hard_angle}
     heights = {
         "file": HEIGHTS, "unit": "m", "size": [float(s) for s in texture.size],
         "border": "clamp", "mapping": "uv",

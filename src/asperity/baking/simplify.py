@@ -65,7 +65,7 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
     """
     points, at = joined_places(mesh)
     if faces >= len(at):
-        return mesh_from_arrays(points, at, name=mesh.name)
+        return mesh_from_arrays(points, at, hard_angle=180.0, name=mesh.name)
     middle = points.mean(axis=0)
     size = float(np.ptp(points, axis=0).max())
     scaled = (points - middle) / size
@@ -82,7 +82,7 @@ def simplified(mesh: Mesh, faces: int) -> Mesh:
         if worse == (0, 0, 0) and few and now.folded <= _FEW_FOLDED * found[1].size:
             break
     _, (low, corners), now = min(tried, key=lambda one: one[0])
-    made = mesh_from_arrays(low * size + middle, corners, name=mesh.name)
+    made = mesh_from_arrays(low * size + middle, corners, hard_angle=180.0, name=mesh.name)
     notes = _notes(before, now, len(at), len(made.faces), faces)
     return Mesh(made.vertices, made.faces, made.normals, None, mesh.name, (*notes, *made.notes))
 

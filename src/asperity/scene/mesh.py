@@ -21,6 +21,7 @@ from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh.atlas import with_atlas
 from asperity.geometry.mesh.files import read_mesh
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.normals import HARD_ANGLE
 from asperity.geometry.mesh.topology import crosses, gradients
 from asperity.geometry.poses import rotation_of
 from asperity.geometry.shapes.block import block
@@ -37,8 +38,6 @@ Material = tuple[float, str]
 STEEL: Material = (7850.0, "0.42 0.55 0.72 1")
 HANDLE: Material = (700.0, "0.72 0.50 0.30 1")
 """Of tools: their metal, and their handles of wood."""
-SMOOTH_UP_TO = 30.0
-"""Edges of a plain MuJoCo mesh that bend more are hard [degrees]."""
 _ALIKE = 0.25
 """By how much, in diagonals of the mesh, it and its pieces may be apart."""
 _LARGER = 3.0
@@ -202,11 +201,11 @@ def union_mesh(model: mujoco.MjModel, name: str, numbers: Sequence[int]) -> Mesh
         faces.append(triangles + sum(map(len, vertices)))
         vertices.append(points @ turn.reshape(3, 3).T + model.geom_pos[i])
     mesh = mesh_from_arrays(
-        np.concatenate(vertices), np.concatenate(faces), hard_angle=SMOOTH_UP_TO, name=name
+        np.concatenate(vertices), np.concatenate(faces), hard_angle=HARD_ANGLE, name=name
     )
     note = (
         f"no [bodies.{name}.mesh]: its surface is that of its {len(numbers)} MuJoCo meshes, "
-        f"edges hard beyond {SMOOTH_UP_TO:g} degrees"
+        f"edges hard beyond {HARD_ANGLE:g} degrees"
     )
     if len(numbers) > 1:
         note += ", with the walls between them"

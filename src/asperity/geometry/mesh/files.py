@@ -51,7 +51,8 @@ def read_mesh(
     unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}
         Unit of length of the file. Most formats do not define it; glTF is in metres.
     hard_angle : float, optional
-        As for `mesh_from_arrays` [degrees], 0 to 180. 180 ignores the file's normals.
+        As for `mesh_from_arrays` [degrees], 0 to 180. 180 ignores the file's normals. Without it
+        and without normals, edges that turn by more than 44 are hard.
     name : str, optional
         By default the file's name without its suffix.
 

@@ -1,8 +1,8 @@
 """Triangle meshes: low-resolution surfaces whose detail is in a texture.
 
 Each corner of each triangle has a position, a unit normal along which the texture displaces it, and
-texture coordinates. Corners at one vertex share the normal unless an edge between them is declared
-hard, so a displaced surface stays closed at its creases.
+texture coordinates. Corners at one vertex share the normal unless an edge between them is hard: a
+displaced surface is closed but at its hard edges, and flat faces between these stay flat.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from asperity._core.arrays import Array, Indices
 from asperity.errors import require_between
 from asperity.geometry.mesh.checks import Corners, checked_corners, cleaned, count_of
 from asperity.geometry.mesh.crossings import crossing_triangles
-from asperity.geometry.mesh.normals import given_normals, smooth_normals
+from asperity.geometry.mesh.normals import HARD_ANGLE, given_normals, smooth_normals
 from asperity.geometry.mesh.topology import edges_of, wound_alike
 from asperity.geometry.mesh.uv import uv_notes
 
@@ -79,16 +79,19 @@ def mesh_from_arrays(
         where they point inwards. Where they differ at one vertex the displaced surface opens.
     hard_angle : float, optional
         Angle [degrees], 0 to 180, between the normals of two triangles beyond which their edge is
-        hard; given normals are then ignored. None: no edge is hard.
+        hard; given normals are then ignored. None: the given normals, or 44 where there are none.
+        180: no edge is hard.
     name : str
         For messages.
 
     Returns
     -------
     Mesh
-        Its arrays are read-only copies. Without given normals all triangles around a vertex share
-        one, weighted by their angles there (Thuermer and Wuethrich, J. Graphics Tools 3, 43
-        (1998)); around a vertex within a plane it is exactly the plane's.
+        Its arrays are read-only copies. Without given normals all triangles around a vertex, up to
+        its hard edges, share one, weighted by their angles there (Thuermer and Wuethrich, J.
+        Graphics Tools 3, 43 (1998)); around a vertex within a plane it is exactly the plane's. How
+        a flat face is meshed has no influence, and facets of at most an eighth of its area do not
+        tilt it.
 
     Raises
     ------
@@ -103,8 +106,10 @@ def mesh_from_arrays(
     corners = wound_alike(corners, places, notes)
     at = places[corners.faces]
     if corners.normals is None or hard_angle is not None:
-        limit = None if hard_angle is None else math.radians(hard_angle)
-        directions = smooth_normals(corners.vertices, corners.faces, at, limit, notes)
+        limit = math.radians(HARD_ANGLE if hard_angle is None else hard_angle)
+        directions = smooth_normals(
+            corners.vertices, corners.faces, at, limit, notes, note_hard=hard_angle is not None
+        )
     else:
         given = corners.normals
         directions = given_normals(corners.vertices, corners.faces, at, given, notes)

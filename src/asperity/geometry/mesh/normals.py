@@ -5,6 +5,9 @@ around a vertex share one normal, weighted by their angles there (Thuermer and W
 Graphics Tools 3, 43 (1998)), except across hard edges. Sharing is decided fan by fan: around a
 vertex, corners are joined from triangle to triangle over edges that are not hard, so a crease that
 ends within a surface separates nothing at its end.
+
+The normal is interpolated over a whole triangle, so a rounded rim would tilt the flat face beside
+it, by as much as its triangles are large. So a flat face overrules the far smaller facets round it.
 """
 
 from __future__ import annotations
@@ -17,17 +20,32 @@ from asperity.geometry.mesh.topology import Edges, crosses, edges_of, meeting_co
 
 FLAT = 1e-6
 """Facets whose unit normals differ by less are coplanar [rad]: the accuracy of float32 files."""
+HARD_ANGLE = 44.0
+"""Edges that turn by more are hard unless something else is said [degrees].
+
+Below the 45 degrees of a chamfer and of a prism of eight sides, above the 41.8 of the coarsest
+sphere, an icosahedron: what has eight sides or fewer is a prism, what has nine or more is round.
+"""
+_NEARLY_FLAT = 1e-3
+"""Facets whose normals differ by less are of one flat face: files have few digits [rad]."""
+_OVERRULED, _EQUAL = 1 / 8, 1 / 4
+"""Shares of a flat face's area up to which a facet beside it has no influence on their common
+normal, and from which on it has all; rows of quads on a sphere differ by 1/3 at most."""
 _SLIVER = 1e-6
 _CROWD = 64
 
 
-def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, Mask]:
+def flat_normals(
+    triangles: Array, edges: Edges, flat_up_to: float = FLAT
+) -> tuple[Array, Indices, Mask]:
     """Return the normals of facets, exactly equal within a plane; their planes; and the slivers.
 
     Parameters
     ----------
     triangles : (m, 3, 3) array
     edges : Edges
+    flat_up_to : float
+        Difference of the unit normals of neighbours up to which they are coplanar [rad].
 
     Returns
     -------
@@ -43,20 +61,21 @@ def flat_normals(triangles: Array, edges: Edges) -> tuple[Array, Indices, Mask]:
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     sliver = facet_heights(triangles) < _SLIVER * size
     f, g = edges.pairs.T // 3
-    flat = np.linalg.norm(normals[f] - normals[g], axis=1) < FLAT
+    flat = np.linalg.norm(normals[f] - normals[g], axis=1) < flat_up_to
     flat &= ~sliver[f] & ~sliver[g]
     plane = joined(len(normals), f[flat], g[flat])
     mean = _unit(_sums(plane, product, plane.max() + 1))[plane]
     # A very finely curved surface is one chain of coplanar pairs, but no plane.
-    bent = np.linalg.norm(mean - normals, axis=1) > 2.0 * FLAT
+    bent = np.linalg.norm(mean - normals, axis=1) > 2.0 * flat_up_to
     bent = np.isin(plane, plane[bent])
     plane = np.where(bent, plane.max() + 1 + np.arange(len(plane)), plane)
     return np.where(bent[:, None], normals, mean), plane, sliver
 
 
 def smooth_normals(
-    vertices: Array, faces: Indices, at: Indices, hard_angle: float | None, notes: list[str]
-) -> Array:
+    vertices: Array, faces: Indices, at: Indices, hard_angle: float | None, notes: list[str],
+    *, note_hard: bool = True,
+) -> Array:  # fmt: skip
     """Return the corners' normals (m, 3, 3), computed from the triangles.
 
     Parameters
@@ -69,16 +88,19 @@ def smooth_normals(
         Edges whose normals differ by more are hard [rad]; None: no edge is hard.
     notes : list of str
         Extended.
+    note_hard : bool
+        Whether it is noted that there are hard edges.
     """
     triangles = vertices[faces]
     edges = edges_of(at)
     facets, plane, sliver = flat_normals(triangles, edges)
     limit = -2.0 if hard_angle is None else np.cos(hard_angle)
-    group = _fans(at, edges, facets, sliver, limit, notes)
+    group = _fans(at, edges, facets, sliver, limit, notes if note_hard else [])
     weights = _angles(triangles)
     # The middle corner of a sliver has an angle of nearly pi and a normal made of rounding.
     alone = _sums(group, np.where(sliver[:, None], 0.0, weights).ravel(), group.max() + 1) == 0.0
     weights = np.where(sliver[:, None] & ~alone[group].reshape(-1, 3), 0.0, weights)
+    weights *= _shares_beside_flat(triangles, edges, group)
     weighted = (weights[:, :, None] * facets[:, None]).reshape(-1, 3)
     total = _sums(group, weighted, group.max() + 1)
     lost = np.linalg.norm(total, axis=1) < 1e-6 * _sums(group, weights.ravel(), group.max() + 1)
@@ -91,6 +113,21 @@ def smooth_normals(
         places = count_of(lost.sum(), "place")
         notes.append(f"at {places} the triangles' normals cancel: each keeps its own there")
     return np.where(lost_corners[:, :, None], facets[:, None], snapped(corners, facets))
+
+
+def _shares_beside_flat(triangles: Array, edges: Edges, group: Indices) -> Array:
+    """Return how much each corner counts in its fan (m, 3): 0 far smaller than a flat face to 1.
+
+    Areas are those of whole flat faces, so that it does not matter how these are meshed. A flat
+    face has at least two triangles: in a curved surface of single triangles all count.
+    """
+    _, face, sliver = flat_normals(triangles, edges, _NEARLY_FLAT)
+    area = np.bincount(face, np.linalg.norm(crosses(triangles), axis=1))[face]
+    flat = (np.bincount(face)[face] > 1) & ~sliver
+    largest = np.zeros(group.max() + 1)
+    np.maximum.at(largest, group, np.repeat(np.where(flat, area, 0.0), 3))
+    ratio = np.repeat(area, 3) / np.maximum(largest[group], 1e-300)
+    return np.clip((ratio - _OVERRULED) / (_EQUAL - _OVERRULED), 0.0, 1.0).reshape(-1, 3)
 
 
 def snapped(corners: Array, facets: Array) -> Array:
