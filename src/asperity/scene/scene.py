@@ -45,6 +45,7 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.bodies import Body, Geom
+from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
     BODY,
     Table,
@@ -81,6 +82,7 @@ class Scene:
     folder : Path or None
         Folder of the files that `document` names.
     model : mujoco.MjModel
+        Of `xml`, with concave meshes cut into convex pieces.
     bodies : tuple of Body
         All bodies, the tool included, in MuJoCo's order.
     tool : str
@@ -185,24 +187,27 @@ def scene_of(
     Raises
     ------
     AsperityError
-        A key is wrong; the message names it and what would be valid.
+        A key is wrong; the message names it and what would be valid. Or a geom is a concave mesh,
+        and CoACD, which cuts it, is not installed.
     """
     model = compiled(xml)
     owned = touchable_geoms(model)
     check_document(document, owned)
     tool = document["tool"]["body"]
     start = tool_start(model, tool)
+    cut, cut_notes = with_convex_pieces(xml, model)
+    solids = touchable_geoms(cut)
     bodies = []
     for body, geoms in owned.items():
         table = document.get("bodies", {}).get(body, {})
-        bodies.append(_body(model, body, geoms, table, folder))
+        bodies.append(_body(model, body, geoms, [geom for _, geom in solids[body]], table, folder))
     force, anti_alias = _force(document.get("force", {}))
     return Scene(
         name=name,
         xml=xml,
         document=_merged(document, {}),
         folder=folder,
-        model=model,
+        model=cut,
         bodies=tuple(bodies),
         tool=tool,
         start=start,
@@ -210,16 +215,18 @@ def scene_of(
         anti_alias=anti_alias,
         coupling=_coupling(document.get("coupling", {})),
         motion=_motion(document.get("trajectory", {}), folder),
-        notes=tuple(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
+        notes=(*cut_notes, *(f"{body.name}: {note}" for body in bodies for note in _notes(body))),
     )
 
 
 def _body(
-    model: mujoco.MjModel, name: str, geoms: list[tuple[int, Geom]], table: Table,
-    folder: Path | None,
+    model: mujoco.MjModel, name: str, geoms: list[tuple[int, Geom]], solids: list[Geom],
+    table: Table, folder: Path | None,
 ) -> Body:  # fmt: skip
-    """Return one body of the model, with the mesh and texture of its table."""
-    solids = [geom for _, geom in geoms]
+    """Return one body of the model, with the mesh and texture of its table.
+
+    `solids` are its geoms once concave meshes are cut.
+    """
     key = f"bodies.{name}"
     mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
     texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)

@@ -7,7 +7,8 @@ searched (`narrow_phase`).
 
 A contact must begin at the surface: a direction becomes a contact only if its depth was about zero
 in the last tick, so that a tool that is pushed through a thin plate does not touch the far side.
-It stays a contact however deep it gets.
+It stays a contact however deep it gets. At a first pose, or after a jump, facets that lie behind
+others only because there is a cavity between are left out (`inside`).
 
 The patches share the stiffness of the body. With delta_p the depths of the m patches of a
 direction and delta their mean, a patch has the weight
@@ -42,6 +43,7 @@ from asperity.contact.manifold.directions import (
     share_stiffness,
     validate_directions,
 )
+from asperity.contact.manifold.inside import is_across_cavity
 from asperity.contact.manifold.overlap_region import (
     add_piece,
     clip_depth,
@@ -126,7 +128,18 @@ def _listed_pairs(model, query, max_depth, reach, memory, space):
 
 
 @inner_kernel
-def _integrate_region(table, count, max_depth, reach, region):
+def _may_begin(table, memory, query, g):
+    """Return whether a contact on facet `g` may begin, at an overlap that shows nothing of it."""
+    if memory.known[query.body] == 1 and query.step <= _BIRTH:
+        return False
+    for d in range(DIRECTIONS):
+        if table.shares[g, d] > 0.0 and memory.active[query.body, d] == 0:
+            return True
+    return False
+
+
+@inner_kernel
+def _integrate_region(table, query, count, max_depth, reach, memory, region):
     """Fill the sums of all directions; keep the pairs of facets that may touch, return how many."""
     sums, limit = region.sums, region.limit
     for d in range(DIRECTIONS):
@@ -137,6 +150,9 @@ def _integrate_region(table, count, max_depth, reach, region):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         piece = clip_pair(table, f, g, reach, reach, max_depth, region)
         if piece[1] < 0:
+            continue
+        tested = piece[1] >= 3 and _may_begin(table, memory, query, g)
+        if tested and is_across_cavity(table, f, g, piece, query, region):
             continue
         region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
         kept += 1
@@ -290,7 +306,7 @@ def add_mesh_manifold(model, parameters, query, memory, space, workspace):
     most = _limit_overlaps(memory, query, raised, lowered, space.region.limit)
     max_depth = most + query.step + _BESIDE
     count = _listed_pairs(model, query, max_depth, raised, memory, space)
-    count = _integrate_region(model.facets, count, max_depth, raised, space.region)
+    count = _integrate_region(model.facets, query, count, max_depth, raised, memory, space.region)
     reset_directions(space.directions)
     for _ in range(DIRECTIONS):
         d = next_direction(memory, query.body, space)

@@ -24,7 +24,7 @@ from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.mesh.checks import SAME_PLACE, joined, refuse, same_places
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.geometry.mesh.topology import Edges, edges_of
+from asperity.geometry.mesh.topology import Edges, crosses, edges_of
 
 _CONVEX = 1e-6
 _HAIR = 1e-4
@@ -89,6 +89,23 @@ def convex_pieces(
             _write_pieces(file, cut)
         pieces += cut
     return tuple(_solid(piece, size) for piece in pieces)
+
+
+def is_convex(vertices: Array, faces: Indices, tolerance: float) -> bool:
+    """Return whether a surface of triangles lies on its convex hull, and covers it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array
+    faces : (m, 3) int array
+    tolerance : float
+        How deep it may lie under its hull, in sizes of the mesh.
+    """
+    size = float(np.ptp(vertices, axis=0).max())
+    places = same_places(vertices, SAME_PLACE * size)
+    _, first = np.unique(places, return_index=True)
+    points, at = vertices[first], places[faces]
+    return _is_convex(points, at, edges_of(at), size, tolerance)
 
 
 def _closed_parts(points: Array, faces: Indices) -> list[tuple[Array, Indices]]:
@@ -160,17 +177,24 @@ def _axes(points: Array) -> Array:
     return np.asarray(np.linalg.eigh(middle.T @ middle)[1].T[::-1])
 
 
-def _is_convex(points: Array, faces: Indices, edges: Edges, size: float) -> bool:
-    """Return whether a surface is closed and lies entirely on its hull, or is a convex sheet."""
+def _is_convex(
+    points: Array, faces: Indices, edges: Edges, size: float, tolerance: float = _CONVEX
+) -> bool:
+    """Return whether a surface lies on its hull and covers it, or is a convex sheet."""
     axes = _axes(points)
     if np.ptp(points @ axes[2]) < _HAIR * size:
         return _is_convex_sheet(points @ axes[:2].T, faces)
-    if not (edges.size == 2).all():
-        return False
     hull = ConvexHull(points)
-    if _volume(points, faces) < 0.999 * hull.volume:
+    if (edges.size == 2).all():
+        # A layer of the tolerance may be missing all over.
+        missing, most = hull.volume - abs(_volume(points, faces)), tolerance * size * hull.area
+        covers = missing <= max(1e-3 * hull.volume, most)
+    else:  # sides that meet corners of others make no hole
+        area = 0.5 * np.linalg.norm(crosses(points[faces]), axis=1).sum()
+        covers = abs(area - hull.area) <= 1e-3 * hull.area
+    if not covers:
         return False
-    return _all_on(_samples(points, faces), hull, _CONVEX * size)
+    return _all_on(_samples(points, faces), hull, tolerance * size)
 
 
 def _all_on(points: Array, hull: Any, tolerance: float) -> bool:
@@ -250,7 +274,7 @@ def _cut(name: str, points: Array, faces: Indices, settings: dict[str, Any]) -> 
     except ImportError:
         raise AsperityError(
             f"mesh {name!r} is not convex: its convex pieces need coacd, which is not installed; "
-            "valid: pip install 'asperity[bake]'"
+            "valid: pip install 'asperity[bake]', or convex meshes in its place"
         ) from None
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(coacd.Mesh(points, faces.astype(np.int32)), **settings)

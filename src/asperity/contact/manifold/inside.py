@@ -1,0 +1,153 @@
+"""Whether an overlap that two facets seem to have is one: a test by a line through both bodies.
+
+A facet of A may lie behind a facet of B though the bodies are apart: across a cavity, or a thin
+wall. While the tool moves slowly, a contact begins at the surface and no such pair counts. But at
+a first pose, or after a jump, nothing is known, and each pair is tested: A behind its facet and B
+behind the other must together be thicker than the facets are apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity._core.kernels import inner_kernel
+from asperity._core.stack import stack_array
+from asperity.contact.broad_phase.facet_bvh import FacetTable
+from asperity.geometry.frames import to_body, to_world
+
+_AT_END = 1e-9
+"""A facet is not crossed by a line along it (cosine), or at its ends [m]."""
+_TOWARDS_MIDDLE = 0.0137
+"""A corner is tested so far towards the middle of its piece: not on an edge of a body."""
+_MAX_CROSSINGS = 32
+
+
+@inner_kernel
+def _crossing(table: FacetTable, g, start, along, length):
+    """Return where a line crosses facet `g` [m], inf if nowhere, and whether it leaves the body.
+
+    The line goes from `start` (3,) along a unit vector (3,), both in the body's frame, as far as
+    `length` [m].
+    """
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    cosine = along[0] * z[0] + along[1] * z[1] + along[2] * z[2]
+    if abs(cosine) < _AT_END:
+        return np.inf, False
+    t = ((o[0] - start[0]) * z[0] + (o[1] - start[1]) * z[1] + (o[2] - start[2]) * z[2]) / cosine
+    if t < _AT_END or t > length:
+        return np.inf, False
+    a = b = 0.0
+    for k in range(3):
+        off = start[k] + t * along[k] - o[k]
+        a, b = a + off * x[k], b + off * y[k]
+    if abs(a) > table.half[g, 0] or abs(b) > table.half[g, 1]:
+        return np.inf, False
+    for r in range(table.count_rows[g]):
+        row = table.rows[g, r]
+        if row[0] + row[1] * a + row[2] * b > 0.0:
+            return np.inf, False
+    return t, cosine > 0.0
+
+
+@inner_kernel
+def _thickness(table: FacetTable, body, start, along, length, stack):
+    """Return how far a body reaches inwards from its surface, at most `length` [m].
+
+    See `_crossing`. Parts of a body that overlap, or that lie against each other, are one.
+    """
+    at, count, top = stack_array((2, _MAX_CROSSINGS)), 0, 1
+    stack[0, 0] = table.root[body]
+    while top > 0:
+        top -= 1
+        node = stack[top, 0]
+        near = True
+        for k in range(3):
+            half = 0.5 * length * along[k]
+            off = abs(table.middle[node, k] - (start[k] + half))
+            near = near and off <= table.reach[node, k] + abs(half)
+        if not near:
+            continue
+        if table.child[node] >= 0:
+            stack[top, 0], stack[top + 1, 0] = table.child[node], table.child[node] + 1
+            top += 2
+            continue
+        for g in range(table.first[node], table.last[node]):
+            t, leaves = _crossing(table, g, start, along, length)
+            if t == np.inf:
+                continue
+            if count == _MAX_CROSSINGS:
+                return length
+            # Sorted; the next part begins before the last one ends.
+            t, layer = (t, -1.0) if leaves else (t - _AT_END, 1.0)
+            i = count
+            while i > 0 and at[0, i - 1] > t:
+                at[0, i], at[1, i] = at[0, i - 1], at[1, i - 1]
+                i -= 1
+            at[0, i], at[1, i] = t, layer
+            count += 1
+    layers = 1.0
+    for i in range(count):
+        layers += at[1, i]
+        if layers <= 0.0:
+            return at[0, i]
+    return length
+
+
+@inner_kernel
+def _overlaps(table: FacetTable, f, g, place, query, stack):
+    """Return whether A behind facet `f` and B behind `g` overlap at a place x, y, d on `g`."""
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    on_b, down, on_a, up = (
+        stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
+    )  # fmt: skip
+    for k in range(3):
+        on_b[k] = o[k] + place[0] * x[k] + place[1] * y[k]
+        down[k] = -z[k]
+    apart = place[2] - _thickness(table, table.body[g], on_b, down, place[2], stack)
+    if apart <= 0.0:
+        return True
+    world, normal = stack_array((3,)), stack_array((3,))
+    for k in range(3):
+        on_a[k] = on_b[k] + place[2] * down[k]
+    to_world(query.frame_b, on_a, world)
+    to_world(query.frame_b, z, normal)
+    for k in range(3):
+        world[k] += query.frame_b[k, 3] - query.frame_a[k, 3]
+    to_body(query.frame_a, world, on_a)
+    to_body(query.frame_a, normal, up)
+    return _thickness(table, table.body[f], on_a, up, apart, stack) >= apart
+
+
+@inner_kernel
+def is_across_cavity(table: FacetTable, f, g, piece, query, region):
+    """Return whether a piece of facet `f` of A lies behind facet `g` of B, with no overlap between.
+
+    A piece that reaches the facet does not. Else its deepest corner and its middle are tested.
+
+    Parameters
+    ----------
+    piece : tuple of int
+        See `overlap_region.clip_pair`.
+    query : BodyQuery
+    region : OverlapRegion
+    """
+    here, count = piece
+    x = y = d = 0.0
+    deepest = 0
+    for i in range(count):
+        corner = region.polygon[here, i]
+        if corner[2] <= _AT_END:
+            return False
+        if corner[2] > region.polygon[here, deepest, 2]:
+            deepest = i
+        x, y, d = x + corner[0] / count, y + corner[1] / count, d + corner[2] / count
+    corner, part = region.polygon[here, deepest], _TOWARDS_MIDDLE
+    place = (
+        corner[0] + part * (x - corner[0]),
+        corner[1] + part * (y - corner[1]),
+        corner[2] + part * (d - corner[2]),
+    )
+    stack = region.facets.stack
+    if _overlaps(table, f, g, place, query, stack):
+        return False
+    return not _overlaps(table, f, g, (x, y, d), query, stack)
