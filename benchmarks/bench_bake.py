@@ -86,14 +86,14 @@ def _child(source: str, out: str) -> None:
     from asperity.baking import bake as baking
     from asperity.geometry.convex import pieces
 
-    told: list[tuple[str, float]] = []
+    stages: list[tuple[str, float]] = []
     keep = pieces.read_pieces
     pieces.read_pieces = lambda file: None  # cut anew
     start = time.perf_counter()
 
     def show(stage: str, share: float) -> None:
-        if not told or told[-1][0] != stage:
-            told.append((stage, time.perf_counter() - start))
+        if not stages or stages[-1][0] != stage:
+            stages.append((stage, time.perf_counter() - start))
 
     # Its striking face upwards.
     options = {"faces": FACES, "size": SIZE, "unit": "m", "up": "x"}
@@ -103,7 +103,7 @@ def _child(source: str, out: str) -> None:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(json.dumps({
         "seconds": seconds, "memory_gib": memory, "report": result.report,
-        "stages": {a: b1 - b0 for (a, b0), (_, b1) in pairwise(told)},
+        "stages": {a: b1 - b0 for (a, b0), (_, b1) in pairwise(stages)},
     }))  # fmt: skip
 
 
@@ -119,11 +119,11 @@ def main() -> None:
         source = Path(folder) / "hammer.ply"
         count = write_ply(source)
         out = arguments.out or Path(folder) / "baked"
-        told = subprocess.run(
+        done = subprocess.run(
             [sys.executable, __file__, "--child", str(source), str(out)],
             check=True, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
-    found = json.loads(told.stdout.splitlines()[-1])
+    found = json.loads(done.stdout.splitlines()[-1])
     report = found["report"]
     print(f"{count:,} triangles -> {report['faces']}, texture {report['texture_size']}")
     for stage, seconds in found["stages"].items():

@@ -242,7 +242,7 @@ def each(rounds: Sequence[Times]) -> Times:
     return np.median(rounds, axis=0)
 
 
-def said(times: Times) -> dict[str, float]:
+def summary(times: Times) -> dict[str, float]:
     """Return median and p99."""
     return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
 
@@ -283,7 +283,7 @@ def search_on(name: str, bars: list[dict[str, Any]]) -> dict[str, Any]:
         "uncertified, to blocks": lambda case: case.uncertified(BLOCK)[0],
         "  with sharper bounds, cells": lambda case: case.uncertified(0.0, True)[0],
         "  with sharper bounds, blocks": lambda case: case.uncertified(BLOCK, True)[0],
-        "Engine.wrench from Python": Case.calls,
+        "ContactSolver.wrench from Python": Case.calls,
     }
     full, _, cells, blocks, sharp_cells, sharp_blocks, _ = ways
     laps: dict[str, list[list[Times]]] = {way: [[] for _ in SIZES] for way in ways}
@@ -294,7 +294,7 @@ def search_on(name: str, bars: list[dict[str, Any]]) -> dict[str, Any]:
                 # The first lap compiles.
                 if lap > 0:
                     laps[way][i].append(times)
-    times = {way: [said(each(lap)) for lap in column] for way, column in laps.items()}
+    times = {way: [summary(each(lap)) for lap in column] for way, column in laps.items()}
     print()
     row(name, [f"{n}^2" for n in SIZES])
     for way in ways:
@@ -321,7 +321,7 @@ def what_was_found(cases: Sequence[Case]) -> dict[str, Any]:
     """Print and return how much work the searches were, and what they left open or missed."""
     found = [case.ticks()[2] for case in cases]
     exact = [case.depths(exact=True)[1] for case in cases]
-    nodes = [said(f[:, 2]) for f in found]
+    nodes = [summary(f[:, 2]) for f in found]
     row("boxes looked at, median (p99)", [f"{n['median']:.0f} ({n['p99']:.0f})" for n in nodes])
     gaps = [float(f[:, 1].max()) for f in found]
     row("largest gap between bounds [nm]", [f"{gap * 1e9:.3f}" for gap in gaps])
@@ -369,14 +369,14 @@ def tick_parts(bars: list[dict[str, Any]]) -> dict[str, Any]:
             ("tick, compiled", lambda: compiled_ticks(e, prepared, path)[0]),
             ("MuJoCo's query, from Python", lambda: timed(collider.query, path)),
             ("tick, called from Python", lambda: timed(kernel_call, range(len(path)))),
-            ("Engine.wrench", lambda: timed(lambda pose: e.wrench(pose, DT), path)),
+            ("ContactSolver.wrench", lambda: timed(lambda pose: e.wrench(pose, DT), path)),
             ("Simulation.step, no anti-alias", lambda: timed(plain.step, path)),
             ("Simulation.step, anti-alias", lambda: timed(simulations["tick"].step, path)),
         ):
             e.reset()
             laps.setdefault(key, []).append(call())
     print("\n2. A tick of the scene probe-plate: median (p99) of us")
-    times = {key: said(each(lap)) for key, lap in laps.items()}
+    times = {key: summary(each(lap)) for key, lap in laps.items()}
     for key, value in times.items():
         row(key, [cell(value)])
     return times
@@ -394,8 +394,8 @@ def peers(bars: list[dict[str, Any]]) -> dict[str, Any]:
         print()
         row(name, [f"{n}^2" for n in PEER_SIZES])
         laps = [[case.calls() for _ in range(3)] for case in cases]
-        own = [said(each(lap)) for lap in laps]
-        row("asperity, Engine.wrench (6-DoF)", [cell(t) for t in own])
+        own = [summary(each(lap)) for lap in laps]
+        row("asperity, ContactSolver.wrench (6-DoF)", [cell(t) for t in own])
         out[name] = {"asperity": own}
         for label, make in (
             ("MuJoCo hfield", MujocoField),
@@ -429,7 +429,7 @@ def one_peer(make: Callable[..., Any], field: HeightField, case: Case) -> dict[s
     # No contact at all is an error of the whole depth.
     error = np.abs(np.where(np.isnan(error), exact, error))
     return {
-        **said(each(laps)), "error_median": float(np.median(error)),
+        **summary(each(laps)), "error_median": float(np.median(error)),
         "error_worst": float(error.max()),
     }  # fmt: skip
 
@@ -444,7 +444,7 @@ def paper(bars: list[dict[str, Any]]) -> dict[str, Any]:
         exact = Case(field, 100)
         other = Case(field, 100, ForceSettings(gradient="differences", grid=50))
         laps = [(exact.ticks()[0], other.ticks()[0]) for _ in range(3)]
-        times = [said(each(lap)) for lap in zip(*laps, strict=True)]
+        times = [summary(each(lap)) for lap in zip(*laps, strict=True)]
         force, theirs = exact.ticks()[1][:, :3], other.ticks()[1][:, :3]
         error = np.linalg.norm(theirs - force, axis=1) / np.linalg.norm(force, axis=1)
         ratio = times[1]["median"] / times[0]["median"]

@@ -138,8 +138,8 @@ def main() -> None:
         ticks = len(late[name])
         misses = sum(x > 0.0 for x in late[name])
         shares[name] = 100.0 * misses / ticks
-        told = f"{100.0 * new[name] / ticks:.2f} % of ticks with a new pose" if new[name] else ""
-        print(f"{name}: {misses} of {ticks} ticks missed ({shares[name]:.2f} %); {told}")
+        share = f"{100.0 * new[name] / ticks:.2f} % of ticks with a new pose" if new[name] else ""
+        print(f"{name}: {misses} of {ticks} ticks missed ({shares[name]:.2f} %); {share}")
     for name in ("asperity", "polled"):
         added = shares[name] - shares["empty"]
         print(f"{name} adds {added:+.2f} percentage points of misses to the empty loop's")

@@ -73,7 +73,7 @@ def limited(wrench, limits):
 def run(simulation, touching, session, limits, seconds, active):
     """Return the controller after a session, and when most was gained [s].
 
-    Its account is that of what the device was told.
+    Its account is of the wrenches sent to the device.
     """
     simulation.reset()
     hand = SimulatedHand(

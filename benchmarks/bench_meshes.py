@@ -7,8 +7,8 @@ The paper's two hard scenes, a hammer on striped blocks and a file on a machined
 tick by tick in eight stretches of their own paths, and of three perturbed ones at depths of 0.2 to
 1 mm; then other tools, whose triangles or contacts grow in number. A tick is `ContactSolver.wrench`
 from Python, MuJoCo's query included. All is repeated in three rounds, in which all that is compared
-takes turns, and each pose counts with its median over the rounds: see `bench_contact.py`; what the
-paper's method and python-fcl are given is told in `mesh_cases.py`. Bars are ratios of medians of
+takes turns, and each pose counts with its median over the rounds: see `bench_contact.py`. For the
+inputs of the paper's method and of python-fcl: see `mesh_cases.py`. Bars are ratios of medians of
 one run, at the same poses. Times are in microseconds, one thread.
 
 One bar is a time: the tick's p99.9 on a scene's own path, which has 15 rounds. Beside it stand
@@ -237,7 +237,7 @@ HEAD = [
 ]  # fmt: skip
 
 
-def told(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
+def print_path(name: str, times: dict[str, float], what: dict[str, Any]) -> None:
     """Print the line of a path."""
     certified = "-" if what["certified"] is None else f"{what['certified']:.1%}"
     row(name, [
@@ -260,7 +260,7 @@ def one_scene(
     scene = load_scene(name).changed(force={"anti_alias": "off"})
     simulation = Simulation(scene)
     engine = simulation.stage.engine
-    print(f"\n{name}: us a tick, Engine.wrench with MuJoCo's query")
+    print(f"\n{name}: us a tick, ContactSolver.wrench with MuJoCo's query")
     row("", HEAD, 9)
     out: dict[str, Any] = {"paths": {}}
     done: dict[str, Ticks] = {}
@@ -273,7 +273,7 @@ def one_scene(
         done[path_name] = ticks(engine, timed, rounds, lead)
         again[path_name] = functools.partial(ticks, engine, timed, 1, lead)
         times, what = spread(done[path_name].microseconds), found(done[path_name])
-        told(path_name, times, what)
+        print_path(path_name, times, what)
         out["paths"][path_name] = {"tick_us": times, **what}
         if own:
             alone = out["paths"][path_name]["alone_us"] = spread(done[path_name].least)
@@ -517,7 +517,7 @@ def grown(which: str, sizes: Sequence[int], effort: Effort) -> list[dict[str, An
         path = dragged(engine, growing, count + 1)
         done = ticks(engine, [path], effort.rounds if count > COUNTS[0] else 1)
         times, what = spread(done.microseconds), found(done)
-        told(f"{title} {number:>{27 - len(title)}}", times, what)
+        print_path(f"{title} {number:>{27 - len(title)}}", times, what)
         lost = what["no_room"] > 0 or what["patches"] == 0
         if which == "blocks" and what["bodies"] < size:
             print(f"  {title}: WRONG, only {what['bodies']} of {size} push back")

@@ -7,10 +7,10 @@ A machine that is not a real-time one wakes even a loop that does nothing late n
 each scene the servo, in its process with its recorder, and an empty loop, in a process of its own
 that sleeps between ticks and has sharpened timers, take turns in blocks of 5 s (a fifteenth of
 longer times; `--block`, and `--empty` for a shorter turn of the empty loop); a simulated hand moves
-the tool. How the servo passes the time between ticks is its own affair, and told: where contacts
+the tool. The report says how the servo passes the time between ticks: where contacts
 are quick it keeps a core busy, which is one of the ways in which it may do better than the empty
 loop.
-Told are the ticks that were finished late or left out (misses), those whose contact was an older
+It gives the ticks that were finished late or left out (misses), those whose contact was an older
 one (fallbacks), their sum beside that of the empty loop, those whose search had to end before its
 depth was certified (cut short: it is this tick's contact, but there may be a deeper place), the
 tail of how long a tick took and how late it began, and how much the servo's resident memory grew
@@ -76,9 +76,9 @@ def beside_nothing(seconds: float) -> dict[str, Any]:
     ours, theirs = spawn.Pipe(duplex=False)
     process = spawn.Process(target=empty_loop, args=(seconds, theirs))
     process.start()
-    told: dict[str, Any] = ours.recv()
+    report: dict[str, Any] = ours.recv()
     process.join()
-    return told
+    return report
 
 
 def resident(pid: int) -> float:
@@ -144,9 +144,9 @@ def block_of(seconds: float) -> float:
     return max(BLOCK, seconds / 15.0)
 
 
-def _most(worst: dict[str, float], name: str, told: dict[str, float]) -> None:
+def _most(worst: dict[str, float], name: str, figures: dict[str, float]) -> None:
     for key in ("p50", "p999", "max"):
-        worst[f"{name}_{key}"] = max(worst.get(f"{name}_{key}", 0.0), told[key])
+        worst[f"{name}_{key}"] = max(worst.get(f"{name}_{key}", 0.0), figures[key])
 
 
 def kills(count: int, folder: Path) -> dict[str, int]:
@@ -200,7 +200,7 @@ def main() -> None:
             block = given.block or block_of(given.seconds)
             spec = spec_of(scene, given.mode, given.anti_alias, real_time, block)
             got = results[scene] = measured(spec, given.seconds, folder, block, given.empty)
-            missed += [f"{scene}: {what}" for what in told(scene, got)]
+            missed += [f"{scene}: {what}" for what in missed_bars(scene, got)]
         if given.kills:
             got = results["kills"] = kills(given.kills, folder)
             print(
@@ -216,7 +216,7 @@ def main() -> None:
     sys.exit(1 if missed else 0)
 
 
-def told(scene: str, got: dict[str, Any]) -> list[str]:
+def missed_bars(scene: str, got: dict[str, Any]) -> list[str]:
     """Print what came of a scene; return the bars that it missed."""
     misses = 100.0 * got["misses"] / got["due"]
     fallbacks = 100.0 * got["fallbacks"] / got["due"]

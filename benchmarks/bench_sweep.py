@@ -86,8 +86,8 @@ def two_loops() -> dict[str, float]:
     """Run two plain loops at once, each over all drags; return how long the longer one took [s]."""
     command = [sys.executable, __file__, "loop", "many"]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    told = [json.loads(one.communicate()[0]) for one in both]
-    return {"running": max(one["running"] for one in told)}
+    both_times = [json.loads(one.communicate()[0]) for one in both]
+    return {"running": max(one["running"] for one in both_times)}
 
 
 def main() -> int:

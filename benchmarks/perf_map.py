@@ -61,10 +61,10 @@ def _symbols(code: bytes) -> list[tuple[int, int, str]]:
     with tempfile.NamedTemporaryFile(suffix=".o") as file:
         file.write(code)
         file.flush()
-        told = subprocess.run(
+        listing = subprocess.run(
             ["nm", "-S", "--defined-only", file.name], capture_output=True, text=True, check=True
         ).stdout
-    rows = [line.split() for line in told.splitlines()]
+    rows = [line.split() for line in listing.splitlines()]
     return [(int(r[0], 16), int(r[1], 16), r[3]) for r in rows if len(r) == 4 and r[2] in "tTwW"]
 
 

@@ -1,134 +1,158 @@
-"""Patches of Numba that shorten compilation, and one that shortens a tick.
+"""How kernels are compiled: with Numba's passes, and code libraries that leave out repeated work.
 
-The first force after an installation waits for about 140 kernels to be compiled. Without these
-patches that takes more than twice as long; half of the time goes on
+The first force after an installation waits for 200 to 300 kernels to be compiled. Numba optimises
+each of them and makes machine code of it, together with all that it calls, although only the code
+of those called from Python runs. Here
 
-- resolving the same operator on the same types again, at each place and in each round of type
-  inference: 23,000 times for 4,000 distinct cases;
-- optimising an inner kernel as a module, and again within every kernel that it is linked into,
-  although only the code of the one called from Python runs;
-- generating machine code for inner kernels, which nothing calls directly;
-- two small functions that are called millions of times: the variables of an instruction, and the
-  options of a kernel;
-- garbage collection with next to no garbage, and events that nothing listens to.
+- an `InnerLibrary` holds a kernel that only other kernels call: code to be linked into those, after
+  the passes that simplify single functions;
+- a `KernelLibrary` holds a kernel called from Python, with all functions linked into it as its own;
+- a call of the same function with the same types is resolved once a kernel;
+- no garbage is collected while kernels are compiled.
 
-None of them changes a result: wrenches are the same to the bit. `own_parts` may change the last
-bits; it saves a fifth of a tick instead of time to compile.
-
-The patches replace private names of Numba. They are applied only to the versions in `TESTED`, and
-each one only where the signature that it replaces is as expected; otherwise compilation, or a
-tick, takes longer. Measurements: docs/design/compile_cache.md.
+Nothing in Numba is replaced: these are compilers and passes as its manual describes them under
+"Customizing the Compiler". The libraries override methods that another version of Numba may not
+have, so with a version that is not in `TESTED` Numba's own compiler is used. Results then differ in
+the last bits at most, but compilation takes twice as long (docs/design/compile_cache.md).
 """
 
 from __future__ import annotations
 
 import gc
-import inspect
 import logging
-from collections.abc import Callable
 from typing import Any
 
 import numba
+from llvmlite import binding, ir
+from numba.core import event, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.errors import TypingError
+from numba.core.typed_passes import NopythonTypeInference
 
 TESTED = ("0.68",)
-"""Versions of Numba, major and minor, that the patches were tested with."""
+"""Versions of Numba, major and minor, that the libraries were tested with."""
 
 
-def speed_up(version: str = numba.__version__) -> list[str]:
-    """Apply the patches; return the names of those that could be applied.
+class InnerLibrary(JITCodeLibrary):
+    """The code of a kernel that only kernels call, to be linked into those.
 
-    Parameters
-    ----------
-    version : str
-        Of Numba. None is applied to a version that is not in `TESTED`.
+    Machine code is made of its environment alone: the variable by which Numba finds what errors
+    consist of.
     """
-    if ".".join(version.split(".")[:2]) not in TESTED:
-        logging.getLogger(__name__).info(
-            "Numba %s is not among the tested versions %s: compilation takes longer",
-            version,
-            ", ".join(TESTED),
-        )
-        return []
-    changes = (
-        remember_calls, mark_inner, optimise_once, own_parts, emit_once, list_options,
-        list_variables, leave_garbage, tell_listeners,
-    )  # fmt: skip
-    return [change.__name__ for change in changes if change()]
+
+    _final_module: Any
+    _environments: list[str]
+
+    def finalize(self) -> None:
+        """Link what the kernel calls."""
+        variables = self._final_module.global_variables
+        self._environments = [v.name for v in variables if v.linkage == binding.Linkage.common]
+        super().finalize()
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Simplify functions as Numba does, but not those that are only declared."""
+        module.data_layout = self._codegen._data_layout
+        manager, builder = self._codegen._function_pass_manager()
+        for function in module.functions:
+            if not function.is_declaration:
+                manager.run(function, builder)
+
+    def _optimize_final_module(self) -> None:
+        """Leave this to the kernels that this one is linked into."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+        self._get_module_for_linking()
+        module = self._codegen._create_empty_module(self.name)
+        pointer = ir.IntType(8).as_pointer()
+        for name in self._environments:
+            variable = ir.GlobalVariable(module, pointer, name)
+            variable.linkage, variable.initializer = "common", ir.Constant(pointer, None)
+        self._final_module = binding.parse_assembly(str(module))
+        super()._finalize_final_module()
 
 
-def remember_calls() -> bool:
-    """Have a function's signature for the same types be looked up once a kernel."""
-    try:
-        from numba.core.targetconfig import ConfigStack
-        from numba.core.types.functions import BaseFunction
+class KernelLibrary(JITCodeLibrary):
+    """The code of a kernel that is called from Python.
 
-        find = BaseFunction.get_call_type
-        if list(inspect.signature(find).parameters) != ["self", "context", "args", "kws"]:
-            return False
-        ConfigStack.top_or_none()
-    except (ImportError, AttributeError):
-        return False
-    known: dict[Any, Any] = {}
-    of: list[Any] = [None]
+    Numba leaves the functions that are linked into a kernel visible to others, so LLVM has to keep
+    each with all its arguments: seven numbers for every array. Here they have internal linkage.
+    """
 
-    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        # What is found depends on the options of the kernel that is being compiled.
-        options = ConfigStack.top_or_none()
-        if of[0] is not options:
-            known.clear()
-            of[0] = options
-        key = (self, context, args, tuple(kws.items()))
-        try:
-            found = known.get(key)
-        except TypeError:  # something that cannot be hashed
-            return find(self, context, args, kws)
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
+                function.linkage = binding.Linkage.internal
+        super()._optimize_final_module()
+
+
+class _TypingContext:
+    """Numba's typing context, in which calls and attributes of the same types are resolved once."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._calls: dict[Any, Any] = {}
+        self._attributes: dict[Any, Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
+        """Return the signature of a call, or None."""
+        key = (func, args, tuple(kws.items()))
+        found = self._calls.get(key)
         if found is None:
-            found = find(self, context, args, kws)
-            if of[0] is options:  # no other kernel was compiled meanwhile
-                known[key] = found
+            found = self._calls[key] = self._context.resolve_function_type(func, args, kws)
         return found
 
-    setattr(BaseFunction, find.__name__, get_call_type)
-    return True
+    def resolve_getattr(self, typ: Any, attr: str) -> Any:
+        """Return the type of an attribute, or None."""
+        found = self._attributes.get((typ, attr))
+        if found is None:
+            found = self._attributes[typ, attr] = self._context.resolve_getattr(typ, attr)
+        return found
 
 
-_INNER = "asperity-inner:"
-"""How the names of the code libraries of inner kernels begin; the cache on disk keeps them."""
-_PACKAGE_SYMBOL = "_ZN8asperity"
-"""How the names of compiled functions of this package begin."""
+class _InferTypes(NopythonTypeInference):
+    """Type inference, after which the library is chosen that the kernel is compiled into."""
+
+    library: type[JITCodeLibrary]
+
+    def run_pass(self, state: Any) -> bool:
+        context = state.typingctx
+        state.typingctx = _TypingContext(context)
+        try:
+            changed: bool = super().run_pass(state)
+        finally:
+            state.typingctx = context
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return changed
 
 
-def mark_inner() -> bool:
-    """Mark the code libraries of inner kernels by their names."""
-    try:
-        from numba.core.typed_passes import BaseNativeLowering
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _InferInnerTypes(_InferTypes):
+    _name = "asperity_inner_type_inference"
+    library = InnerLibrary
 
-        lower = BaseNativeLowering.run_pass
-        if list(inspect.signature(lower).parameters) != ["self", "state"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-
-    def run_pass(self: Any, state: Any) -> Any:
-        flags, module = state.flags, state.func_id.modname
-        inner = flags.no_cpython_wrapper and flags.no_cfunc_wrapper and not flags.no_compile
-        if inner and not flags.nrt and not module.startswith("numba"):
+    def run_pass(self, state: Any) -> bool:
+        changed = super().run_pass(state)
+        if not state.flags.nrt:
             _refuse_arrays(state)
-        if inner and state.library is None and module.startswith("asperity"):
-            name = _INNER + state.func_id.func_qualname
-            state.library = state.targetctx.codegen().create_library(name)
-            state.library.enable_object_caching()
-        return lower(self, state)
+        return changed
 
-    setattr(BaseNativeLowering, lower.__name__, run_pass)
-    return True
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _InferKernelTypes(_InferTypes):
+    _name = "asperity_type_inference"
+    library = KernelLibrary
 
 
 def _refuse_arrays(state: Any) -> None:
     """Refuse an inner kernel that returns an array: the caller would let go what it never held."""
-    from numba.core import types
-    from numba.core.errors import TypingError
-
     parts = [state.return_type]
     while parts:
         part = parts.pop()
@@ -138,243 +162,66 @@ def _refuse_arrays(state: Any) -> None:
             raise TypingError(f"{name} is an inner kernel: it must not return an array")
 
 
-def _is_inner(library: Any) -> bool:
-    return bool(library.name.startswith(_INNER))
+class _Compiler(CompilerBase):
+    infer: type[_InferTypes]
+
+    def define_pipelines(self) -> list[Any]:
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        manager.passes = [
+            (self.infer if step is NopythonTypeInference else step, description)
+            for step, description in manager.passes
+        ]
+        manager.finalize()
+        return [manager]
 
 
-def optimise_once() -> bool:
-    """Leave the optimisation of an inner kernel to the kernels that it is linked into."""
-    try:
-        from numba.core.codegen import CPUCodeLibrary
+class InnerCompiler(_Compiler):
+    """Numba's compiler, for kernels that only kernels call."""
 
-        optimise: Callable[[Any], None] = CPUCodeLibrary._optimize_final_module
-        if list(inspect.signature(optimise).parameters) != ["self"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-
-    def _optimize_final_module(self: Any) -> None:
-        if not _is_inner(self):
-            optimise(self)
-
-    setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
-    return True
+    infer = _InferInnerTypes
 
 
-def own_parts() -> bool:
-    """Give every function that a kernel is linked from internal linkage.
+class KernelCompiler(_Compiler):
+    """Numba's compiler, for kernels called from Python."""
 
-    Numba leaves inner kernels visible to others. So LLVM has to keep each as it is, with all its
-    arguments: seven numbers for every array of a structure, of which most need a few. What is a
-    kernel's own can lose arguments that are not needed or always the same, and becomes part of its
-    only caller.
+    infer = _InferKernelTypes
+
+
+class _LeaveGarbage(event.Listener):
+    """Collects no garbage while kernels are compiled, which leave next to none."""
+
+    def __init__(self) -> None:
+        self._depth, self._collects = 0, False
+
+    def on_start(self, _: Any) -> None:
+        """Stop collecting when the outermost kernel begins."""
+        if self._depth == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, _: Any) -> None:
+        """Collect again when it has ended."""
+        self._depth -= 1
+        if self._depth == 0 and self._collects:
+            gc.enable()
+
+
+event.register("numba:compile", _LeaveGarbage())
+
+
+def compilers(version: str = numba.__version__) -> tuple[type[CompilerBase], type[CompilerBase]]:
+    """Return the compilers for kernels called from Python and for inner ones.
+
+    Parameters
+    ----------
+    version : str
+        Of Numba. If it is not in `TESTED`, they are Numba's own.
     """
-    try:
-        from llvmlite.binding import Linkage
-        from numba.core.codegen import CPUCodeLibrary
-
-        optimise: Callable[[Any], None] = CPUCodeLibrary._optimize_final_module
-        shared, own = Linkage.linkonce_odr, Linkage.internal
-        if list(inspect.signature(optimise).parameters) != ["self"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-
-    def _optimize_final_module(self: Any) -> None:
-        functions = [f for f in self._final_module.functions if not f.is_declaration]
-        if not _is_inner(self) and any(f.name.startswith(_PACKAGE_SYMBOL) for f in functions):
-            for function in functions:
-                if function.linkage == shared:
-                    function.linkage = own
-        optimise(self)
-
-    setattr(CPUCodeLibrary, optimise.__name__, _optimize_final_module)
-    return True
-
-
-def emit_once() -> bool:
-    """Make no machine code of inner kernels; their bitcode is what others are built from.
-
-    An inner kernel's environment (what its errors are made of) is then known to no machine code
-    until a kernel that it is part of has some; so that one's are all set when it is made.
-    """
-    try:
-        from numba import _dynfunc
-        from numba.core.codegen import CPUCodeLibrary, JITCPUCodegen
-        from numba.core.cpu import CPUContext
-
-        finish = CPUCodeLibrary._finalize_final_module
-        executable = CPUContext.get_executable
-        serialised = CPUCodeLibrary.serialize_using_object_code
-        set_one = JITCPUCodegen.set_env
-        hooks = {finish: ["self"], executable: ["self", "library", "fndesc", "env"],
-                 serialised: ["self"], set_one: ["self", "env_name", "env"]}  # fmt: skip
-        if any(list(inspect.signature(f).parameters) != names for f, names in hooks.items()):
-            return False
-        steps = (
-            CPUCodeLibrary._finalize_dynamic_globals,
-            CPUCodeLibrary._verify_declare_only_symbols,
-        )
-        make, bitcode = _dynfunc.make_function, CPUCodeLibrary.serialize_using_bitcode
-    except (ImportError, AttributeError):
-        return False
-
-    def _finalize_final_module(self: Any) -> None:
-        if not _is_inner(self):
-            finish(self)
-            return
-        for step in steps:
-            step(self)
-        self._finalized = True
-
-    environments: dict[str, Any] = {}
-
-    def set_env(self: Any, env_name: str, env: Any) -> None:
-        environments[env_name] = env
-        if self._engine.get_global_value_address(env_name):
-            set_one(self, env_name, env)
-
-    def get_executable(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
-        library._ensure_finalized()
-        if _is_inner(library):
-            environments[self.get_env_name(fndesc)] = env
-            name = fndesc.qualname.split(".")[-1]
-            return make(fndesc.lookup_module(), name, "an inner kernel", 0, env, (library,))
-        made = executable(self, library, fndesc, env)
-        for variable in library._final_module.global_variables:
-            if variable.name in environments:
-                library.codegen.set_env(variable.name, environments[variable.name])
-        return made
-
-    def serialize_using_object_code(self: Any) -> Any:
-        self._ensure_finalized()
-        return bitcode(self) if _is_inner(self) else serialised(self)
-
-    setattr(CPUCodeLibrary, finish.__name__, _finalize_final_module)
-    setattr(CPUContext, executable.__name__, get_executable)
-    setattr(CPUCodeLibrary, serialised.__name__, serialize_using_object_code)
-    setattr(JITCPUCodegen, set_one.__name__, set_env)
-    return True
-
-
-def list_options() -> bool:
-    """Compare the options of kernels by what is set, not by asking for each by its name."""
-    try:
-        from numba.core.targetconfig import TargetConfig
-
-        values = TargetConfig.values
-        if list(inspect.signature(values).parameters) != ["self"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-    defaults: dict[type, dict[str, Any]] = {}
-
-    def of(self: Any) -> dict[str, Any]:
-        kind = type(self)
-        if kind not in defaults:
-            defaults[kind] = {name: option.default for name, option in kind.options.items()}
-        return defaults[kind] | self._values
-
-    setattr(TargetConfig, values.__name__, of)
-    return True
-
-
-def list_variables() -> bool:
-    """Find the variables that an instruction names by the types of its parts."""
-    try:
-        from numba.core.ir import Inst, Var
-
-        find = Inst._rec_list_vars
-        if list(inspect.signature(find).parameters) != ["self", "val"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-    kinds: dict[type, int] = {}
-
-    def collect(value: Any, out: list[Any]) -> None:
-        kind = kinds.get(type(value))
-        if kind is None:
-            known = (Var, Inst, (list, tuple), dict)
-            kind = next((i for i, of in enumerate(known) if isinstance(value, of)), len(known))
-            kinds[type(value)] = kind
-        if kind == 0:
-            out.append(value)
-        elif kind == 1:
-            out += value.list_vars()
-        elif kind == 2:
-            for part in value:
-                collect(part, out)
-        elif kind == 3:
-            for part in value.values():
-                collect(part, out)
-
-    def _rec_list_vars(self: Any, val: Any) -> list[Any]:
-        out: list[Any] = []
-        collect(val, out)
-        return out
-
-    setattr(Inst, find.__name__, _rec_list_vars)
-    return True
-
-
-def leave_garbage() -> bool:
-    """Collect no garbage while a kernel is compiled: of 30 s that took four."""
-    try:
-        from numba.core.dispatcher import Dispatcher
-
-        compile_one = Dispatcher.compile
-        if list(inspect.signature(compile_one).parameters) != ["self", "sig"]:
-            return False
-    except (ImportError, AttributeError):
-        return False
-
-    def compile(self: Any, sig: Any) -> Any:
-        collects = gc.isenabled()
-        gc.disable()
-        try:
-            return compile_one(self, sig)
-        finally:
-            # Kernels that this one calls were compiled within it, and found it disabled.
-            if collects:
-                gc.enable()
-
-    setattr(Dispatcher, compile_one.__name__, compile)
-    return True
-
-
-class _Nobody:
-    """What stands for an event that nobody listens to."""
-
-    def __enter__(self) -> None:
-        return
-
-    def __exit__(self, *_: object) -> None:
-        return
-
-
-def tell_listeners() -> bool:
-    """Make no events that nobody listens to, and no log lines that go nowhere."""
-    try:
-        from numba.core import event, ssa
-
-        tell = (event.trigger_event, event.start_event, event.end_event)
-        if any(list(inspect.signature(f).parameters)[:2] != ["kind", "data"] for f in tell):
-            return False
-        registered, log = event._registered, ssa._logger
-    except (ImportError, AttributeError):
-        return False
-    nobody = _Nobody()
-
-    def if_heard(make: Callable[..., Any]) -> Callable[..., Any]:
-        def event_of(kind: str, *args: Any, **named: Any) -> Any:
-            # Names without the prefix are made whole by Numba; it does not use them itself.
-            unheard = kind.startswith("numba:") and not registered.get(kind)
-            return nobody if unheard else make(kind, *args, **named)
-
-        return event_of
-
-    for make in tell:
-        setattr(event, make.__name__, if_heard(make))
-    if not log.isEnabledFor(logging.DEBUG):
-        log.disabled = True  # it would be called half a million times
-    return True
+    if ".".join(version.split(".")[:2]) in TESTED:
+        return KernelCompiler, InnerCompiler
+    logging.getLogger(__name__).info(
+        "Numba %s is not among the tested versions %s: compilation takes longer",
+        version, ", ".join(TESTED),
+    )  # fmt: skip
+    return Compiler, Compiler

@@ -141,12 +141,11 @@ if not _CACHED:
 
 import numba  # noqa: E402  (the folder has to be known to Numba when it is imported)
 
-from asperity._core.compile_time import speed_up  # noqa: E402
+from asperity._core.compile_time import compilers  # noqa: E402
 
 # Numba may have been imported before us; then the variable alone comes too late.
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
-speed_up()
-
+_COMPILER, _INNER_COMPILER = compilers()
 
 _OPTIONS = {"cache": _CACHED, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
@@ -164,10 +163,13 @@ def _compiled(function: F, **options: Any) -> F:
 
 def kernel(function: F) -> F:
     """Compile `function` at its first call: cached on disk, without the interpreter's lock."""
-    return _compiled(function, **_OPTIONS)
+    return _compiled(function, pipeline_class=_COMPILER, **_OPTIONS)
 
 
-_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False} | _OPTIONS
+_INNER = _OPTIONS | {
+    "pipeline_class": _INNER_COMPILER,
+    "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False,
+}  # fmt: skip
 
 
 def inner_kernel(function: F) -> F:
