@@ -112,7 +112,9 @@ def timed_depths(
             # Seen from the sphere's centre, which moves; the place stays on the plate.
             body_b[i, 3] = -path[q, i]
             guess[i] = guess[i] if q == 0 else out[0].point[i] + path[q - 1, i] - path[q, i]
-        query = DepthQuery(BodyGeoms(geoms_a, 1, body_a), BodyGeoms(geoms_b, 1, body_b), n, guess)
+        query = DepthQuery(
+            BodyGeoms(geoms_a, 1, body_a, 0.0), BodyGeoms(geoms_b, 1, body_b, 0.0), n, guess
+        )
         depth_along(textures, geometry, query, SearchLimits(tolerance, max_nodes), space, out)
         ns_out[q] = now(stamp) - begun
         depth_out[q] = out[0].depth

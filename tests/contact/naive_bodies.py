@@ -183,7 +183,7 @@ class Pair:
         ]
         out = np.zeros(1, PENETRATION)
         bodies = (
-            BodyGeoms(geoms, geoms.size, frame)
+            BodyGeoms(geoms, geoms.size, frame, 0.0)
             for geoms, frame in zip(self._geoms, placed, strict=True)
         )
         query = DepthQuery(*bodies, np.asarray(n, dtype=np.float64), np.full(3, np.nan))

@@ -37,6 +37,8 @@ class Geometry(NamedTuple):
     """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
     no_texture: NDArray[np.int64]
     """-1 for each body, to be used in place of `texture` for smooth bodies; (bodies,)."""
+    covered: NDArray[np.int64]
+    """Faces that another geom of the same rigid body covers, a bit each; see `covered_faces`."""
 
 
 def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
@@ -72,6 +74,7 @@ def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geom
         np.array(origins, dtype=np.float64),
         np.array([_around(bodies[number], geom) for geom, number in geoms]),
         np.full(len(bodies), -1, dtype=np.int64),
+        np.zeros(len(geoms), dtype=np.int64),
     )
 
 

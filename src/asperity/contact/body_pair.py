@@ -153,8 +153,8 @@ class BodyPair:
                 )
         else:
             geoms_a, geoms_b = self._geoms
-            tool = BodyGeoms(geoms_a, geoms_a.size, at_a)
-            ground = BodyGeoms(geoms_b, geoms_b.size, at_b)
+            tool = BodyGeoms(geoms_a, geoms_a.size, at_a, 0.0)
+            ground = BodyGeoms(geoms_b, geoms_b.size, at_b, 0.0)
             query = DepthQuery(tool, ground, n, np.full(3, np.nan))
             depth_along(self._textures, self._geometry, query, limits, self._space, found)
         out = found[0]

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from asperity._core.kernels import clear, inner_kernel, kernel
+from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.contacts import NO_ROOM
 from asperity.contact.manifold.geom_manifold import (
     collect_pairs,
-    geoms_of_patch,
-    group_pairs,
-    hold_depth,
+    find_parts,
+    geoms_of_part,
     recall_patch,
     remember,
-    steady_normals,
 )
+from asperity.contact.manifold.separations import FACE_A, FACE_B, FARTHEST
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
     DepthQuery,
     SearchLimits,
     fill_depth_along,
 )
+from asperity.contact.records import SceneModel
 from asperity.contact.response.contact_forces import (
     Bristle,
     ToolFrames,
@@ -31,6 +34,7 @@ from asperity.contact.response.contact_forces import (
 )
 from asperity.contact.response.grid_gradient import depth_on_grid
 from asperity.contact.response.point_laws import PointQuery, advance_noise, point_force
+from asperity.contact.response.potential import fill_potential
 from asperity.geometry.frames import (
     depth_tolerance,
     fill_relative_frame,
@@ -40,76 +44,133 @@ from asperity.geometry.frames import (
     to_world,
 )
 
+_MARGIN = 1.3
+"""The least way out, smoothed, is at most this multiple of the least one."""
+_SAME = 0.990
+"""Cosine between two directions from which on one stands for both."""
+_STANDS = 1.2
+"""A separation up to this multiple of the least depth counts fully."""
+_LEVER = 0.01
+"""Length by which rotations of the tool are compared to translations [m]."""
+_LEAST_SHARE = 1e-9
+"""A direction with a smaller share of the way out is no contact."""
+
 
 @inner_kernel
-def _search_patch(model, parameters, grid, point_law, p, centre, memory, workspace):
-    """Fill the depth of patch `p`; mark the patch as one that does not touch if it is not deep."""
-    geometry, patch, result = model.geometry, memory.patches[p], memory.results[p]
-    tool_frame, body_frame = model.frames[model.tool], model.frames[patch.body]
+def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
+    """Fill the depth along separation `i`; `stretch` is how far its face reaches over its edges."""
+    found, result = memory.separations[i], memory.results[i]
+    shape = model.geometry
+    body = shape.body[found.geom_b]
+    body_frame, patch = model.frames[body], memory.patches[0]
     frame_a, frame_b = stack_array((3, 4)), stack_array((3, 4))
     n, guess = stack_array((3,)), stack_array((3,))
-    fill_relative_frame(centre, tool_frame, frame_a)
+    fill_relative_frame(centre, model.frames[model.tool], frame_a)
     fill_relative_frame(centre, body_frame, frame_b)
-    recall_patch(memory, p)
-    to_world(body_frame, patch.normal, n)
+    to_body(body_frame, found.normal, n)
+    recall_patch(memory, body, n, patch)
     to_world(body_frame, patch.point, guess)
-    for i in range(3):
-        guess[i] += frame_b[i, 3]
-    count_a, count_b = geoms_of_patch(memory, p)
-    tolerance = depth_tolerance(
-        model.textures, geometry, model.tool, patch.body, parameters.tolerance
-    )
-    shape = geometry
-    if point_law is not None:
-        # Point laws take the depth of the smooth bodies.
-        shape = Geometry(
-            geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
-            geometry.no_texture, geometry.mapping, geometry.origin, geometry.around,
-            geometry.no_texture,
-        )  # fmt: skip
-    a, b = (
-        BodyGeoms(memory.geoms[0], count_a, frame_a),
-        BodyGeoms(memory.geoms[1], count_b, frame_b),
-    )
-    depth_query = DepthQuery(a, b, n, guess)
+    for k in range(3):
+        guess[k] += frame_b[k, 3]
+        n[k] = found.normal[k]
+    count_a, count_b = geoms_of_part(memory, found.part)
+    tolerance = depth_tolerance(model.textures, shape, model.tool, body, parameters.tolerance)
+    over_a = stretch if found.kind == FACE_A else 0.0
+    over_b = stretch if found.kind == FACE_B else 0.0
+    query = DepthQuery(
+        BodyGeoms(memory.geoms[0], count_a, frame_a, over_a),
+        BodyGeoms(memory.geoms[1], count_b, frame_b, over_b),
+        n, guess,
+    )  # fmt: skip
     limits = SearchLimits(tolerance, parameters.max_nodes)
-    fill_depth_along(model.textures, shape, depth_query, limits, workspace, result)
+    fill_depth_along(model.textures, shape, query, limits, workspace, result)
     if grid is not None:
-        depth_on_grid(model, grid, depth_query, workspace, result)
-    for i in range(memory.state[0].pairs):
-        pair = memory.pairs[i]
-        if pair.patch == p:
-            held = result.depth > hold_depth(model, pair.geom_a, pair.geom_b)
-            pair.deep = 1 if held else 0
-    if not result.depth > 0.0:
-        patch.body = -1
+        depth_on_grid(model, grid, query, workspace, result)
+    found.depth = result.depth
 
 
 @inner_kernel
-def _share_of_stiffness(memory, p):
-    """Return the weight of patch `p` [-]: its depth over that of all patches of its body."""
-    total = 0.0
-    for q in range(memory.state[0].patches):
-        if memory.patches[q].body == memory.patches[p].body:
-            total += memory.results[q].depth
-    return memory.results[p].depth / total
+def _is_stood_for(memory, first, i, least):
+    """Return whether another direction that has been searched stands for separation `i`."""
+    found = memory.separations[i]
+    for j in range(first, i):
+        other, along = memory.separations[j], 0.0
+        for k in range(3):
+            along += other.normal[k] * found.normal[k]
+        is_near = other.gap - other.rough <= _STANDS * least
+        if other.kind < found.kind and along >= _SAME and other.depth > 0.0 and is_near:
+            return True
+    return False
 
 
 @inner_kernel
-def _add_point_force(model, law, p, push, motion, memory, workspace, out):
-    """Add the force of a point law on patch `p` to the last contact and to the wrench."""
-    c, patch, result = out.contacts.count[0] - 1, memory.patches[p], memory.results[p]
+def _search_part(model, parameters, grid, first, past, centre, memory, workspace):
+    """Fill the depths of one part's separations, those with the least separation first.
+
+    Returns whether the part touches. Depths of separations that do not count are -inf.
+    """
+    rows, least = memory.separations, np.inf
+    if past == first + 1:
+        _search(model, parameters, grid, first, 0.0, centre, memory, workspace)
+        return rows[first].depth > 0.0
+    for i in range(first, past):
+        rows[i].depth = np.nan
+    for turn in range(past - first):
+        at = np.int64(-1)
+        for i in range(first, past):
+            if rows[i].depth != rows[i].depth and (at < 0 or rows[i].gap < rows[at].gap):
+                at = i
+        is_far = rows[at].gap - rows[at].rough >= _MARGIN * FARTHEST * least
+        if is_far or _is_stood_for(memory, first, at, least):
+            rows[at].depth = -np.inf
+            continue
+        _search(model, parameters, grid, at, rows[at].rough, centre, memory, workspace)
+        depth = rows[at].depth
+        if not depth > 0.0 and (turn == 0 or depth > -np.inf):
+            return False
+        if depth > 0.0:
+            least = min(least, depth)
+    return True
+
+
+@inner_kernel
+def _search_parts(model, parameters, grid, centre, memory, workspace):
+    """Search all parts; keep the separations of those that touch, in front."""
+    kept = parts = first = np.int64(0)
+    used = memory.state[0].separations
+    while first < used:
+        past = first
+        while past < used and memory.separations[past].part == memory.separations[first].part:
+            past += 1
+        if _search_part(model, parameters, grid, first, past, centre, memory, workspace):
+            for i in range(first, past):
+                if memory.separations[i].depth > 0.0:
+                    if kept != i:
+                        copy_record(memory.separations[kept], memory.separations[i])
+                        copy_record(memory.results[kept], memory.results[i])
+                    memory.separations[kept].owner = memory.separations[kept].part
+                    memory.separations[kept].part = parts
+                    kept += 1
+            parts += 1
+        first = past
+    memory.state[0].separations, memory.state[0].parts = kept, parts
+
+
+@inner_kernel
+def _add_point_force(model, law, i, push, motion, memory, workspace, out):
+    """Add the force of a point law at separation `i` to the last contact and to the wrench."""
+    c, found, result = out.contacts.count[0] - 1, memory.separations[i], memory.results[i]
     frame_b, moved, point = stack_array((3, 4)), stack_array((3,)), stack_array((3,))
-    fill_relative_frame(motion.centre, model.frames[patch.body], frame_b)
-    _, count_b = geoms_of_patch(memory, p)
+    fill_relative_frame(motion.centre, model.frames[out.contacts.body[c]], frame_b)
+    _, count_b = geoms_of_part(memory, found.owner)
     for k in range(3):
         point[k] = result.point[k]
     material_displacement(
         memory.state[0].has_frame == 1, motion.last_frame, motion.frame, point, motion.centre, moved
     )
     query = PointQuery(
-        BodyGeoms(memory.geoms[1], count_b, frame_b), out.contacts.normal[c], point, moved, push,
-        result.depth,
+        BodyGeoms(memory.geoms[1], count_b, frame_b, 0.0), out.contacts.normal[c], point, moved,
+        push, result.depth,
     )  # fmt: skip
     force = out.contacts.force[c]
     point_force(model, law, query, memory.noise[0], workspace, force)
@@ -117,20 +178,26 @@ def _add_point_force(model, law, p, push, motion, memory, workspace, out):
 
 
 @inner_kernel
-def _add_contact(model, parameters, point_law, p, motion, memory, workspace, out):
-    """Add the contact of patch `p` and its forces to the output."""
-    contacts, patch, result = out.contacts, memory.patches[p], memory.results[p]
-    body_frame, c = model.frames[patch.body], out.contacts.count[0]
+def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out):
+    """Add the contact of separation `i` and its forces to the output."""
+    contacts, found, result = out.contacts, memory.separations[i], memory.results[i]
+    c, body = out.contacts.count[0], model.geometry.body[found.geom_b]
+    body_frame, patch, normal = model.frames[body], memory.patches[c], stack_array((3,))
     contacts.count[0] += 1
-    weight = _share_of_stiffness(memory, p)
+    weight = found.weight
     push = parameters.stiffness * weight * result.depth
-    write_contact(contacts, c, patch.body, weight, result, motion.centre)
-    to_world(body_frame, patch.normal, contacts.normal[c])
+    write_contact(contacts, c, body, weight, result, motion.centre)
+    for k in range(3):
+        contacts.normal[c, k] = found.normal[k]
+    to_body(body_frame, found.normal, normal)
+    recall_patch(memory, body, normal, patch)
     if point_law is None:
         add_texture_force(out, c, push, result)
     else:
-        _add_point_force(model, point_law, p, push, motion, memory, workspace, out)
-    bristle = Bristle(patch.bristle, parameters.bristle_stiffness, parameters.friction)
+        _add_point_force(model, point_law, i, push, motion, memory, workspace, out)
+    bristle = Bristle(
+        patch.bristle, parameters.bristle_stiffness * min(weight, 1.0), parameters.friction
+    )
     add_friction(out, c, result.point, body_frame, bristle, motion)
     offset = stack_array((3,))
     for k in range(3):
@@ -139,12 +206,44 @@ def _add_contact(model, parameters, point_law, p, motion, memory, workspace, out
 
 
 @inner_kernel
-def _report_dropped(memory, contacts):
-    """Report what there was no room for in this tick."""
-    contacts.count[1] = memory.state[0].dropped
-    memory.state[0].dropped = 0
-    if contacts.count[1] > 0 and contacts.count[0] > 0:
-        contacts.status[0] = NO_ROOM
+def _add_turning(stiffness, way_out, rates, memory, out):
+    """Add the part of the wrench that is due to directions which turn with the tool.
+
+    `rates` (6,) is the derivative of the way out by the tool's motion with all depths fixed. The
+    force is added to that of the contact with the largest weight.
+    """
+    contacts, largest = out.contacts, 0
+    for c in range(1, contacts.count[0]):
+        if contacts.weight[c] > contacts.weight[largest]:
+            largest = c
+    for e in range(6):
+        push = -stiffness * way_out * rates[e]
+        for i in range(memory.state[0].separations):
+            found, m = memory.separations[i], memory.results[i].slope_normal
+            along = 0.0
+            for k in range(3):
+                along += m[k] * found.normal_rate[k, e]
+            push += stiffness * found.weight * found.depth * found.depth * along
+        out.wrench[e] += push
+        if e < 3:
+            contacts.force[largest, e] += push
+
+
+@inner_kernel
+def _add_contacts(model, parameters, point_law, motion, memory, workspace, out):
+    """Add the contacts of all separations that have a share in the way out, and their wrench."""
+    state, rates = memory.state[0], stack_array((6,))
+    rows, used = memory.separations, state.separations
+    way_out = fill_potential(rows, used, state.parts, _LEVER, memory.ways, rates)
+    for i in range(used):
+        is_contact = abs(rows[i].weight) * rows[i].depth > _LEAST_SHARE * way_out
+        rows[i].weight *= way_out / rows[i].depth
+        if is_contact and out.contacts.count[0] == memory.patches.size:
+            state.dropped += 1
+        elif is_contact:
+            _add_contact(model, parameters, point_law, i, motion, memory, workspace, out)
+    if point_law is None and out.contacts.count[0] > 0:
+        _add_turning(parameters.stiffness, way_out, rates, memory, out)
 
 
 @inner_kernel
@@ -155,24 +254,36 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
     are None.
     """
     centre, tool_frame = stack_array((3,)), model.frames[model.tool]
+    state, contacts, smooth = memory.state[0], out.contacts, model
+    if point_law is not None:
+        # Point laws take the depth of the smooth bodies.
+        geometry = model.geometry
+        shape = Geometry(
+            geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
+            geometry.no_texture, geometry.mapping, geometry.origin, geometry.around,
+            geometry.no_texture, geometry.covered,
+        )  # fmt: skip
+        smooth = SceneModel(
+            model.textures, shape, model.tool, model.centre, model.frames, model.geom_number
+        )
     clear(out.wrench)
-    out.contacts.count[0] = 0
+    contacts.count[0] = 0
     fill_tool_frame(query.pose, model.centre, tool_frame, centre)
     collect_pairs(model, query.candidates, memory)
-    steady_normals(memory)
-    group_pairs(model.geometry, memory)
+    find_parts(smooth.textures, smooth.geometry, model.frames, centre, memory)
     if point_law is not None and query.dt > 0.0:
         advance_noise(memory.noise[0], point_law, query.dt)
-    for p in range(memory.state[0].patches):
-        _search_patch(model, parameters, grid, point_law, p, centre, memory, workspace)
-    moves = memory.state[0].has_frame == 1 and query.dt > 0.0
+    _search_parts(smooth, parameters, grid, centre, memory, workspace)
+    moves = state.has_frame == 1 and query.dt > 0.0
     motion = ToolFrames(tool_frame, memory.frame, moves, centre)
-    for p in range(memory.state[0].patches):
-        if memory.patches[p].body >= 0:
-            _add_contact(model, parameters, point_law, p, motion, memory, workspace, out)
+    if state.parts > 0:
+        _add_contacts(model, parameters, point_law, motion, memory, workspace, out)
     if query.dt > 0.0:
-        remember(memory, tool_frame)
-    _report_dropped(memory, out.contacts)
+        remember(memory, contacts.count[0], tool_frame)
+    contacts.count[1] = state.dropped
+    state.dropped = 0
+    if contacts.count[1] > 0 and contacts.count[0] > 0:
+        contacts.status[0] = NO_ROOM
 
 
 @kernel

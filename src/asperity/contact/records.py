@@ -16,7 +16,11 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.mujoco_pairs import Candidates
 from asperity.contact.contacts import Contacts
 from asperity.contact.narrow_phase.records import PENETRATION
+from asperity.contact.response.potential import WaysOut, ways_out
 from asperity.texture.packed import PackedTextures
+
+MAX_SEPARATIONS = 256
+"""Room for separations of all pairs, before those that do not count are left out."""
 
 
 class SceneModel(NamedTuple):
@@ -119,35 +123,52 @@ GEOM_PAIR = np.dtype(
     [
         ("geom_a", "i8"),  # geom of the tool
         ("geom_b", "i8"),  # geom of the scene
-        ("deep", "i8"),  # whether the depth is such that the normal is held
-        ("seen", "i8"),  # whether MuJoCo has found the pair in this tick
-        ("patch", "i8"),  # number of its patch; -1 for none
-        ("normal", "f8", 3),  # unit normal of the scene's body, in that body's frame
-        ("weight", "f8"),  # sum of MuJoCo's overlaps, by which normals are averaged [m]
+        ("part", "i8"),  # number of its part; -1 for none
     ],
     align=True,
 )
 """A geom of the tool and one of the scene that may touch."""
 
+SEPARATION = np.dtype(
+    [
+        ("geom_a", "i8"),  # geoms of the pair, or of the first of the part
+        ("geom_b", "i8"),
+        ("kind", "i8"),  # FACE_B, FACE_A, EDGES or CURVED of `manifold.separations`
+        ("part", "i8"),  # number of its part among those that touch
+        ("owner", "i8"),  # number of its part among all
+        ("normal", "f8", 3),  # n, unit vector out of the scene's geom, world axes
+        ("normal_rate", "f8", (3, 6)),  # by the tool's translation [1/m] and rotation
+        ("gap", "f8"),  # g, how far the smooth geoms overlap as seen across n [m]
+        ("gap_rate", "f8", 6),
+        ("share", "f8"),  # how well the direction is defined, 0 to 1
+        ("share_rate", "f8", 6),
+        ("rough", "f8"),  # largest height of both textures [m]
+        ("depth", "f8"),  # penetration depth of the textured surfaces along n [m]
+        ("weight", "f8"),  # derivative of the way out by this depth
+    ],
+    align=True,
+)
+"""Direction along which the tool may leave a geom of the scene."""
+
 GEOM_PATCH = np.dtype(
     [
-        ("body", "i8"),  # number of the scene body; -1 if the patch does not touch
+        ("body", "i8"),  # number of the scene body
         ("normal", "f8", 3),  # unit normal
         ("point", "f8", 3),  # deepest point [m]; nan if unknown
         ("bristle", "f8", 3),  # deflection of the bristle [m]
     ],
     align=True,
 )
-"""A patch of contact: pairs of geoms with about the same normal. Vectors in the body's frame."""
+"""What is remembered of a contact: where the next search starts, and friction. Body's frame."""
 
 MEMORY_STATE = np.dtype(
     [
         ("pairs", "i8"),  # number of pairs in this tick
-        ("patches", "i8"),  # number of patches in this tick
-        ("last_pairs", "i8"),  # number of pairs remembered
-        ("last_patches", "i8"),  # number of patches remembered
+        ("separations", "i8"),  # number of separations in this tick
+        ("parts", "i8"),  # number of parts in this tick
+        ("last_patches", "i8"),  # number of contacts remembered
         ("has_frame", "i8"),  # whether there was a last tick
-        ("dropped", "i8"),  # pairs and patches of this tick that there was no room for
+        ("dropped", "i8"),  # pairs, parts and contacts that there was no room for
     ],
     align=True,
 )
@@ -167,8 +188,6 @@ class GeomMemory(NamedTuple):
 
     state: NDArray[np.void]
     """One `MEMORY_STATE` record, (1,)."""
-    last_pairs: NDArray[np.void]
-    """`GEOM_PAIR` records of the last tick, (pairs,)."""
     last_patches: NDArray[np.void]
     """`GEOM_PATCH` records of the last tick, (patches,)."""
     frame: NDArray[np.float64]
@@ -178,11 +197,15 @@ class GeomMemory(NamedTuple):
     pairs: NDArray[np.void]
     """`GEOM_PAIR` records of this tick, (pairs,)."""
     patches: NDArray[np.void]
-    """`GEOM_PATCH` records of this tick, (patches,)."""
+    """`GEOM_PATCH` records of this tick, one a contact, (patches,)."""
     geoms: NDArray[np.int64]
-    """Geoms of one patch, those of the tool and those of the scene; (2, geoms)."""
+    """Geoms of one part, those of the tool and those of the scene; (2, geoms)."""
+    separations: NDArray[np.void]
+    """`SEPARATION` records of this tick, (separations,)."""
     results: NDArray[np.void]
-    """Depth of each patch, `PENETRATION` records (patches,)."""
+    """Depth along each separation, `PENETRATION` records (separations,)."""
+    ways: WaysOut
+    """Choices of separations."""
 
 
 class Output(NamedTuple):
@@ -199,20 +222,21 @@ def geom_memory(pairs: int, patches: int, geoms: int) -> GeomMemory:
     Parameters
     ----------
     pairs, patches : int
-        Room for pairs of geoms, and for patches.
+        Room for pairs of geoms, and for contacts.
     geoms : int
         Most geoms of one body.
     """
     return GeomMemory(
         state=np.zeros(1, MEMORY_STATE),
-        last_pairs=np.zeros(pairs, GEOM_PAIR),
         last_patches=np.zeros(patches, GEOM_PATCH),
         frame=np.zeros((3, 4)),
         noise=np.zeros(1, NOISE),
         pairs=np.zeros(pairs, GEOM_PAIR),
         patches=np.zeros(patches, GEOM_PATCH),
         geoms=np.zeros((2, geoms), np.int64),
-        results=np.zeros(patches, PENETRATION),
+        separations=np.zeros(MAX_SEPARATIONS, SEPARATION),
+        results=np.zeros(MAX_SEPARATIONS, PENETRATION),
+        ways=ways_out(MAX_SEPARATIONS),
     )
 
 

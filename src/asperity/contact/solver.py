@@ -25,6 +25,7 @@ from asperity.contact.broad_phase.facet_bvh import facet_table
 from asperity.contact.broad_phase.mujoco_pairs import Collider
 from asperity.contact.contacts import Contacts, empty_contacts
 from asperity.contact.geom_tick import tick
+from asperity.contact.manifold.covered import covered_faces
 from asperity.contact.manifold.mesh_memory import MeshMemory, forget, mesh_memory
 from asperity.contact.manifold.records import MAX_PATCHES as MAX_MESH_PATCHES
 from asperity.contact.mesh_tick import mesh_tick
@@ -232,10 +233,12 @@ class _MeshSide(NamedTuple):
 
 def _scene_model(bodies: Sequence[Body], tool: str, collider: Collider) -> SceneModel:
     textures, geometry = flatten_bodies(bodies)
+    number = [body.name for body in bodies].index(tool)
+    covered = covered_faces(geometry, collider.frames, number)
     return SceneModel(
         textures=textures,
-        geometry=geometry,
-        tool=[body.name for body in bodies].index(tool),
+        geometry=geometry._replace(covered=covered),
+        tool=number,
         centre=collider.centre,
         frames=collider.frames,
         geom_number=collider.geom_number,

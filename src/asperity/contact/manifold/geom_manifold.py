@@ -1,4 +1,4 @@
-"""Pairs of geoms that may touch, their normals, and the patches that they form."""
+"""Pairs of geoms that may touch, the parts of the contact that they form, and its memory."""
 
 from __future__ import annotations
 
@@ -6,52 +6,16 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import clear, inner_kernel
+from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.normals import normal_under
-from asperity.geometry.frames import to_body
+from asperity.contact.manifold.separations import fill_geom_frame, fill_separations
+from asperity.contact.response.potential import MAX_PARTS
 
-_STEADY = 0.85
-"""A held normal does not turn by more than the angle of this cosine in one tick."""
-_TOGETHER = 0.9
-"""Pairs belong to one patch if the cosine between their normals is above this."""
+_SAME = 1e-13
+"""Two directions are the same if the cosine between them is at least 1 less this."""
 _SAME_PATCH = 0.5
-"""A patch continues a remembered one if the cosine between their normals is above this."""
-_LEAST_BLEND = 1e-4
-_LEAST_WEIGHT = 1e-12
-
-
-@inner_kernel
-def _blend_width(scene, g, h):
-    """Return the distance from an edge within which normals are blended [m].
-
-    It is about the radius of the contact between the geoms `g` of the tool and `h` of the scene.
-    """
-    geometry, reach = scene.geometry, 2e-5
-    for geom in (g, h):
-        texture = geometry.texture[geometry.body[geom]]
-        if texture >= 0:
-            reach += scene.textures.maps[texture].max_abs_height
-    size = geometry.size[g]
-    least = size[0]
-    for i in range(1, 3):
-        if size[i] > 0.0:
-            least = min(least, size[i])
-    return max(math.sqrt(2.0 * max(least, 1e-4) * reach), _LEAST_BLEND)
-
-
-@inner_kernel
-def hold_depth(scene, g, h):
-    """Return the depth from which on the normal of a pair is held [m].
-
-    The normal of a shallower pair may turn round an edge.
-    """
-    geometry, least = scene.geometry, np.inf
-    for i in range(3):
-        if geometry.size[h, i] > 0.0 and geometry.kind[h] > 0:
-            least = min(least, geometry.size[h, i])
-    return min(_blend_width(scene, g, h), 0.25 * least)
+"""A contact continues a remembered one if the cosine between their normals is above this."""
 
 
 @inner_kernel
@@ -64,145 +28,117 @@ def _find_pair(memory, count, g, h):
 
 
 @inner_kernel
-def _candidate_geoms(scene, candidates, c):
-    """Return the geoms of the tool and of the scene of a candidate; -1, -1 for one to ignore."""
-    geometry, tool = scene.geometry, scene.tool
-    g, h = scene.geom_number[candidates.geoms[c, 0]], scene.geom_number[candidates.geoms[c, 1]]
-    if g < 0 or h < 0:
-        return np.int64(-1), np.int64(-1)
-    if geometry.body[h] == tool:
-        g, h = h, g
-    if geometry.body[g] != tool or geometry.body[h] == tool:
-        return np.int64(-1), np.int64(-1)
-    return g, h
-
-
-@inner_kernel
 def collect_pairs(scene, candidates, memory):
-    """Fill `memory.pairs` with the pairs of geoms that MuJoCo found.
-
-    The normal of a pair is the sum of those of its candidate points, weighted by their overlap.
-    """
-    count = 0
-    point, n = stack_array((3,)), stack_array((3,))
+    """Fill `memory.pairs` with the pairs of geoms that MuJoCo found, each once."""
+    count, body = np.int64(0), scene.geometry.body
     for c in range(candidates.count):
-        g, h = _candidate_geoms(scene, candidates, c)
-        if g < 0:
+        g, h = scene.geom_number[candidates.geoms[c, 0]], scene.geom_number[candidates.geoms[c, 1]]
+        if g < 0 or h < 0:
             continue
-        # Weighted by their overlap, candidates come and go smoothly.
-        weight = max(candidates.margins[c] - candidates.distances[c], 0.0) + _LEAST_WEIGHT
-        body = scene.frames[scene.geometry.body[h]]
-        for i in range(3):
-            n[i] = candidates.points[c, i] - body[i, 3]
-        to_body(body, n, point)
-        normal_under(scene.geometry, h, point, _blend_width(scene, g, h), n)
-        at = _find_pair(memory, count, g, h)
-        if at < 0:
-            if count == memory.pairs.size:
-                memory.state[0].dropped += 1
-                continue
-            at = count
-            pair = memory.pairs[at]
-            pair.geom_a, pair.geom_b, pair.deep, pair.weight = g, h, 0, 0.0
-            clear(pair.normal)
-            count += 1
-        pair = memory.pairs[at]
-        pair.weight += weight
-        for i in range(3):
-            pair.normal[i] += weight * n[i]
+        if body[h] == scene.tool:
+            g, h = h, g
+        if body[g] != scene.tool or body[h] == scene.tool or _find_pair(memory, count, g, h) >= 0:
+            continue
+        if count == memory.pairs.size:
+            memory.state[0].dropped += 1
+            continue
+        memory.pairs[count].geom_a, memory.pairs[count].geom_b = g, h
+        count += 1
     memory.state[0].pairs = count
 
 
 @inner_kernel
-def steady_normals(memory):
-    """Keep the normals of deep pairs steady; append deep pairs that MuJoCo no longer finds."""
-    count, remembered = memory.state[0].pairs, memory.state[0].last_pairs
-    for j in range(remembered):
-        memory.last_pairs[j].seen = 0
-    for i in range(count):
-        pair = memory.pairs[i]
-        n = pair.normal
-        size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
-        if size > 0.0:
-            for k in range(3):
-                n[k] /= size
-        for j in range(remembered):
-            last = memory.last_pairs[j]
-            if last.geom_a == pair.geom_a and last.geom_b == pair.geom_b:
-                old = last.normal
-                turned = n[0] * old[0] + n[1] * old[1] + n[2] * old[2] < _STEADY
-                if turned and last.deep == 1:
-                    for k in range(3):
-                        n[k] = old[k]
-                last.seen = 1
-    for j in range(remembered):
-        last = memory.last_pairs[j]
-        if last.deep == 1 and last.seen == 0 and count < memory.pairs.size:
-            copy_record(memory.pairs[count], last)
-            memory.pairs[count].deep = 0
-            memory.pairs[count].weight = _LEAST_WEIGHT
-            count += 1
-    memory.state[0].pairs = count
+def _relief(textures, geometry, pair):
+    """Return how far the textures of a pair rise above or fall below its surfaces at most [m]."""
+    total = 0.0
+    for g in (pair.geom_a, pair.geom_b):
+        texture = geometry.texture[geometry.body[g]]
+        if texture >= 0:
+            total += textures.maps[texture].max_abs_height
+    return total
 
 
 @inner_kernel
-def _patch_of(memory, patches, body, n):
-    """Return the first patch of a body whose mean normal is near `n`; -1 if none is."""
-    for j in range(patches):
-        if memory.patches[j].body != body:
+def _same_part(geometry, memory, used, found):
+    """Return the part whose only direction is that of `found`, from the same body; -1: none."""
+    for i in range(used):
+        other = memory.separations[i]
+        alone = (i == 0 or memory.separations[i - 1].part != other.part) and (
+            i + 1 == used or memory.separations[i + 1].part != other.part
+        )
+        if not alone or other.kind != found.kind:
             continue
-        total = memory.patches[j].normal
-        size = math.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
-        along = n[0] * total[0] + n[1] * total[1] + n[2] * total[2]
-        if along > _TOGETHER * size:
-            return j
-    return -1
+        along = 0.0
+        for k in range(3):
+            along += other.normal[k] * found.normal[k]
+        if along > 1.0 - _SAME and geometry.body[other.geom_b] == geometry.body[found.geom_b]:
+            return other.part
+    return np.int64(-1)
 
 
 @inner_kernel
-def group_pairs(geometry, memory):
-    """Assign every pair to a patch, filling `memory.patches` with their bodies and normals."""
-    patches = 0
+def find_parts(textures, geometry, frames, centre, memory):
+    """Fill the directions along which each pair may separate, and the part of each pair.
+
+    Pairs with one direction, the same one, are one part; others are a part each.
+
+    Parameters
+    ----------
+    frames : (bodies, 3, 4) array
+        Of the bodies.
+    centre : (3,) array
+        The tool's centre of mass, from which all places are measured [m].
+    """
+    used, parts = np.int64(0), np.int64(0)
+    frame = stack_array((2, 3, 4))
     for i in range(memory.state[0].pairs):
         pair = memory.pairs[i]
-        body = geometry.body[pair.geom_b]
-        patch = _patch_of(memory, patches, body, pair.normal)
-        if patch < 0:
-            if patches == memory.patches.size:
-                memory.state[0].dropped += 1
-                pair.patch = -1
+        pair.part = -1
+        for k in range(2):
+            g = pair.geom_a if k == 0 else pair.geom_b
+            fill_geom_frame(geometry, g, frames[geometry.body[g]], frame[k])
+            for j in range(3):
+                frame[k, j, 3] -= centre[j]
+        rough = _relief(textures, geometry, pair)
+        rows = memory.separations[used:]
+        count = fill_separations(geometry, pair, frame, rough, rows)
+        if count == 1:
+            pair.part = _same_part(geometry, memory, used, rows[0])
+            if pair.part >= 0:
                 continue
-            patch = patches
-            memory.patches[patch].body = body
-            clear(memory.patches[patch].normal)
-            patches += 1
-        pair.patch = patch
-        for k in range(3):
-            memory.patches[patch].normal[k] += pair.weight * pair.normal[k]
-    for j in range(patches):
-        n = memory.patches[j].normal
-        size = math.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
-        for k in range(3):
-            n[k] /= size
-    memory.state[0].patches = patches
+        if count == 0:
+            continue
+        if parts == MAX_PARTS:
+            memory.state[0].dropped += 1
+            continue
+        for j in range(count):
+            rows[j].part, rows[j].rough = parts, rough
+        pair.part = parts
+        used, parts = used + count, parts + 1
+    memory.state[0].separations, memory.state[0].parts = used, parts
 
 
 @inner_kernel
-def recall_patch(memory, p):
-    """Copy deepest point and bristle from the remembered patch that patch `p` continues."""
-    patch = memory.patches[p]
-    n = patch.normal
+def recall_patch(memory, body, normal, patch_out):
+    """Copy point and bristle of the remembered contact that one with this normal continues.
+
+    `normal` (3,) is in the body's frame. The point is nan if there is none.
+    """
     best, which = _SAME_PATCH, -1
     for j in range(memory.state[0].last_patches):
         last = memory.last_patches[j]
-        if last.body != patch.body:
+        if last.body != body:
             continue
-        along = n[0] * last.normal[0] + n[1] * last.normal[1] + n[2] * last.normal[2]
+        along = 0.0
+        for k in range(3):
+            along += normal[k] * last.normal[k]
         if along > best:
             best, which = along, j
+    patch_out.body = body
     for k in range(3):
-        patch.point[k] = memory.last_patches[which].point[k] if which >= 0 else np.nan
-        patch.bristle[k] = memory.last_patches[which].bristle[k] if which >= 0 else 0.0
+        patch_out.normal[k] = normal[k]
+        patch_out.point[k] = memory.last_patches[which].point[k] if which >= 0 else math.nan
+        patch_out.bristle[k] = memory.last_patches[which].bristle[k] if which >= 0 else 0.0
 
 
 @inner_kernel
@@ -216,28 +152,23 @@ def _add_geom(geoms, count, g):
 
 
 @inner_kernel
-def geoms_of_patch(memory, p):
-    """Fill the geoms of patch `p`, each once; return how many of the tool and of the scene."""
+def geoms_of_part(memory, part):
+    """Fill the geoms of a part, each once; return how many of the tool and of the scene."""
     count_a = count_b = 0
     for i in range(memory.state[0].pairs):
         pair = memory.pairs[i]
-        if pair.patch == p:
+        if pair.part == part:
             count_a = _add_geom(memory.geoms[0], count_a, pair.geom_a)
             count_b = _add_geom(memory.geoms[1], count_b, pair.geom_b)
     return count_a, count_b
 
 
 @inner_kernel
-def remember(memory, frame):
-    """Store pairs, patches that touch, and the tool's frame (3, 4) for the next tick."""
-    state, kept = memory.state[0], 0
-    for p in range(state.patches):
-        if memory.patches[p].body >= 0:
-            copy_record(memory.last_patches[kept], memory.patches[p])
-            kept += 1
-    for i in range(state.pairs):
-        copy_record(memory.last_pairs[i], memory.pairs[i])
-    state.last_pairs, state.last_patches, state.has_frame = state.pairs, kept, 1
+def remember(memory, contacts, frame):
+    """Store the first `contacts` patches, and the tool's frame (3, 4), for the next tick."""
+    for c in range(contacts):
+        copy_record(memory.last_patches[c], memory.patches[c])
+    memory.state[0].last_patches, memory.state[0].has_frame = contacts, 1
     for i in range(3):
         for j in range(4):
             memory.frame[i, j] = frame[i, j]

@@ -28,7 +28,7 @@ from asperity.contact.narrow_phase.displaced_surface import (
 )
 from asperity.contact.narrow_phase.incumbent import begin_search
 from asperity.contact.narrow_phase.penetration import fill_penetration, search_candidates
-from asperity.contact.narrow_phase.surface_patch import entries, fill_patches
+from asperity.contact.narrow_phase.surface_patch import entries, fill_patches, stretch_plane
 
 
 class BodyGeoms(NamedTuple):
@@ -39,6 +39,8 @@ class BodyGeoms(NamedTuple):
     number: int
     frame: NDArray[np.float64]
     """Rotation of the body and position from the contact's origin, world axes, (3, 4) [m]."""
+    stretch: float
+    """How far flat faces across n reach over their edges [m]."""
 
 
 class DepthQuery(NamedTuple):
@@ -93,6 +95,10 @@ def fill_body_patches(geometry, body, frame, patches_out):
     made = np.int64(0)
     for n in range(body.number):
         made = fill_geom_patches(geometry, body.geoms[n], frame, body.frame, patches_out, made)
+    if body.stretch > 0.0:
+        for i in range(made):
+            if patches_out[i].is_level:
+                stretch_plane(patches_out[i], body.stretch)
     return made
 
 

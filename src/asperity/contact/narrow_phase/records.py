@@ -100,7 +100,7 @@ PATCH = np.dtype(
         ("normal_bend", "f8"),  # planes: bound of |w''| [1/m^2]
         ("texture_top", "f8"),  # highest texture on a facet [m]; inf if only the whole is known
         ("normal_lateral", "f8"),  # largest sideways part of the unit normal
-        ("base_top", "f8"),  # largest z of the base [m]; inf if not known
+        ("base_top", "f8"),  # largest z of the base within its borders [m]
         ("normal_min", "f8"),  # facets: least length of w
         ("normal_rise", "f8"),  # facets: largest z of the unit normal
     ],

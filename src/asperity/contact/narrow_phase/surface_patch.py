@@ -141,7 +141,7 @@ def _fill_derived(patch, frame, body, mapping, origin):
         is_plane and abs(normal[0]) < 1e-12 and abs(normal[1]) < 1e-12 and patch.is_unit
     )
     patch.mapping = mapping
-    patch.texture_top, patch.normal_lateral, patch.base_top = np.inf, 1.0, np.inf
+    patch.texture_top, patch.normal_lateral = np.inf, 1.0
     patch.normal_min, patch.normal_rise = 1.0, 1.0
     if is_plane:
         patch.normal_lateral = math.hypot(normal[0], normal[1])
@@ -166,6 +166,17 @@ def add_border(patch, constant, from_x, from_y, from_root, from_square, is_edge)
 
 
 @inner_kernel
+def stretch_plane(patch, reach):
+    """Let a level plane patch, a rectangle or a disc, reach over its edges by `reach` [m]."""
+    rectangle = patch.rectangle
+    for side in range(4):
+        rectangle[side] += reach if side & 1 else -reach
+    if patch.border_count == 1:
+        radius = rectangle[1]
+        patch.borders[0].constant, patch.borders[0].from_square = -0.5 * radius, 0.5 / radius
+
+
+@inner_kernel
 def _fill_plane(patch, centre, x, y, normal, half_x, half_y, is_edge):
     """Fill a flat patch: centre, axes and unit normal in the contact frame."""
     clear_record(patch)
@@ -176,6 +187,7 @@ def _fill_plane(patch, centre, x, y, normal, half_x, half_y, is_edge):
     patch.slope[0], patch.slope[1] = x[2], y[2]
     patch.is_unit, patch.aspect = True, 1.0
     patch.min_root = 0.5
+    patch.base_top = centre[2] + abs(x[2]) * half_x + abs(y[2]) * half_y
     _set_rectangle(patch, half_x, half_y, is_edge)
 
 
@@ -209,6 +221,7 @@ def _fill_ellipsoid(patch, centre, axes, semi):
         patch.normal_from_x[i] = most * (inverse[i, 0] + inverse[i, 2] * g1)
         patch.normal_from_y[i] = most * (inverse[i, 1] + inverse[i, 2] * g2)
         patch.normal_from_root[i] = most * inverse[i, 2] * cap
+    patch.base_top = centre[2] + math.sqrt(a[2, 2])
     patch.is_unit = most - least <= 1e-12 * most
     patch.aspect = most / least
     patch.min_root = FLATTEST
@@ -240,6 +253,7 @@ def _fill_cylinder_side(patch, centre, radius, half, is_edge, axes):
     patch.ellipse[2] = 1.0 / (radius * radius)
     patch.is_unit, patch.aspect = True, 1.0
     patch.min_root = FLATTEST / cosine
+    patch.base_top = centre[2] + abs(k[2]) * half + radius * cosine
     reach = radius * math.sqrt(max(1.0 - patch.min_root**2, 0.0))
     _set_rectangle(patch, half + abs(lean), reach, False)
     add_border(patch, -half, 1.0, 0.0, lean, 0.0, is_edge)
@@ -310,6 +324,7 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                     normal[i] = end * z[i]
                 _fill_plane(patches_out[at], centre, x, y, normal, size[0], size[0], False)
                 add_border(patches_out[at], -0.5 * size[0], 0.0, 0.0, 0.0, 0.5 / size[0], True)
+                patches_out[at].base_top = centre[2] + size[0] * math.hypot(x[2], y[2])
                 patches_out[at].texture = on_ends
                 at += 1
             elif kind == 2:
@@ -319,6 +334,9 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
                     patches_out[at], 0.0, -end * z[0], -end * z[1], -end * z[2] * size[0], 0.0,
                     is_edge,
                 )  # fmt: skip
+                if end * z[2] < 0.0:  # the top of the sphere lies beyond the border
+                    rim = size[0] * math.sqrt(max(1.0 - z[2] * z[2], 0.0))
+                    patches_out[at].base_top = centre[2] + rim
                 patches_out[at].texture = on_ends
                 at += 1
     elif kind == 5:

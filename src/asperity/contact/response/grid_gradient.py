@@ -68,7 +68,7 @@ def _central_differences(model, grid, query, workspace, result_io):
     """
     n, sample, moved = query.normal, stack_array((8,)), stack_array((3, 4))
     samples = _samples(grid)
-    moved_tool = BodyGeoms(query.a.geoms, query.a.number, moved)
+    moved_tool = BodyGeoms(query.a.geoms, query.a.number, moved, query.a.stretch)
     moved_query = DepthQuery(moved_tool, query.b, n, query.guess)
     grid_depth(model.textures, model.geometry, query, samples, workspace, sample)
     result_io.depth = sample[0]

@@ -94,13 +94,17 @@ def base_bound(patch, other, base_x, base_y, box, shift):
         if by - reach_y > sides[3] or by + reach_y < sides[2]:
             return -np.inf, 0.0, 0.0
     else:
-        reach = radius * patch.lateral_max / other.lateral_min + moved
-        _, most = roots_over(other, bx, by, reach)
+        reach_x = reach_y = radius * patch.lateral_max / other.lateral_min + moved
+        _, most = roots_over(other, bx, by, reach_x)
         if most < other.min_root:
             return -np.inf, 0.0, 0.0
+    if beyond_borders(other, bx, by, reach_x, reach_y):
+        return -np.inf, 0.0, 0.0
     tx, ty = min(max(base_x, x0), x1), min(max(base_y, y0), y1)
     z, z_x, z_y, px, py = _base_tangent(patch, tx, ty)
     total = z + z_x * (x - px) + z_y * (y - py)
+    # Neither base rises above its highest point, however steep the tangent planes are.
+    top = min(total + abs(z_x) * half_x + abs(z_y) * half_y, patch.base_top) + other.base_top
     u, v = place_at(patch, tx, ty)
     qx, qy = parameters_at(other, u, v)
     z, s_x, s_y, qx, qy = _base_tangent(other, qx, qy)
@@ -110,7 +114,7 @@ def base_bound(patch, other, base_x, base_y, box, shift):
     a, b, c, d = entries(patch.lateral)
     z_x += g1 * a + g2 * c
     z_y += g1 * b + g2 * d
-    return total + abs(z_x) * half_x + abs(z_y) * half_y, g1, g2
+    return min(total + abs(z_x) * half_x + abs(z_y) * half_y, top), g1, g2
 
 
 @small_kernel
@@ -177,14 +181,14 @@ def _raised(textures, patch, other, over, over_other, base, centre):
         # The other surface stays below its tangent plane, moved along its normal.
         least = max(1.0 - over_other.normal_change, 0.0)
         bound += over_other.top * (steepness if over_other.top > 0.0 else least)
-    if patch.base_top < np.inf and other.base_top < np.inf:
-        # No point is higher than its base point and the highest texture together.
+    # No point is higher than its base point and the highest texture together.
+    top = patch.base_top
+    if patch.bulge == 0.0:
         slope = patch.slope
-        top = patch.origin[2] + slope[0] * x + slope[1] * y
-        top += abs(slope[0]) * half_x + abs(slope[1]) * half_y
-        top = min(top, patch.base_top) + other.base_top
-        bound = min(bound, top + max(over.top, 0.0) + max(over_other.top, 0.0))
-    return bound
+        here = patch.origin[2] + slope[0] * x + slope[1] * y
+        top = min(top, here + abs(slope[0]) * half_x + abs(slope[1]) * half_y)
+    top += other.base_top
+    return min(bound, top + max(over.top, 0.0) + max(over_other.top, 0.0))
 
 
 @inner_kernel

@@ -1,0 +1,105 @@
+"""Faces of geoms that other geoms of the same rigid body cover."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.geometry.bodies import KINDS
+
+if TYPE_CHECKING:
+    from asperity.contact.body_arrays import Geometry
+
+_BOX, _CYLINDER = KINDS.index("box"), KINDS.index("cylinder")
+_GRAIN = 1e-6
+"""A face counts as covered if it is closer than this, relative to its size, to a geom."""
+
+
+def covered_faces(geometry: Geometry, frames: NDArray[np.float64], tool: int) -> NDArray[np.int64]:
+    """Return which flat faces of each geom another geom of its rigid body covers.
+
+    All bodies but the tool are one rigid body.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    frames : (bodies, 3, 4) array
+        Of the bodies [m].
+    tool : int
+        Number of the tool among the bodies.
+
+    Returns
+    -------
+    (geoms,) array
+        Bit `2 axis + side` for each face: of a box all six, of a cylinder those along its axis.
+    """
+    covered = np.zeros(len(geometry.kind), np.int64)
+    axes, centres = _geom_frames(geometry, frames)
+    is_tool = geometry.body == tool
+    flat = np.isin(geometry.kind, (_BOX, _CYLINDER))
+    radius = np.array([_radius(k, s) for k, s in zip(geometry.kind, geometry.size, strict=True)])
+    for g in np.flatnonzero(flat):
+        near = np.linalg.norm(centres - centres[g], axis=1) < radius + radius[g]
+        near &= is_tool == is_tool[g]
+        near[g] = False
+        for axis in range(3 if geometry.kind[g] == _BOX else 0) or (2,):
+            for side in range(2):
+                corners = axes[g] @ _corners(geometry, g, axis, 2 * side - 1).T
+                for h in np.flatnonzero(near):
+                    local = axes[h].T @ (corners + (centres[g] - centres[h])[:, None])
+                    if _inside(geometry.kind[h], geometry.size[h], local).all():
+                        covered[g] |= 1 << (2 * axis + side)
+    return covered
+
+
+def _geom_frames(
+    geometry: Geometry, frames: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return axes (geoms, 3, 3) and centres (geoms, 3) of all geoms."""
+    own = frames[geometry.body]
+    axes = own[:, :, :3] @ geometry.rotation
+    return axes, own[:, :, 3] + np.einsum("gij,gj->gi", own[:, :, :3], geometry.position)
+
+
+def _radius(kind: int, size: NDArray[np.float64]) -> float:
+    """Return the radius of a sphere round a geom [m]; infinite for a plane."""
+    return np.inf if KINDS[kind] == "plane" else float(np.linalg.norm(size) + size[0])
+
+
+def _corners(geometry: Geometry, g: int, axis: int, sign: int) -> NDArray[np.float64]:
+    """Return points (n, 3) just outside a flat face, just within its corners or its rim."""
+    size = geometry.size[g]
+    if geometry.kind[g] == _CYLINDER:
+        turn = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+        rim = size[0] * (1.0 - _GRAIN)
+        rows = np.column_stack([rim * np.cos(turn), rim * np.sin(turn), np.zeros(32)])
+        half = size[1]
+    else:
+        signs = np.array([(i, j) for i in (-1, 1) for j in (-1, 1)], dtype=float)
+        rows = np.zeros((4, 3))
+        rows[:, [(axis + 1) % 3, (axis + 2) % 3]] = signs
+        rows *= size * (1.0 - _GRAIN)
+        half = size[axis]
+    rows[:, axis] = sign * (half + _GRAIN * size.max())
+    return rows
+
+
+def _inside(kind: int, size: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points (3, n) lie within a geom, in its own frame."""
+    name = KINDS[kind]
+    if name == "plane":
+        return p[2] < 0.0
+    if name == "sphere":
+        return np.linalg.norm(p, axis=0) < size[0]
+    if name == "ellipsoid":
+        return np.linalg.norm(p / size[:, None], axis=0) < 1.0
+    across = np.hypot(p[0], p[1])
+    if name == "capsule":
+        return np.hypot(across, np.maximum(np.abs(p[2]) - size[1], 0.0)) < size[0]
+    if name == "cylinder":
+        return (across < size[0]) & (np.abs(p[2]) < size[1])
+    if name == "box":
+        return (np.abs(p) < size[:, None]).all(axis=0)
+    return np.zeros(p.shape[1], bool)
