@@ -26,12 +26,15 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity._core.kernels import small_kernel
 from asperity.texture.bounds import halved
+from asperity.texture.cell_peaks import sharpen_peaks
 from asperity.texture.height_field import HeightField
 from asperity.texture.highest import WINDOW_LEVEL, cells_between, texture_top, windows
 from asperity.texture.spline import curvature_weights, slope_weights, weights
 
 _MOST_BLOCKS = 2 * 512**2
 """Largest number of blocks into which the cells of a coarse texture are subdivided."""
+_SHARP = 1e-4
+"""How much too high the highest point of a cell may be, relative to the texture's rms height."""
 _EDGE = 1e-6
 """A rectangle larger than a block by less than this counts as its size [cells]."""
 
@@ -107,7 +110,10 @@ def pack(fields: Sequence[HeightField]) -> PackedTextures:
         cells = c[:-1, :-1] if wraps else c
         first_level = len(levels)
         pyramid = _pyramid(cells, field.pixel_size, levels, count(bounds), parts)
-        highest, sizes = windows(_rounded_up(_most(cells, 0, 0, parts=parts)), wraps)
+        peaks = sharpen_peaks(
+            _most(cells, 0, 0, parts=parts), cells, parts, max(_SHARP * field.rms, 1e-12)
+        )
+        highest, sizes = windows(_rounded_up(peaks), wraps)
         deepest = float(_most(-cells, 0, 0).max())
         pu, pv = field.pixel_size
         curvature = max(_largest(c, 2, 0) / pu**2, _largest(c, 0, 2) / pv**2)
