@@ -36,7 +36,7 @@ from asperity.contact.manifold.support import (
 COVERED, FACE_B, FACE_A, EDGES, CURVED = -1, 0, 1, 2, 3
 """What a direction is normal to. It is smoothed out beside one of a lower number."""
 
-FARTHEST = 3.0
+FARTHEST = 2.0
 """Multiple of the least way out from which on a separation g does not count."""
 _MARGIN = 1.3
 """The least way out, smoothed, is at most this multiple of the least one."""
@@ -44,6 +44,8 @@ _SHALLOW, _DEEP = 0.6, 0.9
 """Separation over the radius of curvature between which a curved direction is smoothed out."""
 _CROSSING, _PARALLEL = 0.3, 0.1
 """Sines of the angle between two edges between which their direction is smoothed out."""
+_EXPOSED = 0.1
+"""Cosine to the normal of a covered face at which a direction that leads over it does not count."""
 _GRAIN = 1e-9
 """Relative difference between lengths that count as equal."""
 _STEPS = 60
@@ -425,6 +427,40 @@ def _add_curved(geometry, pair, frames, floor, rough, rows, count):
 
 
 @inner_kernel
+def _fade_over_covered(geometry, g, axes, outwards, found):
+    """Smooth out a direction whose point of support of geom `g` lies on a covered face.
+
+    The solid goes on beyond that face, and so does what the direction would have to clear.
+    `outwards` is 1 for the scene's geom, -1 for the tool's.
+    """
+    for axis in range(3):
+        for side in range(2):
+            sign = outwards if side == 1 else -outwards
+            if not geometry.covered[g] & face_bit(axis, sign * outwards):
+                continue
+            along = 0.0
+            for k in range(3):
+                along += sign * axes[k, axis] * found.normal[k]
+            x = along / _EXPOSED
+            left, slope = 1.0 - _ramp(x), -_ramp_slope(x) / _EXPOSED
+            for e in range(6):
+                rate = 0.0
+                for k in range(3):
+                    rate += sign * axes[k, axis] * found.normal_rate[k, e]
+                    if e >= 3 and outwards < 0.0:
+                        # The face itself turns with the tool.
+                        one, two = (k + 1) % 3, (k + 2) % 3
+                        turn = 0.0
+                        if e - 3 == one:
+                            turn = axes[two, axis]
+                        elif e - 3 == two:
+                            turn = -axes[one, axis]
+                        rate += sign * turn * found.normal[k]
+                found.share_rate[e] = left * found.share_rate[e] + found.share * slope * rate
+            found.share *= left
+
+
+@inner_kernel
 def _leaves_by_covered(rows, count, i):
     """Return whether direction `i` leads out through a covered face."""
     for j in range(count):
@@ -436,6 +472,26 @@ def _leaves_by_covered(rows, count, i):
         if along > 0.0 and rows[j].gap <= along * rows[i].gap * (1.0 + _GRAIN):
             return True
     return False
+
+
+@inner_kernel
+def _mark_open(geometry, pair, frames, rows, first, past, faces):
+    """Mark by `part` which directions from row `first` on lead out; return their least separation.
+
+    The first `faces` rows are faces, covered ones among them.
+    """
+    least = np.inf
+    for i in range(first, past):
+        found = rows[i]
+        if found.kind > FACE_B and geometry.covered[pair.geom_b] != 0:
+            _fade_over_covered(geometry, pair.geom_b, frames[1], 1.0, found)
+        if found.kind > FACE_A and geometry.covered[pair.geom_a] != 0:
+            _fade_over_covered(geometry, pair.geom_a, frames[0], -1.0, found)
+        is_hidden = found.kind == COVERED or found.share == 0.0
+        found.part = 0 if is_hidden or _leaves_by_covered(rows, faces, i) else 1
+        if found.part == 1:
+            least = min(least, found.gap)
+    return least
 
 
 @inner_kernel
@@ -456,27 +512,19 @@ def fill_separations(geometry, pair, frames, rough, rows):
     count = _add_faces(geometry, pair, FACE_B, frames, rows, np.int64(0))
     if geometry.kind[pair.geom_b] != PLANE:
         count = _add_faces(geometry, pair, FACE_A, frames, rows, count)
-    least, faces = np.inf, count
-    for i in range(faces):
-        if rows[i].kind != COVERED:
-            least = min(least, rows[i].gap)
-    # Edges and curved surfaces may have a smaller one; that of faces is a bound already.
-    floor = _MARGIN * FARTHEST * (least + rough)
+    faces = count
+    least = _mark_open(geometry, pair, frames, rows, 0, faces, faces)
     if least + rough <= 0.0:
         return np.int64(0)
+    # Edges and curved surfaces may have a smaller one; that of faces is a bound already.
+    floor = _MARGIN * FARTHEST * (least + rough)
     if geometry.kind[pair.geom_a] == BOX and geometry.kind[pair.geom_b] == BOX:
         count = _add_edges(geometry, pair, frames, floor, rough, rows, count)
     else:
         count = _add_curved(geometry, pair, frames, floor, rough, rows, count)
-    for i in range(count):
-        if rows[i].kind != COVERED:
-            least = min(least, rows[i].gap)
+    least = min(least, _mark_open(geometry, pair, frames, rows, faces, count, faces))
     if least + rough <= 0.0:
         return np.int64(0)
-    for i in range(count):
-        rows[i].part = 0
-        if rows[i].kind != COVERED and not _leaves_by_covered(rows, faces, i):
-            rows[i].part = 1
     kept = np.int64(0)
     for i in range(count):
         if rows[i].part == 1 and rows[i].gap - rough < _MARGIN * FARTHEST * (least + rough):

@@ -16,7 +16,7 @@ are perpendicular or opposite have k each. With one direction |tau| is delta.
 
 It is homogeneous, leaves out choices longer than R s, and counts choices that point the same way
 once. The weights w make directions come and go smoothly: a direction counts less if its separation
-g exceeds 2 s (the way leads out through another face), and not at all from 3 s on; and less beside
+g exceeds R s (the way leads out through another face), and not at all from 2 s on; and less beside
 an almost parallel one that is simpler, by the angle between them (8 to 16 degrees).
 
 The energy is `U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is one direction, as nearly
@@ -40,7 +40,7 @@ from asperity.contact.manifold.separations import FARTHEST
 RATIO = 1.5
 """R: a way out counts while it is shorter than this times the least one."""
 MAX_PARTS, MAX_CHOICES = 12, 48
-_NEAR = 2.0
+_NEAR = RATIO
 """Multiple of the least way out up to which a separation counts fully."""
 _APART, _ALONG = 0.961, 0.990
 """Cosines between two directions between which one stands for both (16 and 8 degrees)."""
