@@ -235,6 +235,7 @@ def _add_contacts(model, parameters, point_law, motion, memory, workspace, out):
     state, rates = memory.state[0], stack_array((6,))
     rows, used = memory.separations, state.separations
     way_out = fill_potential(rows, used, state.parts, _LEVER, memory.ways, rates)
+    state.way_out = way_out
     for i in range(used):
         is_contact = abs(rows[i].weight) * rows[i].depth > _LEAST_SHARE * way_out
         rows[i].weight *= way_out / rows[i].depth
@@ -267,7 +268,7 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
             model.textures, shape, model.tool, model.centre, model.frames, model.geom_number
         )
     clear(out.wrench)
-    contacts.count[0] = 0
+    contacts.count[0], state.way_out = 0, 0.0
     fill_tool_frame(query.pose, model.centre, tool_frame, centre)
     collect_pairs(model, query.candidates, memory)
     find_parts(smooth.textures, smooth.geometry, model.frames, centre, memory)

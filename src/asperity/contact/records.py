@@ -166,6 +166,7 @@ MEMORY_STATE = np.dtype(
         ("pairs", "i8"),  # number of pairs in this tick
         ("separations", "i8"),  # number of separations in this tick
         ("parts", "i8"),  # number of parts in this tick
+        ("way_out", "f8"),  # s of `response.potential` in this tick [m]; 0 without contact
         ("last_patches", "i8"),  # number of contacts remembered
         ("has_frame", "i8"),  # whether there was a last tick
         ("dropped", "i8"),  # pairs, parts and contacts that there was no room for

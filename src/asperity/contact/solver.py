@@ -1,11 +1,8 @@
 """The contact solver: from a pose of the tool to the contacts and the wrench on it.
 
-A *patch* is where the tool touches one body with one normal: the pairs of geoms with about the same
-normal, or a part of the overlap region of two meshes. Its normal and its bristle are remembered
-while it lasts, in the frame of the scene's body. The normal of a pair of geoms turns only
-continuously, so that it does not flip to the other side when the tool is pushed past the middle of
-a thin plate. All patches on one body share its stiffness by weights that follow their depths and
-sum to one.
+Between geoms a contact is one direction along which the tool may leave a body, and the wrench is the
+gradient of one potential (`response.potential`). Between meshes it is a *patch*, a part of the
+overlap region with one normal (`manifold.mesh_manifold`).
 """
 
 from __future__ import annotations

@@ -36,6 +36,8 @@ from asperity.contact.manifold.support import (
 COVERED, FACE_B, FACE_A, EDGES, CURVED = -1, 0, 1, 2, 3
 """What a direction is normal to. It is smoothed out beside one of a lower number."""
 
+MAX_PARTS = 12
+"""Room for parts of one contact."""
 FARTHEST = 2.0
 """Multiple of the least way out from which on a separation g does not count."""
 _MARGIN = 1.3
@@ -342,7 +344,7 @@ def _descend(geometry, pair, frames, n, t, hessian):
         m12 = _tangential(hessian, t, 0, 1)
         m22 = _tangential(hessian, t, 1, 1) - gap
         half, root = 0.5 * (m11 + m22), math.sqrt(0.25 * (m11 - m22) ** 2 + m12 * m12)
-        shift = max(0.0, 0.1 * (abs(gap) + root) - (half - root))
+        shift = max(0.0, 0.1 * abs(gap) - (half - root))  # where it is not convex
         a, c = m11 + shift, m22 + shift
         det = a * c - m12 * m12
         d1, d2 = -(c * g1 - m12 * g2) / det, -(a * g2 - m12 * g1) / det

@@ -35,11 +35,11 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import clear, inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separations import FARTHEST
+from asperity.contact.manifold.separations import FARTHEST, MAX_PARTS
 
 RATIO = 1.5
 """R: a way out counts while it is shorter than this times the least one."""
-MAX_PARTS, MAX_CHOICES = 12, 48
+MAX_CHOICES = 48
 _NEAR = RATIO
 """Multiple of the least way out up to which a separation counts fully."""
 _APART, _ALONG = 0.961, 0.990
