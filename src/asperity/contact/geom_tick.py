@@ -16,7 +16,7 @@ from asperity.contact.manifold.geom_manifold import (
     recall_patch,
     remember,
 )
-from asperity.contact.manifold.separations import FACE_A, FACE_B, FARTHEST
+from asperity.contact.manifold.separation import FACE_A, FACE_B, FARTHEST
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
     DepthQuery,

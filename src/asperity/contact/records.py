@@ -16,7 +16,7 @@ from asperity.contact.broad_phase.facet_bvh import FacetTable
 from asperity.contact.broad_phase.mujoco_pairs import Candidates
 from asperity.contact.contacts import Contacts
 from asperity.contact.narrow_phase.records import PENETRATION
-from asperity.contact.response.potential import WaysOut, ways_out
+from asperity.contact.response.ways_out import WaysOut, ways_out
 from asperity.texture.packed import PackedTextures
 
 MAX_SEPARATIONS = 256
@@ -133,7 +133,7 @@ SEPARATION = np.dtype(
     [
         ("geom_a", "i8"),  # geoms of the pair, or of the first of the part
         ("geom_b", "i8"),
-        ("kind", "i8"),  # FACE_B, FACE_A, EDGES or CURVED of `manifold.separations`
+        ("kind", "i8"),  # FACE_B, FACE_A, EDGES or CURVED of `manifold.separation`
         ("part", "i8"),  # number of its part among those that touch
         ("owner", "i8"),  # number of its part among all
         ("normal", "f8", 3),  # n, unit vector out of the scene's geom, world axes

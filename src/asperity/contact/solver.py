@@ -1,7 +1,7 @@
 """The contact solver: from a pose of the tool to the contacts and the wrench on it.
 
-Between geoms a contact is one direction along which the tool may leave a body, and the wrench is the
-gradient of one potential (`response.potential`). Between meshes it is a *patch*, a part of the
+Between geoms a contact is one direction along which the tool may leave a body, and the wrench is
+the gradient of one potential (`response.potential`). Between meshes it is a *patch*, a part of the
 overlap region with one normal (`manifold.mesh_manifold`).
 """
 

@@ -9,11 +9,8 @@ import numpy as np
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separations import (
-    MAX_PARTS,
-    fill_geom_frame,
-    fill_separations,
-)
+from asperity.contact.manifold.separation import MAX_PARTS, fill_geom_frame
+from asperity.contact.manifold.separations import fill_separations
 
 _SAME = 1e-13
 """Two directions are the same if the cosine between them is at least 1 less this."""

@@ -27,161 +27,30 @@ normals and separations, whose derivatives by the tool's pose are exact.
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from asperity._core.kernels import clear, inner_kernel, small_kernel
-from asperity._core.stack import stack_array
-from asperity.contact.manifold.separations import FARTHEST, MAX_PARTS
+from asperity._core.kernels import clear, inner_kernel
+from asperity.contact.manifold.separation import FARTHEST, smooth_step
+from asperity.contact.response.ways_out import LONGEST, RATIO, fill_choices, update_choices
 
-RATIO = 1.5
-"""R: a way out counts while it is shorter than this times the least one."""
-MAX_CHOICES = 48
-_NEAR = RATIO
-"""Multiple of the least way out up to which a separation counts fully."""
 _APART, _ALONG = 0.961, 0.990
 """Cosines between two directions between which one stands for both (16 and 8 degrees)."""
-_LONGEST = 1.3
-"""s is at most this times the least length."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
 
-class WaysOut(NamedTuple):
-    """Room for the choices of directions, one for each part."""
-
-    choices: NDArray[np.int64]
-    """Row of each part's separation, -1 for none; (choices, parts)."""
-    shares: NDArray[np.float64]
-    """Multipliers lambda of each choice's parts [m], 0 for those that it need not heed."""
-    length: NDArray[np.float64]
-    """|tau| of each choice [m]."""
-    weight: NDArray[np.float64]
-    """w of each choice."""
-    alike: NDArray[np.float64]
-    """S, (choices, choices)."""
-    inputs: NDArray[np.float64]
-    """Of each separation: depth, g, share, normal; (separations, 6)."""
-
-
-def ways_out(separations: int) -> WaysOut:
-    """Allocate room for the choices among so many separations."""
-    return WaysOut(
-        np.zeros((MAX_CHOICES, MAX_PARTS), np.int64),
-        np.zeros((MAX_CHOICES, MAX_PARTS)),
-        np.zeros(MAX_CHOICES),
-        np.zeros(MAX_CHOICES),
-        np.zeros((MAX_CHOICES, MAX_CHOICES)),
-        np.zeros((separations, 6)),
-    )
-
-
-@small_kernel
-def _ramp(x):
-    """Return a smooth step from 0 at 0 to 1 at 1."""
-    x = min(max(x, 0.0), 1.0)
-    return x * x * (3.0 - 2.0 * x)
-
-
-@small_kernel
-def _gram(one, two):
-    """Return psi . psi of the normals of two rows of inputs."""
-    c = one[3] * two[3] + one[4] * two[4] + one[5] * two[5]
-    return 0.5 * c * (1.0 + c)
+@inner_kernel
+def _own_presence(separations, inputs, i, s):
+    """Return how far a direction counts by its own separation, given the least way out `s`."""
+    beyond = (inputs[i, 1] - separations[i].rough) / s - RATIO
+    return inputs[i, 2] * (1.0 - smooth_step(beyond / (FARTHEST - RATIO)))
 
 
 @inner_kernel
-def _solve(inputs, rows, active, count, out):
-    """Fill the multipliers of the active parts, so that each is just left; by Cholesky."""
-    factor = stack_array((MAX_PARTS, MAX_PARTS))
-    for i in range(count):
-        one = inputs[rows[int(active[i])]]
-        for j in range(i + 1):
-            total = _gram(one, inputs[rows[int(active[j])]])
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            factor[i, j] = math.sqrt(max(total, 1e-12)) if i == j else total / factor[j, j]
-        total = one[0]
-        for k in range(i):
-            total -= factor[i, k] * out[k]
-        out[i] = total / factor[i, i]
-    for i in range(count - 1, -1, -1):
-        total = out[i]
-        for k in range(i + 1, count):
-            total -= factor[k, i] * out[k]
-        out[i] = total / factor[i, i]
-
-
-@inner_kernel
-def _choose_active(inputs, rows, parts, shares):
-    """Fill the multipliers (parts,) of one choice: a non-negative least-squares problem."""
-    active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
-    deepest = 0
-    for p in range(parts):
-        if inputs[rows[p], 0] > inputs[rows[deepest], 0]:
-            deepest = p
-    active[0], count = float(deepest), 1
-    grain = 1e-12 * inputs[rows[deepest], 0]
-    for _ in range(6 * MAX_PARTS):
-        _solve(inputs, rows, active, count, values)
-        worst = -1
-        for i in range(count):
-            if values[i] < 0.0 and (worst < 0 or values[i] < values[worst]):
-                worst = i
-        if worst >= 0:
-            for i in range(worst, count - 1):
-                active[i] = active[i + 1]
-            count -= 1
-            continue
-        most, missing = grain, -1
-        for p in range(parts):
-            reached = 0.0
-            for i in range(count):
-                reached += values[i] * _gram(inputs[rows[p]], inputs[rows[int(active[i])]])
-            if inputs[rows[p], 0] - reached > most:
-                most, missing = inputs[rows[p], 0] - reached, p
-        if missing < 0 or count == MAX_PARTS:
-            break
-        active[count] = float(missing)
-        count += 1
-    for p in range(parts):
-        shares[p] = 0.0
-    for i in range(count):
-        shares[int(active[i])] = values[i]
-
-
-@inner_kernel
-def _update_choice(inputs, rows, parts, shares):
-    """Solve a choice anew for the parts that it heeds; return |tau|."""
-    active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
-    count = 0
-    for p in range(parts):
-        if shares[p] != 0.0:
-            active[count] = float(p)
-            count += 1
-    _solve(inputs, rows, active, count, values)
-    square = 0.0
-    for i in range(count):
-        shares[int(active[i])] = values[i]
-        square += values[i] * inputs[rows[int(active[i])], 0]
-    return math.sqrt(square)
-
-
-@inner_kernel
-def _product(inputs, ways, parts, c, d):
-    """Return tau . tau of two choices."""
-    total = 0.0
-    for p in range(parts):
-        if ways.shares[c, p] == 0.0:
-            continue
-        for q in range(parts):
-            if ways.shares[d, q] != 0.0:
-                g = _gram(inputs[ways.choices[c, p]], inputs[ways.choices[d, q]])
-                total += ways.shares[c, p] * ways.shares[d, q] * g
-    return total
+def _beside(inputs, i, j):
+    """Return how far direction `j` stands for direction `i`, by the angle between them."""
+    c = inputs[i, 3] * inputs[j, 3] + inputs[i, 4] * inputs[j, 4] + inputs[i, 5] * inputs[j, 5]
+    return smooth_step((c - _APART) / (_ALONG - _APART))
 
 
 @inner_kernel
@@ -190,32 +59,18 @@ def _presence(separations, inputs, first, i, s):
 
     `first` is the first row of its part; rows are in the order of their kinds.
     """
-    rough = separations[i].rough
-    share = inputs[i, 2] * (1.0 - _ramp(((inputs[i, 1] - rough) / s - _NEAR) / (FARTHEST - _NEAR)))
+    share = _own_presence(separations, inputs, i, s)
     for j in range(first, i):
         if separations[j].kind < separations[i].kind and share > 0.0:
-            c = 0.0
-            for k in range(3, 6):
-                c += inputs[i, k] * inputs[j, k]
-            beside = _ramp((c - _APART) / (_ALONG - _APART))
-            if beside > 0.0:
-                share *= 1.0 - beside * _presence_of_face(separations, inputs, first, j, s)
-    return share
-
-
-@inner_kernel
-def _presence_of_face(separations, inputs, first, i, s):
-    """Return `_presence` of a direction that at most B's faces stand for."""
-    rough = separations[i].rough
-    share = inputs[i, 2] * (1.0 - _ramp(((inputs[i, 1] - rough) / s - _NEAR) / (FARTHEST - _NEAR)))
-    for j in range(first, i):
-        if separations[j].kind < separations[i].kind and share > 0.0:
-            c = 0.0
-            for k in range(3, 6):
-                c += inputs[i, k] * inputs[j, k]
-            beside = _ramp((c - _APART) / (_ALONG - _APART))
-            near = ((inputs[j, 1] - separations[j].rough) / s - _NEAR) / (FARTHEST - _NEAR)
-            share *= 1.0 - beside * inputs[j, 2] * (1.0 - _ramp(near))
+            beside = _beside(inputs, i, j)
+            if beside == 0.0:
+                continue
+            # Of those of lower number, faces of A may in turn be stood for by faces of B.
+            other = _own_presence(separations, inputs, j, s)
+            for k in range(first, j):
+                if separations[k].kind < separations[j].kind:
+                    other *= 1.0 - _beside(inputs, j, k) * _own_presence(separations, inputs, k, s)
+            share *= 1.0 - beside * other
     return share
 
 
@@ -245,74 +100,12 @@ def _excess(separations, ways, parts, count, s):
 
 
 @inner_kernel
-def _update(ways, parts, count):
-    """Solve all choices anew for changed inputs, and fill S."""
-    inputs = ways.inputs
-    for c in range(count):
-        ways.length[c] = _update_choice(inputs, ways.choices[c], parts, ways.shares[c])
-    for c in range(count):
-        ways.alike[c, c] = 1.0
-        for d in range(c):
-            cosine = _product(inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
-            ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
-
-
-@inner_kernel
-def _enumerate(separations, used, parts, ways):
-    """Fill the choices whose length may count, and their multipliers; return how many there are."""
-    inputs = ways.inputs
-    first, past, at = (
-        stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,)),
-    )  # fmt: skip
-    rows, shares = ways.choices[MAX_CHOICES - 1], ways.shares[MAX_CHOICES - 1]
-    for p in range(parts):
-        first[p] = -1.0
-    for i in range(used):
-        p = separations[i].part
-        if p < 0:
-            continue
-        if first[p] < 0.0:
-            first[p] = float(i)
-            rows[p] = i
-        past[p] = float(i + 1)
-        if inputs[i, 0] < inputs[rows[p], 0]:
-            rows[p] = i
-    _choose_active(inputs, rows, parts, shares)
-    bound = RATIO * _LONGEST * _update_choice(inputs, rows, parts, shares)
-    for p in range(parts):
-        at[p] = first[p]
-    count = 0
-    while True:
-        fits = True
-        for p in range(parts):
-            rows[p] = int(at[p])
-            fits = fits and inputs[rows[p], 0] < bound
-        if fits and count < MAX_CHOICES - 1:
-            for p in range(parts):
-                ways.choices[count, p] = rows[p]
-            _choose_active(inputs, rows, parts, ways.shares[count])
-            length = _update_choice(inputs, rows, parts, ways.shares[count])
-            if length < bound:
-                bound = min(bound, RATIO * _LONGEST * length)
-                count += 1
-        p = 0
-        while p < parts:
-            at[p] += 1.0
-            if at[p] < past[p]:
-                break
-            at[p] = first[p]
-            p += 1
-        if p == parts:
-            return count
-
-
-@inner_kernel
 def _soft_least(separations, ways, parts, count):
     """Return s, by bisection and secants."""
     least = np.inf
     for c in range(count):
         least = min(least, ways.length[c])
-    low, high = least / RATIO, _LONGEST * least
+    low, high = least / RATIO, LONGEST * least
     below = -1.0
     above = _excess(separations, ways, parts, count, high)
     if not above > 0.0:
@@ -354,10 +147,10 @@ def _slope(separations, used, parts, ways, count, at, step):
     """Return the derivative of the excess at fixed s; `at` is (s, depth's row, coordinate)."""
     s, i, e = at
     _perturb(separations, used, ways, i, e, step)
-    _update(ways, parts, count)
+    update_choices(ways, parts, count)
     rise = _excess(separations, ways, parts, count, s)
     _perturb(separations, used, ways, i, e, -step)
-    _update(ways, parts, count)
+    update_choices(ways, parts, count)
     return (rise - _excess(separations, ways, parts, count, s)) / (2.0 * step)
 
 
@@ -385,8 +178,8 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
         separations[0].weight = 1.0
         return separations[0].depth
     _perturb(separations, used, ways, -1, -1, 0.0)
-    count = _enumerate(separations, used, parts, ways)
-    _update(ways, parts, count)
+    count = fill_choices(separations, used, parts, ways)
+    update_choices(ways, parts, count)
     s = _soft_least(separations, ways, parts, count)
     step = _STEP * s
     rise = _excess(separations, ways, parts, count, s + step)
