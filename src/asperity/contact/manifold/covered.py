@@ -40,11 +40,11 @@ def covered_faces(geometry: Geometry, frames: NDArray[np.float64], tool: int) ->
     is_tool = geometry.body == tool
     flat = np.isin(geometry.kind, (_BOX, _CYLINDER))
     radius = np.array([_radius(k, s) for k, s in zip(geometry.kind, geometry.size, strict=True)])
-    for g in np.flatnonzero(flat):
+    for g in np.flatnonzero(flat).tolist():
         near = np.linalg.norm(centres - centres[g], axis=1) < radius + radius[g]
         near &= is_tool == is_tool[g]
         near[g] = False
-        for axis in range(3 if geometry.kind[g] == _BOX else 0) or (2,):
+        for axis in (0, 1, 2) if geometry.kind[g] == _BOX else (2,):
             for side in range(2):
                 corners = axes[g] @ _corners(geometry, g, axis, 2 * side - 1).T
                 for h in np.flatnonzero(near):
@@ -89,17 +89,18 @@ def _corners(geometry: Geometry, g: int, axis: int, sign: int) -> NDArray[np.flo
 def _inside(kind: int, size: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which points (3, n) lie within a geom, in its own frame."""
     name = KINDS[kind]
-    if name == "plane":
-        return p[2] < 0.0
-    if name == "sphere":
-        return np.linalg.norm(p, axis=0) < size[0]
-    if name == "ellipsoid":
-        return np.linalg.norm(p / size[:, None], axis=0) < 1.0
+    inside: NDArray[np.bool_] = np.zeros(p.shape[1], bool)
     across = np.hypot(p[0], p[1])
-    if name == "capsule":
-        return np.hypot(across, np.maximum(np.abs(p[2]) - size[1], 0.0)) < size[0]
-    if name == "cylinder":
-        return (across < size[0]) & (np.abs(p[2]) < size[1])
-    if name == "box":
-        return (np.abs(p) < size[:, None]).all(axis=0)
-    return np.zeros(p.shape[1], bool)
+    if name == "plane":
+        inside = p[2] < 0.0
+    elif name == "sphere":
+        inside = np.linalg.norm(p, axis=0) < size[0]
+    elif name == "ellipsoid":
+        inside = np.linalg.norm(p / size[:, None], axis=0) < 1.0
+    elif name == "capsule":
+        inside = np.hypot(across, np.maximum(np.abs(p[2]) - size[1], 0.0)) < size[0]
+    elif name == "cylinder":
+        inside = (across < size[0]) & (np.abs(p[2]) < size[1])
+    elif name == "box":
+        inside = np.all(np.abs(p) < size[:, None], axis=0)
+    return inside

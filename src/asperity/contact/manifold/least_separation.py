@@ -15,6 +15,7 @@ from asperity.contact.manifold.separation import (
     begin_separation,
     cross_product,
     fill_gap,
+    fill_gap_rate,
     fill_unit,
     keep_if_near,
     smooth_step,
@@ -229,6 +230,7 @@ def add_curved(geometry, pair, frames, floor, rough, rows, count):
         for i in range(3):
             found.normal_rate[i, e] = d1 * t[0, i] + d2 * t[1, i]
     fill_gap(geometry, frames[0], frames[1], found)
+    fill_gap_rate(geometry, frames[0], frames[1], found)
     x = (gap / radius - _SHALLOW) / (_DEEP - _SHALLOW)
     found.share = 1.0 - smooth_step(x)
     for e in range(6):

@@ -47,32 +47,37 @@ def fill_unit(k, out):
 
 @inner_kernel
 def fill_gap(geometry, frame_a, frame_b, found):
-    """Fill g and its rates from the direction of a separation and the direction's rates.
-
-    The rates are by the tool's translation and rotation about the origin of the frames (3, 4).
-    """
-    a, b, n = found.geom_a, found.geom_b, found.normal
-    p, q, turn, omega = stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,))
+    """Fill g of a separation whose direction is known."""
+    a, b, n, p = found.geom_a, found.geom_b, found.normal, stack_array((3,))
     gap = support(geometry.kind[a], geometry.size[a], frame_a, n, p)
-    gap += support(geometry.kind[b], geometry.size[b], frame_b, n, q)
+    gap += support(geometry.kind[b], geometry.size[b], frame_b, n, p)
     for i in range(3):
         gap -= n[i] * (frame_a[i, 3] - frame_b[i, 3])
     found.gap = gap
+
+
+@inner_kernel
+def fill_gap_rate(geometry, frame_a, frame_b, found):
+    """Fill the rates of g from the direction of a separation and the direction's rates."""
+    a, b, n = found.geom_a, found.geom_b, found.normal
+    p, q, turn, omega = stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,))
+    support(geometry.kind[a], geometry.size[a], frame_a, n, p)
+    support(geometry.kind[b], geometry.size[b], frame_b, n, q)
+    for i in range(3):
+        q[i] += p[i] - frame_a[i, 3] + frame_b[i, 3]
+        # The point of A that counts is opposite to p, and turns with A.
+        p[i] -= frame_a[i, 3]
     for e in range(6):
         rate = 0.0
         for i in range(3):
-            rate += found.normal_rate[i, e] * (p[i] + q[i] - frame_a[i, 3] + frame_b[i, 3])
+            rate += found.normal_rate[i, e] * q[i]
         if e < 3:
             rate -= n[e]
         else:
-            # The point of A that counts is opposite to p, and turns with A.
             fill_unit(e - 3, omega)
-            for i in range(3):
-                p[i] -= frame_a[i, 3]
             cross_product(omega, p, turn)
             for i in range(3):
                 rate += n[i] * turn[i]
-                p[i] += frame_a[i, 3]
         found.gap_rate[e] = rate
 
 

@@ -33,6 +33,7 @@ from asperity.contact.manifold.separation import (
     begin_separation,
     cross_product,
     fill_gap,
+    fill_gap_rate,
     fill_unit,
     keep_if_near,
     smooth_step,
@@ -192,6 +193,28 @@ def _mark_open(geometry, pair, frames, rows, first, past, faces):
 
 
 @inner_kernel
+def _is_inside_a_face(geometry, pair, rows, faces):
+    """Return whether A is so far from the edges of a face of B that no curved direction counts.
+
+    At the direction n of least separation d = p_A + p_B - g n, p the points of support and d the
+    distance of the centres. So the separation of a face that n leans to is at most twice A's
+    radius and g.
+    """
+    if geometry.kind[pair.geom_b] != BOX:
+        return False
+    size, least = geometry.size[pair.geom_a], np.inf
+    radius = size[0] + size[1] + size[2]
+    for j in range(faces):
+        if rows[j].kind <= FACE_B:
+            least = min(least, rows[j].gap)
+    near = 0
+    for j in range(faces):
+        if rows[j].kind <= FACE_B and rows[j].gap <= 2.0 * radius + max(least, 0.0):
+            near += 1
+    return near <= 1
+
+
+@inner_kernel
 def fill_separations(geometry, pair, frames, rough, rows):
     """Fill the directions along which geom A of a pair may leave geom B; return how many there are.
 
@@ -217,7 +240,7 @@ def fill_separations(geometry, pair, frames, rough, rows):
     floor = _MARGIN * FARTHEST * (least + rough)
     if geometry.kind[pair.geom_a] == BOX and geometry.kind[pair.geom_b] == BOX:
         count = _add_edges(geometry, pair, frames, floor, rough, rows, count)
-    else:
+    elif not _is_inside_a_face(geometry, pair, rows, faces):
         count = add_curved(geometry, pair, frames, floor, rough, rows, count)
     least = min(least, _mark_open(geometry, pair, frames, rows, faces, count, faces))
     if least + rough <= 0.0:
@@ -228,4 +251,6 @@ def fill_separations(geometry, pair, frames, rough, rows):
             if kept != i:
                 copy_record(rows[kept], rows[i])
             kept += 1
+    for i in range(kept if kept > 1 else 0):  # a single way out needs no rates
+        fill_gap_rate(geometry, frames[0], frames[1], rows[i])
     return kept
