@@ -206,11 +206,12 @@ def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out
 
 
 @inner_kernel
-def _add_turning(stiffness, way_out, rates, memory, out):
-    """Add the part of the wrench that is due to directions which turn with the tool.
+def _add_rest(stiffness, way_out, rates, memory, out):
+    """Add the parts of the wrench that belong to no contact.
 
-    `rates` (6,) is the derivative of the way out by the tool's motion with all depths fixed. The
-    force is added to that of the contact with the largest weight.
+    They are due to directions that turn with the tool, to how directions come and go, and to
+    directions with a negative weight. `rates` (6,) is the derivative of the way out by the tool's
+    motion with all depths fixed. The force is added to that of the contact with the largest weight.
     """
     contacts, largest = out.contacts, 0
     for c in range(1, contacts.count[0]):
@@ -224,6 +225,10 @@ def _add_turning(stiffness, way_out, rates, memory, out):
             for k in range(3):
                 along += m[k] * found.normal_rate[k, e]
             push += stiffness * found.weight * found.depth * found.depth * along
+            if found.weight < 0.0:
+                moment = memory.results[i].moment
+                own = m[e] if e < 3 else moment[e - 3]
+                push += stiffness * found.weight * found.depth * own
         out.wrench[e] += push
         if e < 3:
             contacts.force[largest, e] += push
@@ -237,14 +242,14 @@ def _add_contacts(model, parameters, point_law, motion, memory, workspace, out):
     way_out = fill_potential(rows, used, state.parts, _LEVER, memory.ways, rates)
     state.way_out = way_out
     for i in range(used):
-        is_contact = abs(rows[i].weight) * rows[i].depth > _LEAST_SHARE * way_out
+        is_contact = rows[i].weight * rows[i].depth > _LEAST_SHARE * way_out
         rows[i].weight *= way_out / rows[i].depth
         if is_contact and out.contacts.count[0] == memory.patches.size:
             state.dropped += 1
         elif is_contact:
             _add_contact(model, parameters, point_law, i, motion, memory, workspace, out)
     if point_law is None and out.contacts.count[0] > 0:
-        _add_turning(parameters.stiffness, way_out, rates, memory, out)
+        _add_rest(parameters.stiffness, way_out, rates, memory, out)
 
 
 @inner_kernel
