@@ -124,9 +124,10 @@ def check(found):
     assert np.all(found.depth > 0.0)
     assert np.all(found.gap >= 0.0)
     assert np.linalg.norm(found.normal, axis=1) == pytest.approx(np.ones(len(found.depth)))
-    # One way out has the whole stiffness; of several each has its share.
+    # One way out has the whole stiffness; of several each has its share. Walls that lean towards
+    # each other have more: neither can be left without the other.
     assert np.all(found.weight > 0.0)
-    assert np.all(found.weight < 1.5)
+    assert np.all(found.weight < 20.0)
     if len(found.depth) == 1:
         assert found.weight[0] > 0.4
     scale = max(np.abs(found.force).sum(), 1e-12)
@@ -216,7 +217,8 @@ def test_a_thin_plate_pushes_out_on_the_nearer_side(kind):
     assert forces[shallow] == pytest.approx(STIFFNESS * depths[shallow], rel=1e-9)
     assert forces[np.argmin(abs(depths - middle))] == pytest.approx(0.0, abs=1e-6)
     assert forces[depths > 1.1 * middle].max() < 0.0
-    assert np.abs(np.diff(forces)).max() < 3.0 * STIFFNESS * 1e-4
+    # The force turns round over a fifth of the way before and after the middle.
+    assert np.abs(np.diff(forces)).max() < 10.0 * STIFFNESS * 1e-4
 
 
 @pytest.mark.parametrize(
