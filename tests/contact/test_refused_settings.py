@@ -121,7 +121,7 @@ POSITIVE = (
     "stiffness", "bristle_stiffness", "step", "lever", "window", "softness", "soft_area",
     "ho_gain", "noise_bandwidth", "tolerance",
 )  # fmt: skip
-ANY_NUMBER = (*POSITIVE, "friction", "noise_level", "patch_radius", "edge_fade")
+ANY_NUMBER = (*POSITIVE, "friction", "dissipation", "noise_level", "patch_radius", "edge_fade")
 WHOLE = ("grid", "max_nodes", "seed")
 
 
@@ -141,7 +141,7 @@ def test_settings_that_must_not_be_zero(name):
     refused(lambda: ForceSettings(**{name: 0.0}), name, "0.0")
 
 
-@pytest.mark.parametrize("name", ["friction", "noise_level"])
+@pytest.mark.parametrize("name", ["friction", "noise_level", "dissipation"])
 def test_settings_that_may_be_zero(name):
     assert getattr(ForceSettings(**{name: 0}), name) == 0
 

@@ -30,6 +30,7 @@ from asperity.contact.response.contact_forces import (
     add_at_point,
     add_friction,
     add_texture_force,
+    damped_push,
     write_contact,
 )
 from asperity.contact.response.grid_gradient import depth_on_grid
@@ -186,6 +187,7 @@ def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out
     contacts.count[0] += 1
     weight = found.weight
     push = parameters.stiffness * weight * result.depth
+    push = damped_push(push, parameters.dissipation, result, motion)
     write_contact(contacts, c, body, weight, result, motion.centre)
     for k in range(3):
         contacts.normal[c, k] = found.normal[k]
@@ -281,7 +283,7 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
         advance_noise(memory.noise[0], point_law, query.dt)
     _search_parts(smooth, parameters, grid, centre, memory, workspace)
     moves = state.has_frame == 1 and query.dt > 0.0
-    motion = ToolFrames(tool_frame, memory.frame, moves, centre)
+    motion = ToolFrames(tool_frame, memory.frame, moves, centre, query.dt)
     if state.parts > 0:
         _add_contacts(model, parameters, point_law, motion, memory, workspace, out)
     if query.dt > 0.0:

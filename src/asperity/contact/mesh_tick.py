@@ -14,6 +14,7 @@ from asperity.contact.response.contact_forces import (
     ToolFrames,
     add_friction,
     add_texture_force,
+    damped_push,
     write_contact,
 )
 from asperity.geometry.frames import fill_relative_frame, fill_tool_frame, to_body
@@ -115,7 +116,8 @@ def _add_contact(scene, parameters, query, p, motion, memory, manifold, out):
     write_contact(contacts, c, b, patch.weight, result, motion.centre)
     for k in range(3):
         contacts.normal[c, k] = patch.normal[k]
-    add_texture_force(out, c, parameters.stiffness * patch.weight * result.depth, result)
+    push = parameters.stiffness * patch.weight * result.depth
+    add_texture_force(out, c, damped_push(push, parameters.dissipation, result, motion), result)
     deflection, offset = stack_array((3,)), stack_array((3,))
     for k in range(3):
         deflection[k] = memory.bristle[b, d, part, k]
@@ -153,7 +155,8 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
         known, step = False, 0.0
         if _forget_contacts(memory):
             return True
-    motion = ToolFrames(tool_frame, memory.frame, known and query.dt > 0.0, centre)
+    moves = known and query.dt > 0.0
+    motion = ToolFrames(tool_frame, memory.frame, moves, centre, query.dt)
     _fill_manifold(model, parameters, query, motion, step, memory, space, workspace)
     for p in range(manifold.count[0].patches):
         _add_contact(scene, parameters, query, p, motion, memory, manifold, out)

@@ -54,6 +54,8 @@ class ForceParameters(NamedTuple):
     """[N/m]"""
     friction: float
     """Coulomb's coefficient [-]."""
+    dissipation: float
+    """a of Hunt & Crossley [s/m]."""
     bristle_stiffness: float
     """[N/m]"""
     max_nodes: int

@@ -136,11 +136,12 @@ class ContactSolver:
         Parameters
         ----------
         settings : ForceSettings
-            Its `stiffness`, `friction` and `bristle_stiffness` are used; all else stays.
+            Its `stiffness`, `friction`, `dissipation` and `bristle_stiffness` are used; all else
+            stays.
         """
         self.settings = replace(
             self.settings, stiffness=settings.stiffness, friction=settings.friction,
-            bristle_stiffness=settings.bristle_stiffness,
+            bristle_stiffness=settings.bristle_stiffness, dissipation=settings.dissipation,
         )  # fmt: skip
         self._law = self._law._replace(parameters=_parameters(self.settings))
 
@@ -298,6 +299,7 @@ def _parameters(settings: ForceSettings) -> ForceParameters:
     return ForceParameters(
         stiffness=float(settings.stiffness),
         friction=float(settings.friction),
+        dissipation=float(settings.dissipation),
         bristle_stiffness=float(settings.stiffness if bristle is None else bristle),
         max_nodes=int(settings.max_nodes),
         tolerance=-1.0 if settings.tolerance is None else float(settings.tolerance),

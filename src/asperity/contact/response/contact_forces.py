@@ -29,6 +29,8 @@ class ToolFrames(NamedTuple):
     """Whether there was a tick before, and time has passed since."""
     centre: NDArray[np.float64]
     """Centre of mass in world axes [m], (3,)."""
+    dt: float
+    """Time since that tick [s]."""
 
 
 class Bristle(NamedTuple):
@@ -64,6 +66,22 @@ def write_contact(contacts, c, body, weight, result, centre):
     for k in range(3):
         contacts.slope_normal[c, k] = result.slope_normal[k]
         contacts.point[c, k] = result.point[k] + centre[k]
+
+
+@inner_kernel
+def damped_push(push, dissipation, result, motion):
+    """Return the normal force `push` [N] of a contact, damped by the rate at which it deepens.
+
+    It is `push (1 + a v)`, and at least 0, with a the `dissipation` [s/m] and v the rate (Hunt &
+    Crossley 1975).
+    """
+    if dissipation == 0.0 or not motion.moves:
+        return push
+    moved, rate = stack_array((3,)), 0.0
+    material_displacement(True, motion.last_frame, motion.frame, result.point, motion.centre, moved)
+    for k in range(3):
+        rate -= result.slope_normal[k] * moved[k] / motion.dt
+    return push * max(1.0 + dissipation * rate, 0.0)
 
 
 @inner_kernel

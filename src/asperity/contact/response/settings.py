@@ -24,6 +24,7 @@ _RANGES = {
     "stiffness": (1e-6, 1e9, "N/m"),
     "bristle_stiffness": (1e-6, 1e9, "N/m"),
     "friction": (0.0, 100.0, ""),
+    "dissipation": (0.0, 1e6, "s/m"),
     "step": (1e-9, 1e-2, "m"),
     "lever": (1e-6, 10.0, "m"),
     "window": (1e-7, 1.0, "m"),
@@ -54,6 +55,10 @@ class ForceSettings:
     friction : float
         Coulomb's coefficient [-], 0 to 100. The force of the texture already contains the effect
         of its slopes: the coefficient is that of the material alone.
+    dissipation : float
+        a of Hunt & Crossley (1975) [s/m], 0 to 1e6: the force of a contact that deepens at v m/s is
+        1 + a v times that without, and at least 0, so that contacts take energy and never pull. A
+        ball that hits at a low speed v bounces back at about 1 - 2/3 a v of it.
     bristle_stiffness : float, optional
         Stiffness of the elastic bristle that holds a contact in place [N/m], 1e-6 to 1e9;
         `stiffness` by default.
@@ -102,6 +107,7 @@ class ForceSettings:
     stiffness: float = 400.0
     law: str = "otaduy-lin"
     friction: float = 0.0
+    dissipation: float = 0.0
     bristle_stiffness: float | None = None
     gradient: str = "exact"
     step: float = 2e-5
