@@ -24,6 +24,8 @@ from asperity.simulation.anti_aliasing import SPAN
 from asperity.simulation.simulation import Rollout, Simulation
 from asperity.simulation.tool_contact import BUDGET_SPENT, SUB_POSES, TOO_FAST
 
+_CERTIFIED = 0.99
+"""Share of certified depths below which a run has a note."""
 _ROWS = 256
 """Ticks that go into the recording at once."""
 _LINE = {"radius", "turning"}
@@ -200,8 +202,20 @@ def summary_of(scene: Scene, trajectory: dict[str, Any], rollout: Rollout) -> di
             "ticks_beyond_budget": flagged(BUDGET_SPENT),
             "ticks_too_fast_and_off": flagged(TOO_FAST),
         },
-        "notes": list(scene.notes),
+        "notes": [*scene.notes, *_doubts(scene, rollout)],
     }
+
+
+def _doubts(scene: Scene, rollout: Rollout) -> list[str]:
+    """Return a note if less than 99 % of the depths are certified."""
+    certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
+    if certified >= _CERTIFIED * total:
+        return []
+    return [
+        f"only {100.0 * certified / total:.3g} % of the depths are certified: forces may be too "
+        f"small; raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or take "
+        "a coarser texture or mesh"
+    ]
 
 
 def take_pictures(run: Run, scene: Scene, *, rows: int = 620) -> tuple[Picture, Picture]:

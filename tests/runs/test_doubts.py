@@ -1,0 +1,20 @@
+"""A run whose depths are not certified says so in a note of its own."""
+
+import numpy as np
+import pytest
+from test_recording import made_up
+
+from asperity.runs.run_scene import summary_of
+from asperity.scene.builtin import load_scene
+
+
+@pytest.mark.parametrize(("statuses", "has_note"), [
+    ((990, 10, 0), False), ((989, 11, 0), True), ((0, 0, 0), False), ((0, 0, 3), True),
+])  # fmt: skip
+def test_fewer_than_99_percent_certified_are_told(statuses, has_note):
+    rollout = made_up(20)
+    object.__setattr__(rollout, "statuses", np.array(statuses))
+    notes = summary_of(load_scene("probe-plate"), {}, rollout)["notes"]
+    assert any("certified" in note for note in notes) == has_note
+    if has_note:
+        assert "max_nodes (now 4000)" in notes[-1]
