@@ -271,3 +271,22 @@ def test_what_came_before_has_no_influence():
     for z in np.linspace(-3e-3, 1.8e-3, 50):
         last = engine.wrench(np.array([1e-3, 2e-3, z, 1.0, 0.0, 0.0, 0.0]), 1e-3).copy()
     np.testing.assert_allclose(last, first, rtol=1e-9, atol=1e-12)
+
+
+def test_many_bodies_side_by_side_are_one():
+    """Thirty-six blocks, each a body, under one flat foot: no contact is left out."""
+    blocks = "".join(
+        box(
+            4e-3 * i - 1e-2,
+            4e-3 * j - 1e-2,
+            -2e-3,
+            (1e-3, 1e-3, 2e-3),
+            "plate" if i + j == 0 else f"p{i}{j}",
+        )
+        for i in range(6)
+        for j in range(6)
+    )
+    engine = solver(blocks, '<geom type="box" size="0.012 0.012 0.001" mass="0.05"/>')
+    force = wrench(engine, np.array([0.0, 0.0, 0.9e-3]), Rotation.identity())
+    assert engine.contacts.count[1] == 0
+    np.testing.assert_allclose(force, [0, 0, K * 1e-4, 0, 0, 0], rtol=0, atol=1e-9)

@@ -16,13 +16,14 @@ from asperity.contact.manifold.geom_manifold import (
     recall_patch,
     remember,
 )
-from asperity.contact.manifold.separation import FACE_A, FACE_B, FARTHEST
+from asperity.contact.manifold.separation import ALONG, FACE_A, FACE_B, FARTHEST, MAX_PARTS
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
     DepthQuery,
     SearchLimits,
     fill_depth_along,
 )
+from asperity.contact.narrow_phase.incumbent import TIE
 from asperity.contact.records import SceneModel
 from asperity.contact.response.contact_forces import (
     Bristle,
@@ -47,10 +48,10 @@ from asperity.geometry.frames import (
 
 _MARGIN = 1.3
 """The least way out, smoothed, is at most this multiple of the least one."""
-_SAME = 0.990
-"""Cosine between two directions from which on one stands for both."""
 _STANDS = 1.2
 """A separation up to this multiple of the least depth counts fully."""
+_EQUAL = 1e-13
+"""Two directions are the same if the cosine between them is at least 1 less this."""
 _LEVER = 0.01
 """Length by which rotations of the tool are compared to translations [m]."""
 _LEAST_SHARE = 1e-9
@@ -99,7 +100,7 @@ def _is_stood_for(memory, first, i, least):
         for k in range(3):
             along += other.normal[k] * found.normal[k]
         is_near = other.gap - other.rough <= _STANDS * least
-        if other.kind < found.kind and along >= _SAME and other.depth > 0.0 and is_near:
+        if other.kind < found.kind and along >= ALONG and other.depth > 0.0 and is_near:
             return True
     return False
 
@@ -135,6 +136,40 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
 
 
 @inner_kernel
+def _merge_bodies(memory, kept, i):
+    """Merge the only direction of a part with the same one of another body; return whether it did.
+
+    Of bodies that lie side by side the deepest counts, as of the geoms of one body; of two that are
+    equally deep, both.
+    """
+    rows, found, result = memory.separations, memory.separations[i], memory.results[i]
+    for j in range(kept):
+        alone = (j == 0 or rows[j - 1].part != rows[j].part) and (
+            j + 1 == kept or rows[j + 1].part != rows[j].part
+        )
+        along = 0.0
+        for k in range(3):
+            along += rows[j].normal[k] * found.normal[k]
+        if not alone or rows[j].kind != found.kind or along < 1.0 - _EQUAL:
+            continue
+        other = memory.results[j]
+        if abs(result.depth - other.depth) <= TIE:
+            share = result.ties / (result.ties + other.ties)
+            for k in range(3):
+                other.point[k] += share * (result.point[k] - other.point[k])
+                other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
+                other.moment[k] += share * (result.moment[k] - other.moment[k])
+            other.ties += result.ties
+        elif result.depth > other.depth:
+            part = rows[j].part
+            copy_record(rows[j], found)
+            copy_record(other, result)
+            rows[j].owner, rows[j].part = found.part, part
+        return True
+    return False
+
+
+@inner_kernel
 def _search_parts(model, parameters, grid, centre, memory, workspace):
     """Search all parts; keep the separations of those that touch, in front."""
     kept = parts = first = np.int64(0)
@@ -143,7 +178,13 @@ def _search_parts(model, parameters, grid, centre, memory, workspace):
         past = first
         while past < used and memory.separations[past].part == memory.separations[first].part:
             past += 1
-        if _search_part(model, parameters, grid, first, past, centre, memory, workspace):
+        touches = _search_part(model, parameters, grid, first, past, centre, memory, workspace)
+        if touches and past == first + 1 and _merge_bodies(memory, kept, first):
+            touches = False
+        if touches and parts == MAX_PARTS:
+            memory.state[0].dropped += 1
+            touches = False
+        if touches:
             for i in range(first, past):
                 if memory.separations[i].depth > 0.0:
                     if kept != i:

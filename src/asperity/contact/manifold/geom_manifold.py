@@ -9,7 +9,7 @@ import numpy as np
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separation import MAX_PARTS, fill_geom_frame
+from asperity.contact.manifold.separation import fill_geom_frame
 from asperity.contact.manifold.separations import fill_separations
 
 _SAME = 1e-13
@@ -101,15 +101,15 @@ def find_parts(textures, geometry, frames, centre, memory):
                 frame[k, j, 3] -= centre[j]
         rough = _relief(textures, geometry, pair)
         rows = memory.separations[used:]
+        if rows.size < 2:
+            memory.state[0].dropped += 1
+            continue
         count = fill_separations(geometry, pair, frame, rough, rows)
         if count == 1:
             pair.part = _same_part(geometry, memory, used, rows[0])
             if pair.part >= 0:
                 continue
         if count == 0:
-            continue
-        if parts == MAX_PARTS:
-            memory.state[0].dropped += 1
             continue
         for j in range(count):
             rows[j].part, rows[j].rough = parts, rough

@@ -14,6 +14,8 @@ COVERED, FACE_B, FACE_A, EDGES, CURVED = -1, 0, 1, 2, 3
 """What a direction is normal to. It is smoothed out beside one of a lower number."""
 MAX_PARTS = 12
 """Room for parts of one contact."""
+APART, ALONG = 0.961, 0.990
+"""Cosines between two directions between which one stands for both (16 and 8 degrees)."""
 FARTHEST = 2.0
 """Multiple of the least way out from which on a separation g does not count."""
 

@@ -25,6 +25,7 @@ from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.least_separation import add_curved
 from asperity.contact.manifold.separation import (
+    ALONG,
     COVERED,
     EDGES,
     FACE_A,
@@ -48,6 +49,8 @@ _CROSSING, _PARALLEL = 0.3, 0.1
 """Sines of the angle between two edges between which their direction is smoothed out."""
 _EXPOSED = 0.1
 """Cosine to the normal of a covered face at which a direction that leads over it does not count."""
+_ABOUT = 1.2
+"""Multiple of the least separation that is about as small."""
 _GRAIN = 1e-9
 """Relative difference between lengths that count as equal."""
 
@@ -215,6 +218,25 @@ def _is_inside_a_face(geometry, pair, rows, faces):
 
 
 @inner_kernel
+def _is_beside_least(rows, i, least, rough):
+    """Return whether a face of about the least separation stands for direction `i`.
+
+    Then that face counts fully (`response.potential`), and the direction beside it not at all.
+    """
+    for j in range(i):
+        other = rows[j]
+        if other.part == 0 or other.kind >= rows[i].kind or other.share < 1.0:
+            continue
+        along = 0.0
+        for k in range(3):
+            along += other.normal[k] * rows[i].normal[k]
+        is_least = other.gap <= least or other.gap - rough <= _ABOUT * (least - rough)
+        if along >= ALONG and is_least:
+            return True
+    return False
+
+
+@inner_kernel
 def fill_separations(geometry, pair, frames, rough, rows):
     """Fill the directions along which geom A of a pair may leave geom B; return how many there are.
 
@@ -247,6 +269,8 @@ def fill_separations(geometry, pair, frames, rough, rows):
         return np.int64(0)
     kept = np.int64(0)
     for i in range(count):
+        if rows[i].kind > FACE_B and _is_beside_least(rows, i, least, rough):
+            rows[i].part = 0
         if rows[i].part == 1 and rows[i].gap - rough < _MARGIN * FARTHEST * (least + rough):
             if kept != i:
                 copy_record(rows[kept], rows[i])

@@ -30,11 +30,9 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
-from asperity.contact.manifold.separation import FARTHEST, smooth_step
+from asperity.contact.manifold.separation import ALONG, APART, FARTHEST, smooth_step
 from asperity.contact.response.ways_out import LONGEST, RATIO, fill_choices, update_choices
 
-_APART, _ALONG = 0.961, 0.990
-"""Cosines between two directions between which one stands for both (16 and 8 degrees)."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -50,7 +48,7 @@ def _own_presence(separations, inputs, i, s):
 def _beside(inputs, i, j):
     """Return how far direction `j` stands for direction `i`, by the angle between them."""
     c = inputs[i, 3] * inputs[j, 3] + inputs[i, 4] * inputs[j, 4] + inputs[i, 5] * inputs[j, 5]
-    return smooth_step((c - _APART) / (_ALONG - _APART))
+    return smooth_step((c - APART) / (ALONG - APART))
 
 
 @inner_kernel
