@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 Array = NDArray[np.float64]
 
@@ -49,7 +48,7 @@ def sharpen_peaks(bounds: Array, coefficients: Array, parts: int, tolerance: flo
         [reached[:-1, :-1], reached[1:, :-1], reached[:-1, 1:], reached[1:, 1:]]
     )
     # A cell below its neighbours is seldom the highest of an area: its bound may stay as it is.
-    around = maximum_filter(reached, 3, mode="nearest")
+    around = _highest_around(_highest_around(reached).T).T
     open_rows, open_columns = np.nonzero(bounds - around > tolerance)
     if not 0 < len(open_rows) <= _MOST:
         return bounds
@@ -76,6 +75,13 @@ def sharpen_peaks(bounds: Array, coefficients: Array, parts: int, tolerance: flo
         sharp[open_rows, open_columns], np.maximum(closed, low)
     )
     return sharp
+
+
+def _highest_around(values: Array) -> Array:
+    """Return the largest of each value and its two neighbours along the first axis."""
+    padded = np.pad(values, ((1, 1), (0, 0)), mode="edge")
+    largest: Array = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    return largest
 
 
 def _at_corners(c: Array, parts: int) -> Array:
