@@ -16,7 +16,17 @@ from asperity.contact.manifold.geom_manifold import (
     recall_patch,
     remember,
 )
-from asperity.contact.manifold.separation import ALONG, FACE_A, FACE_B, FARTHEST, MAX_PARTS
+from asperity.contact.manifold.separation import (
+    ABOUT,
+    ALONG,
+    FACE_A,
+    FACE_B,
+    FARTHEST,
+    LONGEST,
+    MAX_PARTS,
+    cosine,
+    is_same_way,
+)
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
     DepthQuery,
@@ -46,12 +56,6 @@ from asperity.geometry.frames import (
     to_world,
 )
 
-_MARGIN = 1.3
-"""The least way out, smoothed, is at most this multiple of the least one."""
-_STANDS = 1.2
-"""A separation up to this multiple of the least depth counts fully."""
-_EQUAL = 1e-13
-"""Two directions are the same if the cosine between them is at least 1 less this."""
 _LEVER = 0.01
 """Length by which rotations of the tool are compared to translations [m]."""
 _LEAST_SHARE = 1e-9
@@ -96,11 +100,10 @@ def _is_stood_for(memory, first, i, least):
     """Return whether another direction that has been searched stands for separation `i`."""
     found = memory.separations[i]
     for j in range(first, i):
-        other, along = memory.separations[j], 0.0
-        for k in range(3):
-            along += other.normal[k] * found.normal[k]
-        is_near = other.gap - other.rough <= _STANDS * least
-        if other.kind < found.kind and along >= ALONG and other.depth > 0.0 and is_near:
+        other = memory.separations[j]
+        is_near = other.gap - other.rough <= ABOUT * least
+        is_deep = other.kind < found.kind and other.depth > 0.0
+        if is_deep and is_near and cosine(other, found) >= ALONG:
             return True
     return False
 
@@ -122,7 +125,7 @@ def _search_part(model, parameters, grid, first, past, centre, memory, workspace
         for i in range(first, past):
             if rows[i].depth != rows[i].depth and (at < 0 or rows[i].gap < rows[at].gap):
                 at = i
-        is_far = rows[at].gap - rows[at].rough >= _MARGIN * FARTHEST * least
+        is_far = rows[at].gap - rows[at].rough >= LONGEST * FARTHEST * least
         if is_far or _is_stood_for(memory, first, at, least):
             rows[at].depth = -np.inf
             continue
@@ -144,13 +147,7 @@ def _merge_bodies(memory, kept, i):
     """
     rows, found, result = memory.separations, memory.separations[i], memory.results[i]
     for j in range(kept):
-        alone = (j == 0 or rows[j - 1].part != rows[j].part) and (
-            j + 1 == kept or rows[j + 1].part != rows[j].part
-        )
-        along = 0.0
-        for k in range(3):
-            along += rows[j].normal[k] * found.normal[k]
-        if not alone or rows[j].kind != found.kind or along < 1.0 - _EQUAL:
+        if not is_same_way(rows, kept, j, found):
             continue
         other = memory.results[j]
         if abs(result.depth - other.depth) <= TIE:

@@ -13,6 +13,7 @@ from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
 from asperity.contact.manifold.overlap_region import distance_to_surface
+from asperity.contact.manifold.separation import cosine
 
 _EXPLAINED, _OWN = 1.2, 2.0
 """A point that leaves B within the first multiple of another direction's depth is accounted for by
@@ -52,16 +53,6 @@ def next_direction(memory, b, space):
 
 
 @inner_kernel
-def _cosine(one, other):
-    """Return the cosine of the angle between the normals of two directions."""
-    return (
-        one.normal[0] * other.normal[0]
-        + one.normal[1] * other.normal[1]
-        + one.normal[2] * other.normal[2]
-    )
-
-
-@inner_kernel
 def is_explained(table, count, d, space):
     """Return whether another direction accounts for one that might become a contact.
 
@@ -74,7 +65,7 @@ def is_explained(table, count, d, space):
         other = space.directions[c]
         if other.patches == 0 or sums[c].volume < sums[d].volume:
             continue
-        if _cosine(direction, other) > _ALIKE:
+        if cosine(direction, other) > _ALIKE:
             continue
         depth = _EXPLAINED * max(other.depth, 0.0) + _ON_SURFACE
         out = distance_to_surface(
@@ -120,7 +111,7 @@ def validate_directions(table, count, near_b, space):
                 continue
             if sums[c].volume < sums[d].volume or (sums[c].volume == sums[d].volume and c > d):
                 continue
-            along = _cosine(direction, other)
+            along = cosine(direction, other)
             if along > _SAME:
                 continue  # they share their stiffness already
             out = distance_to_surface(table, count, c, other.normal, point, space.region)
@@ -162,7 +153,7 @@ def share_stiffness(space):
         for c in range(DIRECTIONS):
             other = space.directions[c]
             if other.depth > 0.0:
-                along = _cosine(direction, other)
+                along = cosine(direction, other)
                 alike += sums[c].volume * max((along - _ALIKE) / (1.0 - _ALIKE), 0.0)
         share = direction.valid * direction.depth * sums[d].volume / alike
         space.directions[direction.twin].share += share

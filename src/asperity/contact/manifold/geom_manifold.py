@@ -9,11 +9,9 @@ import numpy as np
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separation import fill_geom_frame
+from asperity.contact.manifold.separation import fill_geom_frame, is_same_way
 from asperity.contact.manifold.separations import fill_separations
 
-_SAME = 1e-13
-"""Two directions are the same if the cosine between them is at least 1 less this."""
 _SAME_PATCH = 0.5
 """A contact continues a remembered one if the cosine between their normals is above this."""
 
@@ -63,15 +61,8 @@ def _same_part(geometry, memory, used, found):
     """Return the part whose only direction is that of `found`, from the same body; -1: none."""
     for i in range(used):
         other = memory.separations[i]
-        alone = (i == 0 or memory.separations[i - 1].part != other.part) and (
-            i + 1 == used or memory.separations[i + 1].part != other.part
-        )
-        if not alone or other.kind != found.kind:
-            continue
-        along = 0.0
-        for k in range(3):
-            along += other.normal[k] * found.normal[k]
-        if along > 1.0 - _SAME and geometry.body[other.geom_b] == geometry.body[found.geom_b]:
+        is_same_body = geometry.body[other.geom_b] == geometry.body[found.geom_b]
+        if is_same_body and is_same_way(memory.separations, used, i, found):
             return other.part
     return np.int64(-1)
 

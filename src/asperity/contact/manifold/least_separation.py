@@ -29,6 +29,7 @@ from asperity.contact.manifold.support import (
     PLANE,
     add_smooth_support,
 )
+from asperity.contact.narrow_phase.geom_depth import frame_round
 
 _SHALLOW, _DEEP = 0.6, 0.9
 """Separation over the radius of curvature between which a curved direction is smoothed out."""
@@ -111,19 +112,6 @@ def _smooth_separation(geometry, pair, frames, n, gradient, hessian):
 
 
 @inner_kernel
-def _fill_tangents(n, t):
-    """Fill two unit vectors (2, 3) that are perpendicular to n and to each other."""
-    k = 0 if abs(n[0]) < 0.6 else 1
-    for i in range(3):
-        t[0, i] = -n[k] * n[i]
-    t[0, k] += 1.0
-    size = math.sqrt(t[0, 0] ** 2 + t[0, 1] ** 2 + t[0, 2] ** 2)
-    for i in range(3):
-        t[0, i] /= size
-    cross_product(n, t[0], t[1])
-
-
-@inner_kernel
 def _tangential(hessian, t, i, j):
     """Return an entry of a Hessian in the tangent plane."""
     total = 0.0
@@ -137,14 +125,14 @@ def _tangential(hessian, t, i, j):
 def _descend(geometry, pair, frames, n, t, hessian):
     """Move n to where the smoothed separation is least; return (m11, m12, m22), g.
 
-    The first three are the Hessian in the plane of the tangents `t` (2, 3), which are filled: the
+    The first three are the Hessian in the plane of the first two rows of the frame `t` (3, 3): the
     radii of curvature of the Minkowski difference less g [m]. `hessian` (3, 3) is filled too.
     """
     gradient, trial = stack_array((3,)), stack_array((3,))
     gap = _smooth_separation(geometry, pair, frames, n, gradient, hessian)
     m11 = m12 = m22 = 0.0
     for _ in range(_STEPS):
-        _fill_tangents(n, t)
+        frame_round(n, t)
         g1 = g2 = 0.0
         for i in range(3):
             g1 += t[0, i] * gradient[i]
@@ -190,7 +178,7 @@ def add_curved(geometry, pair, frames, floor, rough, rows, count):
         return count
     found = rows[count]
     begin_separation(found, pair, CURVED)
-    n, t, hessian = found.normal, stack_array((2, 3)), stack_array((3, 3))
+    n, t, hessian = found.normal, stack_array((3, 3)), stack_array((3, 3))
     _fill_seed(geometry, pair, frames, n)
     m11, m12, m22, gap = _descend(geometry, pair, frames, n, t, hessian)
     half, root = 0.5 * (m11 + m22), math.sqrt(0.25 * (m11 - m22) ** 2 + m12 * m12)

@@ -18,6 +18,27 @@ APART, ALONG = 0.961, 0.990
 """Cosines between two directions between which one stands for both (16 and 8 degrees)."""
 FARTHEST = 2.0
 """Multiple of the least way out from which on a separation g does not count."""
+LONGEST = 1.3
+"""The least way out, smoothed, is at most this multiple of the least one."""
+ABOUT = 1.2
+"""A separation up to this multiple of the least depth counts fully."""
+_SAME = 1e-13
+"""Two directions are the same if the cosine between them is at least 1 less this."""
+
+
+@inner_kernel
+def cosine(one, other):
+    """Return the cosine of the angle between the normals of two records."""
+    n, m = one.normal, other.normal
+    return n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+
+
+@inner_kernel
+def is_same_way(rows, count, i, found):
+    """Return whether row `i` of `count` is the only one of its part, and has found's direction."""
+    part = rows[i].part
+    alone = (i == 0 or rows[i - 1].part != part) and (i + 1 == count or rows[i + 1].part != part)
+    return alone and rows[i].kind == found.kind and cosine(rows[i], found) >= 1.0 - _SAME
 
 
 @inner_kernel

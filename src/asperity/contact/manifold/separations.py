@@ -25,13 +25,16 @@ from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.manifold.least_separation import add_curved
 from asperity.contact.manifold.separation import (
+    ABOUT,
     ALONG,
     COVERED,
     EDGES,
     FACE_A,
     FACE_B,
     FARTHEST,
+    LONGEST,
     begin_separation,
+    cosine,
     cross_product,
     fill_gap,
     fill_gap_rate,
@@ -43,14 +46,10 @@ from asperity.contact.manifold.separation import (
 )
 from asperity.contact.manifold.support import BOX, CYLINDER, PLANE
 
-_MARGIN = 1.3
-"""The least way out, smoothed, is at most this multiple of the least one."""
 _CROSSING, _PARALLEL = 0.3, 0.1
 """Sines of the angle between two edges between which their direction is smoothed out."""
 _EXPOSED = 0.1
 """Cosine to the normal of a covered face at which a direction that leads over it does not count."""
-_ABOUT = 1.2
-"""Multiple of the least separation that is about as small."""
 _GRAIN = 1e-9
 """Relative difference between lengths that count as equal."""
 
@@ -167,9 +166,7 @@ def _leaves_by_covered(rows, count, i):
     for j in range(count):
         if rows[j].kind != COVERED:
             continue
-        along = 0.0
-        for k in range(3):
-            along += rows[i].normal[k] * rows[j].normal[k]
+        along = cosine(rows[i], rows[j])
         if along > 0.0 and rows[j].gap <= along * rows[i].gap * (1.0 + _GRAIN):
             return True
     return False
@@ -227,11 +224,8 @@ def _is_beside_least(rows, i, least, rough):
         other = rows[j]
         if other.part == 0 or other.kind >= rows[i].kind or other.share < 1.0:
             continue
-        along = 0.0
-        for k in range(3):
-            along += other.normal[k] * rows[i].normal[k]
-        is_least = other.gap <= least or other.gap - rough <= _ABOUT * (least - rough)
-        if along >= ALONG and is_least:
+        is_least = other.gap <= least or other.gap - rough <= ABOUT * (least - rough)
+        if is_least and cosine(other, rows[i]) >= ALONG:
             return True
     return False
 
@@ -259,7 +253,7 @@ def fill_separations(geometry, pair, frames, rough, rows):
     if least + rough <= 0.0:
         return np.int64(0)
     # Edges and curved surfaces may have a smaller one; that of faces is a bound already.
-    floor = _MARGIN * FARTHEST * (least + rough)
+    floor = LONGEST * FARTHEST * (least + rough)
     if geometry.kind[pair.geom_a] == BOX and geometry.kind[pair.geom_b] == BOX:
         count = _add_edges(geometry, pair, frames, floor, rough, rows, count)
     elif not _is_inside_a_face(geometry, pair, rows, faces):
@@ -271,7 +265,7 @@ def fill_separations(geometry, pair, frames, rough, rows):
     for i in range(count):
         if rows[i].kind > FACE_B and _is_beside_least(rows, i, least, rough):
             rows[i].part = 0
-        if rows[i].part == 1 and rows[i].gap - rough < _MARGIN * FARTHEST * (least + rough):
+        if rows[i].part == 1 and rows[i].gap - rough < LONGEST * FARTHEST * (least + rough):
             if kept != i:
                 copy_record(rows[kept], rows[i])
             kept += 1

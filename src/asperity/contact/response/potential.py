@@ -30,8 +30,8 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.kernels import clear, inner_kernel
-from asperity.contact.manifold.separation import ALONG, APART, FARTHEST, smooth_step
-from asperity.contact.response.ways_out import LONGEST, RATIO, fill_choices, update_choices
+from asperity.contact.manifold.separation import ALONG, APART, FARTHEST, LONGEST, smooth_step
+from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
 
 _STEP = 1e-5
 """Relative step of the central differences."""

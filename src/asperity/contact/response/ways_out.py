@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.stack import stack_array
-from asperity.contact.manifold.separation import MAX_PARTS
+from asperity.contact.manifold.separation import LONGEST, MAX_PARTS
 
 RATIO = 1.5
 """R: a way out counts while it is shorter than this times the least one."""
-LONGEST = 1.3
-"""The soft least way out is at most this times the least length."""
 MAX_CHOICES = 48
 """Room for choices; longer ones are left out."""
 
@@ -181,8 +179,6 @@ def fill_choices(separations, used, parts, ways):
         first[p] = -1.0
     for i in range(used):
         p = separations[i].part
-        if p < 0:
-            continue
         if first[p] < 0.0:
             first[p] = float(i)
             rows[p] = i
