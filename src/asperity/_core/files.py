@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
 from asperity.errors import AsperityError
+
+_INSIDE = (
+    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, UnicodeError,
+    struct.error,
+)  # fmt: skip
+"""Exceptions of readers whose words are about their own insides."""
+
+
+def text_of(data: bytes) -> str:
+    """Return a text in UTF-8, in UTF-16 or UTF-32 with a byte-order mark, or else in Latin-1.
+
+    Its lines end as Python's do.
+    """
+    marks = {
+        b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16",
+        b"\xfe\xff": "utf-16",
+    }  # fmt: skip
+    encoding = next((name for mark, name in marks.items() if data.startswith(mark)), "utf-8")
+    try:
+        text = data.decode(encoding, errors="strict" if encoding == "utf-8" else "replace")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 @contextmanager
@@ -52,6 +76,8 @@ def reading(
         raise
     except MemoryError:
         refuse("too large for this computer's memory")
+    except _INSIDE:
+        refuse(f"cannot be read as a {suffix} file: it is damaged, or of another kind")
     except Exception as caught:  # any exception of a reader on a damaged file
         reason = " ".join(str(caught).split())[:200] or type(caught).__name__
         refuse(f"cannot be read as a {suffix} file: {reason}")

@@ -16,8 +16,10 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
-from asperity.geometry.mesh.files import SUFFIXES, read_mesh
+from asperity.geometry.mesh.contents import Contents
+from asperity.geometry.mesh.files import SUFFIXES, read_contents, read_mesh
 from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.ply import positions, read_elements, read_head
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
 
@@ -35,7 +37,9 @@ def kind_of(path: Path) -> str:
     if path.is_dir():
         raise AsperityError(f"{path}: this is a folder; valid: a file of a mesh, points or heights")
     if suffix == ".ply":
-        return "points" if _ply_counts(path).get("face", 0) == 0 else "mesh"
+        elements = read_head(path).elements
+        has_faces = any(elements.get(name, (0, []))[0] for name in ("face", "tristrips"))
+        return "mesh" if has_faces else "points"
     if suffix in SUFFIXES:
         return "mesh"
     if suffix in POINTS:
@@ -46,19 +50,6 @@ def kind_of(path: Path) -> str:
         f"{path}: unknown kind of file {suffix!r}; valid: a mesh ({', '.join(SUFFIXES)}), points "
         f"({', '.join(POINTS)}, .ply without faces), or a height map (an image, .npy, .npz, ...)"
     )
-
-
-def _ply_counts(path: Path) -> dict[str, int]:
-    """Return the number of each element announced in the header of a PLY file."""
-    counts: dict[str, int] = {}
-    with path.open("rb") as file:
-        for _ in range(500):
-            words = file.readline(1000).split()
-            if words[:1] == [b"end_header"]:
-                break
-            if words[:1] == [b"element"] and len(words) == 3 and words[2].isdigit():
-                counts[words[1].decode("ascii", "replace")] = int(words[2])
-    return counts
 
 
 def mesh_to_bake(
@@ -79,10 +70,11 @@ def mesh_to_bake(
     is_gltf = path.suffix.lower() in (".glb", ".gltf")
     up = require_choice("up", up or ("y" if is_gltf else "z"), ("x", "y", "z"))
     notes: tuple[str, ...] = ()
-    if unit is None and is_gltf:
-        unit = "m"
     if unit is None:
-        unit, notes = guessed_unit(_extents(path))
+        contents = read_contents(path)
+        unit = contents.unit
+        if unit is None:
+            unit, notes = guessed_unit(_extents(contents))
     return upright(read_mesh(path, unit=unit, hard_angle=180.0), up), unit, notes
 
 
@@ -92,18 +84,11 @@ def upright(mesh: Mesh, up: str) -> Mesh:
     return replace(mesh, vertices=mesh.vertices[:, order], normals=mesh.normals[:, :, order])
 
 
-def _extents(path: Path) -> Array:
-    """Return the extents (3,) of the mesh in a file, in its own unit."""
-    for unit in UNITS:
-        try:
-            mesh = read_mesh(path, unit=unit, hard_angle=180.0)
-        except AsperityError as error:
-            refusal = error
-            if "unit=" not in str(error):
-                raise
-            continue
-        return np.asarray(np.ptp(mesh.vertices, axis=0) / UNITS[unit])
-    raise refusal
+def _extents(contents: Contents) -> Array:
+    """Return the extents (3,) of the parts of a file, in its own unit."""
+    used = [part.corners.vertices[np.unique(part.corners.faces)] for part in contents.parts]
+    points = np.concatenate(used)
+    return np.asarray(np.ptp(points[np.isfinite(points).all(axis=1)], axis=0))
 
 
 def guessed_unit(extents: Any) -> tuple[str, tuple[str, ...]]:
@@ -127,10 +112,7 @@ def read_points(path: str | os.PathLike[str]) -> Array:
     path = Path(path)
     try:
         if path.suffix.lower() == ".ply":
-            import trimesh
-
-            cloud = trimesh.load(path, file_type="ply", process=False)
-            points = np.asarray(cloud.vertices, dtype=np.float64)
+            points = positions(path, read_elements(path, read_head(path), ("vertex",)))
         else:
             points = np.loadtxt(path, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2)
     except MemoryError:

@@ -45,6 +45,7 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.mesh.materials import FELT
 from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
     BODY,
@@ -236,6 +237,14 @@ def _body(
 def _notes(body: Body) -> tuple[str, ...]:
     """Return the notes of a body's mesh and texture."""
     notes = body.mesh.notes if body.mesh is not None else ()
+    if body.texture is None and body.mesh is not None:
+        notes += tuple(
+            f"material {material.name!r} names a {kind} map that is not used: "
+            f"{material.maps[kind].name}; give it as [bodies.{body.name}.texture]"
+            for material in body.mesh.materials
+            for kind in FELT
+            if kind in material.maps
+        )
     if body.texture is not None:
         notes += body.texture.notes
     return notes

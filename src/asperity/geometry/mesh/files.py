@@ -1,22 +1,14 @@
-"""Meshes from files, read by trimesh, without its losses.
+"""Meshes from files: OBJ, GLB, glTF, PLY and STL.
 
 Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
-are those of the file, never computed by trimesh; parts of a scene are placed by their transforms.
-Also handled: negative indices in OBJ count back from their own line; trimesh splits the vertices of
-a PLY with texture coordinates but not its normals, drops texture coordinates in glTF without a
-material, and reads compressed glTF as zeros.
+are those of the file; parts of a scene are placed by their transforms. What a file states of itself
+is read: its unit, its materials. What of it is left out is noted.
 """
 
 from __future__ import annotations
 
-import io
-import json
 import os
-import re
-import struct
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,16 +16,24 @@ from asperity._core.arrays import Array, Indices
 from asperity._core.files import reading
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of
+from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
+from asperity.geometry.mesh.gltf import read_gltf
+from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
+from asperity.geometry.mesh.obj import read_obj
+from asperity.geometry.mesh.ply import read_ply
+from asperity.geometry.mesh.stl import read_stl
 
-SUFFIXES = (".obj", ".glb", ".gltf", ".ply", ".stl")
-_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_READERS = {
+    ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".ply": read_ply, ".stl": read_stl,
+}  # fmt: skip
+SUFFIXES = tuple(_READERS)
 
 
 def read_mesh(
     path: str | os.PathLike[str],
     *,
-    unit: str = "m",
+    unit: str | None = None,
     hard_angle: float | None = None,
     name: str | None = None,
 ) -> Mesh:
@@ -48,8 +48,9 @@ def read_mesh(
     ----------
     path : str or path
         The file.
-    unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}
-        Unit of length of the file. Most formats do not define it; glTF is in metres.
+    unit : {"m", "dm", "cm", "mm", "um", "in", "ft"}, optional
+        Unit of length of the file; by default the one that it states, else m. Most formats do not
+        define it; glTF is in metres.
     hard_angle : float, optional
         As for `mesh_from_arrays` [degrees], 0 to 180. 180 ignores the file's normals. Without it
         and without normals, edges that turn by more than 44 are hard.
@@ -59,7 +60,7 @@ def read_mesh(
     Returns
     -------
     Mesh
-        Its `notes` list what was found in the file.
+        Its `notes` list what was found in the file, its `materials` the pictures that it names.
 
     Raises
     ------
@@ -68,12 +69,15 @@ def read_mesh(
         another unit; what `mesh_from_arrays` refuses; one line.
     """
     path = Path(os.path.expanduser(path))
-    require_choice("unit", unit, UNITS)
+    if unit is not None:
+        require_choice("unit", unit, UNITS)
     name = path.stem if name is None else name
-    parts = _load(path)
-    notes = []
+    contents = read_contents(path)
+    parts = [part.corners for part in contents.parts]
+    notes = list(contents.notes)
     if len(parts) > 1:
         notes.append(f"{len(parts)} geometries put together")
+    unit = _unit(path, contents, unit, notes)
     uv, normals = _of_all(parts, "uv", notes), _of_all(parts, "normals", notes)
     vertices = np.concatenate([part.vertices for part in parts])
     first = np.cumsum([0] + [len(part.vertices) for part in parts])
@@ -82,9 +86,61 @@ def read_mesh(
     mesh = mesh_from_arrays(
         vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle, name=name
     )
+    coarse = coarse_note(vertices[np.unique(faces)], UNITS[unit])
+    if coarse is not None:
+        notes.append(coarse)
     if normals is not None and hard_angle is None:
         notes.append("the file's normals carry the displacement")
-    return Mesh(mesh.vertices, mesh.faces, mesh.normals, mesh.uv, name, (*notes, *mesh.notes))
+    materials = _used(contents)
+    return Mesh(
+        mesh.vertices, mesh.faces, mesh.normals, mesh.uv, name, (*notes, *mesh.notes), materials
+    )
+
+
+def read_contents(path: Path) -> Contents:
+    """Return the parts and materials of a mesh file, in its own unit; at least one part."""
+    with reading(path, "a mesh", SUFFIXES) as suffix:
+        contents = _READERS[suffix](path)
+    if not contents.parts:
+        raise AsperityError(
+            f"{path}: there are no triangles in it (points or lines only?); valid: one at least"
+        )
+    contents.parts = [_laid(part, contents) for part in contents.parts]
+    return contents
+
+
+def _laid(part: FilePart, contents: Contents) -> FilePart:
+    """Return a part with its texture coordinates as its material lays its pictures."""
+    if part.material < 0 or part.corners.uv is None:
+        return part
+    material = contents.materials[part.material]
+    (scale, offset) = placing = material.placing
+    if placing == type(placing)():
+        return part
+    note = f"texture coordinates of material {material.name!r} times {scale} plus {offset} (-s, -o)"
+    if note not in contents.notes:
+        contents.notes.append(note)
+    return FilePart(part.corners._replace(uv=part.corners.uv * scale + offset), part.material)
+
+
+def _used(contents: Contents) -> tuple[Material, ...]:
+    """Return the materials that parts have."""
+    numbers = sorted({part.material for part in contents.parts if part.material >= 0})
+    return tuple(contents.materials[number] for number in numbers)
+
+
+def _unit(path: Path, contents: Contents, unit: str | None, notes: list[str]) -> str:
+    """Return the unit of length: as given, or else as the file states, or else metres."""
+    stated = contents.unit
+    gltf = path.suffix.lower() in (".glb", ".gltf")
+    if unit is None:
+        if stated is not None and not gltf:
+            notes.append(f"its unit is {stated}, as it states")
+        return stated or "m"
+    if stated is not None and stated != unit:
+        stated_by = "glTF is in m" if gltf else f"it states that its unit is {stated}"
+        notes.append(f"{stated_by}, but it is read in {unit}, as unit= asks")
+    return unit
 
 
 def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
@@ -107,155 +163,3 @@ def _of_all(parts: list[Corners], what: str, notes: list[str]) -> Array | None:
         lack = count_of(len(values) - len(having), "geometry", "geometries")
         notes.append(f"{lack} of {len(values)} without {what}: those of the others are left out")
     return None
-
-
-def _load(path: Path) -> list[Corners]:
-    """Return the parts of the file at `path`, at least one."""
-    with reading(path, "a mesh", SUFFIXES) as suffix:
-        if suffix == ".stl":
-            _refuse_cut_short(path)
-        parts = list(_parts(path, suffix))
-    if not parts:
-        _refuse(path, "there are no triangles in it (points or lines only?); valid: one at least")
-    return parts
-
-
-def _refuse(path: Path, reason: str) -> Any:
-    raise AsperityError(f"{path}: {reason}") from None
-
-
-def _refuse_cut_short(path: Path) -> None:
-    """Refuse a binary STL file that ends before its last triangle: 84 bytes and 50 for each."""
-    data = path.read_bytes()
-    if data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:1000]:
-        return  # text
-    said = int.from_bytes(data[80:84], "little")
-    if len(data) < 84 or len(data) < 84 + 50 * said:
-        if data and b"\0" not in data:
-            _refuse(path, "it is no STL file: it is text, and does not begin with solid")
-        needs = (
-            f"{said} triangles need {84 + 50 * said}" if len(data) >= 84 else "its head needs 84"
-        )
-        _refuse(path, f"it is cut short: {needs} bytes, there are {len(data)}")
-
-
-def _parts(path: Path, suffix: str) -> Iterator[Corners]:
-    """Yield the parts of a file in the frame of the whole."""
-    scene = _scene(path, suffix)
-    for node in scene.graph.nodes_geometry:
-        transform, key = scene.graph[node]
-        geometry = scene.geometry[key]
-        faces = getattr(geometry, "faces", None)
-        if faces is None or len(faces) == 0:
-            continue
-        uv = getattr(geometry.visual, "uv", None)
-        normals = _normals(path, suffix, geometry)
-        faces = np.array(faces, dtype=np.int64)
-        if uv is not None:
-            uv = np.asarray(uv, dtype=np.float64)[faces] if len(uv) else None
-        part = Corners(np.array(geometry.vertices, dtype=np.float64), faces, uv, normals)
-        yield _placed(part, np.asarray(transform, dtype=np.float64))
-
-
-def _scene(path: Path, suffix: str, **options: Any) -> Any:
-    """Return the file as a trimesh scene without merged vertices."""
-    import trimesh  # takes a second to import
-
-    if suffix == ".obj":
-        text = _absolute(path.read_text(encoding="utf-8", errors="replace"))
-        # `maintain_order=True` would keep one texture coordinate per vertex and break the seams.
-        options |= {"skip_materials": True}
-        file: Any = io.BytesIO(text.encode())
-    elif suffix in (".glb", ".gltf"):
-        file = io.BytesIO(_with_materials(path, path.read_bytes()))
-        options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
-    else:
-        file = io.BytesIO(path.read_bytes())
-    return trimesh.load_scene(file, file_type=suffix[1:], process=False, **options)
-
-
-def _normals(path: Path, suffix: str, geometry: Any) -> Array | None:
-    """Return the normals of the corners that the file contains, not computed by trimesh."""
-    if suffix == ".stl":
-        return None
-    if suffix == ".ply":
-        # Vertices split at texture seams are in another order than their normals.
-        (geometry,) = _scene(path, suffix, fix_texture=False).geometry.values()
-    # Computed normals enter this cache too, but only on access.
-    if "vertex_normals" not in geometry._cache:
-        return None
-    return np.asarray(geometry.vertex_normals, dtype=np.float64)[np.asarray(geometry.faces)]
-
-
-def _placed(part: Corners, transform: Array) -> Corners:
-    """Return a part moved by a transform (4, 4), which may mirror or shear it."""
-    if np.array_equal(transform, np.eye(4)):
-        return part
-    matrix = transform[:3, :3]
-    vertices = part.vertices @ matrix.T + transform[:3, 3]
-    # The cofactor matrix is the inverse transpose up to a factor, and needs no inverse.
-    cofactors = np.cross(np.roll(matrix, -1, axis=0), np.roll(matrix, -2, axis=0))
-    mirrored = np.linalg.det(matrix) < 0.0
-    faces, uv, normals = part.faces, part.uv, part.normals
-    if normals is not None:
-        normals = normals @ (-cofactors.T if mirrored else cofactors.T)
-    if mirrored:
-        faces = faces[:, ::-1]
-        uv = None if uv is None else uv[:, ::-1]
-        normals = None if normals is None else normals[:, ::-1]
-    return Corners(vertices, faces, uv, normals)
-
-
-def _absolute(text: str) -> str:
-    """Return the text of an OBJ file with relative indices made absolute."""
-    if not re.search(r"^f[^\n]*[ /]-\d", text, flags=re.MULTILINE):
-        return text
-    seen = {"v": 0, "vt": 0, "vn": 0}
-    lines = []
-    for line in text.replace("\\\n", " ").split("\n"):
-        key, *words = line.split() or [""]
-        if key in seen:
-            seen[key] += 1
-        if key == "f":
-            corners = []
-            for word in words:
-                fields = zip(word.split("/"), seen.values(), strict=False)
-                absolute = (str(int(i) + n + 1) if i.startswith("-") else i for i, n in fields)
-                corners.append("/".join(absolute))
-            line = " ".join(["f", *corners])
-        lines.append(line)
-    return "\n".join(lines)
-
-
-def _with_materials(path: Path, data: bytes) -> bytes:
-    """Return a GLB or glTF file in which every primitive has a material; refuse compressed ones.
-
-    trimesh reads texture coordinates only with a material.
-    """
-    binary = data[:4] == b"glTF"
-    if binary:
-        (size,) = struct.unpack("<I", data[12:16])
-        text, rest = data[20 : 20 + size], data[20 + size :]
-    else:
-        text, rest = data, b""
-    tree = json.loads(text)
-    wrong = [e for e in tree.get("extensionsRequired", []) if e in _COMPRESSED]
-    if wrong:
-        _refuse(path, f"it is compressed ({', '.join(wrong)}); valid: exported uncompressed")
-    bare = [
-        primitive
-        for mesh in tree.get("meshes", [])
-        for primitive in mesh.get("primitives", [])
-        if "material" not in primitive
-    ]
-    if not bare:
-        return data
-    tree.setdefault("materials", []).append({})
-    for primitive in bare:
-        primitive["material"] = len(tree["materials"]) - 1
-    text = json.dumps(tree).encode()
-    if not binary:
-        return text
-    text += b" " * (-len(text) % 4)
-    head = b"glTF" + struct.pack("<II", 2, 20 + len(text) + len(rest))
-    return head + struct.pack("<I", len(text)) + b"JSON" + text + rest

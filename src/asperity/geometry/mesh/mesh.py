@@ -16,6 +16,7 @@ from asperity._core.arrays import Array, Indices
 from asperity.errors import require_between
 from asperity.geometry.mesh.checks import Corners, checked_corners, cleaned, count_of
 from asperity.geometry.mesh.crossings import crossing_triangles
+from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.normals import HARD_ANGLE, given_normals, smooth_normals
 from asperity.geometry.mesh.topology import edges_of, wound_alike
 from asperity.geometry.mesh.uv import uv_notes
@@ -38,6 +39,8 @@ class Mesh:
     name : str
     notes : tuple of str
         Findings and repairs: mirrored charts, open borders, and so on.
+    materials : tuple of Material
+        Of the file, those that its parts have.
     """
 
     vertices: Array
@@ -46,6 +49,7 @@ class Mesh:
     uv: Array | None = None
     name: str = "mesh"
     notes: tuple[str, ...] = ()
+    materials: tuple[Material, ...] = ()
 
 
 def mesh_from_arrays(

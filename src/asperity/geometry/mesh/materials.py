@@ -1,0 +1,223 @@
+"""Materials of mesh files, and pictures that belong together by their file names.
+
+What a texture renderer shows as bumps can be felt: *displacement* is a map of heights, *normal* one
+of normals, *bump* heights without a scale. *colour* and *roughness* are only seen.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from asperity._core.files import text_of
+
+FELT = ("displacement", "normal", "bump")
+"""Kinds of maps that can be felt, the first that is there is used."""
+SEEN = ("colour", "roughness")
+
+
+class MapImage(NamedTuple):
+    """A picture that a material names.
+
+    Attributes
+    ----------
+    path : Path or None
+        Its file, which may be missing; None: it is within the mesh file.
+    name : str
+        As the file names it.
+    data : bytes
+        Its content, if it has no file.
+    height_range : float or None
+        Height of white above black in the file's unit; displacement only.
+    low : float
+        Height of black in the file's unit.
+    scale : float
+        By which slopes of a normal map are multiplied.
+    """
+
+    path: Path | None
+    name: str
+    data: bytes = b""
+    height_range: float | None = None
+    low: float = 0.0
+    scale: float = 1.0
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it can be read."""
+        return bool(self.data) or (self.path is not None and self.path.is_file())
+
+
+class Placing(NamedTuple):
+    """How a material lays its pictures: at scale * uv + offset, v upwards."""
+
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+_AS_IT_IS = Placing()
+
+
+@dataclass(frozen=True)
+class Material:
+    """A named material.
+
+    Attributes
+    ----------
+    name : str
+    maps : mapping of str to MapImage
+        By kind: those of `FELT` and `SEEN`.
+    colour : tuple of float or None
+        Red, green, blue, 0 to 1 (sRGB), by which a picture of colours is multiplied.
+    placing : Placing
+        Of OBJ; glTF's is applied when the file is read.
+    """
+
+    name: str
+    maps: Mapping[str, MapImage] = field(default_factory=dict)
+    colour: tuple[float, float, float] | None = None
+    placing: Placing = _AS_IT_IS
+
+    @property
+    def felt(self) -> str | None:
+        """The kind of map that is felt, None without."""
+        return next((kind for kind in FELT if kind in self.maps), None)
+
+
+_MTL = {
+    "disp": "displacement", "map_disp": "displacement", "norm": "normal", "map_kn": "normal",
+    "map_norm": "normal", "map_bump": "bump", "bump": "bump", "map_kd": "colour",
+    "map_pr": "roughness",
+}  # fmt: skip
+"""Keywords of MTL files in lower case, and the kinds of maps that they name."""
+_NUMBERS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1}
+"""Options of maps that numbers follow, and how many at most."""
+_WORDS = ("-blendu", "-blendv", "-cc", "-clamp", "-imfchan", "-type")
+"""Options of maps that one word follows."""
+
+
+def read_mtl(path: Path, notes: list[str]) -> list[Material]:
+    """Return the materials of an MTL file; notes say what of them cannot be used."""
+    materials: list[Material] = []
+    for line in text_of(path.read_bytes()).splitlines():
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        key = words[0].lower()
+        if key == "newmtl":
+            materials.append(Material(line.split(None, 1)[1].strip() if len(words) > 1 else ""))
+        elif not materials:
+            continue
+        elif key in _MTL and len(words) > 1:
+            materials[-1] = _with_map(materials[-1], _MTL[key], line.split(None, 1)[1], path)
+        elif key == "kd" and len(words) == 4 and all(map(_is_number, words[1:])):
+            colour = tuple(min(max(float(word), 0.0), 1.0) for word in words[1:])
+            materials[-1] = _changed(materials[-1], colour=colour)
+    return materials
+
+
+def _changed(material: Material, **values: object) -> Material:
+    fields = {name: getattr(material, name) for name in ("name", "maps", "colour", "placing")}
+    return Material(**(fields | values))
+
+
+def _with_map(material: Material, kind: str, rest: str, library: Path) -> Material:
+    """Return a material with the map that the rest of a line names, after its options."""
+    words = rest.split()
+    given: dict[str, list[float]] = {}
+    at = 0
+    while at < len(words) - 1 and words[at].startswith("-"):
+        option = words[at].lower()
+        at += 1
+        if option in _WORDS:
+            at += 1
+        for _ in range(_NUMBERS.get(option, 0)):
+            if at >= len(words) - 1 or not _is_number(words[at]):
+                break
+            given.setdefault(option, []).append(float(words[at]))
+            at += 1
+    # What follows is the name, which may contain spaces.
+    name = rest.strip()
+    for _ in range(at):
+        name = name.split(None, 1)[1]
+    name = name.strip().strip('"')
+    picture = MapImage(_beside(library, name), Path(name.replace("\\", "/")).name)
+    if kind == "displacement" and len(given.get("-mm", [])) == 2:
+        low, gain = given["-mm"]
+        picture = picture._replace(height_range=gain, low=low)
+    if kind == "normal" and "-bm" in given:
+        picture = picture._replace(scale=given["-bm"][0])
+    placing = material.placing
+    if kind in FELT and (kind == material.felt or material.felt is None):
+        scale = tuple((*given.get("-s", []), 1.0, 1.0)[:2])
+        offset = tuple((*given.get("-o", []), 0.0, 0.0)[:2])
+        placing = Placing(scale, offset)  # type: ignore[arg-type]
+    return _changed(material, maps={**material.maps, kind: picture}, placing=placing)
+
+
+def _beside(library: Path, name: str) -> Path:
+    """Return the path of a picture that a library names, possibly as on another computer."""
+    named = Path(name.replace("\\", "/"))
+    for path in (library.parent / named, library.parent / named.name):
+        if path.is_file():
+            return path
+    return library.parent / named.name
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+_BY_NAME = {
+    "displacement": ("displacement", "disp", "displace", "height", "heightmap", "depth", "dsp"),
+    "normal": ("normal", "normals", "normalgl", "normaldx", "nrm", "nor", "norm", "normalmap"),
+    "bump": ("bump", "bumpmap"),
+    "colour": ("color", "colour", "basecolor", "basecolour", "albedo", "diffuse", "diff", "col"),
+    "roughness": ("roughness", "rough", "rgh"),
+}
+"""Words in names of files that stand for kinds of maps (ambientCG, Poly Haven, Substance, ...)."""
+_SUFFIXES = (".tif", ".tiff", ".png", ".exr", ".jpg", ".jpeg")
+"""Of pictures, those that keep more of the heights first."""
+
+
+def maps_by_name(files: Iterable[Path], stem: str | None = None) -> dict[str, MapImage]:
+    """Return the pictures among files whose names say what they are, by kind.
+
+    Parameters
+    ----------
+    files : iterable of Path
+    stem : str, optional
+        How names have to begin, in any case: those of pictures that belong to a mesh of this name.
+    """
+    found: dict[str, list[Path]] = {}
+    for path in sorted(files):
+        if path.suffix.lower() not in _SUFFIXES or not path.is_file():
+            continue
+        if stem is not None and not path.stem.lower().startswith(stem.lower()):
+            continue
+        kind = _kind_of(path.stem)
+        if kind is not None:
+            found.setdefault(kind, []).append(path)
+    out = {}
+    for kind, paths in found.items():
+        # Green up is what OpenGL and most programs write.
+        order = [("dx" in p.stem.lower(), _SUFFIXES.index(p.suffix.lower()), p) for p in paths]
+        out[kind] = MapImage(min(order)[2], min(order)[2].name)
+    return out
+
+
+def _kind_of(stem: str) -> str | None:
+    """Return the kind of map that the last telling word in a name stands for."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem)
+    words = [*re.split(r"[\W_]+", spaced.lower()), *re.split(r"[\W_]+", stem.lower())]
+    return next(
+        (kind for word in reversed(words) for kind, names in _BY_NAME.items() if word in names),
+        None,
+    )
