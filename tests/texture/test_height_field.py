@@ -317,7 +317,7 @@ def test_every_real_map_is_in_the_list_above(data: Path) -> None:
     ("name", "choices", "words"),
     [
         ("heights/Rocks07_disp.jpg", {}, "does not hold its scale"),
-        ("heights/fabric_pattern_07_nor_gl_1k.jpg", IMAGE, "kind='normal-opengl'"),
+        ("heights/fabric_pattern_07_nor_gl_1k.jpg", IMAGE, "kind='normal'"),
         ("heights/Rocks07_disp.jpg", NORMALS, "no colours"),
         ("measured/bullet_land_striae.npz", {}, "missing='fill'"),
         ("measured/bullet_land_striae.npz", {"kind": "normal-opengl", "pixel_size": 1e-6}, "image"),

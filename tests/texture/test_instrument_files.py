@@ -48,7 +48,7 @@ def test_a_damaged_instrument_s_file_is_refused(data, tmp_path, keep):
     pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .tmd")
     path = tmp_path / "cut.tmd"
     path.write_bytes((data / "measured/tmd-1.tmd").read_bytes()[:keep])
-    with pytest.raises(SurfaceError, match=r"cut\.tmd: (the file is empty|cannot be read)") as said:
+    with pytest.raises(SurfaceError, match=r"cut\.tmd: .*(empty|cannot be read)") as said:
         HeightField.from_file(path)
     assert "\n" not in str(said.value)
 
@@ -140,7 +140,7 @@ def test_a_damaged_float_picture_is_refused(exr, damage):
         "cut": whole[: len(whole) // 2],
     }
     path.write_bytes(parts[damage])
-    with pytest.raises(SurfaceError, match=r"map\.exr: (the file is empty|cannot be read)") as said:
+    with pytest.raises(SurfaceError, match=r"map\.exr: .*(empty|cannot be read)") as said:
         read_heights(path, pixel_size=1e-5, height_range=RELIEF)
     assert "\n" not in str(said.value)
 

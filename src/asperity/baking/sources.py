@@ -20,8 +20,9 @@ from asperity.geometry.mesh.contents import Contents
 from asperity.geometry.mesh.files import SUFFIXES, read_contents, read_mesh
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.ply import positions, read_elements, read_head
-from asperity.texture.files.arrays import ARRAY_SUFFIXES, INSTRUMENT_SUFFIXES
+from asperity.texture.files.arrays import ARRAY_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
+from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
 
 HAND = (5e-3, 0.5)
 """Smallest and largest extent of a hand-held object [m], for guessing the unit."""

@@ -28,12 +28,15 @@ from asperity.texture.files.checks import (
     checked_places,
     checked_samples,
 )
+from asperity.texture.files.doubts import DOUBT, doubts
 from asperity.texture.files.reading import read_heights
 from asperity.texture.spectrum import Spectrum
 from asperity.texture.spline import evaluate_2d, spline_coefficients
 
 BORDERS = ("wrap", "clamp")
-KINDS = ("height", "normal-opengl", "normal-directx")
+KINDS = ("height", "normal", "normal-opengl", "normal-directx")
+_OF_HEIGHTS = ("refuse", None, "smooth", None, None, None)
+"""Defaults of the options that normal maps do not have."""
 _ROLL_OFF = 1.25
 _SEAM = 3.0
 
@@ -99,7 +102,7 @@ class HeightField:
         cls,
         path: str | os.PathLike[str],
         *,
-        pixel_size: float | None = None,
+        pixel_size: float | Sequence[float] | None = None,
         size: Sequence[float] | None = None,
         height_range: float | None = None,
         border: str = "clamp",
@@ -109,6 +112,8 @@ class HeightField:
         quantised: str = "smooth",
         kind: str = "height",
         unit: str | None = None,
+        colour: str | None = None,
+        nodata: float | None = None,
     ) -> HeightField:
         """Return the height field in a file.
 
@@ -118,7 +123,7 @@ class HeightField:
             An image, an array, text or an instrument's file: see
             `asperity.texture.files.reading.read_heights`. A single line of heights becomes a
             surface that is constant along v.
-        pixel_size, height_range, invert, missing, array, quantised, unit
+        pixel_size, height_range, invert, missing, array, quantised, unit, colour, nodata
             As for `read_heights`. A normal map needs only `pixel_size`: its heights follow from its
             slopes, unless `height_range` is given.
         size : (lu, lv), optional
@@ -128,9 +133,9 @@ class HeightField:
         border : {"clamp", "wrap"}
             See `HeightField`. A map that does not tile gets a step at the seam if wrapped; a note
             gives its height.
-        kind : {"height", "normal-opengl", "normal-directx"}
-            Contents of the file: heights, or normals with green up or green down
-            (`asperity.texture.files.normal_maps.read_normal_map`).
+        kind : {"height", "normal", "normal-opengl", "normal-directx"}
+            Contents of the file: heights, or normals, green up or down as the map itself shows, up,
+            or down (`asperity.texture.files.normal_maps.read_normal_map`).
 
         Raises
         ------
@@ -150,17 +155,18 @@ class HeightField:
         scale["invert"] = invert
         if kind == "height":
             found = read_heights(
-                path, **scale, missing=missing, array=array, quantised=quantised, unit=unit
-            )
-        elif (missing, array, quantised, unit) != ("refuse", None, "smooth", None):
+                path, **scale, missing=missing, array=array, quantised=quantised, unit=unit,
+                colour=colour, nodata=nodata,
+            )  # fmt: skip
+        elif (missing, array, quantised, unit, colour, nodata) != _OF_HEIGHTS:
             raise SurfaceError(
-                f"{path}: missing=, array=, quantised= and unit= are for maps of heights; leave "
-                f"them out with kind={kind!r}"
+                f"{path}: missing=, array=, quantised=, unit=, colour= and nodata= are for maps of "
+                f"heights; leave them out with kind={kind!r}"
             )
         else:
             from asperity.texture.files.normal_maps import read_normal_map
 
-            convention = kind.removeprefix("normal-")
+            convention = "auto" if kind == "normal" else kind.removeprefix("normal-")
             found = read_normal_map(path, convention=convention, border=border, **scale)
         samples, notes = _as_map(found.samples, found.notes)
         if border == "wrap":
@@ -168,7 +174,9 @@ class HeightField:
         pixels: float | tuple[float, float] = found.pixel_size
         if size is not None:
             pixels = (size[0] / samples.shape[1], size[1] / samples.shape[0])
-            notes = tuple(note for note in notes if not note.startswith("pixel size"))
+            taken = ("pixel size", DOUBT)
+            notes = tuple(note for note in notes if not note.startswith(taken))
+            notes = (*notes, *doubts(samples, pixels))
         try:
             return cls(samples, pixels, border, notes)
         except SurfaceError as error:

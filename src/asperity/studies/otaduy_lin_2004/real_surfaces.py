@@ -43,7 +43,7 @@ class RealSurface:
                 path, pixel_size=self.pixel_size, height_range=self.height_range, missing="fill"
             )
             samples = heights.samples[: self.shape[0], : self.shape[1]]
-            return HeightMap(samples, heights.pixel_size), f"Measured. {self.scale_note}"
+            return HeightMap(samples, self.pixel_size), f"Measured. {self.scale_note}"
         samples = self_affine(
             self.shape, self.pixel_size, hurst=self.hurst, rms_slope=self.rms_slope,
             rolloff=self.rolloff, seed=self.seed,

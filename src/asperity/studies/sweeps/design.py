@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from asperity.errors import AsperityError, require_choice
 from asperity.scene.document import at, beside, require_keys
-from asperity.texture.files.arrays import INSTRUMENT_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
+from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
 
 DESIGNS = ("grid", "latin-hypercube", "sobol", "list")
 SCALES = ("linear", "log")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, SurfaceError
-from asperity.texture.files.images import MAX_SAMPLES
+from asperity.texture.files.stored import MAX_SAMPLES
 
 MAX_SLOPE = 100.0
 """Largest slope (89.4 degrees); steeper maps have a scale in the wrong unit."""

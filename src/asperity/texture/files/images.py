@@ -9,6 +9,7 @@ map remain as steps that a probe feels. Here 16 bits stay 16, palettes are appli
 from __future__ import annotations
 
 import importlib
+import logging
 import struct
 import warnings
 from pathlib import Path
@@ -20,39 +21,61 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError
+from asperity.texture.files.colours import grey
+from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr")
-MAX_SAMPLES = 2**27
-"""Largest map that is read [samples]: 8192 x 16384, 1 GiB as heights."""
-
-_LUMINANCE = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
 _SMOOTHING_STEPS = 40
+_TURNS = {
+    2: (True, 0, "mirrored"),
+    3: (False, 2, "turned by 180 degrees"),
+    4: (True, 2, "mirrored, top to bottom"),
+    5: (True, 1, "mirrored and turned by 90 degrees"),
+    6: (False, 3, "turned clockwise by 90 degrees"),
+    7: (True, 3, "mirrored and turned clockwise by 90 degrees"),
+    8: (False, 1, "turned by 90 degrees"),
+}
+"""Whether the columns are reversed, quarter turns after that, and the words, by EXIF orientation.
+
+The pixels are stored otherwise than they are seen; this makes them as they are seen.
+"""
+_NODATA = 42113
+"""GDAL's tag for the value of missing pixels."""
+_ORIENTATION = 274
+_AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
 
-class Stored(NamedTuple):
-    """Contents of a file: values in metres, or grey levels without a scale."""
+class _Picture(NamedTuple):
+    """Pixels, the first row at the top, and which of them have no data."""
 
-    values: NDArray[Any]
+    pixels: NDArray[Any]
     notes: tuple[str, ...] = ()
-    """Conversions of the file's values."""
-    pixel_size: float | None = None
-    """[m]"""
-    in_metres: bool = True
-    step: float = 0.0
-    """Difference between neighbouring grey levels; 0 for values that are not quantised."""
+    missing: NDArray[np.bool_] | None = None
 
 
-def read_image(path: Path) -> Stored:
-    """Return the grey values of the image file at `path`, row 0 at the bottom of the picture.
+def read_image(path: Path, colour: str | None = None) -> Stored:
+    """Return the values of the image file at `path`, row 0 at the bottom of the picture.
+
+    Parameters
+    ----------
+    path : Path
+    colour : str, optional
+        What colours mean: a key of `asperity.texture.files.colours.COLOURS`.
 
     Raises
     ------
     SurfaceError
-        A file that is too large, or of a kind that cannot be read with all its bits.
+        A file that is too large, or of a kind that cannot be read with all its bits; colours
+        that nothing states the meaning of.
     """
-    pixels, notes = read_pixels(path)
-    return _grey(np.flipud(pixels), notes)
+    picture = _read(path)
+    stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
+    if picture.missing is None:
+        return stored
+    values = stored.values.astype(np.float64)
+    values[np.flipud(picture.missing)] = np.nan
+    return stored._replace(values=values)
 
 
 def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
@@ -61,10 +84,15 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     Returns
     -------
     pixels : (rows, columns) or (rows, columns, channels) array
-        As stored, palettes applied, the first row at the top of the picture.
+        As stored, palettes applied, upright by EXIF, the first row at the top of the picture.
     notes : tuple of str
         Conversions made.
     """
+    picture = _read(path)
+    return picture.pixels, picture.notes
+
+
+def _read(path: Path) -> _Picture:
     suffix = path.suffix.lower()
     if suffix == ".exr":
         return _read_exr(path)
@@ -76,75 +104,24 @@ def read_pixels(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:
             check_size(path, rows, columns)
-            return _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced), ()
+            pixels = _png16(path, (columns, rows), _PNG_COLOURS[colour], interlaced)
+            with _opened(path) as image:
+                return _upright(_Picture(pixels), _orientation(image))
     return _read_pillow(path)
 
 
-def check_size(path: Path, *shape: int) -> None:
-    """Raise `SurfaceError` if a map of `shape` is larger than `MAX_SAMPLES`."""
-    if np.prod(shape, dtype=float) > MAX_SAMPLES:
-        size = " x ".join(str(n) for n in shape)
-        raise SurfaceError(
-            f"{path}: {size} samples are too many; valid: at most {MAX_SAMPLES} (8192 x 16384)"
-        )
+def _upright(picture: _Picture, orientation: int) -> _Picture:
+    """Return a picture turned and mirrored as its EXIF orientation states, 1 to 8."""
+    if orientation not in _TURNS:
+        return picture
+    mirrored, quarters, stated = _TURNS[orientation]
 
+    def turned(pixels: NDArray[Any]) -> NDArray[Any]:
+        return np.rot90(np.fliplr(pixels) if mirrored else pixels, quarters)
 
-def level_step(values: NDArray[Any]) -> float:
-    """Return the difference between neighbouring grey levels of integer values.
-
-    Values of 16 bits that are all multiples of 257 or of 256 are 8-bit values in a wider type.
-    """
-    if values.dtype.kind not in "ui":
-        return 0.0
-    if values.dtype.itemsize == 1:
-        return 1.0
-    return next((float(s) for s in (257, 256) if not (values % s).any()), 1.0)
-
-
-def _grey(pixels: NDArray[Any], notes: tuple[str, ...]) -> Stored:
-    """Return `pixels`, (rows, columns) or (rows, columns, channels), as grey values."""
-    if pixels.ndim == 3 and pixels.shape[2] in (2, 4):
-        pixels, notes = pixels[..., :-1], (*notes, "the alpha channel is ignored")
-    if pixels.ndim == 3 and pixels.shape[2] == 3:
-        if (pixels == pixels[..., :1]).all():
-            pixels = pixels[..., :1]
-        else:
-            _refuse_normal_map(pixels)
-            notes = (*notes, "colour is read as its luminance (ITU-R BT.601)")
-            step = 1.0 if pixels.dtype.kind in "ui" else 0.0
-            luminance = pixels.astype(np.float64) @ _LUMINANCE
-            return Stored(luminance, notes, in_metres=False, step=step)
-    if pixels.ndim == 3 and pixels.shape[2] == 1:
-        pixels = pixels[..., 0]
-    if pixels.ndim != 2:
-        raise ValueError(f"pixels of shape {pixels.shape} are neither grey nor colour")
-    step = level_step(pixels)
-    return Stored(pixels.astype(np.float64), notes, in_metres=False, step=step)
-
-
-def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, bool]:
-    """Return colours as vectors, -1 to 1, and whether they are unit normals with blue along z.
-
-    Integers are scaled from 0 to the largest of their type, floats from 0 to 1, or unscaled if some
-    are negative.
-    """
-    if pixels.dtype.kind == "u":
-        vectors = pixels[..., :3] * (2.0 / np.iinfo(pixels.dtype).max) - 1.0
-    else:
-        vectors = pixels[..., :3].astype(np.float64)
-        if vectors.min() >= 0.0:
-            vectors = 2.0 * vectors - 1.0
-    off_unit = np.abs(np.linalg.norm(vectors, axis=2) - 1.0).mean()
-    return vectors, bool(off_unit < 0.05 and vectors[..., 2].mean() > 0.5)
-
-
-def _refuse_normal_map(pixels: NDArray[Any]) -> None:
-    """Raise if the colours are unit vectors: the image is a normal map, not a height map."""
-    if pixels.dtype.kind == "u" and unit_vectors(pixels)[1]:
-        raise ValueError(
-            "its colours are unit vectors: a normal map; valid: a map of heights, or "
-            "HeightField.from_file with kind='normal-opengl' (green up) or 'normal-directx'"
-        )
+    missing = None if picture.missing is None else turned(picture.missing)
+    note = f"the picture is {stated}, as its EXIF orientation {orientation} states"
+    return _Picture(turned(picture.pixels), (*picture.notes, note), missing)
 
 
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
@@ -174,11 +151,27 @@ def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDA
     return decoded(mode, f"{mode};16B") * np.uint16(256) + decoded(mode, f"{mode};16L")
 
 
-def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
+def _read_pillow(path: Path) -> _Picture:
+    with _opened(path) as image:
+        frames = getattr(image, "n_frames", 1)
+        notes = (f"the first of {frames} pictures in the file is read",) if frames > 1 else ()
+        image.load()
+        orientation = _orientation(image)  # a TIFF is turned already, and states so now
+        if image.mode in ("P", "PA"):
+            pixels, notes = np.asarray(image.convert("RGB")), (*notes, "the palette is looked up")
+        elif image.mode in _AS_STORED or image.mode.startswith("I;16"):
+            pixels = np.asarray(image)
+        else:
+            pixels = np.asarray(image.convert("L" if image.mode == "1" else "RGB"))
+    return _upright(_Picture(pixels, notes), orientation)
+
+
+def _opened(path: Path) -> Any:
+    """Return an image that Pillow opens, its pixels not yet read."""
     from PIL import Image, UnidentifiedImageError
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        warnings.simplefilter("ignore")
         try:
             image = Image.open(path)
         except Image.DecompressionBombError:
@@ -190,54 +183,93 @@ def _read_pillow(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
                 f"{path}: cannot be read as a {path.suffix.lower()} file: it holds no image "
                 "of a known kind; valid: PNG, TIFF, JPEG, BMP and others"
             ) from None
-    with image:
-        check_size(path, image.height, image.width)
-        notes: tuple[str, ...] = ()
-        frames = getattr(image, "n_frames", 1)
-        if frames > 1:
-            notes = (f"the first of {frames} pictures in the file is read",)
-        if image.mode == "1":
-            return np.asarray(image.convert("L")), notes
-        if image.mode in ("P", "PA"):
-            return np.asarray(image.convert("RGB")), (*notes, "the palette is looked up")
-        if image.mode in ("L", "LA", "RGB", "RGBA", "I", "F") or image.mode.startswith("I;16"):
-            return np.asarray(image), notes
-        return np.asarray(image.convert("RGB")), notes
+    check_size(path, image.height, image.width)
+    return image
 
 
-def _read_tiff(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
+def _orientation(image: Any) -> int:
+    """Return the EXIF orientation of an image, 1 where it has none that can be read."""
+    try:
+        return int(image.getexif().get(_ORIENTATION, 1))
+    except Exception:  # EXIF that is damaged states nothing
+        return 1
+
+
+def _read_tiff(path: Path) -> _Picture:
     import tifffile
 
-    with tifffile.TiffFile(path) as file:
-        page = file.pages[0]
-        check_size(path, page.imagelength, page.imagewidth)
-        notes: tuple[str, ...] = ()
-        if len(file.pages) > 1:
-            notes = (f"the first of {len(file.pages)} pictures in the file is read",)
-        try:
-            pixels = page.asarray()
-        except ValueError as error:
-            # Some compressions need another package; Pillow reads them, but not with 16 bits.
-            if "imagecodecs" not in str(error):
-                raise
-            if page.samplesperpixel > 1 and page.bitspersample > 8:
-                raise SurfaceError(
-                    f"{path}: this compression of 16-bit colour needs a reader that is not "
-                    "installed; valid: pip install imagecodecs, or save it without compression"
-                ) from None
-            return _read_pillow(path)
-        if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
-            pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
-            notes = (*notes, "the palette is looked up")
-        elif page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and pixels.dtype.kind == "u":
-            pixels = (2**page.bitspersample - 1 - pixels.astype(np.int64)).astype(pixels.dtype)
-            notes = (*notes, "the file stores white as 0; read as its grey values")
-        if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
-            pixels = np.moveaxis(pixels, 0, -1)
-    return pixels, notes
+    log = logging.getLogger("tifffile")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # it prints what it cannot parse; asperity parses that itself
+    try:
+        with tifffile.TiffFile(path) as file:
+            return _tiff_page(path, file)
+    finally:
+        log.setLevel(level)
 
 
-def _read_exr(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
+def _tiff_page(path: Path, file: Any) -> _Picture:
+    """Return the first page of an open TIFF, its missing values found."""
+    import tifffile
+
+    page = file.pages[0]
+    check_size(path, page.imagelength, page.imagewidth)
+    notes: tuple[str, ...] = ()
+    if len(file.pages) > 1:
+        notes = (f"the first of {len(file.pages)} pictures in the file is read",)
+    try:
+        pixels = page.asarray()
+    except ValueError as error:
+        # Some compressions need another package; Pillow reads them, but not with 16 bits.
+        if "imagecodecs" not in str(error):
+            raise
+        if page.samplesperpixel > 1 and page.bitspersample > 8:
+            raise SurfaceError(
+                f"{path}: this compression of 16-bit colour needs a reader that is not "
+                "installed; valid: pip install imagecodecs, or save it without compression"
+            ) from None
+        return _without_nodata(_read_pillow(path), page)
+    if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
+        pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
+        notes = (*notes, "the palette is looked up")
+    elif page.photometric == tifffile.PHOTOMETRIC.MINISWHITE and pixels.dtype.kind == "u":
+        pixels = (2**page.bitspersample - 1 - pixels.astype(np.int64)).astype(pixels.dtype)
+        notes = (*notes, "the file stores white as 0; read as its grey values")
+    if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
+        pixels = np.moveaxis(pixels, 0, -1)
+    orientation = page.tags.get(_ORIENTATION)
+    picture = _without_nodata(_Picture(pixels, notes), page)
+    return _upright(picture, 1 if orientation is None else int(orientation.value))
+
+
+def _without_nodata(picture: _Picture, page: Any) -> _Picture:
+    """Return a picture whose pixels of the value that GDAL's tag names are missing."""
+    tag = page.tags.get(_NODATA)
+    if tag is None:
+        return picture
+    text = tag.value.decode("ascii", "replace") if isinstance(tag.value, bytes) else str(tag.value)
+    try:
+        nodata = float(text.strip("\0 ").replace(",", "."))
+    except ValueError:
+        return picture._replace(notes=(*picture.notes, f"its nodata {text[:20]!r} is no number"))
+    grey = picture.pixels if picture.pixels.ndim == 2 else picture.pixels[..., 0]
+    # Written with fewer digits than the pixels have, the largest numbers differ in the last ones.
+    close = 1e-5 * abs(nodata) if abs(nodata) > 1e30 else 0.0
+    with np.errstate(invalid="ignore"):
+        missing = np.abs(grey.astype(np.float64) - float(_as(grey.dtype, nodata))) <= close
+    if not missing.any():
+        return picture
+    note = f"pixels of {nodata:g} are missing, as the file states (nodata)"
+    return picture._replace(notes=(*picture.notes, note), missing=missing)
+
+
+def _as(dtype: np.dtype[Any], number: float) -> float:
+    """Return a number as pixels of a type hold it."""
+    with np.errstate(over="ignore"):
+        return float(np.array(number).astype(dtype)) if dtype.kind == "f" else number
+
+
+def _read_exr(path: Path) -> _Picture:
     try:
         openexr = importlib.import_module("OpenEXR")
     except ImportError:
@@ -250,11 +282,12 @@ def _read_exr(path: Path) -> tuple[NDArray[Any], tuple[str, ...]]:
     channels = openexr.File(str(path)).channels()
     for name in ("Y", "RGB", "RGBA", "Z"):
         if name in channels:
-            return channels[name].pixels, ()
+            return _Picture(channels[name].pixels)
     if len(channels) == 1:
-        return next(iter(channels.values())).pixels, ()
+        return _Picture(next(iter(channels.values())).pixels)
     raise SurfaceError(
-        f"{path}: none of the channels {', '.join(channels)} is a height; valid: Y, Z, RGB or one"
+        f"{path}: none of the channels {', '.join(channels)[:100]} is a height; valid: Y, Z, RGB "
+        "or one"
     )
 
 

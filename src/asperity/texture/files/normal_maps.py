@@ -38,22 +38,27 @@ from scipy import fft, interpolate
 from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
-from asperity.texture.files.arrays import refuse
 from asperity.texture.files.checks import checked_pixel_size
-from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels, unit_vectors
+from asperity.texture.files.colours import unit_vectors
+from asperity.texture.files.doubts import doubts
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 from asperity.texture.files.reading import Heights
+from asperity.texture.files.stored import refuse
 
-CONVENTIONS = ("opengl", "directx")
+_GREEN = {"opengl": "up", "directx": "down"}
+CONVENTIONS = ("opengl", "directx", "auto")
 STEEPEST = 20.0
 """Normals with a larger slope (87 degrees), or that point down, are limited to it."""
 _TILT = 1e-3
+_SURE = 0.15
+"""Agreement of the cross slopes from which the map itself states where green points."""
 
 
 def read_normal_map(
     path: str | os.PathLike[str],
     *,
-    pixel_size: float | None = None,
-    convention: str = "opengl",
+    pixel_size: float | Sequence[float] | None = None,
+    convention: str = "auto",
     border: str = "clamp",
     height_range: float | None = None,
     invert: bool = False,
@@ -65,10 +70,13 @@ def read_normal_map(
     path : str or path
         A colour image of 8 or 16 bits, or of floats (PNG, TIFF, JPEG, OpenEXR): red along u, blue
         along the base's normal.
-    pixel_size : float
+    pixel_size : float or (pu, pv)
         Distance between samples [m], above 0. The heights are proportional to it.
-    convention : {"opengl", "directx"}
-        Green points up the picture, or down. The wrong one inverts hills and valleys along v.
+    convention : {"auto", "opengl", "directx"}
+        Green points up the picture ("opengl"), or down ("directx"): the wrong one inverts hills and
+        valleys along v. The slopes of a surface have no curl, so the map shows by itself which it
+        is ("auto"), unless it varies along one axis only; a note states when it does not tell, or
+        contradicts what is given.
     border : {"clamp", "wrap"}
         Whether the surface ends at the borders or repeats.
     height_range : float, optional
@@ -92,16 +100,16 @@ def read_normal_map(
     if pixel_size is None:
         refuse(path, "a normal map does not hold its scale; choose a value for pixel_size [m]")
     try:
-        pixel = require_positive("pixel_size", pixel_size, "[m]")
+        pu, pv = (require_positive("pixel_size", p, "[m]") for p in _pair(pixel_size))
         if height_range is not None:
             require_positive("height_range", height_range, "[m]")
     except AsperityError as error:
         refuse(path, str(error))
     vectors, notes = _read_vectors(path)
+    convention = _convention(vectors, convention, notes)
     h_u, h_v = _slopes(vectors, convention, notes)
-    green = {"opengl": "up", "directx": "down"}[convention]
-    notes.append(f"integrated from normals, green {green} the picture ({convention})")
-    samples = integrate_slopes(h_u, h_v, pixel, border=border)
+    notes.append(f"integrated from normals, green {_GREEN[convention]} the picture ({convention})")
+    samples = integrate_slopes(h_u, h_v, (pu, pv), border=border)
     tilt = float(np.hypot(h_u.mean(), h_v.mean()))
     if tilt > _TILT:
         notes.append(f"a mean slope of {tilt:.3g} is taken for a tilt and left out")
@@ -114,7 +122,56 @@ def read_normal_map(
         samples = samples * (height_range / relief)
     elif relief > 0.0:
         notes.append(f"height range {relief * 1e6:.6g} um: from the normals and the pixel size")
-    return Heights(-samples if invert else samples, pixel, tuple(notes))
+    notes += doubts(samples, (pu, pv))
+    return Heights(-samples if invert else samples, pu if pu == pv else (pu, pv), tuple(notes))
+
+
+def _pair(pixel_size: float | Sequence[float]) -> tuple[Any, Any]:
+    given = pixel_size if isinstance(pixel_size, Sequence) else (pixel_size, pixel_size)
+    if len(given) != 2:
+        raise AsperityError(f"pixel_size must be one number or two, got {pixel_size!r}")
+    return given[0], given[1]
+
+
+def curl_agreement(vectors: Array) -> float:
+    """Return how well normals are those of a surface with green up: 1 fully, -1 with green down.
+
+    It is the correlation of the two cross derivatives of the heights, dh_u/dv and dh_v/du, which
+    are equal on a surface; about 0 where neither convention fits better than the other.
+
+    Parameters
+    ----------
+    vectors : (rows, columns, 3) array
+        Unit vectors, the bottom of the picture first.
+    """
+    along = np.maximum(vectors[..., 2], 0.05)
+    h_u, h_v = -vectors[..., 0] / along, -vectors[..., 1] / along
+    across_u = (h_v[1:-1, 2:] - h_v[1:-1, :-2]).ravel()
+    across_v = (h_u[2:, 1:-1] - h_u[:-2, 1:-1]).ravel()
+    power = float(across_u @ across_u + across_v @ across_v)
+    return 2.0 * float(across_u @ across_v) / power if power > 0.0 else 0.0
+
+
+def _convention(vectors: Array, given: str, notes: list[str]) -> str:
+    """Return whether green points up or down, and note how sure that is."""
+    agreement = curl_agreement(vectors)
+    found = "opengl" if agreement >= 0.0 else "directx"
+    sure = abs(agreement) > _SURE
+    if given == "auto":
+        if sure:
+            notes.append(f"green points {_GREEN[found]}, found from the map's own curl")
+            return found
+        notes.append(
+            "does green point up? The map does not tell; opengl is taken, hills and valleys along "
+            "v are inverted if that is wrong: kind='normal-opengl' or 'normal-directx'"
+        )
+        return "opengl"
+    if sure and found != given:
+        notes.append(
+            f"does green point {_GREEN[given]}? The map's own curl states {_GREEN[found]}: "
+            f"kind='normal-{found}'"
+        )
+    return given
 
 
 def integrate_slopes(
@@ -198,20 +255,21 @@ def _read_vectors(path: Path) -> tuple[Array, list[str]]:
     valid = f"a colour image ({', '.join(IMAGE_SUFFIXES)})"
     with reading(path, "normals", IMAGE_SUFFIXES, valid=valid, error=SurfaceError):
         pixels, notes = read_pixels(path)
-        return _checked_vectors(path, np.flipud(pixels)), list(notes)
+        vectors, note = _checked_vectors(path, np.flipud(pixels))
+        return vectors, [*notes, note] if note else list(notes)
 
 
-def _checked_vectors(path: Path, pixels: NDArray[Any]) -> Array:
+def _checked_vectors(path: Path, pixels: NDArray[Any]) -> tuple[Array, str]:
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
         refuse(path, "it has no colours; valid: a normal map, or kind='height'")
     if min(pixels.shape[:2]) < 4:
         refuse(path, f"{pixels.shape[:2]} pixels; valid: 4 or more along each axis")
     if pixels.dtype.kind == "f" and not np.isfinite(pixels[..., :3]).all():
         refuse(path, "some of its normals are NaN or infinite; valid: finite ones")
-    vectors, are_normals = unit_vectors(pixels)
-    if not are_normals:
+    vectors, note = unit_vectors(pixels)
+    if note == "-":
         refuse(path, "its colours are no unit vectors, blue along the normal; valid: a normal map")
-    return vectors
+    return vectors, note
 
 
 def _slopes(vectors: Array, convention: str, notes: list[str]) -> tuple[Array, Array]:

@@ -1,15 +1,16 @@
 """Heights from files: images, arrays, text, and the formats of measuring instruments.
 
-Every reader returns heights [m] on a square grid, row 0 at v = 0, and notes on its decisions.
-Nothing is guessed: an image has no scale, so the scale must be given; missing values are refused
-unless filling is requested.
+Every reader returns heights [m] on a grid, row 0 at v = 0, and notes on its decisions. What a file
+states of itself is read; what it does not say must be given (an image has no scale), missing values
+are refused unless filling is requested, and a scale that is hardly right is doubted in a note.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,28 +19,24 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
 from asperity._core.files import reading
+from asperity._core.text_table import decoded
+from asperity._core.units import SHORT
 from asperity.errors import SurfaceError, require_choice
-from asperity.texture.files.arrays import (
-    ARRAY_SUFFIXES,
-    INSTRUMENT_SUFFIXES,
-    UNITS,
-    load_instrument,
-    load_npy,
-    load_npz,
-    load_text,
-    refuse,
-)
-from asperity.texture.files.images import (
-    IMAGE_SUFFIXES,
-    Stored,
-    check_size,
-    read_image,
-    smooth_levels,
-)
+from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
+from asperity.texture.files.colours import COLOURS
+from asperity.texture.files.doubts import doubts, sentinel_note
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_image, smooth_levels
+from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
+from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.text import load_text
 
+TEXT_SUFFIXES = ARRAY_SUFFIXES[2:]
+_EITHER = (".asc", ".dat", ".xyz")
+"""Suffixes of text and of instruments' files."""
 _KNOWN = (
-    f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text ({', '.join(ARRAY_SUFFIXES)}); "
-    f"an instrument's file ({', '.join(INSTRUMENT_SUFFIXES)})"
+    f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text "
+    f"({', '.join(ARRAY_SUFFIXES)}); an instrument's file (.x3p, .sdf, .sur, "
+    ".gwy, .tmd and others)"
 )
 
 
@@ -50,42 +47,45 @@ class Heights(NamedTuple):
     ----------
     samples : (nv, nu) or (n,) array
         Heights [m] at `(i + 1/2) * pixel_size`, row 0 at v = 0.
-    pixel_size : float
-        Distance between samples [m].
+    pixel_size : float or (pu, pv)
+        Distance between samples [m]; a pair where it differs along u and v.
     notes : tuple of str
-        Choices, conversions, filling and smoothing, one line each, to be shown to the user.
+        Choices, conversions, filling, smoothing and doubts, one line each, to be shown to the user.
     """
 
     samples: Array
-    pixel_size: float
+    pixel_size: float | tuple[float, float]
     notes: tuple[str, ...]
 
 
 def read_heights(
     path: str | os.PathLike[str],
     *,
-    pixel_size: float | None = None,
+    pixel_size: float | Sequence[float] | None = None,
     height_range: float | None = None,
     invert: bool = False,
     missing: str = "refuse",
     array: str | None = None,
     quantised: str = "smooth",
     unit: str | None = None,
+    colour: str | None = None,
+    nodata: float | None = None,
 ) -> Heights:
     """Return the heights in a file, in metres.
 
     Images (PNG, TIFF, JPEG; OpenEXR where its reader is installed) are read as grey values at full
-    bit depth, palettes applied, colour converted to luminance, and flipped so that the bottom of
-    the picture is v = 0. Arrays (`.npy`, `.npz`) and text (`.csv`, `.txt`: one column, or a matrix)
-    are in metres, unless the name of the array in the `.npz` ends in `_mm`, `_um` or `_nm`;
-    integers in `.npy` and `.npz` are grey levels. Files of instruments are read by
-    SurfaceTopography (`pip install 'asperity[surfaces]'`).
+    bit depth, palettes applied, turned by EXIF, and flipped so that the bottom of the picture
+    is v = 0. Arrays (`.npy`, `.npz`) are in metres, unless the name of the array in the `.npz` ends
+    in `_mm`, `_um` or `_nm`; integers in them are grey levels. Text (`.csv`, `.txt`: a matrix, a
+    column, x, y, z of points, or place and height of a profile) is in the unit that its header or
+    heading names, else in metres; the headers of Gwyddion's export and of others are read. Files
+    of instruments are read by SurfaceTopography (`pip install 'asperity[surfaces]'`).
 
     Parameters
     ----------
     path : str or path
         The file.
-    pixel_size : float, optional
+    pixel_size : float or (pu, pv), optional
         Distance between samples [m], above 0. Required where the file does not contain it, as for
         all images; otherwise it overrides the file's.
     height_range : float, optional
@@ -94,16 +94,21 @@ def read_heights(
     invert : bool
         For maps of depth: exchanges hills and valleys.
     missing : {"refuse", "fill"}
-        Treatment of values that are NaN or infinite: raise, or fill them by harmonic interpolation
-        of their surroundings (a hole gets no new hills or valleys).
+        Treatment of values that are NaN, infinite, or what the file calls nodata: raise, or fill
+        them by harmonic interpolation of their surroundings (a hole gets no new hills or valleys).
     array : str, optional
         Name of the array, for an `.npz` file with several.
     quantised : {"smooth", "keep"}
         Treatment of maps of 256 grey levels or fewer: smooth them within half a level
         (`asperity.texture.files.images.smooth_levels`), or keep the steps.
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of an image's values, instead of `height_range`, for images that contain heights: 0
-        remains 0. Without it they are grey values.
+        Unit of the file's values; of an image, instead of `height_range`: 0 remains 0.
+    colour : str, optional
+        What the colours of an image mean: `"luminance"`, `"red"`, `"green"`, `"blue"`, or heights
+        packed in bytes, `"packed-rgb"`, `"packed-bgr"`, `"packed-rg"`, `"packed-gr"`,
+        `"terrain-rgb"`, `"terrarium"`. Without it a picture that has colours is refused.
+    nodata : float, optional
+        Value that stands for a missing one, as stored in the file.
 
     Returns
     -------
@@ -119,22 +124,44 @@ def read_heights(
     path = Path(os.path.expanduser(path))
     require_choice("missing", missing, ("refuse", "fill"))
     require_choice("quantised", quantised, ("smooth", "keep"))
-    for name, value in (("pixel_size", pixel_size), ("height_range", height_range)):
-        if value is not None:
-            _require_length(path, name, value)
-    stored = _load(path, array)
+    if colour is not None:
+        require_choice("colour", colour, COLOURS)
+    if unit is not None:
+        require_choice("unit", unit, SHORT)
+    pixels = None if pixel_size is None else _lengths(path, "pixel_size", pixel_size)
+    if height_range is not None:
+        _lengths(path, "height_range", height_range)
+    stored = _load(path, array, colour, pixels)
     if unit is not None:
         stored = _in_unit(path, stored, unit, height_range)
-    values = _shaped(path, stored.values)
     notes = list(stored.notes)
-    pixel_size = _pixel_size(path, stored, pixel_size, height_range, notes)
+    size = _pixel_size(path, stored, pixels, height_range, notes)
+    values = _shaped(path, stored.values)
+    if nodata is not None:
+        values[values == nodata] = np.nan
+    elif (doubtful := sentinel_note(values)) is not None:
+        notes.append(doubtful)
     values = _without_missing(path, values, missing, notes)
+    values = _scaled(values, stored, height_range, invert, quantised, notes)
+    notes += doubts(values, size)
+    return Heights(values, size[0] if _is_square(size) else size, tuple(notes))
 
-    relief = float(values.max() - values.min())
+
+def _is_square(size: tuple[float, float]) -> bool:
+    return math.isclose(*size, rel_tol=1e-6)
+
+
+def _scaled(
+    values: Array, stored: Stored, height_range: float | None, invert: bool, quantised: str,
+    notes: list[str],
+) -> Array:  # fmt: skip
+    """Return stored values as heights [m]; `values` may be overwritten."""
+    low, high = float(values.min()), float(values.max())
+    relief = high - low
     if relief == 0.0:
         notes.append(f"every value is {values.flat[0]:g}: all heights are zero")
-        return Heights(np.zeros_like(values), pixel_size, tuple(notes))
-    scale = 1.0 if height_range is None else height_range / relief
+        return np.zeros_like(values)
+    scale = (stored.scale or 1.0) if height_range is None else height_range / relief
     centre = 0.0 if height_range is None else float(values.mean())
     if stored.step and relief <= 255.0 * stored.step:
         half = f"half a grey level, {0.5e6 * scale * stored.step:.3g} um"
@@ -143,36 +170,64 @@ def read_heights(
             notes.append(f"256 grey levels or fewer: smoothed, by at most {half}")
         else:
             notes.append(f"256 grey levels or fewer, kept: heights are rounded to {half}")
-    values = (values - centre) * (-scale if invert else scale)
-    return Heights(values, pixel_size, tuple(notes))
+    if centre:
+        values -= centre
+    factor = -scale if invert else scale
+    if factor != 1.0:
+        values *= factor
+    return values
 
 
-def _require_length(path: Path, name: str, value: Any) -> None:
+def _lengths(path: Path, name: str, value: Any) -> tuple[float, float]:
+    """Return a length, or a pair of them, as a pair, or refuse it."""
     try:
-        good = math.isfinite(value) and value > 0.0
-    except TypeError:
+        pair = [float(v) for v in (value if np.ndim(value) else (value, value))]
+        good = len(pair) == 2 and all(math.isfinite(v) and v > 0.0 for v in pair)
+    except (TypeError, ValueError):
         good = False
-    if not good:
+    if not good or (name == "height_range" and np.ndim(value)):
         refuse(path, f"{name} must be a finite number above 0 [m], got {value!r}")
+    return pair[0], pair[1]
 
 
 def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) -> Stored:
-    """Return an image's values, given in `unit`, in metres."""
-    require_choice("unit", unit, UNITS)
-    if stored.in_metres:
-        refuse(path, "its heights have a unit already; unit= is for images: leave it out")
-    if height_range is not None:
+    """Return a file's values as heights in `unit`; another unit of the file is noted."""
+    if height_range is not None and not stored.unit:
         refuse(path, "unit= and height_range= both give its heights a scale; give one")
-    values = np.asarray(stored.values, dtype=np.float64) * UNITS[unit]
-    return stored._replace(values=values, in_metres=True, step=stored.step * UNITS[unit])
+    metres = SHORT[unit]
+    notes = tuple(n for n in stored.notes if not n.startswith("no unit is stated"))
+    size = stored.pixel_size
+    if stored.unit and stored.scale != metres:
+        notes = (*notes, f"heights in {unit}, as given; the file states {stored.unit}")
+    if stored.sizes_follow and size is not None:
+        size = (size[0] * metres, size[1] * metres)
+        notes = (*notes, f"places and heights in {unit}, as given")
+    return stored._replace(scale=metres, pixel_size=size, notes=notes, sizes_follow=False)
 
 
-def _load(path: Path, array: str | None) -> Stored:
+def _load(
+    path: Path, array: str | None, colour: str | None, pixels: tuple[float, float] | None
+) -> Stored:
     """Return the contents of the file at `path`, whatever its format."""
-    if array is not None and path.suffix.lower() != ".npz":
+    suffix = path.suffix.lower()
+    if array is not None and suffix != ".npz":
         refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
-    with reading(path, "heights", [*_LOADERS], valid=_KNOWN, error=SurfaceError) as suffix:
-        return _LOADERS[suffix](path) if array is None else load_npz(path, array)
+    if colour is not None and suffix not in IMAGE_SUFFIXES:
+        refuse(path, "colour= states what the colours of an image mean; leave it out")
+    with reading(path, "heights", [*_LOADERS], valid=_KNOWN, error=SurfaceError):
+        load = _LOADERS[suffix]
+        if suffix == ".npz":
+            load = partial(load_npz, array=array)
+        elif suffix in IMAGE_SUFFIXES:
+            load = partial(read_image, colour=colour)
+        elif suffix in TEXT_SUFFIXES or (suffix in _EITHER and _is_text(path)):
+            load = partial(load_text, pixel_size=pixels[0] if pixels else None)
+        return load(path)
+
+
+def _is_text(path: Path) -> bool:
+    with path.open("rb") as file:
+        return decoded(file.read(4096)) is not None
 
 
 _LOADERS: dict[str, Callable[[Path], Stored]] = {
@@ -180,48 +235,54 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
     **dict.fromkeys(IMAGE_SUFFIXES, read_image),
     ".npy": load_npy,
     ".npz": load_npz,
-    ".csv": load_text,
-    ".txt": load_text,
+    **dict.fromkeys(TEXT_SUFFIXES, load_text),
 }
 
 
 def _shaped(path: Path, stored: NDArray[Any]) -> Array:
-    values = np.squeeze(np.ascontiguousarray(stored, dtype=np.float64))
-    if values.ndim > 2:
+    """Return stored values as a new array of floats."""
+    if np.squeeze(stored).ndim > 2:
         refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
+    check_size(path, *stored.shape)
+    values = np.squeeze(np.array(stored, dtype=np.float64, order="C"))
     if values.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    check_size(path, *values.shape)
     return values
 
 
 def _pixel_size(
     path: Path,
     stored: Stored,
-    pixel_size: float | None,
+    given: tuple[float, float] | None,
     height_range: float | None,
     notes: list[str],
-) -> float:
+) -> tuple[float, float]:
     """Return the pixel size [m], given or from the file, and note the source of the scale."""
+    own = stored.pixel_size
     wanted = []
-    if pixel_size is None and stored.pixel_size is None:
+    if given is None and own is None:
         wanted.append("pixel_size [m]")
-    if height_range is None and not stored.in_metres:
+    if height_range is None and stored.scale is None:
         wanted.append("height_range [m], lowest to highest")
     if wanted:
         refuse(path, f"the file does not hold its scale; choose a value for {' and '.join(wanted)}")
-    if pixel_size is None:
-        assert stored.pixel_size is not None
-        notes.append(f"pixel size {stored.pixel_size * 1e6:.6g} um, from the file")
-        return stored.pixel_size
-    if stored.pixel_size is not None and not math.isclose(pixel_size, stored.pixel_size):
-        notes.append(
-            f"pixel size {pixel_size * 1e6:.6g} um, as given; "
-            f"the file has {stored.pixel_size * 1e6:.6g} um"
-        )
+    if own is not None and not all(math.isfinite(side) and side > 0.0 for side in own):
+        refuse(path, f"the file's pixel size is {list(own)}; valid: above 0 [m]")
     if height_range is not None:
         notes.append(f"height range {height_range * 1e6:.6g} um: chosen, not measured")
-    return float(pixel_size)
+    if given is None:
+        assert own is not None
+        notes.append(f"pixel size {_um(own)}, from the file")
+        return own
+    if own is not None and not np.allclose(given, own, rtol=1e-6, atol=0.0):
+        notes.append(f"pixel size {_um(given)}, as given; the file has {_um(own)}")
+    return given
+
+
+def _um(size: tuple[float, float]) -> str:
+    if _is_square(size):
+        return f"{size[0] * 1e6:.6g} um"
+    return f"{size[0] * 1e6:.6g} x {size[1] * 1e6:.6g} um"
 
 
 def _without_missing(path: Path, values: Array, missing: str, notes: list[str]) -> Array:

@@ -1,0 +1,263 @@
+"""Tables of numbers in text as other programs write them.
+
+Encodings (UTF-8, UTF-16, Windows and Latin-1), separators, decimal commas, lines above the numbers,
+and words for missing values differ from program to program; numbers are parsed by NumPy.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity.errors import AsperityError
+
+_MISSING_WORDS = """
+    nan na n/a #n/a #na null none nil - -- --- ----- * ** *** bad void masked missing invalid
+    nodata no_data nm undefined undef hole #name? #value! #div/0! #num! 1.#qnan -1.#qnan 1.#ind
+    -1.#ind 1.#inf -1.#inf 1.#snan inf -inf +inf infinity -infinity ? #### over under overflow
+    -nan nan(ind) -nan(ind) fehlt ungültig
+"""
+MISSING = frozenset(_MISSING_WORDS.split())
+"""Words for a missing value, in lower case; so is an empty cell."""
+
+_MARKS = "#%;!\"'/*"
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
+_WORD = re.compile(r"[^\s,;]+")
+_NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
+_COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
+_LOOKED_AT = 40
+"""Rows from which the separator is found."""
+_BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+def decoded(content: bytes) -> str | None:
+    """Return text, whatever its encoding; None for bytes that are no text."""
+    encodings = [name for mark, name in _BOMS if content.startswith(mark)][:1]
+    head = content[:4096]
+    if not encodings and len(head) > 3:
+        half = len(head) // 2
+        encodings = [
+            name
+            for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[0::2]))
+            if zeros.count(0) > 0.6 * half
+        ]
+    for encoding in encodings or ["utf-8", "cp1252", "latin-1"]:
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        controls = sum(c < " " and c not in "\t\n\r\f\x1a" for c in text[:4096])
+        return text if controls <= 0.01 * len(text[:4096]) else None
+    return None
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of numbers and the lines above them."""
+
+    path: Path
+    header: tuple[str, ...]
+    """Lines above the numbers, without the signs of a comment."""
+    body: str
+    first_line: int
+    """Number of the first line of numbers in the file, from 1."""
+    separator: str | None
+    """None where white space separates."""
+    decimal: str
+    columns: int
+    error: type[AsperityError] = AsperityError
+
+    @property
+    def names(self) -> tuple[str, ...] | None:
+        """Names of the columns: the last line above the numbers that has one for each."""
+        for line in reversed(self.header):
+            if re.match(r"\s*[\w -]+:\s", line):
+                continue
+            for separator in (self.separator, "\t", ";", ","):
+                cells = line.rstrip(separator).split(separator) if separator else None
+                found = _NAMES.findall(line) if cells is None else cells
+                if len(found) == self.columns and any(re.search(r"[^\W\d]", n) for n in found):
+                    return tuple(name.strip().strip("\"'").strip() for name in found)
+        return None
+
+    def values(self, columns: list[int] | None = None) -> Array:
+        """Return the numbers of some columns, or of all, (rows, columns); NaN where missing."""
+        body = self.body
+        if self.decimal == ",":
+            body = body.replace(",", ".")
+        try:
+            return self._parsed(body, columns)
+        except (ValueError, IndexError, UnicodeError):
+            body = self._tidied(body)
+        try:
+            return self._parsed(body, columns)
+        except (ValueError, IndexError, UnicodeError):
+            self._refuse_line(body, columns)
+            raise
+
+    def _parsed(self, body: str, columns: list[int] | None) -> Array:
+        return np.loadtxt(
+            io.StringIO(body), delimiter=self.separator, comments="#", ndmin=2, usecols=columns,
+            encoding=None,
+        )  # fmt: skip
+
+    def _tidied(self, body: str) -> str:
+        """Return the text with `nan` for missing values, and numbers as NumPy reads them."""
+        body = re.sub(r"[\x00\x1a\f]", "", body.replace("−", "-").replace('"', ""))
+        body = re.sub(r"(?i)(?<=\d)d(?=[+-]?\d)", "e", body)
+        if self.separator is None:
+            return _WORD.sub(_word, body)
+        lines = []
+        for line in body.split("\n"):
+            cells = _bare(line).split(self.separator)
+            if len(cells) == self.columns + 1 and not cells[-1].strip():
+                cells.pop()
+            blank = not any(cell.strip() for cell in cells)
+            lines.append("" if blank else self.separator.join(map(_cell, cells)))
+        return "\n".join(lines)
+
+    @property
+    def commas_only(self) -> bool:
+        """Whether commas separate whole numbers, or are decimal marks: nothing shows which."""
+        return self.separator == "," and "." not in self.body and " " not in self.body.strip()
+
+    def rows_at(self) -> list[int]:
+        """Return the number of the line of each row."""
+        lines = enumerate(self.body.split("\n"), self.first_line)
+        return [number for number, line in lines if _bare(line).strip()]
+
+    def _refuse_line(self, body: str, columns: list[int] | None) -> None:
+        for number, line in enumerate(body.split("\n"), self.first_line):
+            line = _bare(line)
+            if not line.strip():
+                continue
+            cells = line.split(self.separator)
+            where = f"{self.path}: line {number}"
+            if len(cells) != self.columns:
+                raise self.error(
+                    f"{where} has {len(cells)} columns, the first {self.columns}"
+                ) from None
+            for at, cell in enumerate(cells):
+                if (columns is None or at in columns) and not _is_number(cell):
+                    raise self.error(
+                        f"{where}: {cell.strip()[:40]!r} is no number; valid: numbers, "
+                        "and nan for what is missing"
+                    ) from None
+        raise self.error(f"{self.path}: its numbers cannot be read; valid: rows of numbers")
+
+
+def read_text_table(
+    path: Path, *, texts: bool = False, error: type[AsperityError] = AsperityError
+) -> TextTable:
+    """Return the table of numbers in a text file.
+
+    Parameters
+    ----------
+    path : Path
+    texts : bool
+        Whether a row may have words among 8 or more cells, as logs do.
+    error : type
+        Of the error to raise.
+
+    Raises
+    ------
+    AsperityError
+        No text, or no row of numbers.
+    """
+    text = decoded(path.read_bytes())
+    if text is None:
+        kind = path.suffix.lower()
+        raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
+    if text.count("\n") == 0 and "\r" in text:
+        text = text.replace("\r", "\n")
+    start, number, header = 0, 0, []
+    while start < len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        line, number = text[start:end], number + 1
+        if _is_row(line, texts) and not _is_count(line, text[end + 1 : end + 4000], texts):
+            break
+        if line.strip():
+            header.append(line.strip().lstrip(_MARKS).strip())
+        start = end + 1
+    else:
+        raise error(f"{path}: there are no numbers in it; valid: rows of numbers")
+    body = text[start:]
+    sample = [_bare(line).strip(" \r") for line in body[:200_000].splitlines()[:_LOOKED_AT]]
+    separator, decimal = _format([line for line in sample if line.strip()])
+    first = sample[0].rstrip(separator) if separator else sample[0]
+    columns = len(first.split(separator))
+    return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+
+
+def _format(rows: list[str]) -> tuple[str | None, str]:
+    """Return the separator of rows, None for white space, and the decimal mark."""
+    together = "\n".join(rows)
+    between_digits = re.search(r"\d,\d", together) is not None
+    for separator in ";\t":
+        if separator in together:
+            comma = between_digits and not re.search(r"\d\.\d", together)
+            return separator, "," if comma else "."
+    if "," not in together:
+        return None, "."
+    # Words with one comma each, between digits: decimal commas, and white space separates.
+    words = together.split()
+    commas = "." not in together and len(rows[0].split()) > 1
+    if commas and all(re.fullmatch(_NUMBER, w) or w.lower() in MISSING for w in words):
+        return None, ","
+    return ",", "."
+
+
+def _bare(line: str) -> str:
+    """Return a line without the comment at its end."""
+    return _COMMENT.split(line, maxsplit=1)[0] if "#" in line else line
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_row(line: str, texts: bool) -> bool:
+    """Return whether a line is a row of numbers, words for missing values among them."""
+    words = _WORD.findall(_bare(line).replace('"', " "))
+    if not words or line.lstrip().startswith(("%", "//")):
+        return False
+    numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)
+    missing = sum(word.lower() in MISSING for word in words)
+    if texts and len(words) >= 8:
+        return 2 * numbers > len(words)
+    return numbers + missing == len(words) and (numbers > 0 or len(words) > 3)
+
+
+def _is_count(line: str, rest: str, texts: bool) -> bool:
+    """Return whether a line holds sizes: it has other numbers than the two rows below it."""
+    below = [row for row in rest.splitlines() if row.strip()][:2]
+    here = len(_WORD.findall(line))
+    there = [len(_WORD.findall(row)) for row in below if _is_row(row, texts)]
+    whole = all(word.isdigit() for word in _WORD.findall(line))
+    return whole and len(there) == 2 and there[0] == there[1] != here and here <= 2
+
+
+def _word(match: re.Match[str]) -> str:
+    return "nan" if match.group().lower() in MISSING else match.group()
+
+
+def _cell(cell: str) -> str:
+    word = cell.strip().lower()
+    return "nan" if not word or word in MISSING else cell

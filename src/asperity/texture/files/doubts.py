@@ -1,0 +1,80 @@
+"""Scales of height maps that are hardly right, and values that hardly are heights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity._core.arrays import Array
+
+_LARGEST_PIXEL = 2e-3
+_LARGEST_MAP = 2.0
+_LARGEST_RELIEF = 0.1
+_SMALLEST_RELIEF = 1e-10
+_SMALLEST_PIXEL = 1e-10
+"""Beyond these a texture that is touched is not plausible [m]; an atom has 1e-10 m."""
+DOUBT = "is that plausible?"
+"""How a note that doubts a scale begins."""
+_STEEPEST = 30.0
+"""Largest plausible rms slope between neighbouring samples, 88 degrees."""
+
+
+def doubts(heights: Array, pixel_size: tuple[float, float]) -> list[str]:
+    """Return notes that doubt a relief or a pixel size, none if both are plausible.
+
+    Parameters
+    ----------
+    heights : (nv, nu) or (n,) array
+        [m]
+    pixel_size : (pu, pv)
+        [m]
+    """
+    sides = [n * p for n, p in zip(heights.shape[::-1], pixel_size, strict=False)]
+    size = " x ".join(f"{1e3 * side:.4g}" for side in sides)
+    pixel = min(pixel_size) if min(pixel_size) < _SMALLEST_PIXEL else max(pixel_size)
+    notes = []
+    if pixel < _SMALLEST_PIXEL or pixel > _LARGEST_PIXEL or max(sides) > _LARGEST_MAP:
+        notes.append(
+            f"{DOUBT} A pixel size of {1e3 * pixel:.4g} mm, a map of {size} mm: "
+            "check the unit, or give pixel_size"
+        )
+    relief = float(heights.max() - heights.min())
+    if relief == 0.0:
+        return notes
+    tall = relief > min(max(sides), _LARGEST_RELIEF)
+    if tall or relief < _SMALLEST_RELIEF or _rms_slope(heights, pixel_size[0]) > _STEEPEST:
+        notes.append(
+            f"{DOUBT} A relief of {1e3 * relief:.4g} mm on a map of {size} mm: check "
+            "the heights' unit, or give unit or height_range"
+        )
+    return notes
+
+
+def _rms_slope(heights: Array, pixel: float) -> float:
+    """Return the rms slope between neighbours along u, of at most a few million of them."""
+    every = max(1, heights.size // 4_000_000) if heights.ndim == 2 else 1
+    steps = np.diff(heights[::every], axis=-1)
+    return float(np.sqrt(np.mean(steps**2))) / pixel
+
+
+def sentinel_note(values: Array) -> str | None:
+    """Return a doubt of a lowest or highest value that looks like one for missing ones.
+
+    It occurs more than once, and lies further from all others than ten times their range.
+    """
+    finite = values[np.isfinite(values)] if np.isnan(values.min()) else values
+    if finite.size < 16:
+        return None
+    low, high = float(finite.min()), float(finite.max())
+    middle = 0.5 * (low + high)
+    for extreme, side in ((low, finite > middle), (high, finite < middle)):
+        count = int(np.count_nonzero(finite == extreme))
+        others = finite[side]
+        if not 2 <= count < finite.size or others.size != finite.size - count:
+            continue
+        least, most = float(others.min()), float(others.max())
+        if min(abs(least - extreme), abs(most - extreme)) > 10.0 * (most - least) > 0.0:
+            return (
+                f"is {extreme:g} a missing value? It occurs {count} times, far from all others "
+                f"({least:g} to {most:g}): nodata={extreme:g}"
+            )
+    return None

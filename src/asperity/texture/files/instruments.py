@@ -1,0 +1,165 @@
+"""Heights from the files of measuring instruments, through SurfaceTopography."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import re
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from asperity._core.units import length_of
+from asperity.errors import SurfaceError
+from asperity.texture.files.points import profile
+from asperity.texture.files.stored import Stored, check_size, refuse
+
+_INSTRUMENTS = """
+    000 001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx di ezd frt gwy h5 hfm hgt ibw jpk
+    lext mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir qep sdf spm stp sur tmd tom top
+    vk3 vk4 vk6 vk7 x3p xlsx xyz zip zmg zon
+"""
+INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
+"""Extensions that SurfaceTopography reads and the other readers do not."""
+_REVISION = "ISO5436 - 2000"
+
+
+def load_instrument(path: Path) -> Stored:
+    """Return the default channel of an instrument's file."""
+    try:
+        surfaces = importlib.import_module("SurfaceTopography")
+    except ImportError:
+        refuse(
+            path,
+            f"{path.suffix} files need SurfaceTopography, which is not installed; "
+            "valid: pip install 'asperity[surfaces]'",
+        )
+    x3p = path.suffix.lower() == ".x3p"
+    notes: tuple[str, ...] = ()
+    source: Any = str(path)
+    if x3p:
+        source, notes = _standard_x3p(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            reader = surfaces.open_topography(source, format="x3p" if x3p else None)
+        except Exception:
+            refuse(
+                path,
+                f"cannot be read as a {path.suffix.lower()} file: SurfaceTopography finds no "
+                "heights in it; valid: the file as the instrument wrote it, or its heights as text",
+            )
+        with reader:
+            return _channel(path, reader, notes)
+
+
+def _channel(path: Path, reader: Any, notes: tuple[str, ...]) -> Stored:
+    channel = reader.default_channel if reader.channels else None
+    if channel is None:
+        refuse(path, "there is no channel of heights in it")
+    check_size(path, *channel.nb_grid_pts)
+    sized = channel.physical_sizes is not None
+    if len(reader.channels) > 1:
+        name = f", {channel.name!r}," if channel.name else ""
+        notes = (*notes, f"the default channel{name} of {len(reader.channels)} is read")
+    try:
+        topography = reader.topography(
+            **({} if sized else {"physical_sizes": tuple(map(float, channel.nb_grid_pts))})
+        )
+        heights: Any = topography.heights()
+    except Exception:
+        refuse(path, "damaged, its heights cannot be read; valid: the file as it was written")
+    unit = topography.unit if isinstance(topography.unit, str) else None
+    metres = length_of(unit) if unit else None
+    if unit and metres is None:
+        refuse(path, f"its default channel is in {unit!r}; valid: heights, in a unit of length")
+    scale = metres if metres is not None else None
+    said = () if unit is None else (f"heights in the file's unit, {unit}, are turned into m",)
+    notes = (*notes, *(said or ("the file names no unit",)))
+    if not topography.is_uniform:
+        found = profile(topography.positions(), np.asarray(heights, dtype=np.float64))
+        if found is None:
+            refuse(path, "its points are not evenly spaced; valid: heights on a grid, or a profile")
+        heights = found.values
+        steps: tuple[float, float] | None = found.pixel_size
+        notes = (*notes, found.note)
+    else:
+        pu, pv = np.broadcast_to(topography.pixel_size, 2)
+        steps = (float(pu), float(pv)) if sized else None
+    pixel_size = (steps[0] * metres, steps[1] * metres) if steps and metres else None
+    # Its first index runs along u.
+    values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan).T
+    return Stored(values, notes, pixel_size, scale, unit or "")
+
+
+def _standard_x3p(path: Path) -> tuple[io.BytesIO, tuple[str, ...]]:
+    """Return an X3P file as the norm has it: its XML at the top, and the revision as written there.
+
+    Forensic programs put everything in a folder, write an en dash, leave the offset empty, or
+    link with backslashes; SurfaceTopography reads none of these.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            sizes = [member.file_size for member in archive.infolist()]
+            check_size(path, sum(sizes) // 8)
+            members = {
+                name.replace("\\", "/"): name for name in archive.namelist()
+                if not name.startswith("__MACOSX") and not name.endswith("/")
+            }  # fmt: skip
+            main = min((n for n in members if n.split("/")[-1].lower() == "main.xml"), key=len)
+            folder = main[: -len("main.xml")]
+            root = ElementTree.fromstring(archive.read(members[main]))
+            link = _tidied_x3p(path, root)
+            data = link.replace("\\", "/").lstrip("./") if link else ""
+            points = archive.read(members.get(folder + data, members.get(data, data)))
+    except SurfaceError:
+        raise
+    except Exception:  # whatever zipfile and the XML parser raise on a damaged file
+        refuse(
+            path,
+            "cannot be read as a .x3p file: damaged, or no zip of main.xml and the heights that "
+            "it links to",
+        )
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("main.xml", ElementTree.tostring(root, encoding="utf-8"))
+        archive.writestr(data, points)
+    out.seek(0)
+    return out, ()
+
+
+def _tidied_x3p(path: Path, root: ElementTree.Element) -> str:
+    """Make an X3P's index what SurfaceTopography expects; return the link to its points."""
+
+    def text(name: str) -> str:
+        element = root.find(f".//{name}")
+        return (element.text or "").strip() if element is not None else ""
+
+    for element in root.iter():
+        element.tag = element.tag.rsplit("}", 1)[-1]
+    revision = root.find(".//Revision")
+    if revision is not None and re.fullmatch(r"ISO\s?5436.{0,3}\s*\W*\s*2000", text("Revision")):
+        revision.text = _REVISION
+    if text("FeatureType") not in ("SUR", ""):
+        refuse(
+            path, f"its feature type is {text('FeatureType')!r}; valid: SUR, a surface on a grid"
+        )
+    axis = next((a for a in ("CX", "CY") if text(f"{a}/AxisType") not in ("I", "")), None)
+    if axis is not None:
+        refuse(path, f"its axis {axis} has a place for each point; valid: even steps (type I)")
+    for described in root.findall("Record2"):
+        root.remove(described)  # dates and names, often not as the norm has them
+    for offset in root.iter("Offset"):
+        offset.text = (offset.text or "").strip() or "0"
+    for increment in root.iter("Increment"):
+        increment.text = (increment.text or "").strip() or "1"
+    link = root.find(".//PointDataLink")
+    if link is None or not link.text:
+        raise KeyError("PointDataLink")
+    original = link.text.strip()
+    link.text = original.replace("\\", "/").lstrip("./")
+    return original

@@ -1,0 +1,150 @@
+"""Heights from text: a matrix, a column, points in three columns, a profile in two."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from asperity._core.arrays import Array
+from asperity._core.text_table import TextTable, read_text_table
+from asperity._core.units import LENGTHS, named_unit, short_unit
+from asperity.errors import SurfaceError
+from asperity.texture.files.points import Grid, on_grid, profile, scattered
+from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.text_header import Header, read_header
+
+_AXIS = re.compile(r"(?:^|.*[\s_./-])([xyz])(?:$|[\s_.,/:(\[-].*)", re.IGNORECASE)
+_HEIGHTS = re.compile(
+    "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo",
+    re.IGNORECASE,
+)
+_FEW = 8
+"""Columns of points, at most: with colours or normals behind x, y and z."""
+
+
+def load_text(path: Path, pixel_size: float | None = None) -> Stored:
+    """Return the heights in a text file, and the pixel size and unit that it states.
+
+    Parameters
+    ----------
+    path : Path
+    pixel_size : float, optional
+        Step of the map of points that lie on no grid [m].
+    """
+    check_size(path, path.stat().st_size // 16)
+    table = read_text_table(path, error=SurfaceError)
+    values = table.values()
+    values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
+    names = table.names
+    if names is not None and len(names) != values.shape[1]:
+        names = names[: values.shape[1]] if not any(names[values.shape[1] :]) else None
+    header = read_header(table.header, names, values.shape[1])
+    if header.nodata is not None:
+        values[values == header.nodata] = np.nan
+    if table.commas_only and names is None and values.shape[1] == 2 < len(values):
+        refuse(path, "two columns of whole numbers, or decimal commas? valid: decimal points, or "
+               "place and height with a line of names above")  # fmt: skip
+    columns = _columns(values, names)
+    if columns is not None:
+        return _from_columns(path, values, names, columns, pixel_size)
+    return _matrix(table, values, header)
+
+
+def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | None:
+    """Return the columns of x, y and z, or of place and height; None for a matrix."""
+    rows, count = values.shape
+    if count == 1 or rows < 3:
+        return None
+    if names is not None:
+        found: dict[str, int] = {}
+        for at, name in enumerate(names):
+            axis = _AXIS.fullmatch(re.sub(r"[\[(].*?[\])]", "", name).strip())
+            key = axis.group(1).lower() if axis else ("z" if _HEIGHTS.search(name) else "")
+            found.setdefault(key, at)
+        if {"x", "y", "z"} <= {*found}:
+            return found["x"], found["y"], found["z"]
+        if "x" in found and {"y", "z"} & {*found} and count <= _FEW:
+            return found["x"], found.get("z", found.get("y", 0))
+    if count == 2:
+        return 0, 1
+    if count > _FEW or rows < 4:
+        return None
+    if count == 3 and rows > 16:
+        return 0, 1, 2
+    return (0, 1, 2) if rows > 2 * count and on_grid(*values[:, :3].T) is not None else None
+
+
+def _from_columns(
+    path: Path, values: Array, names: Sequence[str] | None, columns: tuple[int, ...],
+    pixel_size: float | None,
+) -> Stored:  # fmt: skip
+    """Return points, or a profile, as a map or a line of heights."""
+    stated = [named_unit(names[at], LENGTHS) if names else None for at in columns]
+    said = stated[-1] or next((unit for unit in stated if unit), None)
+    word, scale = said or ("", 1.0)
+    lateral = (stated[0] or said or ("", 1.0))[1]
+    known = names or {2: ("x", "z"), 3: ("x", "y", "z")}[len(columns)]
+    called = ", ".join(known[at] for at in columns)
+    notes = []
+    if names and len(names) > len(columns):
+        left = [name for at, name in enumerate(names) if at not in columns]
+        notes.append(f"columns left out: {', '.join(left)[:80]}")
+    elif not names and values.shape[1] > len(columns):
+        notes.append(f"{values.shape[1] - len(columns)} columns behind x, y and z are left out")
+    grid: Grid | None
+    if len(columns) == 2:
+        grid = profile(*values[:, columns].T)
+        if grid is None:
+            refuse(path, "two columns, but the first does not grow like places in a row; "
+                   "valid: place and height, one column of heights, or a matrix")  # fmt: skip
+    else:
+        x, y, z = (values[:, at] for at in columns)
+        grid = on_grid(x, y, z)
+        if grid is None:
+            step = pixel_size / lateral if pixel_size and said else None
+            try:
+                grid = scattered(x, y, z, step)
+            except Exception:
+                refuse(path, f"points ({called}) that lie on no grid and span no area; valid: "
+                       "x, y, z of points on a surface")  # fmt: skip
+    notes = [f"{grid.note} ({called})", *notes]
+    size = (grid.pixel_size[0] * lateral, grid.pixel_size[1] * lateral)
+    if not said:
+        notes.append("no unit is stated: x, y and heights in m")
+    elif stated[0] and stated[-1] and stated[0] != stated[-1]:
+        notes.append(f"places in {stated[0][0]}, heights in {word}")
+    else:
+        unsaid = "" if stated[-1] else ", which the heights' column does not say"
+        notes.append(f"places and heights in {word}{unsaid}")
+    return Stored(grid.values, tuple(notes), size, scale, word, sizes_follow=not said)
+
+
+def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
+    """Return a matrix, or a column, with the scale that its header states."""
+    rows, columns = values.shape
+    notes = [*header.notes]
+    size = header.pixel
+    if size is None and (header.width or header.height):
+        pu = header.width / columns if header.width else None
+        pv = header.height / rows if header.height else None
+        size = (pu or pv or 0.0, pv or pu or 0.0)
+    if header.picture:
+        values = np.flipud(values)
+        notes.append("its first row is the top of the map")
+    if header.nodata is not None:
+        notes.append(f"values of {header.nodata:g} are missing (nodata)")
+    heading = table.header[-1][:60] if table.header and not header.picture else ""
+    if heading and size is None:
+        notes.append(f"the line above the numbers: {heading}")
+    if header.unit is not None and header.scale is None:
+        notes.append(f"its values are in {header.unit!r}, which is no length")
+        return Stored(values, tuple(notes), size, None, header.unit)
+    if header.scale is None:
+        notes.append("no unit is stated: heights in m")
+        return Stored(values, tuple(notes), size, 1.0)
+    said = header.unit or short_unit(header.scale)
+    notes.append(f"heights in {said}, as the file states")
+    return Stored(values, tuple(notes), size, header.scale, said)

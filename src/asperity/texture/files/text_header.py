@@ -1,0 +1,148 @@
+"""What the lines above a text file's heights say: size, pixels, units, missing values.
+
+The words are those of Gwyddion's ASCII export in its languages (its po files), ESRI's ASCII grid,
+JPK, SPIP, Vision and others. A line is `label: value unit`, with a colon, an equals sign, a comma,
+or white space.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from asperity._core.units import LENGTHS, length_of, named_unit
+
+_LABELS = {
+    "width": """width; breite; weite; šířka; anchura; ancho; largeur; larghezza; ширина; 폭; 너비;
+        幅; 宽度; 寬度; largura; szélesség; bredd; bredde; szerokość; genişlik; leveys; x-size;
+        xsize; x size; size x; x range; x-range; x length; x-length; xlength; scan width;
+        scan size x; real width; x scan size; length x; image width; field width; x scale size""",
+    "height": """height; höhe; výška; altura; alto; hauteur; altezza; высота; 높이; 高さ; 高度;
+        magasság; höjd; høyde; højde; wysokość; yükseklik; korkeus; y-size; ysize; y size; size y;
+        y range; y-range; y length; y-length; ylength; scan height; scan size y; real height;
+        y scan size; length y; image height; field height""",
+    "unit": """value units; value unit; values unit; jednotky hodnot; unités; unités de valeur;
+        unità valore; 값 단위; единицы измерения; единицы значений; werteinheit; werteinheiten;
+        einheit; wert-einheiten; unidades; unidades de valor; unidad; unidades do valor;
+        値の単位; 值单位; értékegységek; unit; units; z unit; z units; z-unit; z-units; zunit;
+        height unit; height units; data unit; data units; value; einheit z; z-einheit; unidade;
+        unità; z axis unit; unit z; единица; 単位; 单位; height value unit; enheter""",
+    "pixel": """pixel size; pixelsize; pixel_size; pixel spacing; pixelgröße; pixelgrösse; cellsize;
+        cell size; xy calibration; lateral resolution; lateral sampling; pixel width and height;
+        taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
+        dimensione pixel; grid spacing; lateral calibration; resolution xy; xy resolution""",
+    "pixel_x": """pixel size x; x pixel size; x-pixel size; dx; x step; x spacing; x increment;
+        x resolution; pixel width; x-step; stepx; step x; xscale; x scale; pixel size (x); xdim;
+        spacing x; delta x; x-increment; xinc; pixelbreite""",
+    "pixel_y": """pixel size y; y pixel size; y-pixel size; dy; y step; y spacing; y increment;
+        y resolution; pixel height; y-step; stepy; step y; yscale; y scale; pixel size (y); ydim;
+        spacing y; delta y; y-increment; yinc; pixelhöhe""",
+    "factor": """height conversion factor (-> m); z factor""",
+    "nodata": "nodata_value; nodata value; nodata; no data value; missing value; novalue",
+}
+_MEANING = {
+    " ".join(label.split()): meaning for meaning, text in _LABELS.items()
+    for label in text.split(";")
+}  # fmt: skip
+_PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
+_SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
+_VALUE = re.compile(
+    r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s,;][^,;]*?)?\s*(?:[,;].*)?$"
+)
+
+
+class Header(NamedTuple):
+    """What a header states; lengths in metres, None for what it does not say."""
+
+    width: float | None = None
+    """Of the whole map."""
+    height: float | None = None
+    pixel: tuple[float, float] | None = None
+    unit: str | None = None
+    """Of the heights, as written."""
+    scale: float | None = None
+    """Metres in one unit; None where `unit` is no length."""
+    nodata: float | None = None
+    picture: bool = False
+    """Whether the first row is the top of a picture or map."""
+    notes: tuple[str, ...] = ()
+
+
+def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int) -> Header:
+    """Return what the lines above some heights say.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    names : sequence of str, optional
+        The columns' names, if one of the lines holds them.
+    columns : int
+        Of the numbers.
+    """
+    found, lengths, units = _findings(lines)
+    notes: list[str] = []
+    width, height = found.get("width"), found.get("height")
+    if width is None and height is None and "pixel" not in found and len(lengths) == 2:
+        (a, width), (b, height) = lengths
+        notes.append(f"{a!r} and {b!r} are taken for width and height of the map")
+    pixel = found.get("pixel")
+    pair = (found.get("pixel_x", pixel), found.get("pixel_y", found.get("pixel_x", pixel)))
+    unit, scale = units or (None, None)
+    if "factor" in found:
+        unit, scale = "m", found["factor"]
+    if unit is None and lines:
+        unit, scale = _heading(lines, names, columns)
+    return Header(
+        width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
+        {"width", "height"} <= {*found} or len(lengths) == 2 or "nodata" in found, tuple(notes),
+    )  # fmt: skip
+
+
+def _findings(
+    lines: Sequence[str],
+) -> tuple[dict[str, float], list[tuple[str, float]], tuple[str, float | None] | None]:
+    """Return values by meaning [m], lengths by label, and the unit of the values."""
+    found: dict[str, float] = {}
+    lengths: list[tuple[str, float]] = []
+    units: tuple[str, float | None] | None = None
+    for label, text in _pairs(lines):
+        bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
+        meaning = _MEANING.get(label.casefold()) or _MEANING.get(bare)
+        value = _VALUE.fullmatch(text)
+        if value is None:
+            if meaning == "unit" or (meaning is None and units is None and length_of(text)):
+                units = (text.strip("[]() "), length_of(text.strip("[]() ")))
+            continue
+        number = float(value.group(1).replace(",", "."))
+        word = (value.group(2) or "").split("/")[0].strip("[]() ")
+        named = named_unit(label, LENGTHS)
+        metres = length_of(word) if word else (named[1] if named else None)
+        if meaning in ("nodata", "factor"):
+            found[meaning] = number
+        elif meaning == "pixel" or meaning in ("pixel_x", "pixel_y"):
+            if metres is not None or bare in ("cellsize", "dx", "dy"):
+                found.setdefault(meaning, number * (metres or 1.0))
+        elif metres is not None and number > 0.0:
+            lengths.append((label, number * metres))
+            if meaning in ("width", "height"):
+                found.setdefault(meaning, number * metres)
+    return found, lengths, units
+
+
+def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
+    for line in lines:
+        match = _PAIR.fullmatch(line) or _SPACED.fullmatch(line)
+        if match:
+            yield match.group(1).strip(), match.group(2)
+
+
+def _heading(
+    lines: Sequence[str], names: Sequence[str] | None, columns: int
+) -> tuple[str | None, float | None]:
+    """Return the unit in the heading of a matrix: in the last line, or one for all columns."""
+    named = named_unit(lines[-1], LENGTHS)
+    if named is None and names:
+        units = {named_unit(name, LENGTHS) for name in names}
+        named = units.pop() if len(units) == 1 else None
+    return named or (None, None)

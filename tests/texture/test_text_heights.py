@@ -1,0 +1,213 @@
+"""Heights in text as instruments and spreadsheets write them: the right metres, or a refusal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.errors import SurfaceError
+from asperity.texture.files.reading import read_heights
+
+PIXEL, RELIEF = 1e-5, 4e-5
+V, U = np.mgrid[0:20, 0:30]
+HEIGHTS = np.sin(U / 3.0) + 0.5 * np.cos(V / 4.0 + U / 9.0)
+HEIGHTS = RELIEF * (HEIGHTS - HEIGHTS.min()) / np.ptp(HEIGHTS)
+X, Y = (PIXEL * grid.ravel() for grid in (U, V))
+XYZ = np.column_stack([X, Y, HEIGHTS.ravel()])
+
+
+def rows(values: np.ndarray, separator: str = "\t", *, comma: bool = False) -> str:
+    lines = (separator.join(f"{value:.7g}" for value in row) for row in values)
+    text = "\n".join(lines) + "\n"
+    return text.replace(".", ",") if comma else text
+
+
+def write(path: Path, text: str, encoding: str = "utf-8") -> Path:
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def same(found, *, tall: float = 1.0, atol: float = 1e-10) -> None:
+    np.testing.assert_allclose(
+        np.broadcast_to(found.pixel_size, 2), [PIXEL, tall * PIXEL], rtol=1e-5
+    )
+    assert found.samples.shape == HEIGHTS.shape
+    ways = (HEIGHTS, np.flipud(HEIGHTS))
+    assert min(np.abs(found.samples - way).max() for way in ways) < atol
+
+
+GWYDDION = {
+    "en": "# Channel: Topography\n# Width: 300 µm\n# Height: 0.2 mm\n# Value units: µm\n",
+    "de": "# Kanal: Topographie\n# Breite: 0.3 mm\n# Höhe: 200 µm\n# Value units: µm\n",
+    "cs": "# Kanál: Výška\n# Šířka: 300 µm\n# Výška: 200 µm\n# Jednotky hodnot: µm\n",
+    "fr": "# Canal : Hauteur\n# Largeur : 300 µm\n# Hauteur : 200 µm\n# Unités : µm\n",
+    "it": "# Canale: h\n# Larghezza: 300 µm\n# Altezza: 200 µm\n# unità valore: µm\n",
+    "es": "# Canal: h\n# Anchura: 300 µm\n# Altura: 200 µm\n# Value units: µm\n",
+    "ru": "# Канал: h\n# Ширина: 300 мкм\n# Высота: 200 мкм\n# Единицы измерения: мкм\n",
+    "ko": "# 채널: h\n# 폭: 300 µm\n# 높이: 200 µm\n# 값 단위: µm\n",
+    "ja": "# チャンネル: h\n# 幅: 300 µm\n# 高さ: 200 µm\n# 値の単位: µm\n",
+    "unknown": "# Kanaal: h\n# Breedte: 300 µm\n# Hoogte: 200 µm\n# Waarde-eenheden: µm\n",
+}
+
+
+@pytest.mark.parametrize("language", GWYDDION)
+def test_gwyddion_s_export_says_its_scale(tmp_path: Path, language: str) -> None:
+    path = write(tmp_path / "a.txt", GWYDDION[language] + rows(1e6 * HEIGHTS))
+    same(read_heights(path))
+    given = read_heights(path, pixel_size=2 * PIXEL)
+    assert given.pixel_size == 2 * PIXEL
+    assert any("the file has 10 um" in note for note in given.notes)
+
+
+@pytest.mark.parametrize(
+    ("head", "factor"),
+    [
+        ("ncols 30\nnrows 20\nxllcorner 0\ncellsize 0.00001\nNODATA_value -9999\n", 1.0),
+        ("pixel size=1e-5 m\ndata unit=rad\nheight conversion factor (-> m)=2e-6\n", 5e5),
+        ("Pixel size: 10 µm\nHeight unit: nm\n", 1e9),
+        ("x-pixel size [um]\t10\ny-pixel size [um]\t10\nZ Unit\tum\n", 1e6),
+        ("X Range = 0.3 mm\nY Range = 0.2 mm\nUnits = nm\n", 1e9),
+    ],
+)  # fmt: skip
+def test_other_heads_say_their_scale(tmp_path: Path, head: str, factor: float) -> None:
+    same(read_heights(write(tmp_path / "a.asc", head + rows(factor * HEIGHTS, " "))))
+
+
+def test_nodata_of_a_text_grid_is_missing(tmp_path: Path) -> None:
+    holed = HEIGHTS.copy()
+    holed[3, 4] = -9999
+    text = "ncols 30\nnrows 20\ncellsize 1e-5\nNODATA_value -9999\n" + rows(holed, " ")
+    with pytest.raises(SurfaceError, match="1 of 600 values are missing"):
+        read_heights(write(tmp_path / "a.asc", text))
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["height [µm]", "Höhe (µm)", "z/um", "height_um", "z in µm", "Height µm", '"z [micron]"'],
+)
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
+def test_a_heading_names_the_unit(tmp_path: Path, heading: str, encoding: str) -> None:
+    text = heading + "\n" + rows(1e6 * HEIGHTS, ",")
+    found = read_heights(write(tmp_path / "a.csv", text, encoding), pixel_size=PIXEL)
+    same(found)
+    assert any("as the file states" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("separator", "comma"), [(";", True), ("\t", True), (" ", True), (";", False), (", ", False)]
+)
+def test_separators_and_decimal_commas(tmp_path: Path, separator: str, comma: bool) -> None:
+    path = write(tmp_path / "a.txt", "z_um\n" + rows(1e6 * HEIGHTS, separator, comma=comma))
+    same(read_heights(path, pixel_size=PIXEL))
+
+
+@pytest.mark.parametrize("word", ["Bad", "NaN", "---", "N/A", "#N/A", "1.#QNAN", "BAD", "MASKED"])
+@pytest.mark.parametrize("separator", [" ", ",", ";", "\t"])
+def test_words_for_missing_values(tmp_path: Path, word: str, separator: str) -> None:
+    lines = rows(1e6 * HEIGHTS, separator).split("\n")
+    lines[4] = lines[4].replace(lines[4].split(separator)[2], word)
+    path = write(tmp_path / "a.txt", "z_um\n" + "\n".join(lines))
+    with pytest.raises(SurfaceError, match="1 of 600 values are missing"):
+        read_heights(path, pixel_size=PIXEL)
+    same(read_heights(path, pixel_size=PIXEL, missing="fill"), atol=3e-6)
+
+
+@pytest.mark.parametrize("order", ["rows", "columns", "shuffled"])
+@pytest.mark.parametrize(
+    ("head", "factors"),
+    [
+        ("", (1, 1, 1)),
+        ("x,y,z\n", (1, 1, 1)),
+        ("x [mm],y [mm],z [um]\n", (1e3, 1e3, 1e6)),
+        ("X (um),Y (um),Height (nm)\n", (1e6, 1e6, 1e9)),
+    ],
+)
+def test_points_on_a_grid_are_a_map(tmp_path: Path, head: str, factors: tuple, order: str) -> None:
+    ways = {
+        "rows": np.arange(600), "columns": np.arange(600).reshape(20, 30).T.ravel(),
+        "shuffled": np.random.default_rng(0).permutation(600),
+    }  # fmt: skip
+    points = XYZ[ways[order]] * factors
+    path = write(tmp_path / "a.csv", head + rows(points, ","))
+    found = read_heights(path, pixel_size=PIXEL)
+    same(found)
+    assert any("600 points on a grid of 30 x 20" in note for note in found.notes)
+
+
+def test_points_may_lack_some_and_have_more_columns(tmp_path: Path) -> None:
+    more = np.column_stack([XYZ, np.arange(600) % 7])
+    path = write(tmp_path / "a.txt", rows(np.delete(more, [45, 300], axis=0), " "))
+    with pytest.raises(SurfaceError, match="2 of 600 values are missing"):
+        read_heights(path)
+    head = write(
+        tmp_path / "b.csv", "intensity;z [mm];y [mm];x [mm]\n" + rows(1e3 * more[:, ::-1], ";")
+    )
+    same(read_heights(head))
+
+
+def test_scattered_points_are_interpolated_aloud(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0.0, 3e-4, 4000), rng.uniform(0.0, 2e-4, 4000)
+    z = 1e-5 * np.sin(2 * np.pi * x / 1e-4)
+    path = write(
+        tmp_path / "a.xyz", "x_mm y_mm z_mm\n" + rows(1e3 * np.column_stack([x, y, z]), " ")
+    )
+    found = read_heights(path, missing="fill", pixel_size=2e-6)
+    assert any("lie on no grid" in note for note in found.notes)
+    at = x.min() + 2e-6 * (np.arange(found.samples.shape[1]) + 0.5)
+    right = 1e-5 * np.sin(2 * np.pi * at / 1e-4)
+    assert np.abs(found.samples - right)[5:-5, 5:-5].max() < 2e-6
+
+
+def test_two_columns_are_a_profile(tmp_path: Path) -> None:
+    x = np.arange(50) * 2e-6
+    z = 1e-6 * np.sin(x / 1e-5)
+    text = "Lateral um,Raw Micrometer,,\n" + "".join(
+        f"{1e6 * a:.6f},{1e6 * b:.6f},,\n" for a, b in zip(x, z, strict=True)
+    )
+    found = read_heights(write(tmp_path / "a.csv", "Scan,Standard\nLength,100 um\n" + text))
+    assert found.pixel_size == pytest.approx(2e-6)
+    np.testing.assert_allclose(found.samples, z, atol=1e-12)
+
+
+def test_implausible_scales_are_doubted(tmp_path: Path) -> None:
+    tall = read_heights(write(tmp_path / "a.txt", rows(1e6 * HEIGHTS)), pixel_size=PIXEL)
+    assert any(note.startswith("is that plausible? A relief of 4e+04 mm") for note in tall.notes)
+    wide = read_heights(write(tmp_path / "b.txt", rows(HEIGHTS)), pixel_size=0.3)
+    assert any("pixel size of 300 mm" in note for note in wide.notes)
+    assert not any(
+        "plausible" in note for note in read_heights(tmp_path / "b.txt", pixel_size=PIXEL).notes
+    )
+
+
+def test_a_unit_may_be_given_and_a_contradiction_is_noted(tmp_path: Path) -> None:
+    plain = write(tmp_path / "a.txt", rows(1e6 * HEIGHTS))
+    same(read_heights(plain, pixel_size=PIXEL, unit="um"))
+    points = write(tmp_path / "b.txt", rows(1e3 * XYZ, " "))
+    same(read_heights(points, unit="mm"))
+    said = write(tmp_path / "c.txt", "z_nm\n" + rows(1e6 * HEIGHTS))
+    found = read_heights(said, pixel_size=PIXEL, unit="um")
+    same(found)
+    assert any("the file states nm" in note for note in found.notes)
+
+
+def test_values_that_are_no_lengths_need_a_scale(tmp_path: Path) -> None:
+    head = "# Width: 300 µm\n# Height: 200 µm\n# Value units: V\n"
+    path = write(tmp_path / "a.txt", head + rows(HEIGHTS))
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path)
+    found = read_heights(path, height_range=RELIEF)
+    assert np.ptp(found.samples) == pytest.approx(RELIEF)
+    assert any("'V', which is no length" in note for note in found.notes)
+
+
+def test_an_outlying_value_is_suspected_and_may_be_named(tmp_path: Path) -> None:
+    holed = 1e6 * HEIGHTS
+    holed[2, 3:7] = -9999
+    path = write(tmp_path / "a.txt", "z_um\n" + rows(holed))
+    found = read_heights(path, pixel_size=PIXEL)
+    assert any("is -9999 a missing value? It occurs 4 times" in note for note in found.notes)
+    with pytest.raises(SurfaceError, match="4 of 600 values are missing"):
+        read_heights(path, pixel_size=PIXEL, nodata=-9999)
