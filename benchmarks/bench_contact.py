@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import kernel
-from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
+from asperity.contact.broad_phase.mujoco_pairs import Candidates
 from asperity.contact.geom_tick import tick
 from asperity.contact.narrow_phase.geom_depth import (
     BodyGeoms,
@@ -161,7 +161,7 @@ class Case:
         self.path[:, :2], self.path[:, 2], self.path[:, 3] = places, RADIUS, 1.0
         # Along n a tool that is lifted is less deep by just as much.
         self.path[:, 2] += self.depths(exact=True)[1] - wanted
-        self.answers = answers(Collider(model, bodies, "tip"), self.path)
+        self.answers = answers(self.engine, self.path)
 
     def depths(self, exact: bool = False) -> tuple[Times, Times]:
         """Return times [us] and depths of the certified search alone."""
@@ -206,11 +206,13 @@ class Case:
         return timed(lambda pose: self.engine.wrench(pose, DT), self.path)
 
 
-def answers(collider: Collider, path: NDArray[np.float64]) -> tuple[NDArray[np.int64], Candidates]:
+def answers(
+    engine: ContactSolver, path: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], Candidates]:
     """Return where MuJoCo's answer to each pose begins, and the answers to all in a row."""
     parts = []
     for pose in path:
-        count, *found = collider.query(pose)
+        count, *found = engine.candidates(pose)
         parts.append(tuple(np.array(part[:count]) for part in found))
     starts = np.cumsum([0, *(len(part[2]) for part in parts)])
     rows = [np.concatenate([part[i] for part in parts]) for i in range(4)]

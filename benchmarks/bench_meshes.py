@@ -340,7 +340,7 @@ def round_a_path(scene: Scene, count: int = 3000) -> tuple[float, float]:
         pose[:3] += [6e-3 * np.cos(p), 4e-3 * np.sin(p), 5e-5 * np.sin(3.0 * p)]
         wrench = engine.wrench(pose, DT).copy()
         if last is not None and p > 0.0:
-            arms = [rotation(at) @ engine._collider.centre for at in (pose, last[0])]
+            arms = [rotation(at) @ engine.centre for at in (pose, last[0])]
             moved = pose[:3] + arms[0] - last[0][:3] - arms[1]
             mean = 0.5 * (wrench + last[1])
             work = float(mean[:3] @ moved + mean[3:] @ rotation_between(last[0], pose))
@@ -381,7 +381,7 @@ def _query_times(
         ns = []
         for pose in poses:
             begun = clock()
-            engine._collider.query(pose)
+            engine.candidates(pose)
             ns.append(clock() - begun)
         laps.append(ns)
     return spread(np.median(laps, axis=0) * 1e-3)

@@ -148,7 +148,7 @@ def _first_near(engine: ContactSolver, pose: Array) -> float:
     low, high = pose[2] - 0.03, pose[2] + 0.03
     while high - low > 1e-6:
         pose[2] = 0.5 * (low + high)
-        if engine._collider.query(pose)[0] > 0:
+        if engine.candidates(pose)[0] > 0:
             low = pose[2]
         else:
             high = pose[2]
@@ -458,7 +458,7 @@ class Paper:
         """Return what takes the eleven depths at a contact, and returns how long that took [us]."""
         e, table = self._engine, self._table
         turn = rotation(where.pose)
-        origin = where.pose[:3] + turn @ e._collider.centre
+        origin = where.pose[:3] + turn @ e.centre
         body_a = np.column_stack([turn, where.pose[:3] - origin])
         body_b = e._collider.frames[where.body].copy()
         body_b[:, 3] -= origin

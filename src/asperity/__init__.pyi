@@ -2,6 +2,7 @@
 
 from .baking.bake import bake as bake
 from .contact.body_pair import BodyPair as BodyPair
+from .contact.multibody import MultibodySolver as MultibodySolver
 from .contact.response.settings import ForceSettings as ForceSettings
 from .contact.solver import ContactSolver as ContactSolver
 from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings

@@ -216,6 +216,21 @@ def engine_of(
     `poses` are those of the grounds, at the origin if left out; `centre` is the tool's centre of
     mass in its frame [m].
     """
+    model, bodies = model_of(tool, *grounds, poses=poses, centre=centre)
+    name = bodies[-1].name
+    if tool_first:
+        bodies = [bodies[-1], *bodies[:-1]]
+    return ContactSolver(model, bodies, name, ForceSettings(**settings))
+
+
+def model_of(
+    tool: Thing | Body,
+    *grounds: Thing | Body,
+    poses: Sequence[Array] = (),
+    centre: Sequence[float] = (0.0, 0.0, 0.0),
+    joint: str = "",
+) -> tuple[mujoco.MjModel, list[Body]]:
+    """Return a model and its bodies, the tool as the last; `joint` is that of the grounds."""
     mass = '<inertial pos="{}" mass="0.1" diaginertia="1e-5 1e-5 1e-5"/>'
     at_rest = np.array([0.0, 0, 0, 1, 0, 0, 0])
     placed = list(poses) or [at_rest] * len(grounds)
@@ -227,7 +242,7 @@ def engine_of(
     )
     parts = [
         f'<body name="{t.body.name}" pos="{_spaced(at[:3])}" quat="{_spaced(at[3:])}">'
-        f"{mass.format('0 0 0')}{_geoms(t)}</body>"
+        f"{joint}{mass.format('0 0 0')}{_geoms(t)}</body>"
         for t, at in zip(things[:-1], placed, strict=True)
     ]
     name = things[-1].body.name
@@ -237,11 +252,7 @@ def engine_of(
         f'<mujoco><compiler inertiafromgeom="false"/><asset>{assets}</asset>'
         f"<worldbody>{''.join(parts)}</worldbody></mujoco>"
     )
-    bodies = [t.body for t in things]
-    if tool_first:
-        bodies = [bodies[-1], *bodies[:-1]]
-    model = mujoco.MjModel.from_xml_string(xml)
-    return ContactSolver(model, bodies, name, ForceSettings(**settings))
+    return mujoco.MjModel.from_xml_string(xml), [t.body for t in things]
 
 
 def _geoms(of: Thing) -> str:

@@ -79,9 +79,9 @@ def test_mujoco_is_queried_only_for_bodies_that_are_not_in_contact():
     one, two = ToolContact(scene).engine, ToolContact(scene).engine
     queried, query = [], one._collider.query
 
-    def counted(where, without=None):
+    def counted(without=None):
         queried.append(without is None or not without.any())
-        return query(where, without)
+        return query(without)
 
     one._collider.query = counted
     steps = np.arange(40)[:, None] * [5e-5, 0, -1e-4, 0, 0, 0, 0]

@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pytest
 
+from asperity._core.cores import usable_cores
 from asperity.cli import main
 from asperity.realtime.servo.replay import replay, scene_of_recording
-from asperity.realtime.servo.scheduling import usable_cores
 from asperity.runs.recording import read_recording
 from asperity.runs.run_scene import run_scene
 from asperity.scene.builtin import load_scene

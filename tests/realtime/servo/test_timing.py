@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 
+from asperity._core import cores as cores_in_use
+from asperity._core.cores import usable_cores
 from asperity.errors import AsperityError
-from asperity.realtime.servo import scheduling as realtime
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Pace
 from asperity.realtime.servo.loop import GUARD, STALE
 from asperity.realtime.servo.scheduling import keep_off_core, pick_core, share_core
@@ -363,10 +364,10 @@ def test_a_container_may_have_the_time_of_fewer_cores(tmp_path, monkeypatch, quo
     (tmp_path / "period").write_text("100000")
     one = " " in quota  # both numbers are in one file
     places = ((tmp_path / "quota", None if one else tmp_path / "period"), (tmp_path / "no", None))
-    monkeypatch.setattr(realtime, "_QUOTAS", places)
-    assert realtime.usable_cores() == cores
+    monkeypatch.setattr(cores_in_use, "_QUOTAS", places)
+    assert usable_cores() == cores
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
-    assert realtime.usable_cores() == 1
+    assert usable_cores() == 1
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="no way to ask")

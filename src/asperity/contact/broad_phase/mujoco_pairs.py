@@ -2,7 +2,7 @@
 
 The margin of each geom is the height of its texture, so that asperities are found before the
 smooth surfaces meet; MuJoCo adds the margins of two geoms. Of its answer only the pairs, points,
-distances and margins are used; its normals are not (see `manifold.normals`).
+distances and margins are used; its normals are not (see `manifold.separations`).
 """
 
 from __future__ import annotations
@@ -35,6 +35,13 @@ class Candidates(NamedTuple):
     """Between the smooth surfaces [m], negative where they overlap; (n,)."""
     margins: NDArray[np.float64]
     """Distances at which the textured surfaces may touch [m], (n,)."""
+
+
+def no_candidates(room: int) -> Candidates:
+    """Return no candidates, with room for some."""
+    return Candidates(
+        0, np.zeros((room, 2), np.int32), np.zeros((room, 3)), np.zeros(room), np.zeros(room)
+    )
 
 
 def touchable(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
@@ -70,40 +77,52 @@ def _reach(model: mujoco.MjModel, body: Body) -> float:
     return reach
 
 
+def _matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions wxyz (n, 4)."""
+    return np.array([rotation_of(quaternion) for quaternion in quaternions]).reshape(-1, 3, 3)
+
+
+def _rigid_groups(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Return for each body of the model the body that it is fixed to, 0 for the world."""
+    group = np.arange(model.nbody)
+    for i in range(1, model.nbody):
+        if model.body_jntnum[i] == 0 and model.body_mocapid[i] < 0:
+            group[i] = group[model.body_parentid[i]]
+    return group
+
+
 class Collider:
-    """MuJoCo's collision query for one tool among fixed bodies.
+    """MuJoCo's collision query for textured bodies.
 
     Parameters
     ----------
     model : mujoco.MjModel
-        With the tool on a freejoint; not changed.
+        Not changed.
     bodies : sequence of Body
         One for each body of the model that has geoms, their geoms in the model's order.
-    tool : str
-        Name of the body that moves.
 
     Attributes
     ----------
     geom_number : (ngeom,) array of int
         For each geom of the model its number among all geoms of `bodies`, -1 for none.
-    centre : (3,) array
-        The tool's centre of mass in its own frame [m].
+    centres : (bodies, 3) array
+        Centre of mass of each body in its own frame [m].
     frames : (bodies, 3, 4) array
-        Frame of each body: rotation and, in the last column, position [m]; the tool's is that of
-        the model.
+        Frame of each body in the model's first pose: rotation and, in the last column, position
+        [m].
+    groups : (bodies,) array of int
+        Bodies with the same number do not move against each other; those of 0 do not move.
 
     Raises
     ------
     AsperityError
-        No body has the name `tool`, or a body has not as many geoms as in the model.
+        A body has not as many geoms as in the model.
     """
 
-    def __init__(self, model: mujoco.MjModel, bodies: Sequence[Body], tool: str) -> None:
+    def __init__(self, model: mujoco.MjModel, bodies: Sequence[Body]) -> None:
         self._model = copy.copy(model)
         self._data = mujoco.MjData(self._model)
         names = [body.name for body in bodies]
-        if tool not in names:
-            raise AsperityError(f"no body named {tool!r}; bodies: {', '.join(names)}")
         first = np.cumsum([0, *(len(body.geoms) for body in bodies)])
         self.geom_number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
         seen = dict.fromkeys(names, 0)
@@ -130,31 +149,58 @@ class Collider:
                     f"body {body.name!r} has {len(body.geoms)} geoms, but the model "
                     f"{seen[body.name]} that can be touched"
                 )
-        self._place = int(self._model.jnt_qposadr[self._model.body(tool).jntadr[0]])
-        self._tool = self._model.body(tool).id
         self._data.qpos[:] = self._model.qpos0
         mujoco.mj_kinematics(self._model, self._data)
-        self._qpos = self._data.qpos[self._place : self._place + 7]
         self._allocate(64)
         self._left_out = b""
         self._body_bits = (self._model.body_contype.copy(), self._model.body_conaffinity.copy())
         self._bodies = np.array([self._model.body(name).id for name in names])
-        self.centre = np.array(self._model.body_ipos[self._tool])
+        self.centres = np.array(self._model.body_ipos[self._bodies])
         self.frames = np.zeros((len(bodies), 3, 4))
-        for i, name in enumerate(names):
-            body = self._data.body(name)
-            self.frames[i, :, :3] = body.xmat.reshape(3, 3)
-            self.frames[i, :, 3] = body.xpos
+        self.frames[:, :, :3] = self._data.xmat[self._bodies].reshape(-1, 3, 3)
+        self.frames[:, :, 3] = self._data.xpos[self._bodies]
+        self.groups = _rigid_groups(self._model)[self._bodies]
+        self._geoms_in = np.flatnonzero(self.geom_number >= 0)
+        owner = self._model.geom_bodyid[self._geoms_in]
+        self._owner = np.array([self._bodies.tolist().index(i) for i in owner.tolist()], np.int64)
+        self._geom_axes = _matrices(self._model.geom_quat[self._geoms_in])
+        self._inertial_axes = _matrices(self._model.body_iquat[self._bodies])
+        self._free: tuple[int, NDArray[np.float64]] = (-1, np.zeros(7))
 
-    def query(
-        self, pose: NDArray[np.float64], without: NDArray[np.bool_] | None = None
-    ) -> Candidates:
-        """Return the candidate contacts at a pose of the tool.
+    def clone(self) -> Collider:
+        """Return a collider for another thread."""
+        other = copy.copy(self)
+        other._model, other._data = copy.copy(self._model), copy.copy(self._data)
+        other._free = (-1, np.zeros(7))
+        other._allocate(64)
+        return other
+
+    def place(self, body: int, pose: NDArray[np.float64]) -> None:
+        """Put one body, which has a freejoint, at a pose (7,)."""
+        if self._free[0] != body:
+            first = int(self._model.body_jntadr[self._bodies[body]])
+            start = int(self._model.jnt_qposadr[first])
+            self._free = (body, self._data.qpos[start : start + 7])
+        self._free[1][:] = pose
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def place_all(self, frames: NDArray[np.float64]) -> None:
+        """Put all bodies at frames (bodies, 3, 4), whatever joints they have."""
+        data, model = self._data, self._model
+        turn, at, own = frames[:, :, :3], frames[:, :, 3], self._bodies
+        data.xpos[own], data.xmat[own] = at, turn.reshape(-1, 9)
+        data.xipos[own] = at + np.einsum("bij,bj->bi", turn, model.body_ipos[own])
+        data.ximat[own] = (turn @ self._inertial_axes).reshape(-1, 9)
+        geoms, which = self._geoms_in, self._owner
+        moved = np.einsum("gij,gj->gi", turn[which], model.geom_pos[geoms])
+        data.geom_xpos[geoms] = at[which] + moved
+        data.geom_xmat[geoms] = (turn[which] @ self._geom_axes).reshape(-1, 9)
+
+    def query(self, without: NDArray[np.bool_] | None = None) -> Candidates:
+        """Return the candidate contacts where the bodies are.
 
         Parameters
         ----------
-        pose : (7,) array
-            Of the tool's frame: position [m], unit quaternion wxyz.
         without : (bodies,) array of bool, optional
             Bodies with which no contacts are looked for.
 
@@ -166,10 +212,12 @@ class Collider:
         left_out = b"" if without is None else without.tobytes()
         if left_out != self._left_out:
             self._leave_out(left_out)
-        self._qpos[:] = pose
-        mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
-        contact, count = self._data.contact, self._data.ncon
+        return self.candidates(self._data)
+
+    def candidates(self, data: mujoco.MjData) -> Candidates:
+        """Return the candidate contacts that a collision query has left in `data`."""
+        contact, count = data.contact, data.ncon
         if count > len(self._geoms):
             self._allocate(2 * count)
         # Copied, since MuJoCo's arrays are strided unless there is one contact: two array types.
@@ -184,8 +232,15 @@ class Collider:
         out = self._bodies[: len(bodies)][np.frombuffer(bodies, np.bool_)]
         self._model.body_contype[out] = self._model.body_conaffinity[out] = 0
 
+    def allowed_pairs(self, body: int) -> NDArray[np.int32]:
+        """Return the geoms of a body, and those of others that may collide with it; (n, 2)."""
+        model, numbers = self._model, self._geoms_in
+        mine, others = numbers[self._owner == body], numbers[self._owner != body]
+        kinds, partners = model.geom_contype, model.geom_conaffinity
+        allowed = (kinds[mine, None] & partners[others]) | (kinds[others] & partners[mine, None])
+        one, two = np.nonzero(allowed)
+        return np.column_stack([mine[one], others[two]]).astype(np.int32)
+
     def _allocate(self, count: int) -> None:
         """Allocate the arrays of `count` candidates."""
-        self._geoms = np.zeros((count, 2), np.int32)
-        self._points = np.zeros((count, 3))
-        self._distances, self._margins = np.zeros(count), np.zeros(count)
+        _, self._geoms, self._points, self._distances, self._margins = no_candidates(count)

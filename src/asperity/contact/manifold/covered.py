@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +17,18 @@ _GRAIN = 1e-6
 """A face counts as covered if it is closer than this, relative to its size, to a geom."""
 
 
-def covered_faces(geometry: Geometry, frames: NDArray[np.float64], tool: int) -> NDArray[np.int64]:
+def covered_faces(
+    geometry: Geometry, frames: NDArray[np.float64], group: NDArray[Any]
+) -> NDArray[np.int64]:
     """Return which flat faces of each geom another geom of its rigid body covers.
-
-    All bodies but the tool are one rigid body.
 
     Parameters
     ----------
     geometry : Geometry
     frames : (bodies, 3, 4) array
         Of the bodies [m].
-    tool : int
-        Number of the tool among the bodies.
+    group : (bodies,) array
+        Bodies with the same number are one rigid body.
 
     Returns
     -------
@@ -37,12 +37,12 @@ def covered_faces(geometry: Geometry, frames: NDArray[np.float64], tool: int) ->
     """
     covered = np.zeros(len(geometry.kind), np.int64)
     axes, centres = _geom_frames(geometry, frames)
-    is_tool = geometry.body == tool
+    group = group[geometry.body]
     flat = np.isin(geometry.kind, (_BOX, _CYLINDER))
     radius = np.array([_radius(k, s) for k, s in zip(geometry.kind, geometry.size, strict=True)])
     for g in np.flatnonzero(flat).tolist():
         near = np.linalg.norm(centres - centres[g], axis=1) < radius + radius[g]
-        near &= is_tool == is_tool[g]
+        near &= group == group[g]
         near[g] = False
         for axis in (0, 1, 2) if geometry.kind[g] == _BOX else (2,):
             for side in range(2):

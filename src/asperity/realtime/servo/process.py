@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.cores import usable_cores
 from asperity.dynamics.passivity.controller import MOST_DAMPING, PassivityController
 from asperity.errors import AsperityError
 from asperity.realtime.devices.catalogue import device
@@ -268,7 +269,7 @@ def _shared_core(
     core = scheduling.pick_core()
     # The recorder needs a core besides the loop's, and so does a device's thread or service.
     needed = 2 if in_loop else 3
-    busy = core is not None and wanted.busy_wait and scheduling.usable_cores() >= needed
+    busy = core is not None and wanted.busy_wait and usable_cores() >= needed
     return core, busy
 
 

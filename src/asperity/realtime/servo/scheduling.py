@@ -12,16 +12,9 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 PRIORITY = 40
 """SCHED_FIFO priority, 1 to 99: above ordinary processes, below the kernel's own threads."""
-_GROUPS = Path("/sys/fs/cgroup")
-_QUOTAS: tuple[tuple[Path, Path | None], ...] = (
-    (_GROUPS / "cpu.max", None),
-    (_GROUPS / "cpu" / "cpu.cfs_quota_us", _GROUPS / "cpu" / "cpu.cfs_period_us"),
-)
-"""Files with a container's CPU quota and period [us], for cgroups version 2 and 1."""
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _WINDOWS_HIGH_PRIORITY = 0x80
@@ -73,24 +66,6 @@ def pick_core() -> int | None:
         return None
     cores = sorted(os.sched_getaffinity(0))
     return cores[os.getpid() % len(cores)]  # so that two loops rarely choose the same core
-
-
-def usable_cores() -> int:
-    """Return how many cores' full time this process may use; 1 if the system does not say.
-
-    A container may see many cores and have the time of one: a busy process then stops all others.
-    """
-    if not hasattr(os, "sched_getaffinity"):
-        return 1
-    cores = float(len(os.sched_getaffinity(0)))
-    for quota, period in _QUOTAS:
-        try:
-            given = [*quota.read_text().split(), *(period.read_text().split() if period else ())]
-            if float(given[0]) > 0.0:
-                cores = min(cores, float(given[0]) / float(given[1]))
-        except (OSError, ValueError, IndexError, ZeroDivisionError):
-            continue  # no such file, or "max": no limit
-    return max(int(cores), 1)
 
 
 def keep_off_core(core: int, process: int) -> str:
