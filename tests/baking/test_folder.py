@@ -241,7 +241,7 @@ def test_files_that_are_refused(tmp_path):
     assert "unknown kind of file '.doc'" in said("a.doc", b"x")
     assert "no triangles" in said("lines.obj", b"v 0 0 0\nv 1 0 0\nl 1 2\n")
     assert "3 points are too few" in said("few.xyz", b"0 0 0\n1 0 0\n0 1 0\n")
-    assert "cannot be read as points" in said("bad.xyz", b"a b c\n" * 40)
+    assert "no line of it holds three numbers" in said("bad.xyz", b"a b c\n" * 40)
     assert "base= is for meshes" in said("few.xyz", base="x.obj")
     assert "this is a folder" in said(".")
 

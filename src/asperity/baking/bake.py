@@ -22,19 +22,21 @@ import numpy as np
 from asperity._core.arrays import Array, Mask
 from asperity._core.output import result_folder, write_json
 from asperity.baking.cloud import map_of_points
-from asperity.baking.error import BakeError, bake_error, plate_error
+from asperity.baking.error import BakeError, bake_error, plate_error, statistics
 from asperity.baking.folder import HEIGHTS, OBJECT, Texture, write_heights, write_mesh, write_scene
 from asperity.baking.heights import bake_heights
 from asperity.baking.picture import draw_bake
 from asperity.baking.place import stroke_over
 from asperity.baking.plate import HARD_ANGLE, plate_of
+from asperity.baking.points import read_points
 from asperity.baking.rays import FullSurface
 from asperity.baking.simplify import simplified
-from asperity.baking.sources import guessed_unit, kind_of, mesh_to_bake, read_points
+from asperity.baking.sources import guessed_unit, kind_of, mesh_to_bake
 from asperity.baking.unwrap import texture_span, unwrapped
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.convex.pieces import convex_pieces
 from asperity.geometry.mesh.checks import UNITS
+from asperity.geometry.mesh.contents import coarse_note
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.scene import Scene, read_scene
 from asperity.texture.height_field import HeightField
@@ -271,10 +273,17 @@ def _plate(
     notes: list[str] = []
     if kind == "points":
         points = read_points(source)
+        notes += points.notes
+        unit = unit or points.unit
         if unit is None:
-            unit, guesses = guessed_unit(np.ptp(points, axis=0))
+            unit, guesses = guessed_unit(np.ptp(points.places, axis=0))
             notes += guesses
-        field = map_of_points(points * UNITS[unit], size=size)
+        elif unit == points.unit:
+            notes.append(f"its unit is {unit}, as it states")
+        coarse = coarse_note(points.places, UNITS[unit])
+        if coarse is not None:
+            notes.append(coarse)
+        field, left_out = map_of_points(points.places * UNITS[unit], size=size)
     else:
         if unit is not None:
             raise AsperityError(f"{source}: unit= is for meshes and points; valid: pixel_size=")
@@ -285,11 +294,14 @@ def _plate(
     mesh, texture = plate_of(field, source.stem)
     low = write_mesh(mesh, folder, HARD_ANGLE)
     write_heights(texture, folder)
+    error = plate_error(low, folder / HEIGHTS, texture, field)
+    if kind == "points":
+        error = statistics(left_out)
     # The map as triangles between samples, for the picture.
     full = _map_triangles(field)
     report = _report(source, "plate", len(full), low, texture, notes) | {
         "coverage": 1.0,
-        "error_um": _in_micrometres(plate_error(low, folder / HEIGHTS, texture, field)),
+        "error_um": _in_micrometres(error),
         "closed": False,
         "texel_um": round(1e6 * field.pixel_size[0], 3),
     }

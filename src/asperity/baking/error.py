@@ -54,10 +54,12 @@ def bake_error(low: Mesh, field: HeightField, full: Array, *, seed: int = 0) -> 
     face, weights = scattered(full, _SAMPLES, rng)
     points = np.einsum("ij,ijk->ik", weights, full[face])
     back = Nearest(_as_triangles(low, field)).to(points)[1]
-    return BakeError(*map(max, _statistics(there), _statistics(back)))
+    return BakeError(*map(max, statistics(there), statistics(back)))
 
 
-def _statistics(away: Array) -> BakeError:
+def statistics(away: Array) -> BakeError:
+    """Return the statistics of distances, or of heights above and below."""
+    away = np.abs(away)
     return BakeError(
         float(np.sqrt(np.mean(away**2))), float(np.percentile(away, 99.0)), float(away.max())
     )
@@ -86,7 +88,7 @@ def plate_error(
     points = displaced(low, written, face, weights)
     u, v = (points[:, :2] + 0.5 * np.asarray(field.size)).T
     away = np.abs(points[:, 2] - (field.heights(u, v) - field.lowest))
-    return _statistics(away)
+    return statistics(away)
 
 
 def scattered(triangles: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Array]:

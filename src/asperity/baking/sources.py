@@ -6,7 +6,6 @@ largest extent that of a hand-held object, and the first note reports it.
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity.baking.points import POINTS, TEXTS, holds_points
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
 from asperity.geometry.mesh.contents import Contents
 from asperity.geometry.mesh.files import SUFFIXES, read_contents, read_mesh
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.geometry.mesh.ply import positions, read_elements, read_head
+from asperity.geometry.mesh.ply import read_head
 from asperity.texture.files.arrays import ARRAY_SUFFIXES
 from asperity.texture.files.images import IMAGE_SUFFIXES
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
@@ -27,7 +27,6 @@ from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES
 HAND = (5e-3, 0.5)
 """Smallest and largest extent of a hand-held object [m], for guessing the unit."""
 _GUESSES = ("m", "mm", "cm", "in", "um", "dm")
-POINTS = (".xyz", ".pts")
 
 
 def kind_of(path: Path) -> str:
@@ -43,7 +42,7 @@ def kind_of(path: Path) -> str:
         return "mesh" if has_faces else "points"
     if suffix in SUFFIXES:
         return "mesh"
-    if suffix in POINTS:
+    if suffix in POINTS or (suffix in TEXTS and holds_points(path)):
         return "points"
     if suffix in (*IMAGE_SUFFIXES, *ARRAY_SUFFIXES, *INSTRUMENT_SUFFIXES):
         return "heights"
@@ -106,22 +105,3 @@ def guessed_unit(extents: Any) -> tuple[str, tuple[str, ...]]:
     return fit[0], (
         f"unit guessed: {fit[0]}, which makes it {size} mm; if that is wrong give the unit",
     )
-
-
-def read_points(path: str | os.PathLike[str]) -> Array:
-    """Return the points (n, 3) in a file: PLY, or text with x, y, z first in each line."""
-    path = Path(path)
-    try:
-        if path.suffix.lower() == ".ply":
-            points = positions(path, read_elements(path, read_head(path), ("vertex",)))
-        else:
-            points = np.loadtxt(path, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2)
-    except MemoryError:
-        raise
-    except Exception as error:  # any exception of a reader on a damaged file
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise AsperityError(f"{path}: cannot be read as points: {reason}") from None
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) < 16:
-        raise AsperityError(f"{path}: {len(points)} points are too few; valid: 16 or more")
-    return points

@@ -1,0 +1,351 @@
+"""Points from files: text of any program, PLY, PCD, LAS and LAZ.
+
+Text is read whatever stands between its numbers and whatever stands above them: a count (Leica,
+FARO), names of columns (which say where x, y and z are, and in which unit), comments; decimal
+commas too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.arrays import Array
+from asperity._core.files import reading, text_of
+from asperity.errors import AsperityError
+from asperity.geometry.mesh.checks import UNITS
+from asperity.geometry.mesh.contents import stated_unit
+from asperity.geometry.mesh.ply import positions, read_elements, read_head
+
+POINTS = (".xyz", ".pts", ".pcd", ".las", ".laz")
+TEXTS = (".asc", ".txt", ".csv", ".dat")
+"""Text that may be points or a map of heights."""
+FEWEST = 16
+_SAMPLE = 200
+"""Lines from which the form of a text is found."""
+_FORMS = ((";", ","), (",", "."), (None, "."), (None, ","))
+"""What stands between numbers (None: spaces or tabs), and the decimal sign; a point always may."""
+_AXES = {
+    "x": "x", "y": "y", "z": "z", "points:0": "x", "points:1": "y", "points:2": "z", "east": "x",
+    "easting": "x", "north": "y", "northing": "y", "elevation": "z", "height": "z", "x-coord": "x",
+    "y-coord": "y", "z-coord": "z",
+}  # fmt: skip
+_HEADING = re.compile(
+    r"^([a-z:0-9-]+?)(?:[\s_]*coordinates?)?(?:[\s_]*[\[(]([a-zµμ]+)[\])]|[\s_]+([a-zµμ]+))?$"
+)
+_MAP_HEADS = re.compile(r"^\W*(ncols|channel|width|height|rows)\b", re.IGNORECASE | re.MULTILINE)
+_MOST_PACKED = 200
+"""By how much LAZ may pack points."""
+_PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
+
+
+class Points(NamedTuple):
+    """Points of a file.
+
+    Attributes
+    ----------
+    places : (n, 3) array
+        In the file's unit.
+    unit : str or None
+        That it states.
+    notes : tuple of str
+    """
+
+    places: Array
+    unit: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+class _Form(NamedTuple):
+    """How a text holds its points."""
+
+    first: int
+    """Line with which they begin."""
+    separator: str | None
+    decimal: str
+    width: int
+    columns: tuple[int, ...]
+    names: tuple[str, ...]
+    unit: str | None
+    counted: int | None
+    """Points, as a line above them has it."""
+
+
+def read_points(path: Path) -> Points:
+    """Return the points in a file.
+
+    Raises
+    ------
+    AsperityError
+        A file that cannot be read, or with fewer than 16 points; one line.
+    """
+    with reading(path, "points", (*POINTS, *TEXTS, ".ply")) as suffix:
+        if suffix == ".ply":
+            head = read_head(path)
+            unit = stated_unit("\n".join(head.comments))
+            found = Points(positions(path, read_elements(path, head, ("vertex",))), unit)
+        elif suffix == ".pcd":
+            found = Points(_pcd(path))
+        elif suffix in (".las", ".laz"):
+            found = _las(path)
+        else:
+            found = _text(path)
+    good = np.isfinite(found.places).all(axis=1)
+    notes = found.notes
+    if not good.all():
+        notes = (*notes, f"{np.count_nonzero(~good)} points without a place are left out")
+    if good.sum() < FEWEST:
+        raise AsperityError(f"{path}: {good.sum()} points are too few; valid: {FEWEST} or more")
+    return Points(found.places[good], found.unit, notes)
+
+
+def holds_points(path: Path) -> bool:
+    """Return whether a text holds points rather than a map of heights.
+
+    It does if its columns are named x, y and z, or if it has three, or three and whole numbers
+    behind them, as colours are.
+    """
+    with path.open("rb") as file:
+        text = text_of(file.read(20_000))
+    lines = text.split("\n")
+    form = _form(lines[:-1] or lines)
+    if form is None or form.width > 12 or _MAP_HEADS.search("\n".join(lines[: form.first])):
+        return False
+    if form.names or form.width == 3:
+        return True
+    rows = [line for line in lines[form.first : -1] if line.strip()]
+    more = [_numbers(row, form.separator, form.decimal)[3:] for row in rows[:_SAMPLE]]
+    return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
+
+
+def _numbers(line: str, separator: str | None, decimal: str) -> list[float]:
+    """Return the numbers of a line; an empty list if anything in it is none."""
+    words = line.strip().rstrip(";,").split(separator)
+    try:
+        return [float(word.replace(",", ".") if decimal == "," else word) for word in words]
+    except ValueError:
+        return []
+
+
+def _form(lines: list[str]) -> _Form | None:
+    """Return how lines hold points; None if they hold none."""
+    lines = [line.partition("#")[0] if line.lstrip()[:1] != "#" else line for line in lines]
+    best: tuple[int, _Form] | None = None
+    for separator, decimal in _FORMS:
+        rows = [_numbers(line, separator, decimal) for line in lines[: 2 * _SAMPLE]]
+        widths = [len(row) for row in rows if len(row) >= 3]
+        if not widths:
+            continue
+        width = max(set(widths), key=widths.count)
+        share = widths.count(width)
+        first = next(i for i, row in enumerate(rows) if len(row) == width)
+        if best is None or share > best[0]:
+            names, unit = _heading(lines[:first], separator, width)
+            columns = tuple(names.index(axis) for axis in "xyz") if names else (0, 1, 2)
+            counts = [
+                int(row[0]) for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])
+            ]
+            count = counts[-1] if counts else None
+            form = _Form(
+                first,
+                separator,
+                decimal,
+                width,
+                columns,
+                names,
+                unit,
+                count,
+            )
+            best = (share, form)
+    return None if best is None else best[1]
+
+
+def _heading(
+    above: list[str], separator: str | None, width: int
+) -> tuple[tuple[str, ...], str | None]:
+    """Return the axes that columns are, "" for others, and the unit that their names state.
+
+    Empty if no line above names x, y and z.
+    """
+    for line in reversed(above):
+        plain = line.strip().lstrip("#/%").strip().lower().replace('"', "")
+        for cut in dict.fromkeys((separator, ",", ";", "\t", None)):
+            words = [word.strip() for word in plain.split(cut)]
+            found = [_HEADING.match(word) for word in words]
+            axes = tuple(_AXES.get(m.group(1), "") if m else "" for m in found)
+            if len(words) == width and all(axes.count(axis) == 1 for axis in "xyz"):
+                units = {m[2] or m[3] or "" for m, a in zip(found, axes, strict=True) if m and a}
+                unit = units.pop().replace("µ", "u").replace("μ", "u") if len(units) == 1 else ""
+                return axes, unit if unit in UNITS else None
+    return (), None
+
+
+def _text(path: Path) -> Points:
+    """Return the points in a text."""
+    lines = text_of(path.read_bytes()).split("\n")
+    form = _form(lines[: 4 * _SAMPLE])
+    if form is None:
+        shown = next((line.strip() for line in lines if line.strip()), "")[:40]
+        raise AsperityError(
+            f"{path}: no line of it holds three numbers; it begins with {shown!r}; "
+            "valid: x, y and z in each line"
+        )
+    notes = []
+    if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
+        notes.append("its numbers have decimal commas")
+
+    def coordinates() -> Iterator[float]:
+        for number, line in enumerate(lines[form.first :], start=form.first + 1):
+            line = line.partition("#")[0]
+            values = _numbers(line, form.separator, form.decimal)
+            if len(values) >= form.width or len(values) > max(form.columns):
+                yield from (values[k] for k in form.columns)
+            elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
+                shown = line.strip()[:40]
+                raise AsperityError(f"{path}: line {number} is {shown!r}; valid: x, y and z")
+
+    places = np.fromiter(coordinates(), dtype=np.float64).reshape(-1, 3)
+    if form.names and form.columns != (0, 1, 2):
+        named = ", ".join(
+            f"{axis} from column {k + 1}" for axis, k in zip("xyz", form.columns, strict=True)
+        )
+        notes.append(named)
+    if form.counted is not None and len(places) < form.counted:
+        notes.append(f"it is cut short: it counts {form.counted} points and has {len(places)}")
+    unit = form.unit or stated_unit("\n".join(lines[: form.first]))
+    return Points(places, unit, tuple(notes))
+
+
+def _pcd(path: Path) -> Array:
+    """Return the points of a PCD file: ascii, binary or binary_compressed."""
+    data = path.read_bytes()
+    match = re.search(rb"^\s*DATA\s+(\w+)[ \t]*\r?\n", data, re.MULTILINE)
+    if match is None:
+        raise AsperityError(f"{path}: cannot be read as a .pcd file: its head has no line DATA")
+    head = {}
+    for line in data[: match.start()].decode("latin-1").splitlines():
+        key, *values = line.split() or [""]
+        head[key.upper()] = values
+    names = [name.lower() for name in head.get("FIELDS", head.get("COLUMNS", []))]
+    try:
+        sizes = [int(size) for size in head["SIZE"]]
+        types = [_PCD_TYPES[kind.upper()] for kind in head["TYPE"]]
+        counts = [int(count) for count in head.get("COUNT", ["1"] * len(names))]
+        points = int((head.get("POINTS") or ["-1"])[0])
+        if points < 0:
+            points = math.prod(int(head[key][0]) for key in ("WIDTH", "HEIGHT"))
+        if not len(names) == len(sizes) == len(types) == len(counts) or min(counts) < 0:
+            raise ValueError
+        dtype = np.dtype(
+            [
+                (f"{i}", f"<{kind}{size}", (count,))
+                for i, (kind, size, count) in enumerate(zip(types, sizes, counts, strict=True))
+            ]
+        )
+    except (KeyError, ValueError, TypeError, IndexError):
+        raise AsperityError(
+            f"{path}: cannot be read as a .pcd file: its head needs FIELDS, SIZE, TYPE and POINTS"
+        ) from None
+    if any(axis not in names for axis in "xyz"):
+        raise AsperityError(f"{path}: its fields are {' '.join(names)[:80]}; valid: x, y and z too")
+    at = [names.index(axis) for axis in "xyz"]
+    body, form = data[match.end() :], match.group(1).lower()
+    if form == b"ascii":
+        return _pcd_text(path, body, points, np.cumsum([0, *counts])[at], sum(counts))
+    if form == b"binary":
+        whole = _whole(path, body, points * dtype.itemsize)
+        rows = np.frombuffer(whole, dtype, points)
+        return np.stack([rows[f"{k}"][:, 0] for k in at], axis=1, dtype=np.float64)
+    if form != b"binary_compressed":
+        raise AsperityError(
+            f"{path}: its DATA is {form.decode()[:20]!r}; valid: ascii, binary, binary_compressed"
+        )
+    packed, size = (int.from_bytes(body[k : k + 4], "little") for k in (0, 4))
+    if size != points * dtype.itemsize:
+        raise AsperityError(
+            f"{path}: it is damaged: {points} points need {points * dtype.itemsize} bytes, "
+            f"{size} are packed"
+        )
+    whole = _unpacked(path, _whole(path, body[8:], packed), size)
+    # Compressed, each field stands by itself.
+    starts = points * np.cumsum([0, *(dtype[i].itemsize for i in range(len(names)))])
+    columns = [
+        np.frombuffer(whole, dtype[k].base, points * counts[k], starts[k])[:: counts[k]] for k in at
+    ]
+    return np.stack(columns, axis=1, dtype=np.float64)
+
+
+def _pcd_text(path: Path, body: bytes, points: int, at: NDArray[Any], width: int) -> Array:
+    words = body.split()
+    if len(words) < points * width or max(map(len, words), default=0) > 60:
+        raise AsperityError(
+            f"{path}: it is cut short or damaged: {points} points need {points * width} numbers, "
+            f"there are {len(words)}"
+        )
+    rows = np.array(words[: points * width], dtype=bytes).reshape(points, width)
+    try:
+        return rows[:, at].astype(np.float64)
+    except ValueError as error:
+        raise AsperityError(f"{path}: it is damaged: {str(error)[:80]}") from None
+
+
+def _whole(path: Path, data: bytes, size: int) -> bytes:
+    """Return the first bytes of data; raise if there are fewer."""
+    if len(data) < size:
+        raise AsperityError(
+            f"{path}: it is cut short: its head announces {size} bytes, there are {len(data)}"
+        )
+    return data[:size]
+
+
+def _unpacked(path: Path, packed: bytes, size: int) -> bytes:
+    """Return data that LZF has compressed, which HDF5 has a filter for."""
+    import h5py
+
+    if size == 0 or size > 1000 * max(len(packed), 1):
+        raise AsperityError(f"{path}: it is damaged: {len(packed)} bytes cannot hold {size}")
+    with h5py.File("unpacked", "w", driver="core", backing_store=False) as file:
+        data = file.create_dataset("data", (size,), "u1", chunks=(size,), compression="lzf")
+        data.id.write_direct_chunk((0,), packed)
+        try:
+            return bytes(data[()])
+        except (OSError, RuntimeError):
+            raise AsperityError(f"{path}: it is damaged: LZF cannot unpack it") from None
+
+
+def _las(path: Path) -> Points:
+    """Return the points of a LAS or LAZ file."""
+    try:
+        laspy = importlib.import_module("laspy")
+    except ImportError:
+        raise AsperityError(
+            f"{path}: {path.suffix} files need a reader that is not installed; "
+            "valid: pip install 'asperity[las]', or a text of x, y and z"
+        ) from None
+    try:
+        with laspy.open(path) as file:
+            count, size = file.header.point_count, file.header.point_format.size
+            if count * size > _MOST_PACKED * path.stat().st_size:
+                raise AsperityError(
+                    f"{path}: it is cut short or damaged: its head counts {count} points"
+                )
+            cloud = file.read()
+    except (MemoryError, KeyboardInterrupt, SystemExit, AsperityError):
+        raise
+    except BaseException as error:  # also panics of lazrs, which are no `Exception`
+        raise AsperityError(
+            f"{path}: cannot be read as a {path.suffix} file: "
+            f"{' '.join(str(error).split())[:120] or 'it is damaged'}"
+        ) from None
+    if len(cloud.xyz) < count:
+        raise AsperityError(
+            f"{path}: it is cut short: its head counts {count} points, there are {len(cloud.xyz)}"
+        )
+    return Points(np.asarray(cloud.xyz, dtype=np.float64))

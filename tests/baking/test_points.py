@@ -1,0 +1,203 @@
+"""Point clouds of other programs, and what a map made of them keeps."""
+
+import struct
+
+import numpy as np
+import pytest
+
+import asperity
+from asperity.baking.cloud import map_of_points
+from asperity.baking.points import holds_points, read_points
+from asperity.errors import AsperityError
+
+COUNT = 300
+DATA = np.round(np.random.default_rng(0).uniform(0, 20, (COUNT, 3)), 4)
+
+
+def lines(rows, separator=" ", end="\n"):
+    return end.join(separator.join(f"{value:.6g}" for value in row) for row in rows) + end
+
+
+PLAIN = lines(DATA)
+COLOURED = lines(np.column_stack([DATA, np.full((COUNT, 3), 128)]))
+SWAPPED = np.column_stack([np.full(COUNT, 7.5), DATA[:, 2], DATA[:, 1], DATA[:, 0]])
+TEXTS = {
+    "plain.xyz": PLAIN, "hash.xyz": "# x y z\n" + PLAIN, "a.asc": PLAIN, "a.txt": PLAIN,
+    "counted.pts": f"{COUNT}\n" + lines(np.column_stack([DATA, np.full((COUNT, 4), -200)])),
+    "two_scans.pts": f"100\n{lines(DATA[:100])}200\n{lines(DATA[100:])}",
+    "cloudcompare.txt": f"//X Y Z R G B\n{COUNT}\n" + COLOURED,
+    "colours.txt": COLOURED, "named.csv": "x,y,z\n" + lines(DATA, ","),
+    "quoted.csv": '"X","Y","Z"\r\n' + lines(DATA, ", ", "\r\n"), "semicolon.xyz": lines(DATA, ";"),
+    "comma.xyz": PLAIN.replace(".", ","), "tab.dat": lines(DATA, "\t"),
+    "german.csv": "X [mm];Y [mm];Z [mm]\n" + lines(DATA, ";").replace(".", ","),
+    "trailing.txt": lines(DATA, ", ").replace("\n", ",\n"),
+    "swapped.csv": "intensity,z,y,x\n" + lines(SWAPPED, ","),
+    "paraview.csv": '"I","Points:2","Points:1","Points:0"\n' + lines(SWAPPED, ","),
+    "survey.txt": "id Elevation Northing Easting\n" + lines(SWAPPED),
+    "cr.xyz": PLAIN.replace("\n", "\r"),
+    "utf16.txt": PLAIN.encode("utf-16"), "mark.xyz": b"\xef\xbb\xbf" + PLAIN.encode(),
+    "commented.xyz": PLAIN.replace("\n", "  # seen\n"), "blank.xyz": PLAIN.replace("\n", "\n\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_texts_of_points(tmp_path, name):
+    content = TEXTS[name]
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    found = read_points(path)
+    assert found.places == pytest.approx(DATA)
+    assert found.unit == ("mm" if name == "german.csv" else None)
+    assert path.suffix in (".xyz", ".pts") or holds_points(path)
+
+
+def test_maps_of_heights_are_no_points(tmp_path):
+    path = tmp_path / "a.txt"
+    rng = np.random.default_rng(1)
+    for text in (
+        lines(rng.normal(size=(40, 40))), lines(rng.normal(size=(40, 6))),
+        "ncols 3\nnrows 40\n" + lines(rng.normal(size=(40, 3))), "words only\n" * 40,
+        "# Channel: Height\n# Width: 1 mm\n" + lines(rng.normal(size=(9, 3))),
+    ):  # fmt: skip
+        path.write_text(text)
+        assert not holds_points(path)
+
+
+def pcd(form, *, fields="x y z intensity", kind="F", order=(0, 1, 2), end="\n"):
+    rows = np.column_stack([DATA[:, order], np.ones(COUNT)])
+    size = {"F": 4, "D": 8}[kind]
+    words = fields.split()
+    head = ["# .PCD v0.7", "VERSION 0.7", f"FIELDS {fields}"]
+    head += ["SIZE " + " ".join([str(size)] * len(words)), "TYPE " + " ".join(["F"] * len(words))]
+    head += ["COUNT " + " ".join(["1"] * len(words)), f"WIDTH {COUNT}", "HEIGHT 1"]
+    head += ["VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {COUNT}", f"DATA {form}"]
+    packed = rows.astype("<f4" if size == 4 else "<f8")
+    if form == "ascii":
+        body = lines(rows, end=end).encode()
+    elif form == "binary":
+        body = packed.tobytes()
+    else:  # each field by itself, in runs of at most 32 bytes that LZF leaves as they are
+        data = packed.T.tobytes()
+        runs = [data[i : i + 32] for i in range(0, len(data), 32)]
+        lzf = b"".join(bytes([len(run) - 1]) + run for run in runs)
+        body = struct.pack("<II", len(lzf), len(data)) + lzf
+    return end.join([*head, ""]).encode() + body
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary", "binary_compressed"])
+def test_pcd_of_each_form(tmp_path, form):
+    path = tmp_path / "a.pcd"
+    for options in ({}, {"kind": "D"}, {"end": "\r\n"}):
+        path.write_bytes(pcd(form, **options))
+        assert read_points(path).places == pytest.approx(DATA, abs=1e-5)
+    path.write_bytes(pcd(form, fields="z y x rgb", order=(2, 1, 0)))
+    assert read_points(path).places == pytest.approx(DATA, abs=1e-5)
+    path.write_bytes(pcd(form)[:-700])
+    with pytest.raises(AsperityError, match="cut short"):
+        read_points(path)
+    path.write_bytes(pcd(form, fields="a b c d"))
+    with pytest.raises(AsperityError, match="its fields are a b c d; valid: x, y and z too"):
+        read_points(path)
+
+
+def test_las(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    cloud = laspy.create(point_format=0, file_version="1.2")
+    cloud.header.scales, cloud.header.offsets = [1e-4] * 3, [0, 0, 0]
+    cloud.x, cloud.y, cloud.z = DATA.T
+    for name in ("a.las", "a.laz"):
+        try:
+            cloud.write(tmp_path / name)
+        except laspy.errors.LaspyException:
+            continue
+        assert read_points(tmp_path / name).places == pytest.approx(DATA, abs=1e-4)
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(AsperityError, match=r"cut short|cannot be read"):
+            read_points(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.xyz", "a b c\n" * 40, "no line of it holds three numbers; it begins with 'a b c'"),
+        ("a.xyz", PLAIN + "1 2 what\n", "line 301 is '1 2 what'; valid: x, y and z"),
+        ("a.xyz", lines(DATA[:10]), "10 points are too few; valid: 16 or more"),
+        ("a.pcd", "hello\n", "its head has no line DATA"),
+        ("a.pcd", "VERSION 0.7\nDATA ascii\n1 2 3\n", "its head needs FIELDS"),
+        ("a.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty float q\nend_header\n1\n",
+         "its vertices have no x"),
+    ],
+)  # fmt: skip
+def test_what_holds_no_points_is_refused_in_one_line(tmp_path, name, text, said):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(AsperityError, match=said) as caught:
+        read_points(tmp_path / name)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value).replace(str(tmp_path), "")) < 200
+
+
+def test_a_count_that_is_not_reached_is_noted(tmp_path):
+    (tmp_path / "a.pts").write_text(f"{2 * COUNT}\n{PLAIN}")
+    assert "it counts 600 points and has 300" in read_points(tmp_path / "a.pts").notes[0]
+
+
+# What the map keeps
+
+
+def waves(length, *, noise=0.0, seed=0, count=4000):
+    """Return points 0.3 mm apart on waves of 50 um amplitude [m]."""
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0, 0.02, (count, 2))
+    z = 5e-5 * np.sin(2 * np.pi * xy[:, 0] / length) + noise * rng.normal(size=count)
+    return np.column_stack([xy, z])
+
+
+def amplitude(field, length):
+    rows, columns = field.samples.shape
+    inner = field.samples[rows // 8 : -(rows // 8), columns // 8 : -(columns // 8)]
+    best = np.inf, 0.0
+    v, u = (field.pixel_size[0] * i.ravel() for i in np.indices(inner.shape))
+    for turn in np.linspace(-0.03, 0.03, 31):
+        phase = 2 * np.pi / length * (np.cos(turn) * u + np.sin(turn) * v)
+        basis = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(phase)])
+        (c, s, _), (misfit,), *_ = np.linalg.lstsq(basis, inner.ravel())
+        best = min(best, (misfit, float(np.hypot(c, s))))
+    return best[1]
+
+
+@pytest.mark.parametrize(("length", "least"), [(4e-3, 0.95), (2e-3, 0.93), (1e-3, 0.70)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_waves_keep_their_amplitude_and_the_error_is_true(length, least, seed):
+    field, left_out = map_of_points(waves(length, seed=seed), size=512)
+    found = amplitude(field, length)
+    assert least * 5e-5 < found < 1.03 * 5e-5
+    # What is lost of the amplitude is in the error; what is stated is not many times as much.
+    rms = np.sqrt(np.mean(left_out**2))
+    assert rms > 0.5 * (5e-5 - found) / 2**0.5
+    assert rms < max(2e-6, 0.6 * 5e-5)
+    assert any("of the amplitude of waves of" in note for note in field.notes)
+
+
+def test_noise_is_averaged_and_is_in_the_error():
+    field, left_out = map_of_points(waves(4e-3, noise=1e-5), size=512)
+    assert amplitude(field, 4e-3) == pytest.approx(5e-5, rel=0.08)
+    assert np.std(left_out) == pytest.approx(1e-5, rel=0.25)
+    flat, _ = map_of_points(waves(4e-3, noise=1e-5) * [1, 1, 0.2], size=512)
+    assert flat.rms < 1.5e-5
+
+
+def test_points_astray_are_left_out_with_a_note():
+    points = waves(4e-3)
+    points[::200, 2] += 5e-3
+    field, _ = map_of_points(points, size=512)
+    assert field.relief < 2e-4
+    assert any("points left out, more than" in note for note in field.notes)
+
+
+def test_bake_states_the_error_at_points_left_out(tmp_path):
+    np.savetxt(tmp_path / "a.txt", 1e3 * waves(1e-3), fmt="%.6f")
+    report = asperity.bake(tmp_path / "a.txt", tmp_path / "out", unit="mm", picture=False).report
+    assert 5 < report["error_um"]["rms"] < 30
+    assert report["error_um"]["rms"] < report["error_um"]["p99"] < report["error_um"]["max"]
+    assert any("points left out of the map" in note for note in report["notes"])
