@@ -109,9 +109,9 @@ def test_files_of_poses(tmp_path, suffix):
         ("0 0 0 0 1 0 0 0\n1 0 0 0 2 0 0 0\n", ["line 2", "norm", "2"]),
         ("0 0 0 0 1 0 0 0\n1 0 nan 0 1 0 0 0\n", ["line 2", "finite"]),
         ("0 0 0 0 1 0 0 0\n\n0 0 0 0 1 0 0 0\n", ["line 3", "increase"]),
-        ("0 0 0 0 1 0 0\n", ["line 1", "7 numbers", "valid: 8"]),
-        ("0 0 0 0 1 0 0 0\n1 0 zero 0 1 0 0 0\n", ["line 2", "not numbers"]),
-        ("time,x\n", ["no poses"]),
+        ("0 0 0 0 1 0 0\n", ["7 numbers", "valid: 8"]),
+        ("0 0 0 0 1 0 0 0\n1 0 zero 0 1 0 0 0\n", ["line 2", "is no number"]),
+        ("time,x\n", ["no numbers"]),
     ],
 )
 def test_wrong_rows_are_named(tmp_path, text, names):

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from asperity.scene.scene import Scene
     from asperity.scene.trajectory import ScriptedMotion, Trajectory
 
-POSE_FILES = (".csv", ".txt", ".npy", ".npz")
+POSE_FILES = (".csv", ".txt", ".tsv", ".tum", ".npy", ".npz")
 
 
 def motion_of(

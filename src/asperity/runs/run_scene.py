@@ -119,6 +119,8 @@ def run_scene(
             **controller.summary(),
         },
     }  # fmt: skip
+    if isinstance(motion, Trajectory):
+        summary["notes"] += [f"{motion.name}: {note}" for note in motion.notes]
     return Run(rollout, best, summary)
 
 

@@ -55,6 +55,7 @@ from asperity.scene.document import (
     beside,
     check_document,
     find_file,
+    parse_options,
     read_toml,
     require_keys,
     write_toml,
@@ -268,9 +269,9 @@ def _coupling(table: Table) -> CouplingSettings:
 
 def _motion(table: Table, folder: Path | None) -> ScriptedMotion | Trajectory:
     if "file" in table:
-        require_keys(table, "trajectory", ("file",))
+        given = parse_options(table, "trajectory", read_poses, "file", ())
         path = find_file(table, "trajectory", folder)
-        return at("trajectory.file", lambda: read_poses(path))
+        return at("trajectory", lambda: read_poses(path, **given))
     if "kind" in table:
         at("trajectory.kind", lambda: require_choice("trajectory", table["kind"], KINDS))
     options = arguments(table, "trajectory", ScriptedMotion)

@@ -18,7 +18,7 @@ from asperity.errors import (
     require_not_negative,
     require_positive,
 )
-from asperity.geometry.poses import interpolate_pose, require_pose, rotated
+from asperity.geometry.poses import NORM_TOLERANCE, interpolate_pose, require_pose, rotated
 
 KINDS = ("slide", "circle", "press-and-slide", "rotate")
 MOST_TICKS = 10_000_000
@@ -114,12 +114,15 @@ class Trajectory:
     name : str
     origins : tuple of str
         Origin of each row, for error messages; by default the number of the row, from 0.
+    notes : tuple of str
+        Choices, conversions and doubts on the way here, to be shown to the user.
     """
 
     times: Array
     poses: Array
     name: str = "trajectory"
     origins: tuple[str, ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         times = np.atleast_1d(np.asarray(self.times, dtype=np.float64))
@@ -139,9 +142,12 @@ class Trajectory:
                 f"{self.name}, {self._row(row)}: times must increase, {times[row]:g} s comes "
                 f"after {times[row - 1]:g} s"
             )
-        poses = np.array(
-            [require_pose(pose, f"{self.name}, {self._row(i)}") for i, pose in enumerate(poses)]
-        )
+        norms = np.linalg.norm(poses[:, 3:], axis=1)
+        with np.errstate(invalid="ignore"):
+            wrong = ~(np.isfinite(poses).all(axis=1) & (np.abs(norms - 1.0) <= NORM_TOLERANCE))
+        for row in np.flatnonzero(wrong)[:1]:
+            require_pose(poses[row], f"{self.name}, {self._row(int(row))}")
+        poses = np.column_stack([poses[:, :3], poses[:, 3:] / norms[:, None]])
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
 

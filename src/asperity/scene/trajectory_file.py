@@ -2,22 +2,77 @@
 
 from __future__ import annotations
 
+import os
+import re
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.files import reading
-from asperity.errors import AsperityError
+from asperity._core.text_table import TextTable, read_text_table
+from asperity._core.units import LENGTHS, TIMES
+from asperity.errors import AsperityError, require_choice
+from asperity.scene.pose_columns import COLUMNS, ORDERS, Layout, layout_in_order, layout_of
 from asperity.scene.trajectory import Trajectory
 
+ROUNDED = 0.02
+"""Largest deviation of a quaternion's norm from 1 that is taken for rounding."""
+_EXACT = 1e-6
+TURN = 45.0
+"""Turn between neighbours from which the order of the quaternion is doubted [degrees]."""
+_FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
+"""Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
+_EPOCH = 1e8
+"""Times beyond it are since an epoch, in s, ms, us or ns by their size."""
+_IN_COMMENT = re.compile(r"(?<![A-Za-z])(mm|cm|µm|um|millimet\w+|inch\w*)(?![A-Za-z])")
 
-def read_poses(path: str | Path) -> Trajectory:
-    """Return a trajectory from a CSV, `.npy` or `.npz` file.
 
-    CSV: columns time [s], x, y, z [m], qw, qx, qy, qz, separated by commas, semicolons, tabs or
-    spaces, with an optional header line; lines that start with # are skipped. `.npy`: an array
-    (n, 8) of the same columns. `.npz`: arrays `times` (n,) and `poses` (n, 7).
+class _Table(NamedTuple):
+    """Numbers of a file of poses in asperity's columns, as stored."""
+
+    values: Array
+    layout: Layout
+    notes: tuple[str, ...] = ()
+    origins: tuple[str, ...] = ()
+    named: bool = False
+    start: float = 0.0
+    """What was subtracted from the times."""
+
+
+def read_poses(
+    path: str | os.PathLike[str],
+    *,
+    order: str | None = None,
+    unit: str | None = None,
+    time_unit: str | None = None,
+) -> Trajectory:
+    """Return a trajectory from a text file, or from `.npy` or `.npz`.
+
+    Text: a row a pose, separated by commas, semicolons, tabs or spaces. A line above the rows, or
+    behind #, names the columns, in any order: time, x, y, z, qw, qx, qy, qz, also as `tx`,
+    `pos_x`, `field.pose.orientation.w` and the like, with units (`x [mm]`, `time_ms`). Without
+    names the order is that one, and a note states it. `.npy`: an array (n, 8) of these columns.
+    `.npz`: arrays `times` (n,) and `poses` (n, 7).
+
+    Parameters
+    ----------
+    path : str or path
+    order : str, optional
+        Order of the columns, instead of what the names state: `"wxyz"` or `"xyzw"` (ROS, TUM) for
+        the quaternion behind time, x, y, z; or all names with commas.
+    unit : str, optional
+        Unit of x, y and z (`"mm"`), by default what the names state, else m.
+    time_unit : str, optional
+        Unit of the times (`"ms"`), by default what the names state, else s; times since an epoch
+        are in s, ms, us or ns by their size.
+
+    Returns
+    -------
+    Trajectory
+        Its notes name what was taken, converted, normalised and doubted.
 
     Raises
     ------
@@ -29,61 +84,184 @@ def read_poses(path: str | Path) -> Trajectory:
         raise AsperityError(f"no such file of poses: {path}")
     if path.is_dir():
         raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .npy, .npz)")
+    lengths = None if unit is None else LENGTHS[require_choice("unit", unit, LENGTHS)]
+    times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIMES)]
     if path.suffix.lower() in (".npy", ".npz"):
-        table = _read_arrays(path)
-        origins: tuple[str, ...] = ()
+        table = _read_arrays(path, order)
     else:
-        table, origins = _read_csv(path)
-    return Trajectory(table[:, 0], table[:, 1:], path.name, origins)
+        table = _read_text(path, order)
+    notes = [*table.notes]
+    poses = table.values[:, 1:]
+    length = _unit(lengths, table.layout.unit, "x, y, z", "unit", LENGTHS, notes)
+    poses[:, :3] *= length
+    seconds = _seconds(table, times, notes)
+    _normalise(poses, notes)
+    notes += _doubts(seconds, poses, table.named)
+    return Trajectory(seconds, poses, path.name, table.origins, tuple(notes))
 
 
-def _read_arrays(path: Path) -> Array:
+def _unit(
+    given: float | None, stated: float | None, what: str, option: str, units: dict[str, float],
+    notes: list[str],
+) -> float:  # fmt: skip
+    """Return the unit of some columns, given or stated by their names, and note it."""
+    names = {value: name for name, value in reversed(units.items())}
+    if given is not None and stated is not None and given != stated:
+        notes.append(f"{what} in {names[given]}, as given; the file states {names[stated]}")
+    elif given is None and stated not in (None, 1.0):
+        notes.append(f"{what} in {names[stated]}, as the file states")
+    return given or stated or 1.0
+
+
+def _seconds(table: _Table, given: float | None, notes: list[str]) -> Array:
+    """Return the times [s]; of times since an epoch, those since the first."""
+    times = table.values[:, 0]
+    first = table.start + (float(times[0]) if times.size and np.isfinite(times[0]) else 0.0)
+    stated = table.layout.time_unit
+    if given is None and abs(first) > _EPOCH and (stated in (None, 1.0)):
+        # Seconds since 1970 have 10 digits until the year 2286.
+        size = 1.0 if abs(first) < 1e11 else 1e-3 if abs(first) < 1e14 else 1e-6
+        stated = 1e-9 if abs(first) >= 1e17 else size
+    scale = _unit(given, stated, "times", "time_unit", TIMES, notes)
+    if abs(first) > _EPOCH:
+        notes.append("times are since an epoch; the first is 0")
+        times = times - times[0]
+    return times * scale
+
+
+def _normalise(poses: Array, notes: list[str]) -> None:
+    """Normalise quaternions whose norm rounding has changed, in place; others are left."""
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    with np.errstate(invalid="ignore"):
+        off = np.abs(norms - 1.0)
+        rounded = (off > _EXACT) & (off < ROUNDED)
+    if rounded.any():
+        poses[rounded, 3:] /= norms[rounded, None]
+        notes.append(
+            f"{np.count_nonzero(rounded)} of {len(poses)} quaternions are rounded, their norm off "
+            f"1 by up to {off[rounded].max():.2g}: normalised"
+        )
+
+
+def _doubts(times: Array, poses: Array, named: bool) -> list[str]:
+    """Return notes that doubt the order or the units of poses."""
+    notes = []
+    turns = np.abs(np.einsum("ij,ij->i", poses[1:, 3:], poses[:-1, 3:]))
+    angles = np.degrees(2.0 * np.arccos(np.clip(turns, 0.0, 1.0)))
+    if angles.size and np.nanmax(angles, initial=0.0) > TURN:
+        row = int(np.nanargmax(angles))
+        notes.append(
+            f"is the order of qw, qx, qy, qz right? The tool turns by {angles[row]:.0f} degrees "
+            f"from pose {row} to {row + 1} (more than {TURN:g}); order= changes it"
+        )
+    if not named:
+        tilts = [_tilt(poses[0, 3:], at) for at in (0, 3)]
+        if tilts[0] > 90.0 > 2.0 * tilts[1]:
+            notes.append(
+                "is the order x, y, z, w? The first pose is turned by "
+                f"{tilts[0]:.0f} degrees, with order='xyzw' by {tilts[1]:.0f}"
+            )
+    with np.errstate(all="ignore"):
+        far = float(np.abs(poses[:, :3]).max())
+        steps = np.diff(times)
+        speeds = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1) / steps
+        fast = float(np.median(speeds)) if speeds.size else 0.0
+    if far > _FARTHEST or fast > _FASTEST:
+        notes.append(
+            f"are x, y, z in m? They reach {far:.4g} m, at {fast:.3g} m/s; unit= changes that"
+        )
+    if steps.size and float(np.median(steps)) > _LONGEST_STEP:
+        notes.append(
+            f"are the times in s? There are {np.median(steps):.4g} s between poses; time_unit= "
+            "changes that"
+        )
+    return notes
+
+
+def _tilt(quaternion: Array, scalar: int) -> float:
+    """Return the angle [degrees] of a quaternion whose scalar part is at a place."""
+    return float(np.degrees(2.0 * np.arccos(min(abs(float(quaternion[scalar])), 1.0))))
+
+
+def _no_names(path: Path, order: str | None, count: int) -> tuple[Layout, tuple[str, ...]]:
+    """Return the layout of columns without names, and the note that states it."""
+    if count != len(COLUMNS) and order is None:
+        valid = ", ".join(COLUMNS)
+        raise AsperityError(f"{path}, line 1: {count} numbers; valid: 8 ({valid}), or names above")
+    layout = layout_in_order(path, order or "wxyz", count)
+    if order is not None:
+        return layout, ()
+    names = ", ".join(ORDERS["wxyz"])
+    return layout, (f"no names of columns: taken as {names}; order='xyzw' changes that",)
+
+
+def _read_arrays(path: Path, order: str | None) -> _Table:
     with reading(path, "poses", (".npy", ".npz")) as suffix, open(path, "rb") as stream:
         loaded = np.load(stream, allow_pickle=False)
         if suffix == ".npz":
             if not {"times", "poses"} <= set(loaded):
                 raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)")
             loaded = np.column_stack([loaded["times"], loaded["poses"]])
-        table = np.asarray(loaded, dtype=np.float64)
-    if table.ndim != 2 or table.shape[1] != 8 or len(table) == 0:
+        values = np.array(loaded, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != 8 or len(values) == 0:
         raise AsperityError(
-            f"{path} has shape {table.shape}; valid: (n, 8), columns time, x, y, z, qw, qx, qy, qz"
+            f"{path} has shape {values.shape}; valid: (n, 8), columns {', '.join(COLUMNS)}"
         )
-    return table
+    layout, notes = _no_names(path, order, 8)
+    return _Table(values[:, layout.places], layout, notes)
 
 
-def _read_csv(path: Path) -> tuple[Array, tuple[str, ...]]:
+def _read_text(path: Path, order: str | None) -> _Table:
+    text = read_text_table(path, texts=True)
+    origins = tuple(f"line {number}" for number in text.rows_at())
+    names = text.names
+    notes: tuple[str, ...] = ()
+    if names is None:
+        layout, notes = _no_names(path, order, text.columns)
+    else:
+        layout = _named(path, text, names, order)
+        if order is not None:
+            notes = (f"columns in the order {order}, as given",)
+        elif layout.left_out:
+            notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
+    if layout.unit is None:
+        stated = {word for line in text.header for word in _IN_COMMENT.findall(line)}
+        units = {LENGTHS.get(word.casefold()) for word in stated}
+        if len(units) == 1:
+            layout = layout._replace(unit=units.pop())
+    columns = [*layout.places]
+    values = text.values(columns)
+    start = 0.0
+    if np.abs(values[:1, 0]).max() > _EPOCH:
+        start, values[:, 0] = _exact(text, columns[0], values[:, 0])
+    if layout.nanoseconds is not None:
+        values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
+    return _Table(values, layout, notes, origins, names is not None or order is not None, start)
+
+
+def _named(path: Path, text: TextTable, names: tuple[str, ...], order: str | None) -> Layout:
+    if order is not None:
+        return layout_in_order(path, order, text.columns)
     try:
-        lines = path.read_text("utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise AsperityError(f"{path} is not text; valid: .csv, .npy or .npz of poses") from None
-    rows: list[list[float]] = []
-    origins: list[str] = []
-    for number, line in enumerate(lines, start=1):
-        words = line.replace(",", " ").replace(";", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            if not rows and not any(_is_number(word) for word in words):
-                continue  # the header
-            raise AsperityError(f"{path}, line {number}: not numbers: {line.strip()!r}") from None
-        if len(values) != 8:
-            raise AsperityError(
-                f"{path}, line {number}: {len(values)} numbers; valid: 8 "
-                "(time, x, y, z, qw, qx, qy, qz)"
-            )
-        rows.append(values)
-        origins.append(f"line {number}")
-    if not rows:
-        raise AsperityError(f"{path} has no poses; each line needs time, x, y, z, qw, qx, qy, qz")
-    return np.array(rows), tuple(origins)
+        return layout_of(path, names)
+    except AsperityError as error:
+        # Names in two lines, as "Position, Position" above "X, Y".
+        above = [line.split(text.separator) for line in text.header]
+        for line in reversed(above):
+            joined = [f"{a.strip()} {b}" for a, b in zip(line, names, strict=False)]
+            if len(line) == len(names):
+                try:
+                    return layout_of(path, joined)
+                except AsperityError:
+                    continue
+        raise error from None
 
 
-def _is_number(word: str) -> bool:
+def _exact(text: TextTable, column: int, values: Array) -> tuple[float, Array]:
+    """Return the first of long times, and all of them less it, without a loss of digits."""
+    cells = (line.split(text.separator)[column] for line in text.body.split("\n") if line.strip())
     try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+        numbers = [Decimal(cell.strip().replace(",", ".")) for cell in cells]
+    except (InvalidOperation, IndexError):
+        return float(values[0]), values - values[0]
+    return float(numbers[0]), np.array([float(n - numbers[0]) for n in numbers])

@@ -1,0 +1,165 @@
+"""Files of poses as other programs write them: one motion, whatever the order, names and units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.errors import AsperityError
+from asperity.scene.trajectory_file import read_poses
+
+N = 12
+T = np.arange(N) * 1e-3
+P = np.column_stack([0.04 * T, 0.0 * T, 0.01 + 0.0 * T])
+Q = np.tile([np.cos(0.15), 0.02, np.sin(0.15), 0.0], (N, 1))
+Q /= np.linalg.norm(Q, axis=1, keepdims=True)
+XYZW = np.roll(Q, -1, axis=1)
+EPOCH = 1732523000.123
+
+
+def write(path: Path, head: str, *columns: np.ndarray, separator: str = ",") -> Path:
+    table = np.column_stack(columns)
+    lines = (separator.join(f"{value:.17g}" for value in row) for row in table)
+    path.write_text(head + "\n".join(lines) + "\n", "utf-8")
+    return path
+
+
+def check(found, *, atol: float = 1e-9) -> None:
+    np.testing.assert_allclose(found.times, T, atol=1e-9)
+    np.testing.assert_allclose(found.poses[:, :3], P, atol=atol)
+    np.testing.assert_allclose(found.poses[:, 3:], Q, atol=max(atol, 1e-9))
+
+
+NAMED = {
+    "ros": ("time,x,y,z,qx,qy,qz,qw\n", (T, P, XYZW)),
+    "long": ("timestamp,pos_x,pos_y,pos_z,quat_x,quat_y,quat_z,quat_w\n", (T, P, XYZW)),
+    "tum": ("# ground truth\n# timestamp tx ty tz qx qy qz qw\n", (T, P, XYZW)),
+    "euroc": (
+        "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],"
+        "q_RS_z [],v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1],b_w_RS_S_x [rad s^-1]\n",
+        (1e9 * T, P, Q, P, T),
+    ),
+    "ndi": ("Time (ms);Q0;Qx;Qy;Qz;Tx (mm);Ty (mm);Tz (mm);Error\n", (1e3 * T, Q, 1e3 * P, T)),
+    "camel": ("Time,PosX,PosY,PosZ,RotW,RotX,RotY,RotZ\n", (T, P, Q)),
+    "dots": ("t, tool.position.x, tool.position.y, tool.position.z, tool.orientation.x, "
+             "tool.orientation.y, tool.orientation.z, tool.orientation.w\n", (T, P, XYZW)),
+    "quaternion first": ("qw qx qy qz x_m y_m z_m time_us\n", (Q, P, 1e6 * T)),
+    "w x y z alone": ("t,px,py,pz,w,x,y,z\n", (T, P, Q)),
+    "comment states mm": ("# positions in mm\ntime,x,y,z,qw,qx,qy,qz\n", (T, 1e3 * P, Q)),
+    "with velocities": (
+        "time,x,y,z,vx,vy,vz,qx,qy,qz,qw,twist.angular.x,twist.angular.y,twist.angular.z\n",
+        (T, P, P, XYZW, P),
+    ),
+    "two lines": (
+        "Frame,Time,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n"
+        ",(Seconds),X,Y,Z,W,X,Y,Z\n",
+        (np.arange(N), T, XYZW, P),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_names_decide_the_order_and_the_units(tmp_path: Path, name: str) -> None:
+    head, columns = NAMED[name]
+    separator = ";" if ";" in head else "," if "," in head else " "
+    found = read_poses(write(tmp_path / "a.csv", head, *columns, separator=separator))
+    check(found)
+    assert not any("order" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("", 1.0), ("", 1e3), ("", 1e6), ("", 1e9), (" [ms]", 1e3), (" [s]", 1.0)]
+)
+def test_times_since_an_epoch_begin_at_0(tmp_path: Path, name: str, factor: float) -> None:
+    whole = [round((1732523000123 + i) * 10**6) for i in range(N)]
+    unit = round(1e9 / factor)
+    digits = [f"{t // unit}.{t % unit:09d}" if unit == 10**9 else str(t // unit) for t in whole]
+    rows = [",".join(map(repr, row)) for row in np.column_stack([P, XYZW]).tolist()]
+    lines = [f"{t},{row}" for t, row in zip(digits, rows, strict=True)]
+    (tmp_path / "a.csv").write_text(f"time{name},x,y,z,qx,qy,qz,qw\n" + "\n".join(lines))
+    found = read_poses(tmp_path / "a.csv")
+    np.testing.assert_allclose(found.times, T, atol=1e-12)
+    assert any("epoch" in note for note in found.notes)
+
+
+def test_seconds_and_nanoseconds_are_added(tmp_path: Path) -> None:
+    head = "header.stamp.sec,header.stamp.nanosec,frame_id,position.x,position.y,position.z,"
+    head += "orientation.x,orientation.y,orientation.z,orientation.w\n"
+    rows = [
+        f"1732523000,{123000000 + 1000000 * i},base,"
+        + ",".join(map(repr, [*P[i].tolist(), *XYZW[i].tolist()]))
+        for i in range(N)
+    ]
+    (tmp_path / "a.csv").write_text(head + "\n".join(rows))
+    check(read_poses(tmp_path / "a.csv"))
+
+
+def test_without_names_the_order_is_noted_and_may_be_set(tmp_path: Path) -> None:
+    own = read_poses(write(tmp_path / "a.csv", "", T, P, Q))
+    check(own)
+    assert any("qw, qx, qy, qz; order='xyzw'" in note for note in own.notes)
+    assert not any("is the order" in note for note in own.notes)
+    ros = write(tmp_path / "b.csv", "", T, P, XYZW)
+    assert any("is the order x, y, z, w?" in note for note in read_poses(ros).notes)
+    check(read_poses(ros, order="xyzw"))
+    check(read_poses(ros, order="time,x,y,z,qx,qy,qz,qw"))
+    mixed = write(tmp_path / "c.txt", "", np.arange(N), P, XYZW, T, separator="\t")
+    check(read_poses(mixed, order="-,x,y,z,qx,qy,qz,qw,time"))
+    np.save(tmp_path / "d.npy", np.column_stack([T, P, XYZW]))
+    check(read_poses(tmp_path / "d.npy", order="xyzw"))
+    with pytest.raises(AsperityError, match="order must be 'wxyz', 'xyzw'"):
+        read_poses(ros, order="zyx")
+
+
+def test_units_may_be_given_and_a_contradiction_is_noted(tmp_path: Path) -> None:
+    plain = write(tmp_path / "a.csv", "t,x,y,z,qw,qx,qy,qz\n", 1e3 * T, 1e3 * P, Q)
+    doubted = read_poses(plain).notes
+    assert any("are x, y, z in m? They reach 10 m" in note for note in doubted)
+    assert any("are the times in s? There are 1 s" in note for note in doubted)
+    check(read_poses(plain, unit="mm", time_unit="ms"))
+    stated = write(tmp_path / "b.csv", "t,x_cm,y_cm,z_cm,qw,qx,qy,qz\n", T, 1e3 * P, Q)
+    found = read_poses(stated, unit="mm")
+    check(found)
+    assert "x, y, z in mm, as given; the file states cm" in found.notes
+
+
+def test_rounded_quaternions_are_normalised_and_others_refused(tmp_path: Path) -> None:
+    for digits in (4, 3, 2):
+        path = write(tmp_path / "a.csv", "t,x,y,z,qw,qx,qy,qz\n", T, P, np.round(Q, digits))
+        found = read_poses(path)
+        check(found, atol=10.0**-digits)
+        np.testing.assert_allclose(np.linalg.norm(found.poses[:, 3:], axis=1), 1.0, atol=1e-12)
+        assert any("12 of 12 quaternions are rounded" in note for note in found.notes)
+    with pytest.raises(AsperityError, match="must have norm 1"):
+        read_poses(write(tmp_path / "b.csv", "t,x,y,z,qw,qx,qy,qz\n", T, P, 2 * Q))
+
+
+def test_a_tool_that_turns_over_is_doubted_and_a_change_of_sign_is_not(tmp_path: Path) -> None:
+    head = "t,x,y,z,qw,qx,qy,qz\n"
+    flips = Q * np.where(np.arange(N) % 2, 1.0, -1.0)[:, None]
+    assert read_poses(write(tmp_path / "a.csv", head, T, P, flips)).notes == ()
+    turned = np.where(np.arange(N)[:, None] < 5, Q, XYZW)
+    notes = read_poses(write(tmp_path / "b.csv", head, T, P, turned)).notes
+    assert any("from pose 4 to 5 (more than 45)" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("time,x,y,z,roll,pitch,yaw\n", ["qw, qx, qy, qz", "quaternions are wanted"]),
+        ("a,b,c,d,e,f,g\n", ["no column named time", "quat_w"]),
+        ("time,tool_x,tip_x,y,z,qw,qx,qy,qz\n", ["several columns are x: tool_x, tip_x"]),
+        ("time,x [mm],y [mm],z [m],qw,qx,qy,qz\n", ["different units"]),
+    ],
+)
+def test_columns_that_do_not_make_a_pose_are_named(tmp_path: Path, head: str, words: list) -> None:
+    path = write(tmp_path / "a.csv", head, np.ones((N, head.count(",") + 1)))
+    with pytest.raises(AsperityError) as refused:
+        read_poses(path)
+    message = str(refused.value)
+    assert "\n" not in message
+    assert len(message.replace(str(path), "")) <= 300
+    for word in words:
+        assert word in message
