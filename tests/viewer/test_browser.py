@@ -110,11 +110,12 @@ def test_dragging_the_gizmo_changes_the_force(page, servo, tab, until, panel):
 
 def test_a_number_that_is_typed_reaches_the_loop(servo, tab, until):
     tab.get_by_role("tab", name="Contact").click()
-    field = tab.locator("input[type=text][value='400']").first
-    field.fill("330")
+    before = servo.parameters.stiffness
+    field = tab.locator(f"input[type=text][value='{before:.0f}']").first
+    field.fill("33000")
     tab.keyboard.press("Enter")  # its value has changed, and with it what finds it
-    until(lambda: servo.parameters.stiffness == 330.0)
-    servo.change(stiffness=400.0)
+    until(lambda: servo.parameters.stiffness == 33000.0)
+    servo.change(stiffness=before)
 
 
 def test_a_bad_file_is_refused_in_the_page(servo, tab, tmp_path):

@@ -41,7 +41,6 @@ def test_dragging_the_gizmo_presses_the_tool(page, servo, tab, until, panel):
     mouse.holder.take(None, -1e9)
     mouse._put(servo.target)  # where an earlier test left the gizmo is another place
     place = np.array(mouse._gizmo.position)
-    servo.change(stiffness=400.0)
     for step in range(20):
         tab.drag("/gizmo", place - [0.0, 0.0, 0.05 * step], mouse._gizmo.wxyz)
         time.sleep(1.0 / 60.0)

@@ -137,7 +137,7 @@ class BodyContact:
         # The kernels look up the types of their arguments at the first call only.
         self._pose, self._out = np.zeros(7), Output(self.contacts, np.zeros(6))
         self._tick, self._mesh_tick = Repeated(tick), Repeated(mesh_tick)
-        self._stiffness = Repeated(contact_stiffness)
+        self._derivatives = Repeated(contact_stiffness)
         self._law = _force_law(self.settings)
         self._pairs: GeomPairs | None = None
         self.reset()
@@ -284,11 +284,20 @@ class BodyContact:
             positive semidefinite but for friction. Without the term that grows with the depth
             (see `response.stiffness`).
         """
-        out = np.empty((6, 6))
-        self._stiffness(
-            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets, out
-        )
-        return out
+        return self.derivatives()[0]
+
+    def damping(self) -> NDArray[np.float64]:
+        """Return the derivative by velocity, as `stiffness`; zero without `dissipation`."""
+        return self.derivatives()[1]
+
+    def derivatives(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return `stiffness()` and `damping()`, at the cost of one of them."""
+        stiffness, damping = np.empty((6, 6)), np.empty((6, 6))
+        self._derivatives(
+            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets,
+            stiffness, damping,
+        )  # fmt: skip
+        return stiffness, damping
 
 
 class _MeshSide(NamedTuple):

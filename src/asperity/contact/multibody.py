@@ -29,7 +29,7 @@ class PairContact(NamedTuple):
     others: tuple[int, ...]
     """Numbers of the bodies that it touches."""
     contact: BodyContact
-    """Its `contacts` and `stiffness()` are those at the last poses, world axes."""
+    """Its `contacts`, `stiffness()` and `damping()` are those at the last poses, world axes."""
 
 
 class MultibodySolver:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from asperity._core.arrays import Array
 
 
 class LinearContact(NamedTuple):
-    """A contact wrench and its stiffness.
+    """A contact wrench with its stiffness and damping.
 
     After a displacement `d` (6,), the translation of the centre of mass [m] and a rotation vector
-    [rad] in world axes, the wrench is `wrench - stiffness @ d` (Otaduy & Lin 2006).
+    [rad] in world axes, and at a velocity `v` (6,), the wrench is
+    `wrench - stiffness @ d - damping @ (v - twist)` (Otaduy & Lin 2006).
     """
 
     pose: Array
@@ -24,3 +27,9 @@ class LinearContact(NamedTuple):
     """Number of contacts."""
     flags: int
     """Bits of `asperity.simulation.tool_contact.FLAGS`."""
+    damping: Array = np.zeros((6, 6))
+    """(6, 6), positive semidefinite [N s/m, N s/rad, N s, N m s/rad]."""
+    twist: Array = np.zeros(6)
+    """Velocity of the centre of mass and angular velocity at the contact query, world axes (6,)."""
+    energy: float = 0.0
+    """U, stored in the contacts at that pose [J]."""

@@ -40,6 +40,13 @@ def centre_of_mass(pose: Array, centre: Array) -> Array:
     return out
 
 
+def displacement(first: Array, last: Array, centre: Array) -> Array:
+    """Return the displacement (6,) between two poses (7,) of a body; see `fill_displacement`."""
+    out = np.empty(6)
+    _fill_displacement(first, last, centre, np.empty(3), out)
+    return out
+
+
 def cross(a: Array, b: Array) -> tuple[float, float, float]:
     """Return the cross product of the first three components; 20 times as fast as `np.cross`."""
     ax, ay, az = a[:3].tolist()
@@ -52,6 +59,11 @@ def _fill_centre(pose, centre, out):
     fill_lever_arm(pose, centre, out)
     for i in range(3):
         out[i] += pose[i]
+
+
+@kernel
+def _fill_displacement(first, last, centre, workspace, out):
+    fill_displacement(first, last, centre, workspace, out)
 
 
 @kernel

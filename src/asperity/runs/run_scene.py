@@ -132,7 +132,7 @@ def _coupling(simulation: Simulation) -> dict[str, Any]:
     return {
         "mode": mode,
         "stiffness_n_m": gains.stiffness,
-        "damping_n_s_m": 0.0 if mode == "static" else gains.damping,
+        "damping_n_s_m": gains.damping,
         "rotational_stiffness_n_m_rad": gains.rotational_stiffness,
         "tool_mass_kg": 0.0 if mode == "static" else simulation.tool.body.mass,
         "tool_put_back": simulation.tool.resets,

@@ -31,6 +31,7 @@ bodies of primitive geoms, or of the convex pieces of a mesh; the tool is a body
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -68,6 +69,11 @@ from asperity.scene.trajectory_file import read_poses
 
 ANTI_ALIAS_MODES = ("off", "tick", "band")
 """Treatments of texture that passes faster than the tick."""
+PRESSED, PRESSED_IN = 0.6, 0.08
+"""A finger's force [N], and the part of the relief that it may press a coupled tool in by."""
+SOFTEST, STIFFEST = 3e4, 1e5
+"""Least and largest stiffness of objects, if none is given [N/m]; project defaults."""
+_BAND_NOTE = "force.anti_alias: on a coupling, band acts as tick"
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +127,36 @@ class Scene:
         """Shortest wavelength in any texture [m]; infinite without texture."""
         lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
         return min(lengths, default=float("inf"))
+
+    @property
+    def acting_force(self) -> ForceSettings:
+        """Settings of the contact with this coupling: on one, k is that of the objects.
+
+        Without `object_stiffness` that is `stiffness`, or as much as it takes for `PRESSED` to go
+        into no contact deeper than `PRESSED_IN` of its relief, but at most `STIFFEST`.
+        """
+        force = self.force
+        if self.coupling.mode == "direct":
+            return force
+        stiffness = force.object_stiffness
+        if stiffness is None:
+            reliefs = {b.name: 0.0 if b.texture is None else b.texture.relief for b in self.bodies}
+            on_tool = reliefs.pop(self.tool)
+            pairs = [on_tool + relief for relief in reliefs.values() if on_tool + relief > 0.0]
+            wanted = PRESSED / (PRESSED_IN * min(pairs, default=math.inf))
+            stiffness = max(force.stiffness, SOFTEST, min(wanted, STIFFEST))
+        return replace(force, stiffness=stiffness, object_stiffness=stiffness)
+
+    @property
+    def acting_anti_alias(self) -> str:
+        """Treatment of fast texture with this coupling: on one, `tick` in the place of `band`.
+
+        The delay of `band`, two and a half ticks, would make a stiff contact unstable, and a tool
+        on its coupling passes little above half the tick rate.
+        """
+        if self.anti_alias == "band" and self.coupling.mode != "direct":
+            return "tick"
+        return self.anti_alias
 
     @property
     def files(self) -> dict[str, Path]:
@@ -204,6 +240,7 @@ def scene_of(
         table = document.get("bodies", {}).get(body, {})
         bodies.append(_body(model, body, geoms, [geom for _, geom in solids[body]], table, folder))
     force, anti_alias = _force(document.get("force", {}))
+    coupling = _coupling(document.get("coupling", {}))
     return Scene(
         name=name,
         xml=xml,
@@ -215,9 +252,13 @@ def scene_of(
         start=start,
         force=force,
         anti_alias=anti_alias,
-        coupling=_coupling(document.get("coupling", {})),
+        coupling=coupling,
         motion=_motion(document.get("trajectory", {}), folder),
-        notes=(*cut_notes, *(f"{body.name}: {note}" for body in bodies for note in _notes(body))),
+        notes=(
+            *cut_notes,
+            *(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
+            *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),
+        ),
     )
 
 

@@ -160,8 +160,7 @@ class Simulation:
         if self.tool.is_direct:
             return self.stage.evaluate(pose)
         if self._last is None:
-            self.tool.reset(pose)
-            return self.stage.evaluate(pose)
+            return self.tool.settle(pose, lambda at: self.stage.evaluate(at, jumped=True))
         return self._contact
 
     def _finish_tick(self, pose: Array, contact: LinearContact) -> None:
@@ -229,7 +228,7 @@ class Simulation:
             wrench = self.step(poses[i])
             if controller is not None:
                 if i == 0:
-                    controller.reset(self.stage.energy)
+                    controller.reset(self.stage.energy + self.tool.energy)
                 wrench = controller.correct(wrench, self.port_twist)
             out.tick_seconds[i] = time.perf_counter() - start
             if hand is not None:
@@ -302,6 +301,8 @@ class Simulation:
             pressed[2] -= motion.press_depth
         else:
             pressed = pressed_pose(self.stage.engine, touching, motion.press_force)
+            if not self.tool.is_direct:
+                pressed[2] -= motion.press_force / self.tool.gains.stiffness
         self.reset()
         lift = float(touching[2] - pressed[2])
         return scripted(motion, pressed, dt=self.dt, lift=max(lift, 0.0))

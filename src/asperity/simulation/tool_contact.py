@@ -21,8 +21,10 @@ from asperity._core.kernels import Repeated, is_compiled
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.solver import ContactSolver
 from asperity.dynamics.linear_contact import LinearContact
+from asperity.dynamics.virtual_coupling.settings import CouplingSettings
 from asperity.errors import require_between
-from asperity.geometry.poses import interpolate_pose
+from asperity.geometry.poses import interpolate_pose, mean_twist
+from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
 from asperity.simulation.anti_aliasing import (
     BUDGET,
@@ -86,7 +88,12 @@ class ToolContact:
     ) -> None:
         meshes = any(body.mesh is not None for body in scene.bodies)
         announce_compiling("mesh_tick" if meshes else "tick")
-        self.scene = scene
+        given = scene
+        self.scene = scene = replace(
+            given, force=given.acting_force, anti_alias=given.acting_anti_alias
+        )
+        """The scene, with the stiffness and the anti-aliasing that act with its coupling."""
+        self._given = given
         self._now = now
         self._end = math.inf
         self._cost = 0.0
@@ -94,13 +101,11 @@ class ToolContact:
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
         self.engine: Any = ContactSolver(scene.model, scene.bodies, scene.tool, scene.force)
         """The contact solver; its own `wrench` has no anti-aliasing."""
-        self._window = None
-        if scene.anti_alias != "off":
-            self._window = Window(scene.anti_alias)
-            make_ready()
+        self._window: Window | None = None
+        self._choose_window()
         self._wavelength = scene.shortest_wavelength
-        # Friction has a state: its poses must be evaluated in the order of time.
-        self._halve = getattr(scene.force, "friction", 0.0) == 0.0
+        self._is_damped = scene.force.dissipation > 0.0
+        self._rest = np.zeros(6)
         self._moved = Repeated(moved_most)
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
@@ -165,14 +170,36 @@ class ToolContact:
         wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
-        return LinearContact(pose, wrench, self.engine.stiffness(), self.contact_count, self._flags)
+        stiffness, damping = self.engine.derivatives()
+        return LinearContact(
+            pose, wrench, stiffness, self.contact_count, self._flags, damping,
+            self._twist(last, pose) if self._is_damped else self._rest, self.energy,
+        )  # fmt: skip
 
-    def change(self, *, force: ForceSettings, dt: float) -> None:
-        """Continue with another stiffness and friction, and another tick [s]."""
+    def _twist(self, last: Array, pose: Array) -> Array:
+        """Return the velocity (6,) of the centre of mass, and the angular velocity, over a tick."""
+        twist = mean_twist(last, pose, self.dt)
+        for i, part in enumerate(
+            cross(twist[3:], centre_of_mass(pose, self.engine.centre) - pose[:3])
+        ):
+            twist[i] += part
+        return twist
+
+    def change(self, *, force: ForceSettings, dt: float, coupling: CouplingSettings) -> None:
+        """Continue with another stiffness and friction, tick [s], and coupling."""
         self.dt = require_between("dt", dt, 1e-5, 0.1, "s")
-        self.scene = replace(self.scene, force=force)
+        mode = replace(self._given, coupling=coupling).acting_anti_alias
+        is_new = mode != self.scene.anti_alias
+        self.scene = replace(self.scene, force=force, coupling=coupling, anti_alias=mode)
+        if is_new:
+            self._choose_window()
         self.engine.change(force)
-        self._halve = force.friction == 0.0
+
+    def _choose_window(self) -> None:
+        self._window, self._before = None, ()
+        if self.scene.anti_alias != "off":
+            self._window = Window(self.scene.anti_alias)
+            make_ready()
 
     def _wrench_at_jump(self, pose: Array) -> Array:
         """Return the wrench at a pose, and restart the anti-aliasing window there."""
@@ -209,6 +236,10 @@ class ToolContact:
         if self._last is None:
             self._last_wrench = self._query(pose, self.dt)
         wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        if wanted == 1 and self._is_coupled:
+            # No wave to average over, and the mean's delay would shake a tool on stiff contact.
+            self._last_wrench = self._timed_query(pose, self.dt)
+            return self._last_wrench.copy()
         seconds = until - self._now()
         count = min(wanted, max(1, int(min(seconds / max(self._cost, 1e-6), BUDGET + 1.0))))
         piece = self.dt / min(count, BUDGET)
@@ -226,7 +257,7 @@ class ToolContact:
             count,
             lever=self._extent,
             leap=LEAP[self.scene.anti_alias],
-            halve=self._halve and waves > 0,
+            halve=self._halves and waves > 0,
             before=self._before,
             in_time=in_time,
         )
@@ -240,6 +271,19 @@ class ToolContact:
         self._before = (self._last_wrench, *self._before[:1])
         self._last_wrench = nodes.wrench[-1]
         return self._window.weigh(nodes)
+
+    @property
+    def _halves(self) -> bool:
+        """Whether to bisect around jumps of the wrench.
+
+        Friction has a state: its poses must be evaluated in the order of time. A tool on a coupling
+        bounces, which are jumps without texture, and passes hardly any of them on.
+        """
+        return self.scene.force.friction == 0.0 and not self._is_coupled
+
+    @property
+    def _is_coupled(self) -> bool:
+        return self.scene.coupling.mode != "direct"
 
     def _waves(self, last: Array, pose: Array) -> float:
         """Return an upper bound on how many of the shortest waves pass the tool in this tick."""

@@ -156,6 +156,8 @@ class ServoClient:
             raise AsperityError("no servo loop is running; restart it")
         servo.set(**changes)
         self._kept |= changes
+        if "stiffness" in self._kept:  # another may act with another coupling
+            self._kept["stiffness"] = servo.parameters.stiffness
 
     def restart(self, config: SessionConfig | None = None) -> Future[None]:
         """Start another servo process to replace the present one when ready. Returns at once.

@@ -110,14 +110,14 @@ def test_parameters_are_swapped_whole_and_sigterm_sends_zero(tmp_path):
         until(lambda: servo.snapshot() is not None and servo.snapshot().time > 0.7)
         with pytest.raises(AsperityError, match="friction"):
             servo.set(friction=-1.0)
-        soft = float(np.median(Written.read(log).force[-50:]))
+        stiff = float(np.median(Written.read(log).force[-50:]))
         servo.set(
-            stiffness=4.0 * scene().force.stiffness, rate=500.0,
-            coupling=replace(servo.parameters.coupling, stiffness=2000.0),
+            stiffness=2.0 * servo.parameters.stiffness, rate=500.0,
+            coupling=replace(servo.parameters.coupling, stiffness=500.0),
         )  # fmt: skip
         ticks = servo.snapshot().ticks
         until(lambda: servo.snapshot().ticks > ticks + 200)
-        stiff = float(np.median(Written.read(log).force[-50:]))
+        soft = float(np.median(Written.read(log).force[-50:]))
         written = Written.read(log)
         sent, last = len(written.time), written.time[-1]
         os.kill(servo.process.pid, signal.SIGTERM)

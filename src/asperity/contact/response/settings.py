@@ -22,6 +22,7 @@ LAWS = tuple(LAW_LABELS)
 GRADIENTS = ("exact", "differences", "soft")
 _RANGES = {
     "stiffness": (1e-6, 1e9, "N/m"),
+    "object_stiffness": (1e-6, 1e9, "N/m"),
     "bristle_stiffness": (1e-6, 1e9, "N/m"),
     "friction": (0.0, 100.0, ""),
     "dissipation": (0.0, 1e6, "s/m"),
@@ -48,7 +49,8 @@ class ForceSettings:
     Parameters
     ----------
     stiffness : float
-        k of Eq. 1 [N/m], 1e-6 to 1e9; a Touch can render 400.
+        k of Eq. 1 [N/m], 1e-6 to 1e9, where the tool is the handle: what a device can render, 400
+        for a Touch.
     law : {"otaduy-lin", "minsky", "ho", "siira-pai"}
         Force law: Otaduy & Lin's, or a baseline that reads the texture at one point of the smooth
         bodies' contact (`response.point_laws`).
@@ -60,8 +62,12 @@ class ForceSettings:
         1 + a v times that without, and at least 0, so that contacts take energy and never pull. A
         ball that hits at a low speed v bounces back at about 1 - 2/3 a v of it.
     bristle_stiffness : float, optional
-        Stiffness of the elastic bristle that holds a contact in place [N/m], 1e-6 to 1e9;
-        `stiffness` by default.
+        Stiffness of the elastic bristle that holds a contact in place [N/m], 1e-6 to 1e9; k by
+        default.
+    object_stiffness : float, optional
+        k where a coupling hangs between handle and tool [N/m], 1e-6 to 1e9: that of the objects,
+        which no device limits. By default `stiffness`, or more if a finger's force would press
+        the textures flat; see `scene.Scene.acting_force`.
     gradient : {"exact", "differences", "soft"}
         How the depth's gradient is computed: exactly, by the envelope theorem; by the paper's
         central differences of depths on a grid, whose step acts as a low-pass; or as that of a
@@ -124,6 +130,7 @@ class ForceSettings:
     tolerance: float | None = None
     patch_radius: float = 2.5e-3
     edge_fade: float = 2.6e-3
+    object_stiffness: float | None = None
 
     def __post_init__(self) -> None:
         require_choice("law", self.law, LAWS)

@@ -1,4 +1,4 @@
-r"""Stiffness of the contacts: the first-order change of the wrench with the tool's pose.
+r"""Stiffness and damping of the contacts: how the wrench changes, to first order, with the motion.
 
 The energy `U = 1/2 k sum_p w_p delta_p^2` has the Hessian
 
@@ -8,6 +8,9 @@ The first term is positive semidefinite and known exactly at the contact, where
 `grad delta = -(m, r x m)`. The second is negative on crests and unbounded at kinks. Only the first
 is kept (as Gauss and Newton do), so that an implicit step always has a solution. A bristle that
 sticks adds its stiffness perpendicular to m; one that slips adds none.
+
+With the damping of Hunt and Crossley, a contact's force is `k w delta (1 + a v) m`, with v the rate
+of delta. Its derivative by the rate, `a k w delta grad delta grad delta^T`, is the damping matrix.
 """
 
 from __future__ import annotations
@@ -23,8 +26,8 @@ _STICKS = 1.0 - 1e-9
 
 
 @kernel
-def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
-    """Fill the stiffness (6, 6) of contacts about the tool's centre of mass.
+def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_out, damping_out):
+    """Fill stiffness and damping (6, 6) of contacts about the tool's centre of mass.
 
     Parameters
     ----------
@@ -36,8 +39,10 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
     parameters : ForceParameters
     weighted : (bodies,) array of int
         Whether the contacts of a body share its bristle's stiffness by their weights.
-    out : (6, 6) array
+    stiffness_out : (6, 6) array
         [N/m, N/rad; N, N m/rad].
+    damping_out : (6, 6) array
+        [N s/m, N s/rad; N s, N m s/rad].
     """
     stiffness, friction = parameters.stiffness, parameters.friction
     origin = stack_array((3,))
@@ -46,29 +51,38 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
         origin[i] += pose[i]
     for i in range(6):
         for j in range(6):
-            out[i, j] = 0.0
+            stiffness_out[i, j] = damping_out[i, j] = 0.0
     for c in range(contacts.count[0]):
         point, m, weight = contacts.point[c], contacts.slope_normal[c], contacts.weight[c]
+        force = contacts.force[c]
         arm = (point[0] - origin[0], point[1] - origin[1], point[2] - origin[2])
         slope_normal = (m[0], m[1], m[2])
-        _add_spring(arm, slope_normal, stiffness * weight, out)
+        square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+        along = (force[0] * m[0] + force[1] * m[1] + force[2] * m[2]) / square
+        push = stiffness * weight * contacts.depth[c]
+        # 1 + a v of the normal force: 0 where the contact opens too fast to push.
+        factor = 1.0
+        if parameters.dissipation > 0.0 and push > 0.0:
+            factor = max(along / push, 0.0)
+            if factor > 0.0:
+                _add_spring(arm, slope_normal, parameters.dissipation * push, damping_out)
+        _add_spring(arm, slope_normal, factor * stiffness * weight, stiffness_out)
         if friction == 0.0:
             continue
-        push = stiffness * weight * contacts.depth[c]
-        square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
         drag = 0.0
         for i in range(3):
-            drag += (contacts.force[c, i] - push * m[i]) ** 2
-        if math.sqrt(drag) >= _STICKS * friction * push * math.sqrt(square):
+            drag += (force[i] - along * m[i]) ** 2
+        # Friction is limited by the normal force, which the damping is part of.
+        if math.sqrt(drag) >= _STICKS * friction * along * math.sqrt(square):
             continue
         sticking = parameters.bristle_stiffness
         if weighted[contacts.body[c]] == 1:
             sticking *= weight
         # Perpendicular to m: all directions less that of m.
-        _add_spring(arm, (1.0, 0.0, 0.0), sticking, out)
-        _add_spring(arm, (0.0, 1.0, 0.0), sticking, out)
-        _add_spring(arm, (0.0, 0.0, 1.0), sticking, out)
-        _add_spring(arm, slope_normal, -sticking / square, out)
+        _add_spring(arm, (1.0, 0.0, 0.0), sticking, stiffness_out)
+        _add_spring(arm, (0.0, 1.0, 0.0), sticking, stiffness_out)
+        _add_spring(arm, (0.0, 0.0, 1.0), sticking, stiffness_out)
+        _add_spring(arm, slope_normal, -sticking / square, stiffness_out)
 
 
 @inner_kernel

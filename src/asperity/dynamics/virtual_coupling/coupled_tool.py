@@ -15,15 +15,23 @@ pose, and its wrench is the wrench on the hand.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
 from asperity.dynamics.linear_contact import LinearContact
-from asperity.dynamics.virtual_coupling.backward_euler import backward_euler_step
-from asperity.dynamics.virtual_coupling.loads import extrapolate_wrench, fill_port_twist
-from asperity.dynamics.virtual_coupling.records import Coupling, HandleMotion, ToolMotion, workspace
-from asperity.dynamics.virtual_coupling.semi_implicit import semi_implicit_step
+from asperity.dynamics.virtual_coupling.loads import fill_port_twist
+from asperity.dynamics.virtual_coupling.records import (
+    Coupling,
+    HandleMotion,
+    Scheme,
+    ToolMotion,
+    no_wall,
+    no_walls,
+    workspace,
+)
 from asperity.dynamics.virtual_coupling.settings import (
     CouplingSettings,
     DeviceLimits,
@@ -31,15 +39,18 @@ from asperity.dynamics.virtual_coupling.settings import (
     gains_for,
     require_stable,
 )
-from asperity.dynamics.virtual_coupling.static import static_step
+from asperity.dynamics.virtual_coupling.step import coupled_step
+from asperity.dynamics.virtual_coupling.walls import extrapolate_wrench, learn_wall
 from asperity.errors import require_between
-from asperity.geometry.rigid_body import RigidBody, centre_of_mass, cross
+from asperity.geometry.rigid_body import RigidBody, centre_of_mass, cross, displacement
 
-_INTEGRATORS = {
-    "implicit": backward_euler_step,
-    "semi-implicit": semi_implicit_step,
-    "static": static_step,
+_SCHEMES = {
+    "implicit": Scheme(has_mass=True, is_implicit=True),
+    "semi-implicit": Scheme(has_mass=True, is_implicit=False),
+    "static": Scheme(has_mass=False, is_implicit=True),
 }
+MOST_STEPS, SETTLED = 100, 1e-9
+"""Most steps in which a tool is put at rest, and the step [m] that ends that."""
 REACH = 0.1
 """Largest distance between tool and handle [m]; beyond it the tool is re-attached.
 
@@ -85,18 +96,19 @@ class CoupledTool:
         """Whether tool and handle are one body; then evaluate the contact before `advance`."""
         self.resets = 0
         """Number of re-attachments: the handle jumped, or the tool's state was not finite."""
-        step = _INTEGRATORS.get(settings.mode)
-        self._step = None if step is None else Repeated(step)
+        self._step = None if self.is_direct else Repeated(coupled_step)
+        self._learn_wall = Repeated(learn_wall)
         self._extrapolate_wrench = Repeated(extrapolate_wrench)
         self._fill_port_twist = Repeated(fill_port_twist)
         # Arguments are copied into these arrays: `Repeated` determines types at its first call.
-        self._coupling = Coupling(body, self.gains, self.dt)
+        scheme = _SCHEMES.get(settings.mode, _SCHEMES["implicit"])
+        self._coupling = Coupling(body, self.gains, scheme, self.dt)
         self._motion = ToolMotion(
             np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.zeros(6), np.zeros(6)
         )
         self._handle = HandleMotion(np.zeros(7), np.zeros(6))
         self._last_handle = np.zeros(7)
-        self._contact = LinearContact(np.zeros(7), np.zeros(6), np.zeros((6, 6)), 0, 0)
+        self._wall, self._walls = no_wall(), no_walls()
         self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
         self.pose: Array = self._motion.pose
@@ -116,6 +128,7 @@ class CoupledTool:
         self.pose[:] = pose
         self._motion.momentum[:] = 0.0
         self._motion.velocity[:] = 0.0
+        self._walls.knows[:] = False
 
     @property
     def twist(self) -> Array:
@@ -145,6 +158,45 @@ class CoupledTool:
         )  # fmt: skip
         return self._twist
 
+    def settle(
+        self, handle_pose: Array, evaluate: Callable[[Array], LinearContact]
+    ) -> LinearContact:
+        """Put the tool at rest where coupling and contact balance; return the contact there.
+
+        Parameters
+        ----------
+        handle_pose : (7,) array
+        evaluate : callable
+            Returns the contact at a pose (7,).
+        """
+        self.reset(handle_pose)
+        contact = evaluate(self.pose)
+        if contact.count == 0 or self._step is None:
+            return contact
+        free = self.gains._replace(damping=0.0, rotational_damping=np.zeros(3))
+        coupling = Coupling(self.body, free, _SCHEMES["static"], self.dt)
+        self._handle.pose[:], self._handle.twist[:] = handle_pose, 0.0
+        for _ in range(MOST_STEPS):
+            self._take(contact)
+            last = self.pose.copy()
+            coupled_step(
+                coupling, self._motion, self._handle, self._walls, self._workspace, self._wrench
+            )
+            contact = evaluate(self.pose)
+            if np.abs(self.pose - last).max() < SETTLED:
+                break
+        self._motion.velocity[:] = 0.0
+        return contact
+
+    @property
+    def energy(self) -> float:
+        """Energy stored in the coupling's spring at the last tick [J]."""
+        if self.is_direct:
+            return 0.0
+        stretch = displacement(self.pose, self._handle.pose, self.body.centre)
+        spring = self._workspace.spring
+        return float(0.5 * stretch @ (spring * stretch))
+
     def advance(self, handle_pose: Array, handle_twist: Array, contact: LinearContact) -> Array:
         """Advance the tool by one tick; return the wrench (6,) on the hand.
 
@@ -172,12 +224,11 @@ class CoupledTool:
                 self._copy(contact)
                 self._fill_contact_wrench()
             return self._wrench
-        self._copy(contact)
+        self._take(contact)
         self._handle.pose[:], self._handle.twist[:] = handle_pose, handle_twist
         is_sound = self._step(
-            self._coupling, self._motion, self._handle, self._contact, self._workspace,
-            self._wrench,
-        )  # fmt: skip
+            self._coupling, self._motion, self._handle, self._walls, self._workspace, self._wrench
+        )
         x, y, z = self._workspace.extension[:3].tolist()
         if not (is_sound and x * x + y * y + z * z <= REACH * REACH):
             self.resets += 1
@@ -188,10 +239,19 @@ class CoupledTool:
     def _fill_contact_wrench(self) -> None:
         """Fill the wrench with the last contact's, extrapolated to the tool's pose."""
         self._extrapolate_wrench(
-            self.pose, self.body.centre, self._contact, self._workspace, self._wrench
+            self.pose, self.body.centre, self._wall, self._workspace, self._wrench
         )
 
+    def _take(self, contact: LinearContact) -> None:
+        """Remember a contact, unless it is the one that is known."""
+        wall = self._wall
+        if np.array_equal(wall.pose, contact.pose) and np.array_equal(wall.wrench, contact.wrench):
+            return
+        self._copy(contact)
+        self._learn_wall(wall, self.body.centre, self._walls, self._workspace)
+
     def _copy(self, contact: LinearContact) -> None:
-        kept = self._contact
-        kept.pose[:], kept.wrench[:] = contact.pose, contact.wrench
-        kept.stiffness[:] = contact.stiffness
+        wall = self._wall
+        wall.pose[:], wall.wrench[:] = contact.pose, contact.wrench
+        wall.stiffness[:], wall.damping[:] = contact.stiffness, contact.damping
+        wall.twist[:], wall.energy[0] = contact.twist, contact.energy

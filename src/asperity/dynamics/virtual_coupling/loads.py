@@ -1,72 +1,66 @@
-"""Loads on a coupled tool, common to all integrators: the contact's wrench and the spring."""
+"""The spring and damper that hold a coupled tool, and the velocity of its handle."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from asperity._core.kernels import inner_kernel, kernel
-from asperity.geometry.rigid_body import fill_displacement, fill_lever_arm
+from asperity.geometry.rigid_body import fill_displacement, fill_lever_arm, fill_world_tensor
 
 MAX_SPEED, MAX_ANGULAR_SPEED = 10.0, 100.0
 """Limits on the handle's velocity as the damper sees it [m/s], [rad/s].
 
 No hand moves faster; a handle that jumps must not be followed by its damper.
 """
+LEVER = 0.1
+"""The coupling's largest torque over its largest force [m]: a hand's width; a project default."""
 
 
 @inner_kernel
-def fill_contact_wrench(pose, centre, contact, workspace):
-    """Fill `workspace.contact_wrench` at the tool's pose; return whether the tool still touches.
-
-    A contact pushes and cannot pull: where the extrapolated force points the other way, the tool
-    has left the contact and the wrench is zero.
-    """
-    fill_displacement(contact.pose, pose, centre, workspace.vector, workspace.moved)
-    wrench = workspace.contact_wrench
-    for i in range(6):
-        total = contact.wrench[i]
-        for j in range(6):
-            total -= contact.stiffness[i, j] * workspace.moved[j]
-        wrench[i] = total
-    if _is_reversed(contact.wrench, wrench):
-        for i in range(6):
-            wrench[i] = 0.0
-        return False
-    return True
-
-
-@inner_kernel
-def _is_reversed(first, now):
-    """Return whether the force of a wrench points away from that of another."""
-    return first[0] * now[0] + first[1] * now[1] + first[2] * now[2] < 0.0
-
-
-@inner_kernel
-def would_pull(contact, workspace, velocity, dt):
-    """Return whether the contact's force would reverse on moving at a velocity (6,) for `dt`."""
-    along = 0.0
-    for i in range(3):
-        force = workspace.contact_wrench[i]
-        for j in range(6):
-            force -= contact.stiffness[i, j] * dt * velocity[j]
-        along += force * contact.wrench[i]
-    return along < 0.0
-
-
-@inner_kernel
-def fill_spring(pose, centre, handle, workspace):
-    """Fill `workspace.extension` and `workspace.handle_velocity`.
+def fill_coupling(coupling, pose, handle, workspace):
+    """Fill the coupling's extension, spring and damper, and the velocity of the handle.
 
     The velocity is that of the handle's body at the tool's centre of mass, limited to `MAX_SPEED`
-    and `MAX_ANGULAR_SPEED`.
+    and `MAX_ANGULAR_SPEED`. Where the spring would exceed its largest force or torque, it has the
+    stiffness with which it just gives that, and the damper that remains critical with it.
     """
-    fill_displacement(pose, handle.pose, centre, workspace.vector, workspace.extension)
+    body, gains = coupling.body, coupling.gains
+    extension = workspace.extension
+    fill_displacement(pose, handle.pose, body.centre, workspace.vector, extension)
+    _fill_handle_velocity(pose, body.centre, handle, workspace)
+    fill_world_tensor(workspace.rotation, body.axes, gains.rotational_damping, workspace.tensor)
+    softer = _saturation(gains.stiffness, extension, 0, gains.max_force)
+    turned = _saturation(gains.rotational_stiffness, extension, 3, LEVER * gains.max_force)
+    damper = workspace.damper
+    for i in range(6):
+        for j in range(6):
+            damper[i, j] = 0.0
+    for i in range(3):
+        workspace.spring[i] = softer * gains.stiffness
+        workspace.spring[3 + i] = turned * gains.rotational_stiffness
+        damper[i, i] = math.sqrt(softer) * gains.damping
+        for j in range(3):
+            damper[3 + i, 3 + j] = math.sqrt(turned) * workspace.tensor[i, j]
+
+
+@inner_kernel
+def _saturation(stiffness, extension, first, most):
+    """Return the share of a stiffness that gives at most `most` at an extension."""
+    square = 0.0
+    for i in range(first, first + 3):
+        square += extension[i] ** 2
+    load = stiffness * math.sqrt(square)
+    return most / load if load > most else 1.0
+
+
+@inner_kernel
+def _fill_handle_velocity(pose, centre, handle, workspace):
     speed = angular = 0.0
     for i in range(3):
         speed += handle.twist[i] ** 2
         angular += handle.twist[3 + i] ** 2
-    linear_scale = min(1.0, MAX_SPEED / max(np.sqrt(speed), 1e-300))
-    angular_scale = min(1.0, MAX_ANGULAR_SPEED / max(np.sqrt(angular), 1e-300))
+    linear_scale = min(1.0, MAX_SPEED / max(math.sqrt(speed), 1e-300))
+    angular_scale = min(1.0, MAX_ANGULAR_SPEED / max(math.sqrt(angular), 1e-300))
     velocity, arm = workspace.handle_velocity, workspace.vector
     for i in range(3):
         velocity[3 + i] = angular_scale * handle.twist[3 + i]
@@ -88,14 +82,6 @@ def all_finite(tool, wrench):
     for i in range(6):
         total += abs(tool.momentum[i]) + abs(wrench[i])
     return total < 1e300
-
-
-@kernel
-def extrapolate_wrench(pose, centre, contact, workspace, wrench_out):
-    """Fill the wrench (6,) of a contact, to first order, with the tool at `pose` (7,)."""
-    fill_contact_wrench(pose, centre, contact, workspace)
-    for i in range(6):
-        wrench_out[i] = workspace.contact_wrench[i]
 
 
 @kernel

@@ -1,15 +1,15 @@
-"""The records that every integrator of the virtual coupling takes.
+"""The records that a step of the virtual coupling takes.
 
-All integrators have one signature, `step(coupling, tool, handle, contact, workspace, wrench_out)`:
+Its signature is `step(coupling, tool, handle, walls, workspace, wrench_out)`:
 
 - `coupling` is what stays constant while the tool moves;
 - `tool` is its state, advanced in place by one tick;
-- `handle` and `contact` (a `LinearContact`) are what acts on it during the tick;
+- `handle` and `walls` are what acts on it during the tick;
 - `workspace` is scratch memory;
 - `wrench_out` (6,) is filled with the wrench on the hand, about the tool's centre of mass, in world
   axes [N, N m].
 
-They return whether the new state is finite and, where a system of equations was solved, whether it
+It returns whether the new state is finite and, where a system of equations was solved, whether it
 was positive definite.
 """
 
@@ -24,11 +24,20 @@ from asperity.dynamics.virtual_coupling.settings import Gains
 from asperity.geometry.rigid_body import RigidBody
 
 
+class Scheme(NamedTuple):
+    """How a tool is advanced; see `virtual_coupling.step`."""
+
+    has_mass: bool
+    is_implicit: bool
+    """Whether the coupling acts with its force at the end of the tick."""
+
+
 class Coupling(NamedTuple):
     """A tool's mass properties, the spring and damper that hold it, and the tick."""
 
     body: RigidBody
     gains: Gains
+    scheme: Scheme
     dt: float
     """[s]"""
 
@@ -53,6 +62,43 @@ class HandleMotion(NamedTuple):
     """Velocity of its origin [m/s] and angular velocity [rad/s], world axes (6,)."""
 
 
+class ContactWall(NamedTuple):
+    """A contact to first order, as `LinearContact` has it."""
+
+    pose: Array
+    """Pose of the tool's frame at the contact query (7,)."""
+    wrench: Array
+    """(6,)"""
+    stiffness: Array
+    """(6, 6)"""
+    damping: Array
+    """(6, 6)"""
+    twist: Array
+    """(6,)"""
+    energy: Array
+    """[J], (1,)"""
+
+
+class Walls(NamedTuple):
+    """The walls that a tool knows; see `virtual_coupling.walls`."""
+
+    latest: ContactWall
+    other: ContactWall
+    knows: Array
+    """Whether there is a latest and an other one (2,) of bool."""
+
+
+class Load(NamedTuple):
+    """A wall at the tool's pose."""
+
+    wrench: Array
+    """Of a tool at rest (6,)."""
+    energy: Array
+    """[J], (1,)"""
+    acts: Array
+    """Whether it pushes (1,) of bool."""
+
+
 class IntegratorWorkspace(NamedTuple):
     """Scratch memory of one tick, allocated once."""
 
@@ -62,23 +108,50 @@ class IntegratorWorkspace(NamedTuple):
     """Displacement from the tool to the handle: the extension of the spring (6,)."""
     handle_velocity: Array
     """Velocity of the handle at the tool's centre of mass (6,)."""
-    contact_wrench: Array
-    """Wrench of the contact, extrapolated to the tool's pose (6,)."""
+    velocity: Array
+    """Velocity of the tool at the beginning of the tick (6,), where the scheme needs it."""
+    left: Array
+    """How far a tool without mass remains behind its handle after the tick (6,)."""
     step: Array
     """Displacement of the tool in this tick (6,)."""
+    spring: Array
+    """Stiffness of the coupling, thrice in translation and thrice in rotation (6,)."""
+    damper: Array
+    """Damping of the coupling in world axes (6, 6)."""
+    inertia: Array
+    """Mass and inertia in world axes (6, 6)."""
     matrix: Array
-    """Matrix of the integrator's linear system (6, 6)."""
+    """Matrix of the linear system (6, 6)."""
     rotation: Array
     """Rotation matrix of the tool (3, 3)."""
-    inertia: Array
-    """Inertia tensor, or its inverse, in world axes (3, 3)."""
-    damping: Array
-    """Rotational damping in world axes (3, 3) [N m s/rad]."""
+    tensor: Array
+    """(3, 3)"""
     vector: Array
     """(3,)"""
+    latest: Load
+    other: Load
+    held: Array
+    """Whether contact holds the tool in this tick (1,) of bool."""
 
 
 def workspace() -> IntegratorWorkspace:
     """Return scratch memory for one tick."""
-    shapes: tuple[tuple[int, ...], ...] = (*[(6,)] * 5, (6, 6), (3, 3), (3, 3), (3, 3), (3,))
-    return IntegratorWorkspace(*(np.zeros(shape) for shape in shapes))
+    shapes: tuple[tuple[int, ...], ...] = (*[(6,)] * 7, *[(6, 6)] * 3, (3, 3), (3, 3), (3,))
+    arrays = [np.zeros(shape) for shape in shapes]
+    return IntegratorWorkspace._make([*arrays, _no_load(), _no_load(), np.zeros(1, np.bool_)])
+
+
+def _no_load() -> Load:
+    return Load(np.zeros(6), np.zeros(1), np.zeros(1, np.bool_))
+
+
+def no_walls() -> Walls:
+    """Return the walls of a tool that has touched nothing."""
+    return Walls(no_wall(), no_wall(), np.zeros(2, np.bool_))
+
+
+def no_wall() -> ContactWall:
+    """Return a wall without force."""
+    pose = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    square = np.zeros((6, 6))
+    return ContactWall(pose, np.zeros(6), square, square.copy(), np.zeros(6), np.zeros(1))

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 COUPLING_MODES = ("direct", "implicit", "semi-implicit", "static")
 FREQUENCY = 30.0
 """Natural frequency of the tool on its coupling, if no stiffness is given [Hz]."""
+MAX_FORCE = 10.0
+"""Largest force of the coupling's spring without a device [N]."""
 MASS = (0.02, 0.1)
 """Smallest and largest mass of a coupled tool, before `mass_scale` [kg]."""
 MOMENTS = (2e-5, 2e-4)
@@ -47,6 +49,7 @@ _RANGES = {
     "rotational_stiffness": (1e-4, 1e4, "N m/rad"),
     "rotational_damping": (0.0, 1e3, "N m s/rad"),
     "mass_scale": (0.01, 1000.0, ""),
+    "max_force": (1e-3, 1e4, "N"),
 }
 
 
@@ -66,6 +69,10 @@ class CouplingSettings:
         In rotation [N m/rad], [N m s/rad]. By default from the moments of inertia.
     mass_scale : float
         Factor on mass and moments of inertia.
+    max_force : float, optional
+        Largest force of the spring [N]: however far the hand pushes into an object, the tool stays
+        on its surface. By default the device's, and `MAX_FORCE` without one. The largest torque is
+        that force at 0.1 m.
 
     Raises
     ------
@@ -79,6 +86,7 @@ class CouplingSettings:
     rotational_stiffness: float | None = None
     rotational_damping: float | None = None
     mass_scale: float = 1.0
+    max_force: float | None = None
 
     def __post_init__(self) -> None:
         require_choice("mode", self.mode, COUPLING_MODES)
@@ -90,6 +98,8 @@ class CouplingSettings:
 class DeviceLimits(Protocol):
     """The limits of a device that bound a coupling; see `realtime.devices`."""
 
+    @property
+    def max_force(self) -> float: ...  # noqa: D102
     @property
     def max_stiffness(self) -> float: ...  # noqa: D102
     @property
@@ -109,6 +119,8 @@ class Gains(NamedTuple):
     """[N m/rad]"""
     rotational_damping: Array
     """About the principal axes of the tool [N m s/rad], (3,)."""
+    max_force: float
+    """Largest force of the spring [N]."""
 
 
 def coupled_body(model: mujoco.MjModel, tool: str, *, mass_scale: float = 1.0) -> RigidBody:
@@ -161,7 +173,13 @@ def gains_for(
     rotational_damping = 2.0 * np.sqrt(rotational_stiffness * body.moments)
     if settings.rotational_damping is not None:
         rotational_damping = np.full(3, float(settings.rotational_damping))
-    return Gains(float(stiffness), float(damping), float(rotational_stiffness), rotational_damping)
+    max_force = settings.max_force
+    if max_force is None:
+        max_force = MAX_FORCE if limits is None else limits.max_force
+    return Gains(
+        float(stiffness), float(damping), float(rotational_stiffness), rotational_damping,
+        float(max_force),
+    )  # fmt: skip
 
 
 def require_stable(body: RigidBody, gains: Gains, dt: float) -> None:

@@ -29,7 +29,7 @@ class LiveParameters:
     rate : float
         Ticks per second, 100 to 20000 [Hz].
     stiffness : float
-        Contact stiffness [N/m].
+        Contact stiffness [N/m]: on a coupling that of the objects.
     friction : float
         Coefficient of friction of the material.
     coupling : CouplingSettings
@@ -46,7 +46,23 @@ class LiveParameters:
     @staticmethod
     def of(scene: Scene, rate: float) -> LiveParameters:
         """Return a scene's parameters."""
-        return LiveParameters(rate, scene.force.stiffness, scene.force.friction, scene.coupling)
+        force = scene.acting_force
+        return LiveParameters(rate, force.stiffness, force.friction, scene.coupling)
+
+    def changed(self, scene: Scene, changes: Mapping[str, Any]) -> LiveParameters:
+        """Return the parameters with some of them changed.
+
+        Where a coupling comes in or goes, the scene's stiffness for that acts unless one is given.
+        """
+        new = replace(self, **changes)
+        if "stiffness" in changes or new.is_direct == self.is_direct:
+            return new
+        return replace(new, stiffness=replace(scene, coupling=new.coupling).acting_force.stiffness)
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether tool and handle are one body."""
+        return self.coupling.mode == "direct"
 
     @staticmethod
     def from_plain(plain: Mapping[str, Any]) -> LiveParameters:
@@ -77,7 +93,8 @@ def attributes_of(
 ) -> dict[str, Any]:
     """Return the attributes of a recording of a running loop with its present parameters."""
     document = deepcopy(dict(scene.document))
-    force = {"stiffness": parameters.stiffness, "friction": parameters.friction}
+    stiffness = "stiffness" if parameters.is_direct else "object_stiffness"
+    force = {stiffness: parameters.stiffness, "friction": parameters.friction}
     document["force"] = {**document.get("force", {}), **force}
     coupling = parameters.coupling
     document["coupling"] = {k: v for k, v in asdict(coupling).items() if v is not None}

@@ -28,7 +28,7 @@ from asperity.dynamics.passivity.controller import MOST_DAMPING, PassivityContro
 from asperity.errors import AsperityError
 from asperity.realtime.devices.catalogue import device
 from asperity.realtime.devices.mapping import Mapping
-from asperity.realtime.devices.protocol import Device
+from asperity.realtime.devices.protocol import Device, Limits
 from asperity.realtime.devices.simulated import SimulatedDevice
 from asperity.realtime.servo import scheduling
 from asperity.realtime.servo.contact_worker import SEARCHED, WITHIN, WITHIN_SHARED, ContactWorker
@@ -199,7 +199,7 @@ def _run(
     loop = ServoLoop(
         device,
         Mapping(device.limits, **spec.mapping),
-        parameters.tool(spec.scene, device.limits),
+        parameters.tool(spec.scene, _in_scene(spec, device.limits)),
         worker,
         PassivityController(
             parameters.dt,
@@ -273,6 +273,11 @@ def _shared_core(
     return core, busy
 
 
+def _in_scene(spec: ServoSpec, limits: Limits) -> Limits:
+    """Return a device's limits with its largest force as one of the scene."""
+    return replace(limits, max_force=limits.max_force / spec.mapping.get("force_scale", 1.0))
+
+
 class _BetweenTicks:
     """Checked by the loop after each tick: takes new parameters, and returns whether to stop."""
 
@@ -293,9 +298,11 @@ class _BetweenTicks:
     def _change(self, parameters: LiveParameters) -> None:
         """Replace all parameters between two ticks."""
         loop, scene = self._loop, self._spec.scene
-        tool = parameters.tool(scene, loop.device.limits)
+        tool = parameters.tool(scene, _in_scene(self._spec, loop.device.limits))
         tool.reset(loop.tool.pose)
-        loop.contacts.stage.change(force=parameters.force(scene.force), dt=parameters.dt)
+        loop.contacts.stage.change(
+            force=parameters.force(scene.force), dt=parameters.dt, coupling=parameters.coupling
+        )
         loop.tool = tool
         if parameters.dt != loop.dt:
             loop.passivity.dt = parameters.dt

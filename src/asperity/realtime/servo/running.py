@@ -9,7 +9,6 @@ import time
 import warnings
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -188,9 +187,9 @@ class Servo:
 
         Examples
         --------
-        >>> servo.set(stiffness=300.0, friction=0.2)
+        >>> servo.set(stiffness=2e4, friction=0.2)
         """
-        parameters = replace(self.parameters, **changes)
+        parameters = self.parameters.changed(self.spec.scene, changes)
         parameters.force(self.spec.scene.force)  # raises here what would fail in the servo process
         self._mailbox.send(parameters.plain())
         self.parameters = parameters

@@ -31,7 +31,8 @@ from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
 
 RATES = ("500", "1000", "2000", "4000")
-STIFFNESS, FRICTION = (20.0, 4000.0), (0.0, 1.5)
+STIFFNESS, FRICTION = {"device": (20.0, 4000.0), "object": (1e3, 2e5)}, (0.0, 1.5)
+"""Ranges of the stiffness: what a device renders, and, on a coupling, that of the objects."""
 OWN = "(this one)"
 
 
@@ -51,7 +52,8 @@ class ControlsPanel(Panel):
         hardware = [name for name, entry in DEVICES.items() if not entry.steady]
         self._scene = gui.add_dropdown("scene", list(SCENES))
         with gui.add_folder("Force"):
-            self._stiffness = gui.add_slider("stiffness [N/m]", *STIFFNESS, 10.0, STIFFNESS[0])
+            lowest, highest = STIFFNESS["device"]
+            self._stiffness = gui.add_slider("stiffness [N/m]", lowest, highest, 10.0, lowest)
             self._friction = gui.add_slider("friction", *FRICTION, 0.01, FRICTION[0])
             self._method = gui.add_dropdown("law", list(METHODS))
             self._softness = gui.add_number(
@@ -89,7 +91,7 @@ class ControlsPanel(Panel):
     def _show_values(self) -> None:
         config, parameters = self._servo.config, self._servo.parameters
         scene = config.scene
-        self._stiffness.value = float(np.clip(parameters.stiffness, *STIFFNESS))
+        self._show_stiffness()
         self._friction.value = float(np.clip(parameters.friction, *FRICTION))
         self._method.options = methods_for(scene)
         self._method.value = method_of(scene)
@@ -103,6 +105,15 @@ class ControlsPanel(Panel):
                 control.options = (value, *control.options)
             control.value = value
 
+    def _show_stiffness(self) -> None:
+        """Show the stiffness that acts, in the range of what it is the stiffness of."""
+        parameters, slider = self._servo.parameters, self._stiffness
+        least, most = STIFFNESS["device" if parameters.is_direct else "object"]
+        # Not outside of its range for a moment, or the browser would correct it.
+        slider.min, slider.max = min(least, slider.min), max(most, slider.max)
+        slider.value = float(np.clip(parameters.stiffness, least, most))
+        slider.min, slider.max = least, most
+
     def _of_loop(self, changes: Callable[[Any], dict[str, Any]]) -> Callable[[Any], None]:
         """Return the callback of a control whose value is sent through the mailbox."""
 
@@ -111,6 +122,8 @@ class ControlsPanel(Panel):
                 label = str(event.target.label)
                 value = event.target.value
                 attempt(event, label, lambda: self._servo.change(**changes(value)))
+                if event.target is self._coupling:
+                    self._show_stiffness()
 
         return changed
 

@@ -1,0 +1,104 @@
+r"""The walls that a coupled tool knows: its latest contact, and the last of another direction.
+
+Each is a model of the contact's energy about the pose of its query,
+
+    U(d) = U_0 - F . d + 1/2 d . C d,
+
+0 where its force would reverse. The depth of a contact is a maximum, so that the true energy is the
+larger of both as long as the surface is hollow. Over a ridge it is not: there the other wall, taken
+on to the tool's pose, has more energy than the contact found, and is forgotten.
+"""
+
+from __future__ import annotations
+
+import math
+
+from asperity._core.kernels import inner_kernel, kernel
+from asperity.geometry.rigid_body import fill_displacement
+
+SAME = 0.999
+"""Cosine between two forces from which on they count as of one wall; a project default."""
+
+
+@inner_kernel
+def fill_load(pose, centre, wall, is_known, workspace, load_out):
+    """Take a wall on to the tool's pose (7,): its force at rest, and its energy.
+
+    A contact pushes and cannot pull: where its force points the other way, it does not act.
+    """
+    fill_displacement(wall.pose, pose, centre, workspace.vector, workspace.moved)
+    wrench, moved = load_out.wrench, workspace.moved
+    energy, along = wall.energy[0], 0.0
+    for i in range(6):
+        at_rest, change = wall.wrench[i], 0.0
+        for j in range(6):
+            at_rest += wall.damping[i, j] * wall.twist[j]
+            change += wall.stiffness[i, j] * moved[j]
+        wrench[i] = at_rest - change
+        energy -= (at_rest - 0.5 * change) * moved[i]
+        if i < 3:
+            along += at_rest * wrench[i]
+    load_out.energy[0] = energy
+    load_out.acts[0] = is_known and along > 0.0
+
+
+@inner_kernel
+def energy_after(wall, load, velocity, dt):
+    """Return the energy of a wall [J] after moving at a velocity (6,) for `dt`."""
+    if not load.acts[0]:
+        return 0.0
+    energy, along = load.energy[0], 0.0
+    for i in range(6):
+        change = 0.0
+        for j in range(6):
+            change += wall.stiffness[i, j] * dt * velocity[j]
+        energy -= (load.wrench[i] - 0.5 * change) * dt * velocity[i]
+        if i < 3:
+            along += load.wrench[i] * (load.wrench[i] - change)
+    return energy if along > 0.0 else 0.0
+
+
+@kernel
+def learn_wall(new, centre, walls, workspace):
+    """Make a new contact the latest wall, and keep or replace the other one."""
+    latest, other, knows = walls.latest, walls.other, walls.knows
+    along = square = size = 0.0
+    for i in range(3):
+        along += new.wrench[i] * latest.wrench[i]
+        square += latest.wrench[i] ** 2
+        size += new.wrench[i] ** 2
+    if size == 0.0:
+        # Between two walls the tool may be free for a tick.
+        if knows[0]:
+            _copy(latest, other)
+        knows[1], knows[0] = knows[0] or knows[1], False
+    else:
+        if knows[0] and along < SAME * math.sqrt(square * size):
+            _copy(latest, other)
+            knows[1] = True
+        knows[0] = True
+    _copy(new, latest)
+    if knows[1]:
+        fill_load(new.pose, centre, other, True, workspace, workspace.other)
+        if workspace.other.acts[0] and workspace.other.energy[0] > new.energy[0]:
+            knows[1] = False
+
+
+@inner_kernel
+def _copy(wall, wall_out):
+    for i in range(7):
+        wall_out.pose[i] = wall.pose[i]
+    for i in range(6):
+        wall_out.wrench[i], wall_out.twist[i] = wall.wrench[i], wall.twist[i]
+        for j in range(6):
+            wall_out.stiffness[i, j] = wall.stiffness[i, j]
+            wall_out.damping[i, j] = wall.damping[i, j]
+    wall_out.energy[0] = wall.energy[0]
+
+
+@kernel
+def extrapolate_wrench(pose, centre, wall, workspace, wrench_out):
+    """Fill the wrench (6,) of a wall, to first order, with the tool at `pose` (7,)."""
+    fill_load(pose, centre, wall, True, workspace, workspace.latest)
+    for i in range(6):
+        wrench_out[i] = workspace.latest.wrench[i] if workspace.latest.acts[0] else 0.0
