@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,8 @@ MAX_HEIGHT = 10.0
 """Largest absolute height [m]: of a texture, not of a landscape."""
 MAX_PLACE = 1e6
 """Largest coordinate that is evaluated [m]."""
+_AT_ONCE = 2**20
+"""Samples whose steps are looked at together."""
 PIXEL_SIZES = (1e-9, 1.0)
 """Smallest and largest pixel size [m]."""
 
@@ -50,10 +52,10 @@ def checked_samples(samples: ArrayLike) -> Array:
             "samples must be of shape (nv, nu), 4 or more along each axis and "
             f"{MAX_SAMPLES} at most in all, got {heights.shape}"
         )
-    bad = int(np.count_nonzero(~np.isfinite(heights)))
-    if bad:
+    farthest = max(-float(heights.min()), float(heights.max()))
+    if not np.isfinite(farthest):
+        bad = int(np.count_nonzero(~np.isfinite(heights)))
         raise SurfaceError(f"{bad} of {heights.size} samples are NaN or infinite; fill them first")
-    farthest = float(np.abs(heights).max())
     if farthest > MAX_HEIGHT:
         raise SurfaceError(f"samples must lie within {MAX_HEIGHT:g} m of 0, got {farthest:g} m")
     return heights
@@ -79,7 +81,7 @@ def checked_heights(heights: ArrayLike, dimensions: tuple[int, ...] = (1, 2)) ->
 def check_steepness(heights: Array, pixel_size: tuple[float, float], border: str) -> None:
     """Raise `SurfaceError` where neighbouring samples are too steep, the seam included."""
     for axis, (name, pixel) in enumerate(zip("vu", pixel_size[::-1], strict=True)):
-        steepest = float(np.abs(np.diff(heights, axis=axis)).max())
+        steepest = max(_largest_step(part, axis) for part in _parts(heights))
         if border == "wrap":
             seam = np.take(heights, 0, axis) - np.take(heights, -1, axis)
             steepest = max(steepest, float(np.abs(seam).max()))
@@ -88,6 +90,18 @@ def check_steepness(heights: Array, pixel_size: tuple[float, float], border: str
                 f"too steep: a slope of {steepest / pixel:.3g} along {name}; valid: at most "
                 f"{MAX_SLOPE:g}. Are heights and pixel size both in metres?"
             )
+
+
+def _parts(heights: Array) -> Iterator[Array]:
+    """Yield rows of a map in parts that share their first and last row, to save memory."""
+    rows = max(2, _AT_ONCE // heights.shape[1])
+    for first in range(0, heights.shape[0] - 1, rows - 1):
+        yield heights[first : first + rows]
+
+
+def _largest_step(part: Array, axis: int) -> float:
+    steps = np.diff(part, axis=axis)
+    return max(-float(steps.min()), float(steps.max()))
 
 
 def checked_places(name: str, places: ArrayLike) -> Array:

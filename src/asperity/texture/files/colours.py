@@ -42,6 +42,8 @@ COLOURS = {
     ),
 }
 """What colours may mean, by the value of `colour=`."""
+_PACKED = ("packed-rg", "packed-gr", "packed-rgb", "packed-bgr")
+"""Packings that are suspected: of those that fit equally, the first."""
 _NEARLY_GREY = 0.03
 """Largest difference between the colours of a grey picture, of the full range."""
 _NOISE = 0.45
@@ -108,8 +110,8 @@ def suspected(pixels: NDArray[Any]) -> str | None:
         return None
     part = pixels[: 1 << 10, : 1 << 10, :3].astype(np.float64)
     steps = np.abs(np.diff(part, axis=1)).mean(axis=(0, 1)) / 85.3
-    found: list[tuple[float, str]] = []
-    for name in ("packed-rgb", "packed-bgr", "packed-rg", "packed-gr", "terrarium"):
+    found: list[tuple[float, int]] = []
+    for name in _PACKED:
         weights = np.array(COLOURS[name].weights)
         # The lowest byte that is not constant, and the next above it.
         used = [int(i) for i in np.argsort(weights) if weights[i] and np.ptp(part[..., i]) > 0]
@@ -119,14 +121,16 @@ def suspected(pixels: NDArray[Any]) -> str | None:
         noise = np.ptp(values) / 3.0
         calm = np.abs(np.diff(values, axis=1)).mean() / max(noise, 1e-12)
         if calm < _CALMER and steps[used[0]] > 2.0 * calm:
-            found.append((calm, name))
+            found.append((calm, _PACKED.index(name)))
     if not found:
         return None
-    name = min(found)[1]
-    high = part[..., 0].max()
-    terrain = name == "packed-rgb" and high <= 4.0 and part[..., 0].min() >= 1.0
-    # Mapbox counts from -10000 m in steps of 0.1 m: land has 1, 2 or 3 in its red.
-    return "terrain-rgb" if terrain else name
+    name = _PACKED[min(found)[1]]
+    red = part[..., 0].min(), part[..., 0].max()
+    if name == "packed-rgb":
+        # Land has 1, 2 or 3 in the red of Mapbox's tiles, 126 to 163 in Mapzen's.
+        known = {"terrain-rgb": (1, 3), "terrarium": (126, 163)}
+        name = next((n for n, (a, b) in known.items() if a <= red[0] <= red[1] <= b), name)
+    return name
 
 
 def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:

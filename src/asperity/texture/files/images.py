@@ -18,14 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.arrays import Array
-from asperity._core.kernels import kernel
 from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
+from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr")
-_SMOOTHING_STEPS = 40
 _TURNS = {
     2: (True, 0, "mirrored"),
     3: (False, 2, "turned by 180 degrees"),
@@ -289,65 +287,3 @@ def _read_exr(path: Path) -> _Picture:
         f"{path}: none of the channels {', '.join(channels)[:100]} is a height; valid: Y, Z, RGB "
         "or one"
     )
-
-
-def smooth_levels(values: Array, step: float) -> Array:
-    r"""Return the smoothest surface that rounds to the same grey levels as `values`.
-
-    Rounding to levels turns a slope into a staircase, and a cubic spline follows every step. Of all
-    surfaces within half a level of the file this is the one of least curvature,
-
-        minimise  sum (laplacian h)^2    with  |h - values| <= step / 2,
-
-    by 40 steps of the accelerated projected gradient method. So no height changes by more than half
-    a level, and edges are preserved. On waves 25 to 250 samples long that fill 8 bits, the noise in
-    the slope falls by 8 to 15 dB; on surfaces whose detail is only a few samples wide it rises by 1
-    to 2 dB: keep the levels of those.
-
-    Parameters
-    ----------
-    values : (n,) or (nv, nu) array
-        Grey values.
-    step : float
-        Difference between neighbouring levels, above 0.
-
-    References
-    ----------
-    Beck & Teboulle (2009), SIAM J. Imaging Sciences 2, 183-202 (the method, FISTA).
-    """
-    levels = np.atleast_2d(values / step)
-    smooth = _least_curvature(levels, 16.0 if values.ndim == 1 else 64.0, _SMOOTHING_STEPS)
-    return (smooth * step).reshape(values.shape)
-
-
-@kernel
-def _laplacian(h: Array, laplacian_out: Array) -> None:
-    """Return the five-point Laplacian of `h`, mirrored at its borders."""
-    rows, columns = h.shape
-    for i in range(rows):
-        above, below = max(i - 1, 0), min(i + 1, rows - 1)
-        for j in range(columns):
-            left, right = max(j - 1, 0), min(j + 1, columns - 1)
-            around = h[above, j] + h[below, j] + h[i, left] + h[i, right]
-            laplacian_out[i, j] = around - 4.0 * h[i, j]
-
-
-@kernel
-def _least_curvature(levels: Array, lipschitz: float, steps: int) -> Array:
-    """Minimise the squared Laplacian within half a level of `levels`."""
-    best, ahead = levels.copy(), levels.copy()
-    first, second = np.empty_like(levels), np.empty_like(levels)
-    inertia = 1.0
-    for _ in range(steps):
-        _laplacian(ahead, first)
-        _laplacian(first, second)
-        inertia_next = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * inertia * inertia))
-        push = (inertia - 1.0) / inertia_next
-        for i in range(levels.shape[0]):
-            for j in range(levels.shape[1]):
-                moved = ahead[i, j] - second[i, j] / lipschitz
-                moved = min(max(moved, levels[i, j] - 0.5), levels[i, j] + 0.5)
-                ahead[i, j] = moved + push * (moved - best[i, j])
-                best[i, j] = moved
-        inertia = inertia_next
-    return best

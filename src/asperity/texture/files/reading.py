@@ -25,8 +25,9 @@ from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import doubts, sentinel_note
-from asperity.texture.files.images import IMAGE_SUFFIXES, read_image, smooth_levels
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_image
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
+from asperity.texture.files.levels import smooth_levels
 from asperity.texture.files.stored import Stored, check_size, refuse
 from asperity.texture.files.text import load_text
 
@@ -100,7 +101,7 @@ def read_heights(
         Name of the array, for an `.npz` file with several.
     quantised : {"smooth", "keep"}
         Treatment of maps of 256 grey levels or fewer: smooth them within half a level
-        (`asperity.texture.files.images.smooth_levels`), or keep the steps.
+        (`asperity.texture.files.levels.smooth_levels`), or keep the steps.
     unit : {"m", "mm", "um", "nm"}, optional
         Unit of the file's values; of an image, instead of `height_range`: 0 remains 0.
     colour : str, optional
@@ -286,10 +287,10 @@ def _um(size: tuple[float, float]) -> str:
 
 
 def _without_missing(path: Path, values: Array, missing: str, notes: list[str]) -> Array:
+    if math.isfinite(values.min()) and math.isfinite(values.max()):
+        return values
     absent = ~np.isfinite(values)
     count = int(np.count_nonzero(absent))
-    if count == 0:
-        return values
     missing_values = f"{count} of {values.size} values are missing (NaN or infinite)"
     if count == values.size:
         refuse(path, f"all {count} values are missing (NaN or infinite)")

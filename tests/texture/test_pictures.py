@@ -1,0 +1,255 @@
+"""Pictures of heights as map programs, painters and phones write them: right, or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from asperity.errors import SurfaceError
+from asperity.texture.files import levels
+from asperity.texture.files.colours import COLOURS, suspected
+from asperity.texture.files.images import read_pixels
+from asperity.texture.files.normal_maps import read_normal_map
+from asperity.texture.files.reading import read_heights
+from asperity.texture.height_field import HeightField
+
+PIXEL, RELIEF = 1e-5, 4e-5
+V, U = np.mgrid[0:44, 0:60]
+TURN = 2.0 * np.pi
+SHARE = np.sin(TURN * (2 * U / 60 + V / 44)) + 0.5 * np.sin(TURN * 3 * V / 44 + 1.0)
+SHARE = (SHARE - SHARE.min()) / np.ptp(SHARE)
+"""A surface, 0 to 1, the first row at the top; no turn or mirror of it is like it."""
+SCALED = {"pixel_size": PIXEL, "height_range": RELIEF}
+
+
+def like(found, *, relief: float = RELIEF, off: float = 0.02) -> None:
+    assert found.samples.shape == SHARE.shape
+    assert np.corrcoef(found.samples.ravel(), np.flipud(SHARE).ravel())[0, 1] > 0.99
+    assert np.ptp(found.samples) == pytest.approx(relief, rel=off)
+
+
+def save8(values: np.ndarray, path: Path, **options) -> Path:
+    Image.fromarray(np.round(255 * np.clip(values, 0, 1)).astype(np.uint8)).save(path, **options)
+    return path
+
+
+# --- nodata -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("dtype", "value", "tag"),
+    [
+        (np.float32, -9999, "-9999"),
+        (np.float32, -3.4028234663852886e38, "-3.40282346638529e+38"),
+        (np.float64, 1e20, "1e20"),
+        (np.int16, -32768, "-32768"),
+        (np.uint16, 65535, "65535 "),
+        (np.uint8, 0, "0"),
+        (np.float32, np.nan, "nan"),
+    ],
+)
+@pytest.mark.parametrize("compression", [None, "zlib"])
+def test_geotiff_s_nodata_is_missing(tmp_path, capsys, dtype, value, tag, compression) -> None:
+    heights = (200 * SHARE + 20).astype(dtype)
+    heights[10:14, 20:25] = value
+    path = tmp_path / "a.tif"
+    tags = [(42113, "s", 0, tag, True)]
+    tifffile.imwrite(path, heights, extratags=tags, compression=compression)
+    options = {"pixel_size": PIXEL, "unit": "um"}
+    with pytest.raises(SurfaceError, match="20 of 2640 values are missing"):
+        read_heights(path, **options)
+    like(read_heights(path, **options, missing="fill"), relief=200e-6)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_value_may_be_named_missing(tmp_path) -> None:
+    heights = (40 * SHARE).astype(np.float32)
+    heights[3:5, 3:5] = -1e4
+    tifffile.imwrite(tmp_path / "a.tif", heights)
+    options = {"pixel_size": PIXEL, "unit": "um"}
+    found = read_heights(tmp_path / "a.tif", **options)
+    assert any("is -10000 a missing value? It occurs 4 times" in note for note in found.notes)
+    like(read_heights(tmp_path / "a.tif", **options, nodata=-1e4, missing="fill"))
+
+
+# --- colours ------------------------------------------------------------------------------------
+
+
+def packed(colour: str) -> tuple[np.ndarray, float]:
+    """A picture of the surface in one packing, and the metres of relief that it holds."""
+    weights = np.array(COLOURS[colour].weights)
+    used = np.argsort(-weights)[: np.count_nonzero(weights)]
+    whole = np.round(SHARE * (256 ** len(used) - 1)).astype(np.int64)
+    relief = 1.0
+    if colour == "terrain-rgb":
+        whole = np.round((500 * SHARE + 10000) / 0.1).astype(np.int64)
+        relief = 500.0
+    elif colour == "terrarium":
+        whole = np.round((500 * SHARE + 32768) * 256).astype(np.int64)
+        relief = 500.0
+    pixels = np.zeros((*SHARE.shape, 3), np.uint8)
+    for place, channel in enumerate(used):
+        pixels[..., channel] = whole >> 8 * (len(used) - 1 - place) & 255
+    return pixels, relief
+
+
+@pytest.mark.parametrize(
+    "colour", ["packed-rgb", "packed-bgr", "packed-rg", "packed-gr", "terrain-rgb", "terrarium"]
+)
+def test_packed_heights_are_suspected_and_unpacked(tmp_path, colour: str) -> None:
+    pixels, relief = packed(colour)
+    path = tmp_path / "a.png"
+    Image.fromarray(pixels).save(path)
+    with pytest.raises(SurfaceError, match=rf"they look packed: colour='{colour}'"):
+        read_heights(path, **SCALED)
+    like(read_heights(path, **SCALED, colour=colour))
+    if COLOURS[colour].metres:
+        found = read_heights(path, pixel_size=30.0, colour=colour)
+        like(found, relief=relief)
+        assert any("is that plausible?" in note for note in found.notes)
+    wrong = read_heights(path, **SCALED, colour="luminance")
+    assert any(f"colour={colour!r}?" in note for note in wrong.notes)
+
+
+def test_colours_are_refused_unless_their_meaning_is_given(tmp_path) -> None:
+    rainbow = 1.5 - np.abs(4 * SHARE[..., None] - [3, 2, 1])
+    path = save8(rainbow, tmp_path / "a.png")
+    with pytest.raises(SurfaceError, match="it has colours") as refused:
+        read_heights(path, **SCALED)
+    assert len(str(refused.value).replace(str(path), "")) <= 300
+    photo = np.random.default_rng(0).integers(0, 256, (40, 40, 3)).astype(np.uint8)
+    assert suspected(photo) is None
+    red = np.stack([SHARE, 0 * SHARE, 1 - SHARE], axis=-1)
+    like(read_heights(save8(red, tmp_path / "b.png"), **SCALED, colour="red"))
+    with pytest.raises(SurfaceError, match="leave them out"):
+        HeightField.from_file(path, pixel_size=PIXEL, kind="normal", colour="red")
+
+
+@pytest.mark.parametrize("form", ["png", "jpg", "tif", "rgba.png"])
+def test_grey_stored_as_colours_is_grey(tmp_path, form: str) -> None:
+    channels = 4 if "rgba" in form else 3
+    pixels = np.stack([SHARE] * 3 + [np.ones_like(SHARE)] * (channels - 3), axis=-1)
+    like(read_heights(save8(pixels, tmp_path / f"a.{form}"), **SCALED))
+
+
+def test_nearly_grey_is_read_with_a_note(tmp_path) -> None:
+    tinted = np.stack([SHARE, SHARE, np.clip(SHARE + 0.01, 0, 1)], axis=-1)
+    found = read_heights(save8(tinted, tmp_path / "a.png"), **SCALED)
+    like(found)
+    assert any("nearly grey" in note for note in found.notes)
+
+
+# --- orientation --------------------------------------------------------------------------------
+
+STORED = {
+    1: lambda seen: seen,
+    2: np.fliplr,
+    3: lambda seen: np.rot90(seen, 2),
+    4: np.flipud,
+    5: np.transpose,
+    6: lambda seen: np.rot90(seen, 1),
+    7: lambda seen: np.rot90(seen, 2).T,
+    8: lambda seen: np.rot90(seen, -1),
+}
+"""How a picture is stored that is seen upright, by orientation (TIFF 6.0, page 36)."""
+
+
+@pytest.mark.parametrize("orientation", STORED)
+@pytest.mark.parametrize("form", ["jpg", "png", "16.png", "tif", "lzw.tif"])
+def test_pictures_are_turned_as_exif_states(tmp_path, form: str, orientation: int) -> None:
+    stored = np.ascontiguousarray(STORED[orientation](SHARE))
+    path = tmp_path / f"a.{form}"
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    if form == "tif":
+        tags = [(274, "H", 1, orientation, True)]
+        tifffile.imwrite(path, np.round(65535 * stored).astype(np.uint16), extratags=tags)
+    elif form == "lzw.tif":
+        image = Image.fromarray(np.round(65535 * stored).astype(np.uint16))
+        image.save(path, compression="tiff_lzw", tiffinfo={274: orientation})
+    elif form == "16.png":
+        Image.fromarray(np.round(65535 * stored).astype(np.uint16)).save(path, exif=exif)
+    else:
+        save8(stored, path, exif=exif, **({"quality": 98} if form == "jpg" else {}))
+    found = read_heights(path, **SCALED)
+    like(found)
+    assert any("EXIF" in note for note in found.notes) == (orientation > 1 and form != "lzw.tif")
+    assert read_pixels(path)[0].shape[:2] == SHARE.shape
+
+
+# --- normal maps --------------------------------------------------------------------------------
+
+STEEP = 2.0
+H_V, H_U = np.gradient(STEEP * RELIEF * SHARE, PIXEL)
+NORMAL = np.stack([-H_U, H_V, np.ones_like(H_U)], axis=-1)
+"""Green up the picture, whose rows run down."""
+UNIT = NORMAL / np.linalg.norm(NORMAL, axis=-1, keepdims=True)
+DOWN = np.array([1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize("length", [1.0, 0.88, 0.7, 1.15])
+@pytest.mark.parametrize("green", ["opengl", "directx"])
+@pytest.mark.parametrize("form", ["png", "jpg"])
+def test_a_normal_map_shows_where_green_points(tmp_path, length, green, form) -> None:
+    vectors = length * UNIT * (1.0 if green == "opengl" else DOWN)
+    options = {"quality": 95, "subsampling": 0} if form == "jpg" else {}
+    path = save8(0.5 * (vectors + 1), tmp_path / f"a.{form}", **options)
+    found = read_normal_map(path, pixel_size=PIXEL)
+    assert any("found from the map's own curl" in note for note in found.notes)
+    assert any("normalised to 1" in note for note in found.notes) == (abs(length - 1) > 0.05)
+    if length <= 1.0:  # longer ones are clipped by the colours' range
+        like(found, relief=STEEP * RELIEF, off=0.05)
+    other = {"opengl": "directx", "directx": "opengl"}[green]
+    contradicted = read_normal_map(path, pixel_size=PIXEL, convention=other)
+    assert any(f"kind='normal-{green}'" in note for note in contradicted.notes)
+    agreed = HeightField.from_file(path, pixel_size=PIXEL, kind=f"normal-{green}")
+    assert not any("curl" in note for note in agreed.notes)
+
+
+def test_ridges_along_one_axis_do_not_show_where_green_points(tmp_path) -> None:
+    slope = 0.5 * np.cos(U / 4.0)
+    normal = np.stack([-slope, 0 * slope, np.ones_like(slope)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    path = save8(0.5 * (normal + 1), tmp_path / "a.png")
+    found = HeightField.from_file(path, pixel_size=PIXEL, kind="normal")
+    assert any(note.startswith("does green point up?") for note in found.notes)
+
+
+def test_a_blue_that_is_constant_is_found_from_red_and_green(tmp_path) -> None:
+    flat = np.stack([UNIT[..., 0], UNIT[..., 1], -np.ones_like(H_U)], axis=-1)
+    found = read_normal_map(save8(0.5 * (flat + 1), tmp_path / "a.png"), pixel_size=PIXEL)
+    like(found, relief=STEEP * RELIEF, off=0.05)
+    assert any("blue is constant" in note for note in found.notes)
+
+
+def test_pixels_of_a_normal_map_may_be_oblong(tmp_path) -> None:
+    normal = np.stack([-H_U, H_V / 1.5, np.ones_like(H_U)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    path = save8(0.5 * (normal + 1), tmp_path / "a.png")
+    found = HeightField.from_file(path, pixel_size=(PIXEL, 1.5 * PIXEL), kind="normal")
+    assert found.pixel_size == (PIXEL, 1.5 * PIXEL)
+    like(found, relief=STEEP * RELIEF, off=0.05)
+
+
+def test_colours_that_are_no_normals_are_refused(tmp_path) -> None:
+    rainbow = save8(1.5 - np.abs(4 * SHARE[..., None] - [3, 2, 1]), tmp_path / "a.png")
+    noise = np.random.default_rng(0).random((40, 40, 3))
+    for path in (rainbow, save8(noise, tmp_path / "b.png")):
+        with pytest.raises(SurfaceError, match="no unit vectors"):
+            read_normal_map(path, pixel_size=PIXEL)
+
+
+# --- large maps ---------------------------------------------------------------------------------
+
+
+def test_tiles_are_smoothed_as_the_whole_map(monkeypatch) -> None:
+    grey = np.round(255 * np.kron(SHARE, np.ones((5, 7))))
+    whole = levels.smooth_levels(grey, 1.0)
+    monkeypatch.setattr(levels, "_TILE", 64)
+    assert np.abs(levels.smooth_levels(grey, 1.0) - whole).max() < 1e-3
+    line = np.round(255 * SHARE.ravel())
+    assert np.abs(levels.smooth_levels(line, 1.0) - line).max() <= 0.5
