@@ -164,8 +164,8 @@ def test_wrong_documents_are_refused(plain, change, names):
         ("</body>", '<joint type="slide"/></body>', ["joint", "plate"]),
         (
             '<freejoint name="hand"/>',
-            '<freejoint/><body name="cap"><geom size="0.001"/></body>',
-            ["cap", "hangs on the tool"],
+            '<freejoint/><body name="cap"><joint/><geom size="0.001"/></body>',
+            ["cap", "has a joint; only the tool"],
         ),
     ],
 )
@@ -180,7 +180,7 @@ def test_wrong_mjcf_is_refused(plain, old, new, names):
 def test_missing_and_broken_files_are_refused(plain, tmp_path):
     with pytest.raises(AsperityError, match="did you mean 'probe-plate'"):
         load_scene("probe-plat")
-    with pytest.raises(AsperityError, match=r"no such file.*scene\.toml"):
+    with pytest.raises(AsperityError, match=r"no such file.*scene\.xml and scene\.toml"):
         load_scene(tmp_path)
     (tmp_path / "scene.toml").write_text("schema = = 1")
     with pytest.raises(AsperityError, match=r"is not TOML.*line 1"):

@@ -36,7 +36,7 @@ class RunCommand:
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder
-    with a scene. Alternatively, give --tool and --target."""
+    with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
     """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl)."""
     target: str | None = None
@@ -90,6 +90,8 @@ class RunCommand:
     """Seed of random textures."""
     out: Path = Path("out/run")
     """Folder for the results."""
+    save: Path | None = None
+    """Also save the scene to this folder, to change scene.toml there and run it again."""
     overwrite: bool = False
     """Replace files of the same names in the folder."""
 
@@ -157,6 +159,8 @@ class RunCommand:
             if self.scene is None
             else load_scene(self.scene, seed=self.seed)
         )
+        if self.save is not None:
+            scene.save(self.save, overwrite=self.overwrite)
         changes = {}
         if self.anti_alias is not None:
             changes["force"] = {"anti_alias": self.anti_alias}

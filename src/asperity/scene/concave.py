@@ -24,7 +24,9 @@ CONVEX_UP_TO = 1e-3
 _PIECES_GROUP = 3
 
 
-def with_convex_pieces(xml: str, model: mujoco.MjModel) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+def with_convex_pieces(
+    xml: str, model: mujoco.MjModel, spec: Any = None
+) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     """Return a model in which no geom that can be touched is a concave mesh, and notes.
 
     A concave mesh geom stays, is only seen, and keeps its mass; its pieces, in group 3, have none.
@@ -35,6 +37,8 @@ def with_convex_pieces(xml: str, model: mujoco.MjModel) -> tuple[mujoco.MjModel,
         MJCF that refers to no files.
     model : mujoco.MjModel
         Compiled from it; returned if nothing is to be cut.
+    spec : mujoco.MjSpec, optional
+        Of the model, if it is not that of `xml`.
 
     Raises
     ------
@@ -53,7 +57,7 @@ def with_convex_pieces(xml: str, model: mujoco.MjModel) -> tuple[mujoco.MjModel,
     concave = {i for i in meshes if not is_convex(*model_mesh(model, i), CONVEX_UP_TO)}
     if not concave:
         return model, ()
-    spec = mujoco.MjSpec.from_string(xml)
+    spec = mujoco.MjSpec.from_string(xml) if spec is None else spec
     spec.compile()  # numbers its geoms, until one is added
     spec.compiler.discardvisual = False  # or the mass of the whole mesh would go
     numbered = [(geom, geom.id) for geom in spec.geoms]

@@ -36,8 +36,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise AsperityError(f"no such file: {path}; a scene is a folder of scene.xml, scene.toml")
     try:
-        with open(path, "rb") as stream:
-            return tomllib.load(stream)
+        data = path.read_bytes()
+        marked = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+        return tomllib.loads(data.decode("utf-16" if marked else "utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise AsperityError(f"{path} is not TOML: {error}") from None
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
+from asperity._core.files import text_of
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import KINDS, Geom
 from asperity.geometry.mesh.mesh import Mesh
@@ -29,7 +30,8 @@ from asperity.geometry.poses import require_pose
 GEOMS = {getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"): kind for kind in KINDS}
 MOST_SEEN = 50_000
 """A mesh of more triangles is not written into the XML to be seen."""
-_FILES = re.compile(r"<(include|mesh|texture)\b[^>]*\bfile\s*=")
+_FILES = re.compile(r"<robot\b|\bfile\w*\s*=")
+"""What is read through MuJoCo's own reader: URDF, and MJCF that names files."""
 TRIPLES_A_LINE = 8
 """Triples of numbers in a line of the XML."""
 MODEL = """<mujoco model="{name}">
@@ -65,10 +67,8 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
     What is included, and meshes in files, are written into the text. Pictures on materials are
     left out.
     """
-    if not path.is_file():
-        raise AsperityError(f"no such file: {path}; a scene is scene.xml and scene.toml")
     try:
-        xml = path.read_text("utf-8")
+        xml = text_of(path.read_bytes())
         if not _FILES.search(xml):
             return xml, ()
         # Through MuJoCo's own reader, so that files are found beside this one.
@@ -77,6 +77,13 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         for mesh in spec.meshes:
             if mesh.file:
                 _write_in(mesh, model)
+        for hfield in spec.hfields:
+            if hfield.file:
+                hfield.nrow = int(model.hfield_nrow[hfield.id])
+                hfield.ncol = int(model.hfield_ncol[hfield.id])
+                start = model.hfield_adr[hfield.id]
+                hfield.userdata = model.hfield_data[start:][: hfield.nrow * hfield.ncol].tolist()
+                hfield.file = ""
         notes = _without_pictures(spec)
         return spec.to_xml(), notes
     except (ValueError, OSError) as error:
@@ -122,12 +129,17 @@ def model_mesh(model: mujoco.MjModel, number: int) -> tuple[Array, Indices]:
     return vertices, np.asarray(model.mesh_face[first : first + count], dtype=np.int64)
 
 
+def is_touchable(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether a geom can be touched, and is not only seen."""
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
 def touchable_geoms(model: mujoco.MjModel) -> dict[str, list[tuple[int, Geom]]]:
     """Return the geoms that can be touched, with their numbers, by the name of their body."""
     owned: dict[str, list[tuple[int, Geom]]] = {}
     for i in range(model.ngeom):
-        if model.geom_contype[i] == 0 and model.geom_conaffinity[i] == 0:
-            continue  # only seen, never touched
+        if not is_touchable(model, i):
+            continue
         body = model.body(int(model.geom_bodyid[i]))
         if not body.name:
             raise AsperityError(f"body {body.id} of scene.xml has geoms but no name; give it one")
@@ -157,12 +169,6 @@ def tool_start(model: mujoco.MjModel, tool: str) -> Array:
             raise AsperityError(f"the tool {tool!r} has a joint that is no freejoint")
     if model.njnt == 0:
         raise AsperityError(f"the tool {tool!r} must have a freejoint; scene.xml has no joint")
-    tool_id = model.body(tool).id
-    for i in range(model.nbody):
-        if i != tool_id and model.body_rootid[i] == tool_id:
-            raise AsperityError(
-                f"body {model.body(i).name!r} hangs on the tool {tool!r}; put its geoms into it"
-            )
     return require_pose(model.qpos0[:7], f"pose of {tool!r}")
 
 

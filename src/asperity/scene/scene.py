@@ -47,9 +47,11 @@ from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, Coupling
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.materials import FELT
+from asperity.scene.adapt import adapted
 from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
     BODY,
+    SCHEMA,
     Table,
     arguments,
     at,
@@ -62,11 +64,13 @@ from asperity.scene.document import (
     write_toml,
 )
 from asperity.scene.mesh import geoms_mesh
-from asperity.scene.mjcf import compiled, read_mjcf, tool_start, touchable_geoms
+from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
 from asperity.scene.texture import body_texture
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
 
+MODELS = (".xml", ".mjcf", ".urdf")
+"""Kinds of files of a scene's bodies."""
 ANTI_ALIAS_MODES = ("off", "tick", "band")
 """Treatments of texture that passes faster than the tick."""
 PRESSED, PRESSED_IN = 0.6, 0.08
@@ -194,17 +198,52 @@ def _tables_with_files(document: Table) -> list[Any]:
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Return the scene in a folder; also takes the path of `scene.xml` or `scene.toml` in it."""
-    path = Path(path)
+    """Return the scene in a folder.
+
+    Also takes a file in it: `scene.xml`, `scene.toml`, or another MJCF or URDF file. Without
+    `scene.toml` the tool is the only body with a freejoint, and all else is as by default.
+    """
+    model, toml = _scene_files(Path(path))
+    xml, notes = read_mjcf(model)
+    folder = model.parent
+    name = folder.resolve().name if model.name == "scene.xml" else model.stem
+    if toml is not None:
+        document = read_toml(toml)
+    else:
+        tool = at(str(model), lambda: adapted(xml)).tool
+        document = {"schema": SCHEMA, "tool": {"body": tool}}
+        notes = (
+            *notes,
+            f"there is no scene.toml: the tool is {tool!r}, its texture, force and motion are as "
+            "by default; save the scene (--save DIR, Scene.save) to set them",
+        )
+    scene = at(str(folder), lambda: scene_of(xml, document, name=name, folder=folder))
+    return replace(scene, notes=(*notes, *scene.notes))
+
+
+def _scene_files(path: Path) -> tuple[Path, Path | None]:
+    """Return the MJCF or URDF file of a scene, and its `scene.toml`, None without."""
+    if path.is_file() and path.name != "scene.toml":
+        if path.suffix.lower() not in MODELS:
+            raise AsperityError(
+                f"{path}: unknown kind of file; valid: a folder, or {', '.join(MODELS)}"
+            )
+        toml = path.with_suffix(".toml")
+        return path, toml if toml.is_file() else None
     folder = path.parent if path.name in ("scene.xml", "scene.toml") else path
     if not folder.is_dir():
         raise AsperityError(f"no such folder of a scene: {folder}")
-    document = read_toml(folder / "scene.toml")
-    xml, notes = read_mjcf(folder / "scene.xml")
-    scene = at(
-        str(folder), lambda: scene_of(xml, document, name=folder.resolve().name, folder=folder)
-    )
-    return replace(scene, notes=(*notes, *scene.notes))
+    toml, model = folder / "scene.toml", folder / "scene.xml"
+    if not model.is_file():
+        # A scene.toml stands for a scene.xml.
+        found = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in MODELS]
+        if toml.is_file() or len(found) != 1:
+            several = f", and there are {', '.join(p.name for p in found[:8])}" if found else ""
+            raise AsperityError(
+                f"no such file: {model}; a scene is a folder of scene.xml and scene.toml{several}"
+            )
+        model = found[0]
+    return model, toml if toml.is_file() else None
 
 
 def scene_of(
@@ -228,19 +267,26 @@ def scene_of(
         A key is wrong; the message names it and what would be valid. Or a geom is a concave mesh,
         and CoACD, which cuts it, is not installed.
     """
-    model = compiled(xml)
+    held = document.get("tool", {})
+    prepared = adapted(xml, held.get("body") if isinstance(held, Mapping) else None)
+    model = prepared.model
     owned = touchable_geoms(model)
     check_document(document, owned)
     tool = document["tool"]["body"]
     start = tool_start(model, tool)
-    cut, cut_notes = with_convex_pieces(xml, model)
+    cut, cut_notes = with_convex_pieces(xml, model, prepared.spec)
     solids = touchable_geoms(cut)
     bodies = []
     for body, geoms in owned.items():
         table = document.get("bodies", {}).get(body, {})
         bodies.append(_body(model, body, geoms, [geom for _, geom in solids[body]], table, folder))
+        if body in prepared.textures and "texture" not in table:
+            texture, middle = prepared.textures[body]
+            bodies[-1] = replace(bodies[-1], texture=texture, offset=tuple(middle))
     force, anti_alias = _force(document.get("force", {}))
     coupling = _coupling(document.get("coupling", {}))
+    if prepared.friction is not None:
+        force = _with_friction(force, prepared.friction, document.get("force", {}), prepared.notes)
     return Scene(
         name=name,
         xml=xml,
@@ -255,6 +301,7 @@ def scene_of(
         coupling=coupling,
         motion=_motion(document.get("trajectory", {}), folder),
         notes=(
+            *prepared.notes,
             *cut_notes,
             *(f"{body.name}: {note}" for body in bodies for note in _notes(body)),
             *([_BAND_NOTE] if anti_alias == "band" and coupling.mode != "direct" else []),
@@ -299,6 +346,20 @@ def _force(table: Table) -> tuple[ForceSettings, str]:
     at("force.anti_alias", lambda: require_choice("mode", mode, ANTI_ALIAS_MODES))
     options = arguments(rest, "force", ForceSettings)
     return at("force", lambda: ForceSettings(**options)), mode
+
+
+def _with_friction(
+    force: ForceSettings, friction: float, table: Table, notes: list[str]
+) -> ForceSettings:
+    """Return settings with the friction that scene.xml gives to its geoms, if there is no other."""
+    if "friction" in table:
+        if table["friction"] != friction:
+            notes.append(
+                f"friction is {force.friction:.4g}, of force.friction; geoms have {friction:.4g}"
+            )
+        return force
+    notes.append(f"friction is {friction:.4g}, as MuJoCo takes it from the geoms")
+    return at("friction of geoms", lambda: replace(force, friction=friction))
 
 
 def _coupling(table: Table) -> CouplingSettings:
