@@ -211,3 +211,33 @@ def test_an_outlying_value_is_suspected_and_may_be_named(tmp_path: Path) -> None
     assert any("is -9999 a missing value? It occurs 4 times" in note for note in found.notes)
     with pytest.raises(SurfaceError, match="4 of 600 values are missing"):
         read_heights(path, pixel_size=PIXEL, nodata=-9999)
+
+
+def test_numbered_rows_and_columns_are_no_heights(tmp_path: Path) -> None:
+    body = [f"{j}," + ",".join(f"{z:.7g}" for z in row) for j, row in enumerate(1e6 * HEIGHTS)]
+    frame = "," + ",".join(map(str, range(30))) + "\n" + "\n".join(body)  # as pandas writes it
+    found = read_heights(write(tmp_path / "a.csv", frame), pixel_size=PIXEL, unit="um")
+    same(found)
+    assert any("number the samples, by 1 and 1" in note for note in found.notes)
+    named = "row," + ",".join(f"c{i} [um]" for i in range(30)) + "\n" + "\n".join(body)
+    same(read_heights(write(tmp_path / "b.csv", named), pixel_size=PIXEL))
+
+
+def test_words_behind_the_numbers_are_left_out(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.txt", "z_um\n" + rows(1e6 * HEIGHTS) + "\nEnd of data\n")
+    same(read_heights(path, pixel_size=PIXEL))
+
+
+def test_the_distance_of_points_shows_their_unit(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.txt", rows(1e3 * XYZ, " "))
+    found = read_heights(path, pixel_size=PIXEL)
+    same(found)
+    assert any("places and heights in mm, in which" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("text", ["0;0;0\n0,5;1,5;2\n1,5;1;0,25\n2;2;1,5\n1,5;1;1\n", "0 0\n1 2\n"])
+def test_the_first_row_of_whole_numbers_is_a_row(tmp_path: Path, text: str) -> None:
+    found = read_heights(write(tmp_path / "a.txt", text), pixel_size=PIXEL)
+    first = [float(word) for word in text.split("\n")[0].replace(";", " ").split()]
+    assert found.samples.shape[0] == text.count("\n")
+    np.testing.assert_array_equal(found.samples[0], first)

@@ -187,19 +187,31 @@ def read_text_table(
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
-        if _is_row(line, texts) and not _is_count(line, text[end + 1 : end + 4000], texts):
+        if _is_row(line, texts) and not _is_count(line, text[end + 1 : end + 4000]):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
         start = end + 1
     else:
         raise error(f"{path}: there are no numbers in it; valid: rows of numbers")
-    body = text[start:]
+    body = _without_footer(text[start:])
     sample = [_bare(line).strip(" \r") for line in body[:200_000].splitlines()[:_LOOKED_AT]]
     separator, decimal = _format([line for line in sample if line.strip()])
     first = sample[0].rstrip(separator) if separator else sample[0]
     columns = len(first.split(separator))
     return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+
+
+def _without_footer(body: str) -> str:
+    """Return rows without the lines of words behind them, as "End of data"."""
+    rows = body.rstrip()
+    while rows.count("\n") > 2:
+        start = rows.rfind("\n") + 1
+        words = _WORD.findall(rows[start:].replace('"', " "))
+        if any(_NUMBER.fullmatch(word) or word.lower() in MISSING for word in words):
+            break
+        rows = rows[:start].rstrip()
+    return rows + "\n"
 
 
 def _format(rows: list[str]) -> tuple[str | None, str]:
@@ -245,13 +257,23 @@ def _is_row(line: str, texts: bool) -> bool:
     return numbers + missing == len(words) and (numbers > 0 or len(words) > 3)
 
 
-def _is_count(line: str, rest: str, texts: bool) -> bool:
-    """Return whether a line holds sizes: it has other numbers than the two rows below it."""
-    below = [row for row in rest.splitlines() if row.strip()][:2]
-    here = len(_WORD.findall(line))
-    there = [len(_WORD.findall(row)) for row in below if _is_row(row, texts)]
-    whole = all(word.isdigit() for word in _WORD.findall(line))
-    return whole and len(there) == 2 and there[0] == there[1] != here and here <= 2
+def _cells(line: str) -> int:
+    """Return how many cells a row has, whatever separates them."""
+    line = _bare(line).strip(" \r").rstrip(",;")
+    for separator in (";", "\t", None, ","):
+        count = len(line.split(separator))
+        if count > 1:
+            return count
+    return 1
+
+
+def _is_count(line: str, rest: str) -> bool:
+    """Return whether whole numbers are sizes above a table: its rows have more or fewer cells."""
+    if not all(word.isdigit() for word in _WORD.findall(line)):
+        return False
+    below = [row for row in rest.split("\n") if row.strip()][:-1][:_LOOKED_AT]
+    counts = {_cells(row) for row in below if _is_row(row, False)}
+    return len(below) > 2 and len(counts) == 1 and _cells(line) not in counts
 
 
 def _word(match: re.Match[str]) -> str:

@@ -42,6 +42,7 @@ class _Table(NamedTuple):
     """What was subtracted from the times."""
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of damaged numbers
 def read_poses(
     path: str | os.PathLike[str],
     *,

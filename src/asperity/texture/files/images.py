@@ -71,7 +71,8 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
     if picture.missing is None:
         return stored
-    values = stored.values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # NaN of any kind
+        values = stored.values.astype(np.float64)
     values[np.flipud(picture.missing)] = np.nan
     return stored._replace(values=values)
 

@@ -54,6 +54,7 @@ _SURE = 0.15
 """Agreement of the cross slopes from which the map itself states where green points."""
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of damaged numbers
 def read_normal_map(
     path: str | os.PathLike[str],
     *,

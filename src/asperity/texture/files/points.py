@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 
-_OFF = 0.05
+_OFF = 0.15
 """How far a point may lie from its place on a grid, in steps."""
 _FILLED = 0.5
 """Least share of a grid's places that have a point."""
+
+
+MOST_PER_POINT = 400
+"""Places of a map for each scattered point, at most: more would show nothing but the triangles."""
 
 
 class Grid(NamedTuple):
@@ -79,8 +83,8 @@ def scattered(x: Array, y: Array, z: Array, pixel: float | None = None) -> Grid:
     width, height = float(np.ptp(x)), float(np.ptp(y))
     step = pixel or (width * height / x.size) ** 0.5
     columns, rows = max(int(width / step), 1), max(int(height / step), 1)
-    if rows * columns > 2**27:
-        raise ValueError("the pixel size is too small for the points' extent")
+    if rows * columns > MOST_PER_POINT * max(x.size, 1000):
+        raise OverflowError("the step is too small for the points' extent")
     u = x.min() + step * (np.arange(columns) + 0.5)
     v = y.min() + step * (np.arange(rows) + 0.5)
     values = LinearNDInterpolator(np.column_stack([x, y]), z)(u[None, :], v[:, None])

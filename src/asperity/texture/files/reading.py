@@ -59,6 +59,7 @@ class Heights(NamedTuple):
     notes: tuple[str, ...]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of damaged numbers
 def read_heights(
     path: str | os.PathLike[str],
     *,
@@ -135,6 +136,8 @@ def read_heights(
     stored = _load(path, array, colour, pixels)
     if unit is not None:
         stored = _in_unit(path, stored, unit, height_range)
+    elif stored.sizes_follow and pixels is not None and stored.pixel_size is not None:
+        stored = _as_given(stored, pixels)
     notes = list(stored.notes)
     size = _pixel_size(path, stored, pixels, height_range, notes)
     values = _shaped(path, stored.values)
@@ -204,6 +207,17 @@ def _in_unit(path: Path, stored: Stored, unit: str, height_range: float | None) 
         size = (size[0] * metres, size[1] * metres)
         notes = (*notes, f"places and heights in {unit}, as given")
     return stored._replace(scale=metres, pixel_size=size, notes=notes, sizes_follow=False)
+
+
+def _as_given(stored: Stored, given: tuple[float, float]) -> Stored:
+    """Return points without a unit in the one in which their distance is the given pixel size."""
+    assert stored.pixel_size is not None
+    for name, metres in SHORT.items():
+        if np.allclose(np.multiply(stored.pixel_size, metres), given, rtol=1e-3, atol=0.0):
+            notes = tuple(n for n in stored.notes if not n.startswith("no unit is stated"))
+            note = f"places and heights in {name}, in which their distance is the given pixel size"
+            return stored._replace(scale=metres, pixel_size=given, notes=(*notes, note))
+    return stored
 
 
 def _load(

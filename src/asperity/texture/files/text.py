@@ -21,6 +21,8 @@ _HEIGHTS = re.compile(
     "height|höhe|hauteur|altezza|altura|výška|высота|高|높이|depth|tiefe|elevation|topo",
     re.IGNORECASE,
 )
+_NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", "unnamed: 0", "y/x")
+"""Names of a first column that numbers the rows of a matrix."""
 _FEW = 8
 """Columns of points, at most: with colours or normals behind x, y and z."""
 
@@ -50,7 +52,7 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
     columns = _columns(values, names)
     if columns is not None:
         return _from_columns(path, values, names, columns, pixel_size)
-    return _matrix(table, values, header)
+    return _without_axes(_matrix(table, values, header), names)
 
 
 def _columns(values: Array, names: Sequence[str] | None) -> tuple[int, ...] | None:
@@ -107,6 +109,9 @@ def _from_columns(
             step = pixel_size / lateral if pixel_size and said else None
             try:
                 grid = scattered(x, y, z, step)
+            except OverflowError:
+                refuse(path, f"pixel_size={pixel_size:g} is too small for {len(x)} points that "
+                       "lie on no grid; valid: about their distance, or none")  # fmt: skip
             except Exception:
                 refuse(path, f"points ({called}) that lie on no grid and span no area; valid: "
                        "x, y, z of points on a surface")  # fmt: skip
@@ -120,6 +125,39 @@ def _from_columns(
         unsaid = "" if stated[-1] else ", which the heights' column does not say"
         notes.append(f"places and heights in {word}{unsaid}")
     return Stored(grid.values, tuple(notes), size, scale, word, sizes_follow=not said)
+
+
+def _even(line: Array) -> bool:
+    """Return whether numbers grow by even steps, as places and row numbers do."""
+    steps = np.diff(line)
+    return bool(line.size > 2 and steps[0] != 0.0 and np.ptp(steps) <= 1e-3 * abs(steps.mean()))
+
+
+def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
+    """Return a matrix without a first row and column that number its samples, with a note.
+
+    A spreadsheet leaves their corner empty, or the column has a name of its own.
+    """
+    values, notes = stored.values, stored.notes
+    if min(values.shape) < 4:
+        return stored
+    turned = np.flipud(values) if any("top of the map" in note for note in notes) else values
+    row, column = turned[0, 1:], turned[1:, 0]
+    if np.isnan(turned[0, 0]) and _even(row) and _even(column):
+        steps = float(np.diff(row).mean()), abs(float(np.diff(column).mean()))
+        notes = (
+            *notes,
+            f"its first row and column number the samples, by {steps[0]:g} and {steps[1]:g}, and "
+            "are left out",
+        )
+        return stored._replace(values=values[-len(column) :, 1:], notes=notes)
+    if names and names[0].strip().casefold() in _NUMBERING and _even(turned[:, 0]):
+        notes = (*notes, f"its first column, {names[0]!r}, numbers the rows and is left out")
+        return stored._replace(values=values[:, 1:], notes=notes)
+    if _even(turned[0]) and _even(turned[:, 0]) and not _even(turned[1]):
+        notes = (*notes, "are its first row and column places? They grow evenly, others do not")
+        return stored._replace(notes=notes)
+    return stored
 
 
 def _matrix(table: TextTable, values: Array, header: Header) -> Stored:

@@ -39,16 +39,19 @@ _LABELS = {
         y resolution; pixel height; y-step; stepy; step y; yscale; y scale; pixel size (y); ydim;
         spacing y; delta y; y-increment; yinc; pixelhöhe""",
     "factor": """height conversion factor (-> m); z factor""",
+    "bit": "bit2nm",
     "nodata": "nodata_value; nodata value; nodata; no data value; missing value; novalue",
 }
 _MEANING = {
     " ".join(label.split()): meaning for meaning, text in _LABELS.items()
     for label in text.split(";")
 }  # fmt: skip
+_GRID = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize")
+"""Labels of ESRI's ASCII grid."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
 _SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
 _VALUE = re.compile(
-    r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s,;][^,;]*?)?\s*(?:[,;].*)?$"
+    r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)[\s,;]*([^\d\s,;][^,;]*?)?\s*(?:[,;].*)?$"
 )
 
 
@@ -95,7 +98,7 @@ def read_header(lines: Sequence[str], names: Sequence[str] | None, columns: int)
         unit, scale = _heading(lines, names, columns)
     return Header(
         width, height, None if pair[0] is None else pair, unit, scale, found.get("nodata"),  # type: ignore[arg-type]
-        {"width", "height"} <= {*found} or len(lengths) == 2 or "nodata" in found, tuple(notes),
+        {"width", "height"} <= {*found} or len(lengths) == 2 or "grid" in found, tuple(notes),
     )  # fmt: skip
 
 
@@ -105,6 +108,7 @@ def _findings(
     """Return values by meaning [m], lengths by label, and the unit of the values."""
     found: dict[str, float] = {}
     lengths: list[tuple[str, float]] = []
+    bare_sizes: dict[str, float] = {}
     units: tuple[str, float | None] | None = None
     for label, text in _pairs(lines):
         bare = " ".join(re.sub(r"\[.*?\]|(?<!-> m)\(.*?\)$", "", label.casefold()).split())
@@ -118,8 +122,13 @@ def _findings(
         word = (value.group(2) or "").split("/")[0].strip("[]() ")
         named = named_unit(label, LENGTHS)
         metres = length_of(word) if word else (named[1] if named else None)
+        if bare in _GRID:
+            found["grid"] = 1.0
         if meaning in ("nodata", "factor"):
             found[meaning] = number
+        elif meaning == "bit":  # SPIP: lengths without a unit are nm
+            found["factor"] = number * 1e-9
+            found |= {name: 1e-9 * size for name, size in bare_sizes.items()}
         elif meaning == "pixel" or meaning in ("pixel_x", "pixel_y"):
             if metres is not None or bare in ("cellsize", "dx", "dy"):
                 found.setdefault(meaning, number * (metres or 1.0))
@@ -127,11 +136,13 @@ def _findings(
             lengths.append((label, number * metres))
             if meaning in ("width", "height"):
                 found.setdefault(meaning, number * metres)
+        elif meaning in ("width", "height"):
+            bare_sizes[meaning] = number
     return found, lengths, units
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for line in lines:
+    for line in (line.replace('"', "") for line in lines):
         match = _PAIR.fullmatch(line) or _SPACED.fullmatch(line)
         if match:
             yield match.group(1).strip(), match.group(2)
