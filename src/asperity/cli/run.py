@@ -38,17 +38,19 @@ class RunCommand:
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder
     with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
-    """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl)."""
+    """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl), or a solid: sphere:3mm,
+    box:20x10x5mm, capsule:3x20mm, cylinder:3x20mm, ellipsoid:8x6x4mm."""
     target: str | None = None
-    """Mesh of the object that the tool moves over."""
+    """Mesh of the object that the tool moves over, or a solid."""
     tool_texture: str | None = None
-    """Height map on the tool: an image, an array, or an instrument's file. Default: smooth."""
+    """Height map on the tool: an image, an array, an instrument's file, a folder of maps, or a
+    pattern: knurl:0.8mm. Default: the displacement or normal map that the mesh brings."""
     target_texture: str | None = None
-    """Height map on the target. Default: smooth."""
+    """Height map on the target. Default: the one that the mesh brings, else smooth."""
     tool_unit: str | None = None
-    """Length unit of the tool's mesh: m, cm, mm, in, ... Default: m."""
+    """Length unit of the tool's mesh: m, cm, mm, in, ... Default: as the file states, or m."""
     target_unit: str | None = None
-    """Length unit of the target's mesh. Default: m."""
+    """Length unit of the target's mesh. Default: as the file states, or m."""
     tool_mapping: str | None = None
     """Texture mapping on the tool: uv, triplanar, planar, cylindrical. Default: uv."""
     target_mapping: str | None = None
@@ -105,9 +107,12 @@ class RunCommand:
         from asperity._core.output import result_folder
         from asperity.cli.progress import progress_bars
         from asperity.runs.run_scene import run_scene, take_pictures, write_figures, write_summary
+        from asperity.scene.scale import scale_table
         from asperity.simulation.tool_contact import announce_compiling
 
         scene = self._scene()
+        if table := scale_table(scene):
+            print(table, flush=True)
         motion = self._motion(scene)
         announce_compiling()  # before the progress bar is drawn
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
@@ -193,20 +198,28 @@ class RunCommand:
     def _scene_of_meshes(self) -> Scene:
         """Return the scene of the meshes and textures that the options name."""
         from asperity.scene.from_files import make_scene
+        from asperity.scene.shorthand import pattern, primitive
 
         values = in_si(self)
         options: dict[str, Any] = {}
         for body in ("tool", "target"):
             unit, relief = getattr(self, f"{body}_unit"), getattr(values, f"{body}_relief")
-            options[body] = {"file": getattr(self, body), "unit": unit or "m"}
-            if getattr(self, f"{body}_texture") is None:
+            options[body] = getattr(self, body)
+            if unit is not None:
+                if primitive(options[body]) is not None:
+                    raise AsperityError(f"--{body}-unit is for meshes; {options[body]} has a unit")
+                options[body] = {"file": options[body], "unit": unit}
+            texture = options[f"{body}_texture"] = getattr(self, f"{body}_texture")
+            mapping = getattr(self, f"{body}_mapping")
+            if texture is None or (mapping is None and relief is None):
                 continue
-            texture: dict[str, Any] = {"file": getattr(self, f"{body}_texture")}
-            if getattr(self, f"{body}_mapping") is not None:
-                texture["mapping"] = getattr(self, f"{body}_mapping")
+            named = pattern(texture)
+            table: dict[str, Any] = {"file": texture} if named is None else named[0]
+            if mapping is not None:
+                table["mapping"] = mapping
             if relief is not None:
-                texture["height_range"] = relief
-            options[f"{body}_texture"] = texture
+                table["height_range"] = relief
+            options[f"{body}_texture"] = table
         return make_scene(**options)
 
     def _motion(self, scene: Scene) -> ScriptedMotion | Trajectory:

@@ -7,8 +7,7 @@ is, how far it reaches, where the tool starts and how it moves. These numbers ar
 from __future__ import annotations
 
 import importlib.util
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,18 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity.errors import AsperityError
+from asperity.geometry.bodies import Geom
+from asperity.geometry.facets.tessellate import geom_triangles
+from asperity.geometry.mesh.checks import length
+from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.scene.document import require_table
+from asperity.scene.asset import folder_maps, own_texture, range_from_normals, texture_of
+from asperity.scene.document import at, require_table
 from asperity.scene.mesh import body_mesh, body_pieces, uv_size
 from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
+from asperity.scene.shorthand import pattern, primitive
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 
 HEIGHT_RANGE = 2e-4
@@ -32,6 +37,8 @@ DENSITY = 1000.0
 """Of the tool [kg/m^3]."""
 _CLEARANCE = 1e-4
 """How far above contact the tool is drawn, beside both textures' reach [m]."""
+_FAR = 10.0
+"""Distance from the origin beyond which a mesh is moved there, in its sizes."""
 _LEAST = 4
 """Vertices that MuJoCo draws a mesh of."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
@@ -54,8 +61,12 @@ _BODIES = """    <body name="target">
 class _Part:
     """One of the two bodies."""
 
-    mesh: Mesh
-    pieces: Sequence[Array]
+    name: str
+    triangles: Array
+    """Its surface (m, 3, 3) [m], to find its place."""
+    assets: str
+    geoms: str
+    """Its elements of MJCF."""
     table: dict[str, Any]
     """What stands under `[bodies.NAME]`."""
     notes: tuple[str, ...]
@@ -67,7 +78,7 @@ def make_scene(
     target: File,
     tool_texture: File | None = None,
     target_texture: File | None = None,
-    unit: str = "m",
+    unit: str | None = None,
     stiffness: float = 400.0,
     name: str | None = None,
 ) -> Scene:
@@ -81,15 +92,19 @@ def make_scene(
     ----------
     tool, target : path or mapping
         A file of a mesh, or what would stand under `[bodies.NAME.mesh]`: `file`, `unit`,
-        `hard_angle`, `atlas`, and, if its z is not upwards, `quaternion`.
+        `hard_angle`, `atlas`, and, if its z is not upwards, `quaternion`. Or a solid: "sphere:3mm",
+        "box:20x10x5mm", "capsule:3x20mm", "cylinder:...", "ellipsoid:..." (`scene.shorthand`).
     tool_texture, target_texture : path or mapping, optional
-        A file of heights, or what would stand under `[bodies.NAME.texture]`. Without, the body
-        is smooth. Where not given: *mapping* is "uv" for files (texture coordinates are made
-        where the mesh has none) and "triplanar" for patterns; *height_range* of an image is
-        0.2 mm; an image reaches as far as the UV coordinates say, otherwise once over the body's
+        A file of heights, or what would stand under `[bodies.NAME.texture]`; a folder of maps by
+        their names; or a pattern with parameters, "knurl:0.8mm". Without, the displacement or
+        normal map that the mesh's material names, or that lies beside it by its name; if there is
+        none the body is smooth. Where not given: *mapping* is "uv" for files (texture coordinates
+        are made where the mesh has none) and "triplanar" for patterns; *height_range* of an image
+        is 0.2 mm; an image reaches as far as the UV coordinates say, otherwise once over the body's
         largest side. The scene's notes tell what was chosen.
     unit : str
-        Of meshes that do not name theirs: "m", "mm", ...
+        Of meshes that do not name theirs: "m", "mm", ... By default the one that the file states,
+        else m.
     stiffness : float
         Of the contact [N/m].
     name : str, optional
@@ -113,9 +128,8 @@ def make_scene(
         "target": _part("target", target, target_texture, unit),
     }
     if name is None:
-        name = f"{parts['tool'].mesh.name}-on-{parts['target'].mesh.name}"
-    tool_mesh, ground = (part.mesh.vertices[part.mesh.faces] for part in parts.values())
-    slide, place = slide_over(ground, tool_mesh)
+        name = f"{parts['tool'].name}-on-{parts['target'].name}"
+    slide, place = slide_over(parts["target"].triangles, parts["tool"].triangles)
     document = {
         "schema": 1,
         "tool": {"body": "tool"},
@@ -134,10 +148,13 @@ def make_scene(
     return replace(scene, notes=(*notes, *scene.notes))
 
 
-def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
-    """Return the tool or the target: its mesh, pieces and tables, with what was chosen."""
+def _part(which: str, source: File, texture: File | None, unit: str | None) -> _Part:
+    """Return the tool or the target: its surface and elements, with what was chosen."""
+    solid = primitive(source) if isinstance(source, str) else None
+    if solid is not None:
+        return _solid(which, *solid, texture)
     table = _table(which, source)
-    if "file" in table:
+    if "file" in table and unit is not None:
         table.setdefault("unit", unit)
     mesh = body_mesh(table, which, None)
     if mesh is None:
@@ -147,15 +164,76 @@ def _part(which: str, source: File, texture: File | None, unit: str) -> _Part:
             f"{which}: {mesh.name} has {len(mesh.vertices)} vertices; valid: {_LEAST} or more"
         )
     notes: list[str] = []
+    mesh = _near_origin(table, which, mesh, notes)
     body: dict[str, Any] = {"mesh": table}
-    if texture is not None:
+    laid, maps = _texture(which, texture, notes)
+    if texture is None and "file" in table:
+        laid, maps = own_texture(Path(table["file"]), mesh, table.get("unit", "m"), notes)
+    if laid is not None:
         key = f"{which}_texture"
-        laid = _table(key, texture)
         mesh = _with_mapping(laid, table, mesh, key, notes)
         if "file" in laid:
-            _scale(laid, mesh, key, notes)
+            on_uv = mesh if laid["mapping"] == "uv" and mesh.uv is not None else None
+            _scale(laid, mesh.vertices, on_uv, maps, notes)
         body["texture"] = laid
-    return _Part(mesh, body_pieces(table, which, mesh), body, tuple(notes))
+    pieces = body_pieces(table, which, mesh)
+    colours = [_COLOURS[which]] * len(pieces)
+    return _Part(
+        mesh.name, mesh.vertices[mesh.faces], mesh_assets(which, mesh, pieces),
+        mesh_geoms(which, mesh, density=[DENSITY] * len(pieces), rgba=colours), body, tuple(notes),
+    )  # fmt: skip
+
+
+def _solid(which: str, geom: Geom, note: str, texture: File | None) -> _Part:
+    """Return a body that is a simple solid."""
+    notes = [note]
+    vertices, faces, _, _ = geom_triangles(geom)
+    laid, maps = _texture(which, texture, notes)
+    body: dict[str, Any] = {}
+    if laid is not None:
+        laid.setdefault("mapping", "triplanar")
+        if laid["mapping"] == "uv":
+            raise AsperityError(
+                f"{which}_texture: a {geom.kind} has no mapping uv; valid: triplanar"
+            )
+        if "file" in laid:
+            _scale(laid, vertices, None, maps, notes)
+        body["texture"] = laid
+    size = " ".join(f"{x:.9g}" for x in geom.size[: len(geom.size) - geom.size.count(0.0)])
+    element = (
+        f'      <geom name="{which}-1" type="{geom.kind}" size="{size}" density="{DENSITY:g}" '
+        f'rgba="{_COLOURS[which]}"/>'
+    )
+    return _Part(geom.kind, vertices[faces], "", element, body, tuple(notes))
+
+
+def _texture(
+    which: str, texture: File | None, notes: list[str]
+) -> tuple[dict[str, Any] | None, Mapping[str, MapImage]]:
+    """Return the table of a texture that is given, and maps by kind if it is a folder of them."""
+    if texture is None:
+        return None, {}
+    if isinstance(texture, str | Path) and Path(texture).expanduser().is_dir():
+        maps = folder_maps(Path(texture).expanduser())
+        return at(f"{which}_texture", lambda: texture_of(maps, 1.0, notes)), maps
+    named = pattern(texture) if isinstance(texture, str) else None
+    if named is not None:
+        table, note = named
+        notes += [note] if note else []
+        return table, {}
+    return _table(f"{which}_texture", texture), {}
+
+
+def _near_origin(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]) -> Mesh:
+    """Return a mesh moved to the origin if it lies far from it, where MJCF has few digits."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    middle = 0.5 * (low + high)
+    far = float(np.abs(middle).max())
+    if far <= _FAR * float((high - low).max()) or "position" in table:
+        return mesh
+    table["position"] = [-float(x) for x in middle]
+    notes.append(f"it lies {length(far)} from the origin: moved there")
+    return body_mesh(table, which, None) or mesh
 
 
 def _table(key: str, source: File) -> dict[str, Any]:
@@ -191,55 +269,58 @@ def _with_mapping(
     return mesh
 
 
-def _scale(texture: dict[str, Any], mesh: Mesh, key: str, notes: list[str]) -> None:
-    """Give a file of heights the size and relief that it does not have itself."""
+def _scale(
+    texture: dict[str, Any], vertices: Array, on_uv: Mesh | None, maps: Mapping[str, MapImage],
+    notes: list[str],
+) -> None:  # fmt: skip
+    """Give a file of heights the size and relief that it does not have itself.
+
+    `on_uv` is the mesh whose texture coordinates lay it, if any do; `maps` those that came with it.
+    """
     path = Path(texture["file"])
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         return
-    on_uv = texture["mapping"] == "uv" and mesh.uv is not None
     if "border" not in texture:
-        beyond = not on_uv or mesh.uv.min() < -1e-6 or mesh.uv.max() > 1.0 + 1e-6  # type: ignore[union-attr]
+        beyond = on_uv is None or on_uv.uv.min() < -1e-6 or on_uv.uv.max() > 1.0 + 1e-6  # type: ignore[union-attr]
         texture["border"] = "wrap" if beyond else "clamp"
     normals = str(texture.get("kind", "height")).startswith("normal")
-    if "height_range" not in texture and not normals:
-        texture["height_range"] = HEIGHT_RANGE
-        notes.append(f"no height_range for {path.name}: {1e3 * HEIGHT_RANGE:g} mm (default)")
-    if "pixel_size" in texture or "size" in texture:
-        return
     rows, columns = _image_shape(path)
-    if on_uv:
-        size = uv_size(mesh)
-        why = "as its texture coordinates reach on average"
-    else:
-        pixel = float(np.ptp(mesh.vertices, axis=0).max()) / max(rows, columns)
-        size = (pixel * columns, pixel * rows)
-        why = "once over the body's largest side"
-    if on_uv and not normals:
-        texture["size"] = list(size)
-    else:  # its pixels are square
-        texture["pixel_size"] = math.sqrt(size[0] / columns * size[1] / rows)
-        size = (texture["pixel_size"] * columns, texture["pixel_size"] * rows)
-    notes.append(
-        f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, {why} (default)"
-    )
+    if "pixel_size" not in texture and "size" not in texture:
+        if on_uv is not None:
+            size = uv_size(on_uv)
+            why = "as its texture coordinates reach on average"
+        else:
+            pixel = float(np.ptp(vertices, axis=0).max()) / max(rows, columns)
+            size = (pixel * columns, pixel * rows)
+            why = "once over the body's largest side"
+        texture["pixel_size"] = [size[0] / columns, size[1] / rows]
+        notes.append(
+            f"no size for {path.name}: {1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm, "
+            f"{why} (default)"
+        )
+    if "height_range" in texture or normals:
+        return
+    pixels = texture.get("pixel_size", [texture["size"][0] / columns, texture["size"][1] / rows]
+                         if "size" in texture else None)  # fmt: skip
+    pair = tuple(pixels) if isinstance(pixels, list | tuple) else (pixels, pixels)
+    found = range_from_normals(maps, texture, pair)
+    texture["height_range"] = HEIGHT_RANGE if found is None else float(f"{found:.4g}")
+    how = "(default)" if found is None else f"so that its slopes are those of {maps['normal'].name}"
+    notes.append(f"no height_range for {path.name}: {1e3 * texture['height_range']:.4g} mm {how}")
 
 
 def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
     """Return the MJCF with the tool at a place."""
-    corners = np.concatenate([parts["target"].mesh.vertices, parts["tool"].mesh.vertices + place])
+    corners = np.concatenate(
+        [parts["target"].triangles.reshape(-1, 3), parts["tool"].triangles.reshape(-1, 3) + place]
+    )
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = float(np.linalg.norm(high - low))
 
     def numbers(values: Any) -> str:
         return " ".join(f"{value:.9g}" for value in values)
 
-    geoms = {
-        key: mesh_geoms(
-            key, part.mesh, density=[DENSITY] * len(part.pieces),
-            rgba=[_COLOURS[key]] * len(part.pieces),
-        )
-        for key, part in parts.items()
-    }  # fmt: skip
+    geoms = {key: part.geoms for key, part in parts.items()}
     return MODEL.format(
         name=name.replace("&", "and").replace('"', "").replace("<", ""),
         note=_NOTE,
@@ -247,7 +328,7 @@ def _xml(name: str, parts: Mapping[str, _Part], place: Array) -> str:
         extent=extent,
         centre=numbers(0.5 * (low + high)),
         light=numbers(0.5 * (low + high) + extent * np.array([0.3, -0.6, 1.2])),
-        assets="\n".join(mesh_assets(key, part.mesh, part.pieces) for key, part in parts.items()),
+        assets="\n".join(part.assets for part in parts.values()),
         bodies=_BODIES.format(place=numbers(place), **geoms),
     )
 

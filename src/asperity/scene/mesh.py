@@ -159,7 +159,9 @@ def _mesh_of_file(table: Table, key: str, folder: Path | None) -> Mesh:
     return at(f"{key}.atlas", lambda: with_atlas(mesh)) if atlas else mesh
 
 
-def _file_keys(unit: str = "m", hard_angle: float | None = None, atlas: bool = False) -> None:
+def _file_keys(
+    unit: str | None = None, hard_angle: float | None = None, atlas: bool = False
+) -> None:
     """Say which keys go with a mesh's file, and their types."""
 
 
@@ -245,7 +247,10 @@ def uv_size(mesh: Mesh) -> tuple[float, float]:
     assert mesh.uv is not None
     triangles = mesh.vertices[mesh.faces]
     per_metre = np.linalg.norm(gradients(triangles, mesh.uv), axis=2)  # of u and v, on each
-    mean = np.average(per_metre, axis=0, weights=np.linalg.norm(crosses(triangles), axis=1))
+    twice = mesh.uv[:, 1:] - mesh.uv[:, :1]
+    laid = np.abs(twice[:, 0, 0] * twice[:, 1, 1] - twice[:, 0, 1] * twice[:, 1, 0]) > 1e-12
+    area = np.linalg.norm(crosses(triangles), axis=1) * laid
+    mean = np.average(per_metre, axis=0, weights=area) if laid.any() else np.zeros(2)
     if not (mean > 0.0).all():
         raise AsperityError(f"mesh {mesh.name!r} has texture coordinates that cover no area")
     return 1.0 / float(mean[0]), 1.0 / float(mean[1])

@@ -1,0 +1,191 @@
+"""The maps that a mesh brings: of its material, or beside it by their names.
+
+A displacement or normal map becomes the texture that is felt. What is only seen, or cannot be used,
+is noted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity._core.kernels import cache_folder
+from asperity.errors import AsperityError
+from asperity.geometry.mesh.checks import UNITS
+from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material, maps_by_name
+from asperity.geometry.mesh.mesh import Mesh
+from asperity.texture.files.colours import unit_vectors
+from asperity.texture.files.images import read_pixels
+
+_FLATTEST = 1e-4
+"""RMS slope under which a normal map is flat."""
+
+
+def own_texture(
+    path: Path, mesh: Mesh, unit: str, notes: list[str]
+) -> tuple[dict[str, Any] | None, Mapping[str, MapImage]]:
+    """Return the texture table of the map that a mesh's file brings, or None, and its maps.
+
+    Parameters
+    ----------
+    path : Path
+        The mesh's file.
+    mesh : Mesh
+    unit : str
+        Unit of length of the file.
+    notes : list of str
+        Gets notes on what is used and what is not.
+    """
+    materials = [m for m in mesh.materials if m.felt is not None]
+    if len(mesh.materials) > 1 and materials:
+        names = ", ".join(f"{m.maps[m.felt].name} of {m.name!r}" for m in materials if m.felt)
+        notes.append(
+            f"it has {len(mesh.materials)} materials, whose maps are not used: {names[:200]}; give "
+            "one as the texture, or each material's part as a mesh"
+        )
+        return None, {}
+    maps = dict(materials[0].maps) if materials else _beside(path, mesh.materials)
+    if not any(kind in maps for kind in FELT):
+        return None, {}
+    if mesh.uv is None:
+        notes.append(
+            "it has no texture coordinates, so its maps are not used: "
+            f"{', '.join(picture.name for picture in maps.values())}"
+        )
+        return None, {}
+    return texture_of(maps, UNITS[unit], notes), maps
+
+
+def _beside(path: Path, materials: tuple[Material, ...]) -> dict[str, MapImage]:
+    """Return maps beside a mesh by their names: those of its picture of colours, or its own."""
+    files = list(path.parent.iterdir())
+    for material in materials:
+        colour = material.maps.get("colour")
+        if colour is not None and colour.path is not None:
+            stem = _common(colour.path.stem)
+            found = maps_by_name(files, stem) if stem else {}
+            if any(kind in found for kind in FELT):
+                return found
+    return maps_by_name(files, path.stem)
+
+
+def _common(stem: str) -> str:
+    """Return a name of a picture without the last word, which states what it shows."""
+    for mark in ("_", "-", "."):
+        if mark in stem:
+            return stem.rpartition(mark)[0]
+    return ""
+
+
+def texture_of(
+    maps: Mapping[str, MapImage], metres: float, notes: list[str]
+) -> dict[str, Any] | None:
+    """Return the texture table of maps, None if none that can be felt is there.
+
+    Parameters
+    ----------
+    maps : mapping of str to MapImage
+        By kind.
+    metres : float
+        Metres a unit of the file that names them.
+    notes : list of str
+        Gets notes on what is used and what is not.
+    """
+    for lost in FELT:
+        if lost in maps and not maps[lost].is_there:
+            notes.append(f"its {lost} map {maps[lost].name} is not there")
+    kind = next((k for k in FELT if k in maps and maps[k].is_there), None)
+    if kind is None:
+        return None
+    picture = maps[kind]
+    path = _file_of(picture)
+    table: dict[str, Any] = {"file": str(path.absolute()), "mapping": "uv"}
+    if kind == "bump" and _holds_normals(path):  # as some programs export normal maps
+        kind = "normal"
+    if kind == "normal":
+        table["kind"] = "normal"
+        if picture.scale != 1.0:
+            notes.append(f"{picture.name}: its scale of {picture.scale:.4g} is not used")
+    elif picture.height_range is not None and picture.height_range != 0.0:
+        table["height_range"] = abs(picture.height_range) * metres
+        table["invert"] = picture.height_range < 0.0
+        if picture.low != 0.0:
+            notes.append(f"{picture.name}: the height of black, {picture.low:.4g}, is not used")
+    others = [f"{maps[k].name} ({k})" for k in (*FELT, *SEEN) if k in maps and maps[k] != picture]
+    rest = f"; only seen, or not used: {', '.join(others)}" if others else ""
+    notes.append(f"its own {kind} map is the texture: {picture.name}{rest}")
+    return table
+
+
+def range_from_normals(
+    maps: Mapping[str, MapImage], table: Mapping[str, Any], pixel_size: tuple[float, float]
+) -> float | None:
+    """Return the height range of a displacement map that its normal map calls for [m].
+
+    The root mean square slopes of both are the same.
+
+    Parameters
+    ----------
+    maps : mapping of str to MapImage
+    table : mapping
+        The texture table of the displacement map.
+    pixel_size : (pu, pv)
+        Of the displacement map [m].
+    """
+    normal = maps.get("normal")
+    if normal is None or not normal.is_there:
+        return None
+    try:
+        vectors = unit_vectors(read_pixels(_file_of(normal))[0])[0]
+        heights = read_pixels(Path(table["file"]))[0].astype(np.float64)
+    except (AsperityError, ValueError, OSError, IndexError):
+        return None
+    if heights.ndim == 3:
+        heights = heights[..., 0]
+    if vectors.ndim != 3 or np.ptp(heights) == 0.0:
+        return None
+    slopes = vectors[..., :2] / np.maximum(vectors[..., 2:], 0.05)
+    of_normals = float(np.sqrt(np.mean(np.sum((slopes - slopes.mean(axis=(0, 1))) ** 2, axis=2))))
+    shares = heights / np.ptp(heights)
+    along = [np.diff(shares, axis=axis) / pixel_size[1 - axis] for axis in (0, 1)]
+    of_heights = float(np.sqrt(sum(np.mean(step**2) for step in along)))
+    if of_normals < _FLATTEST or of_heights == 0.0:
+        return None
+    return of_normals / of_heights
+
+
+def folder_maps(folder: Path) -> dict[str, MapImage]:
+    """Return the maps in a folder by their names; raise `AsperityError` if none can be felt."""
+    maps = maps_by_name(folder.iterdir())
+    if not any(kind in maps for kind in FELT):
+        found = ", ".join(sorted(p.name for p in folder.iterdir())[:5])
+        raise AsperityError(
+            f"{folder}: no file in this folder is named as a displacement or normal map "
+            f"({found or 'it is empty'}); valid: names such as brick_Displacement.png"
+        )
+    return maps
+
+
+def _file_of(picture: MapImage) -> Path:
+    """Return the file of a picture; one within a mesh's file is kept in the user's cache folder."""
+    if picture.path is not None:
+        return picture.path
+    name = hashlib.sha256(picture.data).hexdigest()[:24]
+    path = cache_folder().parent / "pictures" / name / (Path(picture.name).name or "picture.png")
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(picture.data)
+    return path
+
+
+def _holds_normals(path: Path) -> bool:
+    """Return whether a picture holds unit normals."""
+    try:
+        pixels = read_pixels(path)[0]
+        return pixels.ndim == 3 and pixels.shape[2] >= 3 and unit_vectors(pixels)[1] != "-"
+    except (AsperityError, ValueError, OSError):
+        return False

@@ -1,0 +1,89 @@
+"""The physical scale of a scene of one's own files: what was chosen, what was read, how sure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from asperity.geometry.bodies import Body
+from asperity.geometry.mesh.checks import length
+from asperity.scene.document import Table
+from asperity.scene.scene import Scene
+
+GIVEN, READ, ASSUMED = "given", "read", "ASSUMED"
+
+
+class ScaleRow(NamedTuple):
+    """A row: of which body, what, its value, and whether that was given, read or assumed."""
+
+    body: str
+    what: str
+    value: str
+    source: str
+
+
+def scale_rows(scene: Scene) -> list[ScaleRow]:
+    """Return a row for each length that is given by files or options; none for patterns alone."""
+    rows = []
+    for body in scene.bodies:
+        table = scene.document.get("bodies", {}).get(body.name, {})
+        mesh, texture = table.get("mesh", {}), table.get("texture", {})
+        if body.mesh is not None and "file" in mesh:
+            size = " x ".join(f"{1e3 * side:.4g}" for side in np.ptp(body.mesh.vertices, axis=0))
+            rows.append(ScaleRow(body.name, "size", f"{size} mm", _unit(body, mesh)))
+        if body.texture is not None and "file" in texture:
+            rows += _texture_rows(scene, body, texture)
+    return rows
+
+
+def scale_table(scene: Scene) -> str:
+    """Return the rows as a text of aligned columns, "" if there are none."""
+    rows = scale_rows(scene)
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    return "\n".join(
+        "  ".join([*(row[k].ljust(widths[k]) for k in range(3)), row.source]).rstrip()
+        for row in rows
+    )
+
+
+def _unit(body: Body, table: Table) -> str:
+    assert body.mesh is not None
+    if "unit" in table:
+        return f"{GIVEN}: unit {table['unit']}"
+    if Path(table["file"]).suffix.lower() in (".glb", ".gltf"):
+        return f"{READ}: glTF is in m"
+    stated = next((note for note in body.mesh.notes if note.startswith("its unit is ")), "")
+    if stated:
+        return f"{READ}: unit {stated.split()[3].rstrip(',')}"
+    return f"{ASSUMED}: unit m (the file states none)"
+
+
+def _texture_rows(scene: Scene, body: Body, table: Table) -> list[ScaleRow]:
+    """Return the rows of a texture from a file: its extent and pixels, and its relief."""
+    field = body.texture
+    assert field is not None
+    name = Path(table["file"]).name
+
+    def source(key: str, keys: tuple[str, ...]) -> str:
+        chosen = next((n for n in scene.notes if f"no {key} for {name}: " in n), None)
+        if chosen is not None:
+            why = chosen.partition(": ")[2].partition("mm")[2].strip(" ,") or "default"
+            return f"{ASSUMED}: {why}"
+        return f"{GIVEN}" if any(k in table for k in keys) else f"{READ}: {name}"
+
+    size = " x ".join(f"{1e3 * side:.4g}" for side in field.size)
+    pixel = " x ".join(dict.fromkeys(length(side) for side in field.pixel_size))
+    of_normals = str(table.get("kind", "")).startswith("normal") and "height_range" not in table
+    relief = f"{READ}: from the normals and the size" if of_normals else None
+    return [
+        ScaleRow(
+            body.name, "texture", f"{size} mm, pixels of {pixel}",
+            source("size", ("pixel_size", "size")),
+        ),
+        ScaleRow(
+            body.name, "relief", length(field.relief),
+            relief or source("height_range", ("height_range", "unit")),
+        ),
+    ]  # fmt: skip

@@ -1,0 +1,123 @@
+"""Tools, targets and textures in one word: `sphere:3mm`, `box:20x10x5mm`, `knurl:0.8mm`.
+
+Sizes are those of the whole: a sphere's diameter, a box's sides, a capsule's and a cylinder's
+diameter and length from end to end, an ellipsoid's three axes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from typing import Any
+
+from asperity.errors import AsperityError, did_you_mean
+from asperity.geometry.bodies import Geom
+from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
+from asperity.texture.patterns.patterns import EXAMPLES, PATTERNS
+
+PRIMITIVES = {
+    "sphere": "diameter", "box": "length x width x height", "capsule": "diameter x length",
+    "cylinder": "diameter x length", "ellipsoid": "length x width x height",
+}  # fmt: skip
+"""Simple solids, and what their sizes are."""
+_NUMBER = r"[0-9]*\.?[0-9]+(?:e-?[0-9]+)?"
+_LENGTH = re.compile(rf"^({_NUMBER})\s*([a-zµ]*)$", re.IGNORECASE)
+_NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
+"""Parameters of patterns that are no lengths."""
+
+
+def primitive(text: str) -> tuple[Geom, str] | None:
+    """Return the solid that a text like `box:20x10x5mm` describes, and a note; None if it is none.
+
+    Raises
+    ------
+    AsperityError
+        A solid with sizes that are not valid; one line.
+    """
+    kind, colon, rest = text.partition(":")
+    if kind not in PRIMITIVES:
+        return None
+    names = PRIMITIVES[kind].split(" x ")
+    example = f"{kind}:{'x'.join(['20', '10', '5'][: len(names)])}mm"
+    words = re.split(r"\s*[x×*]\s*", rest.strip()) if colon else []
+    last = _LENGTH.match(words[-1]) if words else None
+    unit = last.group(2) if last else ""
+    sizes: list[float] = []
+    for word in words:
+        found = _LENGTH.match(word)
+        own = (found.group(2) or unit) if found else ""
+        if found is None or own.replace("µ", "u") not in UNITS:
+            sizes = []
+            break
+        sizes.append(float(found.group(1)) * UNITS[own.replace("µ", "u")])
+    if len(sizes) != len(names):
+        raise AsperityError(
+            f"{text!r} is no {kind}; valid: {PRIMITIVES[kind]} with a unit, such as {example}"
+        )
+    if not SMALLEST <= max(sizes) <= LARGEST or min(sizes) <= 0.0:
+        raise AsperityError(f"{text!r}: valid: 0.1 mm to 2 m for the largest size, none of 0")
+    shown = " x ".join(f"{1e3 * size:.4g}" for size in sizes)
+    note = f"a {kind} of {shown} mm ({PRIMITIVES[kind]})"
+    if kind == "capsule":
+        if sizes[1] <= sizes[0]:
+            raise AsperityError(f"{text!r}: a capsule is longer than its diameter, from end to end")
+        return Geom(kind, (0.5 * sizes[0], 0.5 * (sizes[1] - sizes[0]))), note
+    return Geom(kind, [0.5 * size for size in sizes]), note
+
+
+def pattern(text: str) -> tuple[dict[str, Any], str] | None:
+    """Return the texture table of a text like `knurl:0.8mm`, and a note; None if it is none.
+
+    Values without a name are the pattern's parameters in their order; those that are not given are
+    as usual for the pattern, scaled with the first.
+
+    Raises
+    ------
+    AsperityError
+        A pattern with parameters that are not valid; one line.
+    """
+    kind, _, rest = text.partition(":")
+    if kind not in PATTERNS:
+        return None
+    usual = EXAMPLES[kind]
+    parameters = list(inspect.signature(PATTERNS[kind]).parameters)
+    names = [*usual, *(name for name in parameters if name not in usual)]
+    given: dict[str, Any] = {}
+    for place, word in enumerate(part.strip() for part in rest.split(",") if part.strip()):
+        name, equals, value = word.partition("=")
+        if not equals:
+            name, value = names[place], word
+        name = name.strip()
+        if name not in names:
+            raise AsperityError(
+                f"{text!r}: {kind} has no {name!r}{did_you_mean(name, names)}; "
+                f"valid: {', '.join(names)}"
+            )
+        given[name] = _value(text, name, value.strip())
+    first = next(iter(usual))
+    ratio = given.get(first, usual[first]) / usual[first]
+    scaled = {
+        name: value if name in _NO_LENGTHS else float(f"{value * ratio:.6g}")
+        for name, value in usual.items()
+        if name not in given
+    }
+    shown = ", ".join(f"{name} {value:.4g}" for name, value in scaled.items())
+    note = f"{kind}: {shown} (m, as usual for it)" if scaled else ""
+    return {"kind": kind, **scaled, **given}, note
+
+
+def _value(text: str, name: str, value: str) -> Any:
+    """Return the value of a pattern's parameter: a length with its unit, an angle, or a number."""
+    found = _LENGTH.match(value)
+    unit = found.group(2).replace("µ", "u") if found else ""
+    if found is not None and unit in UNITS and name not in _NO_LENGTHS:
+        return float(found.group(1)) * UNITS[unit]
+    if found is not None and name in _NO_LENGTHS:
+        number = float(found.group(1))
+        if unit == "deg":
+            return math.radians(number)
+        if unit in ("", "rad"):
+            return int(number) if name in ("seed", "periods", "samples") else number
+    valid = "a number" if name in _NO_LENGTHS else "a length with a unit, such as 0.8mm"
+    raise AsperityError(f"{text!r}: {name} is {value!r}; valid: {valid}")

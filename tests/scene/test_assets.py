@@ -1,0 +1,237 @@
+"""Assets as they come: the maps that a mesh brings, solids and patterns in one word, the scale."""
+
+import base64
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import asperity
+from asperity.errors import AsperityError
+from asperity.scene.scale import scale_rows, scale_table
+from asperity.scene.shorthand import pattern, primitive
+
+HALF, WAVES, AMPLITUDE = 0.02, 10, 4e-5
+TOP = np.array([(-HALF, -HALF, 0), (HALF, -HALF, 0), (HALF, HALF, 0), (-HALF, HALF, 0)])
+CORNERS = np.concatenate([TOP, TOP - [0, 0, 0.01]])
+FACES = np.array([
+    (0, 1, 2), (0, 2, 3), (4, 6, 5), (4, 7, 6), (0, 4, 5), (0, 5, 1),
+    (1, 5, 6), (1, 6, 2), (2, 6, 7), (2, 7, 3), (3, 7, 4), (3, 4, 0),
+])  # fmt: skip
+
+
+def png(values):
+    stream = io.BytesIO()
+    Image.fromarray(np.round(values).astype(np.uint8)).save(stream, "png")
+    return stream.getvalue()
+
+
+def pictures(size=128):
+    """Return pictures of waves of 40 um amplitude along u on 40 mm, by kind."""
+    phase = np.tile(2 * np.pi * WAVES * (np.arange(size) + 0.5) / size, (size, 1))
+    slope = AMPLITUDE * 2 * np.pi * WAVES / (2 * HALF) * np.cos(phase)
+    normal = np.stack([-slope, 0 * slope, 1 + 0 * slope], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return {
+        "Color": png(np.full((size, size, 3), (150, 110, 70))),
+        "NormalGL": png(127.5 * (normal + 1)), "Displacement": png(127.5 * (1 + np.sin(phase))),
+    }  # fmt: skip
+
+
+@pytest.fixture
+def tile(tmp_path):
+    def write(material=(), kinds=(), *, lib=True, shift=0.0):
+        rows = ["mtllib tile.mtl"] if lib else []
+        rows += ["v {:.9g} {:.9g} {:.9g}".format(*(c + shift)) for c in CORNERS]
+        rows += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "usemtl tile"]
+        rows += ["f " + " ".join(f"{i + 1}/{i % 4 + 1}" for i in f) for f in FACES]
+        (tmp_path / "tile.obj").write_text("\n".join(rows) + "\n")
+        (tmp_path / "tile.mtl").write_text("\n".join(["newmtl tile", *material]) + "\n")
+        for kind in kinds:
+            (tmp_path / f"tile_{kind}.png").write_bytes(pictures()[kind])
+        return tmp_path / "tile.obj"
+
+    return write
+
+
+def target_of(scene):
+    return next(body for body in scene.bodies if body.name == "target")
+
+
+def noted(scene, *words):
+    return any(all(word in note for word in words) for note in scene.notes)
+
+
+@pytest.mark.parametrize(
+    ("line", "kinds", "relief"),
+    [
+        ("disp -mm 0 8e-05 tile_Displacement.png", ["Displacement"], 80e-6),
+        ("disp -mm 0 -8e-05 tile_Displacement.png", ["Displacement"], 80e-6),
+        ("norm tile_NormalGL.png", ["NormalGL"], 80e-6),
+        ("map_Bump -bm 1 tile_NormalGL.png", ["NormalGL"], 80e-6),  # as Blender has it
+        ("map_Bump tile_Displacement.png", ["Displacement"], 200e-6),
+        ("map_Kd tile_Color.png", ["Displacement", "NormalGL", "Color"], 80e-6),
+        ("", ["NormalGL"], 80e-6),
+    ],
+)
+def test_the_map_of_a_material_is_felt(tile, line, kinds, relief):
+    mesh = tile([line], kinds)
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    texture = target_of(scene).texture
+    assert texture.relief == pytest.approx(relief, rel=0.08)
+    assert texture.size == pytest.approx((0.04, 0.04), rel=1e-6)
+    assert noted(scene, "is the texture", "tile_")
+    # Its waves run along x on the top.
+    across, along = np.ptp(texture.samples, axis=0).max(), np.ptp(texture.samples, axis=1).max()
+    assert across < 0.1 * along
+
+
+def test_maps_that_are_not_used_are_named(tile):
+    scene = asperity.make_scene(tool="sphere:3mm", target=tile(["disp lost.png"]))
+    assert target_of(scene).texture is None
+    assert noted(scene, "displacement map lost.png is not there")
+    smooth = tile(["map_Kd tile_Color.png"], ["Color"])
+    assert target_of(asperity.make_scene(tool="sphere:3mm", target=smooth)).texture is None
+    mesh = tile(["disp tile_Displacement.png", "newmtl b", "norm tile_NormalGL.png"], ["NormalGL"])
+    text = mesh.read_text().split("\n")
+    mesh.write_text("\n".join([*text[:-3], "usemtl b", *text[-3:]]))
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    assert noted(scene, "2 materials, whose maps are not used", "tile_NormalGL.png of 'b'")
+    smooth = asperity.make_scene(
+        tool="sphere:3mm", target=tile(["map_Kd tile_Color.png"], ["Color"])
+    )
+    assert target_of(smooth).texture is None or noted(smooth, "is the texture")
+
+
+def test_a_folder_of_maps_is_a_texture(tile, tmp_path):
+    mesh = tile()
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    for kind, data in pictures().items():
+        (folder / f"Bricks_2K_{kind}.png").write_bytes(data)
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh, target_texture=folder)
+    assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.08)
+    assert noted(scene, "Bricks_2K_Displacement.png", "slopes are those of Bricks_2K_NormalGL.png")
+    (tmp_path / "none").mkdir()
+    (tmp_path / "none" / "photo.png").write_bytes(b"x")
+    with pytest.raises(AsperityError, match=r"no file in this folder is named .*photo.png"):
+        asperity.make_scene(tool="sphere:3mm", target=mesh, target_texture=tmp_path / "none")
+
+
+def test_a_gltf_brings_the_picture_within_it(tmp_path):
+    uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)] * 2, dtype="<f4")
+    parts = [CORNERS.astype("<f4").tobytes(), uv.tobytes(), FACES.astype("<u2").tobytes()]
+    parts.append(pictures()["NormalGL"])
+    starts = np.cumsum([0, *map(len, parts)])
+    tree = {
+        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [
+            {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [{"normalTexture": {"index": 0}}], "textures": [{"source": 0}],
+        "images": [{"bufferView": 3, "mimeType": "image/png", "name": "waves"}],
+        "buffers": [{"byteLength": int(starts[-1]), "uri": "data:application/octet-stream;base64,"
+                     + base64.b64encode(b"".join(parts)).decode()}],
+        "bufferViews": [{"buffer": 0, "byteOffset": int(a), "byteLength": len(part)}
+                        for a, part in zip(starts, parts, strict=False)],
+        "accessors": [
+            {"bufferView": i, "componentType": c, "count": n, "type": kind}
+            for i, (c, n, kind) in enumerate(
+                [(5126, 8, "VEC3"), (5126, 8, "VEC2"), (5123, 36, "SCALAR")])],
+    }  # fmt: skip
+    (tmp_path / "a.gltf").write_text(json.dumps(tree))
+    scene = asperity.make_scene(tool="sphere:3mm", target=tmp_path / "a.gltf")
+    assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.08)
+    assert noted(scene, "its own normal map is the texture: waves.png")
+    scene.save(tmp_path / "saved")
+    again = asperity.load_scene(tmp_path / "saved")
+    assert target_of(again).texture.relief == pytest.approx(target_of(scene).texture.relief)
+
+
+def test_a_mesh_far_from_the_origin_is_moved_there(tile):
+    scene = asperity.make_scene(tool="sphere:3mm", target=tile(shift=np.array([500.0, -3e3, 20.0])))
+    assert np.abs(target_of(scene).mesh.vertices).max() < 0.03
+    assert noted(scene, "it lies 3e+03 m from the origin: moved there")
+
+
+# In one word
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "size"),
+    [
+        ("sphere:3mm", "sphere", (0.0015,)), ("box:20x10x5mm", "box", (0.01, 0.005, 0.0025)),
+        ("box:2cm x 10mm x 5mm", "box", (0.01, 0.005, 0.0025)),
+        ("capsule:3x20mm", "capsule", (0.0015, 0.0085)),
+        ("cylinder:.5x2in", "cylinder", (0.00635, 0.0254)),
+        ("ellipsoid:8x6x4mm", "ellipsoid", (0.004, 0.003, 0.002)),
+    ],
+)  # fmt: skip
+def test_solids_in_one_word(text, kind, size):
+    geom, note = primitive(text)
+    assert geom.kind == kind
+    assert geom.size[: len(size)] == pytest.approx(size)
+    assert "mm" in note
+    assert primitive("part.stl") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sphere:3", "valid: diameter with a unit, such as sphere:20mm"),
+        ("sphere", "is no sphere"), ("box:20x10mm", "length x width x height"),
+        ("sphere:3 feet", "is no sphere"), ("sphere:0mm", "none of 0"),
+        ("capsule:3x2mm", "longer than its diameter"), ("sphere:30m", "0.1 mm to 2 m"),
+    ],
+)  # fmt: skip
+def test_solids_that_are_none(text, said):
+    with pytest.raises(AsperityError, match=said):
+        primitive(text)
+
+
+def test_patterns_in_one_word():
+    table, note = pattern("knurl:0.8mm")
+    assert table["kind"] == "knurl"
+    assert table["pitch"] == pytest.approx(8e-4)
+    assert table["height"] == pytest.approx(1.6e-4)
+    assert "height 0.00016" in note
+    table, note = pattern("grating:pitch=2mm,height=50um,direction=45deg,periods=4")
+    assert table["height"] == pytest.approx(5e-5)
+    assert table["direction"] == pytest.approx(np.pi / 4)
+    assert table["periods"] == 4
+    assert note == ""
+    assert pattern("sinusoid")[0]["wavelength"] == pytest.approx(2e-3)
+    assert pattern("cast.png") is None
+    for text, said in (("knurl:0.8", "a length with a unit"), ("knurl:hight=1mm", "height")):
+        with pytest.raises(AsperityError, match=said):
+            pattern(text)
+
+
+def test_a_scene_in_two_words():
+    scene = asperity.make_scene(
+        tool="capsule:3x20mm", target="box:40x40x5mm", target_texture="knurl:0.8mm"
+    )
+    assert scene.name == "capsule-on-box"
+    assert target_of(scene).texture.highest == pytest.approx(1.6e-4, rel=0.05)
+    low = scene.start[2] - 0.01
+    assert 0.0025 < low < 0.0035
+    again = asperity.make_scene(tool="sphere:3mm", target="ellipsoid:40x30x20mm")
+    assert 0.0105 < again.start[2] < 0.0117
+
+
+# The scale
+
+
+def test_the_table_of_the_scale_states_what_is_sure(tile):
+    mesh = tile(["norm tile_NormalGL.png"], ["NormalGL"])
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    size, texture, relief = scale_rows(scene)
+    assert size == ("target", "size", "40 x 40 x 10 mm", "ASSUMED: unit m (the file states none)")
+    assert texture.value == "40 x 40 mm, pixels of 312 um"
+    assert texture.source.startswith("ASSUMED: as its texture coordinates")
+    assert relief.source == "read: from the normals and the size"
+    given = {"file": str(mesh.parent / "tile_NormalGL.png"), "kind": "normal", "pixel_size": 1e-4}
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh, target_texture=given, unit="m")
+    assert [row.source for row in scale_rows(scene)][:2] == ["given: unit m", "given"]
+    assert scale_table(asperity.load_scene("probe-plate")) == ""
