@@ -290,3 +290,24 @@ def test_many_bodies_side_by_side_are_one():
     force = wrench(engine, np.array([0.0, 0.0, 0.9e-3]), Rotation.identity())
     assert engine.contacts.count[1] == 0
     np.testing.assert_allclose(force, [0, 0, K * 1e-4, 0, 0, 0], rtol=0, atol=1e-9)
+
+
+def test_a_part_whose_one_way_out_leads_far_still_counts():
+    """A tilted tip and shaft at the rim of a plate: the force vanished where a way was too long."""
+    probe = (
+        '<geom type="sphere" size="0.0015" mass="0.001"/><geom type="capsule" '
+        'fromto="0 0 0.00075 0 0 0.04" size="0.0009" mass="0.004"/>'
+    )
+    plate = box(0, 0, -4e-3, (0.05, 0.02, 0.004))
+    engine = solver(plate, probe, {"kind": "sinusoid", "wavelength": 2e-3, "amplitude": 1e-4})
+    pose = np.array(
+        [-0.02523455, 0.0214024, -0.00110475, 0.9669251, 0.22771625, 0.0050341, 0.11478592]
+    )
+    forces = []
+    for y in np.linspace(-2e-6, 2e-6, 21):
+        at = pose.copy()
+        at[1] += y
+        forces.append(engine.wrench(at, 0.0)[:3].copy())
+    sizes = np.linalg.norm(forces, axis=1)
+    assert sizes.min() > 0.5 * K * 7e-5
+    assert np.abs(np.diff(forces, axis=0)).max() < 0.02 * sizes.max()

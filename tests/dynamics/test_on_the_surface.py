@@ -8,8 +8,10 @@ import pytest
 
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.passivity.controller import PassivityController
+from asperity.dynamics.simulated_hand.hand import SimulatedHand
 from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.dynamics.virtual_coupling.settings import COUPLING_MODES, CouplingSettings
+from asperity.geometry.poses import rotated
 from asperity.geometry.rigid_body import RigidBody, displacement
 from asperity.scene.builtin import load_scene
 from asperity.scene.scene import scene_of
@@ -171,6 +173,37 @@ def test_damping_of_the_contact_takes_energy_from_a_coupled_tool(mode):
     assert damped[-100:].mean() == pytest.approx(0.003 - 200.0 * 0.002 / 3e4, abs=2e-5)
     assert np.ptp(damped[-100:]) <= np.ptp(free[-100:]) + 1e-9
     assert np.ptp(damped[-100:]) < 2e-5
+
+
+@pytest.mark.parametrize("mode", COUPLED)
+@pytest.mark.parametrize("force", [{}, {"dissipation": 2.0}, {"friction": 0.5}])
+def test_a_hand_that_moves_wildly_keeps_the_tool_near_the_surface(mode, force):
+    """It turns and pushes up to 40 mm deep, over the plate's rim and back, at up to 0.5 m/s."""
+    scene = load_scene("probe-plate").changed(coupling={"mode": mode}, force=force)
+    limits = DEVICES["sigma.7"]
+    simulation, rng = Simulation(scene, limits=limits), np.random.default_rng(1)
+    goals = np.array([0.02, 0.012, 0.02, 0.3, 0.3, 0.3]) * rng.uniform(-1.0, 1.0, (8, 6))
+    goals[:, 2] -= 0.018
+    goals[0] = 0.0
+
+    def target(seconds):
+        i, share = divmod(seconds / 0.25, 1.0)
+        share = min(1.6 * share, 1.0) ** 2 * (3.0 - 2.0 * min(1.6 * share, 1.0))
+        move = (1.0 - share) * goals[int(i)] + share * goals[int(i) + 1]
+        pose = rotated(scene.start, move[3:])
+        pose[:3] = scene.start[:3] + move[:3]
+        return pose
+
+    hand = SimulatedHand(target, centre=simulation.tool.body.centre, damping=limits.damping)
+    controller, deepest = PassivityController(active=False), 0.0
+    for _ in range(1500):
+        wrench = simulation.step(hand.pose)
+        hand.advance(controller.correct(wrench, simulation.port_twist))
+        depth = simulation.contacts.depth[: simulation.contact_count].max(initial=0.0)
+        deepest = max(deepest, depth)
+    assert 1e-4 < deepest < 1.2e-3
+    assert controller.gained < 1e-12
+    assert simulation.tool.resets == 0
 
 
 def test_a_stiffness_that_is_given_acts_and_that_of_the_device_acts_without_a_coupling():

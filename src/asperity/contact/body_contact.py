@@ -44,7 +44,7 @@ from asperity.contact.records import (
 )
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
-from asperity.contact.response.stiffness import contact_stiffness
+from asperity.contact.response.stiffness import ContactDerivatives, contact_stiffness
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
@@ -284,20 +284,19 @@ class BodyContact:
             positive semidefinite but for friction. Without the term that grows with the depth
             (see `response.stiffness`).
         """
-        return self.derivatives()[0]
+        return self.derivatives().stiffness
 
     def damping(self) -> NDArray[np.float64]:
         """Return the derivative by velocity, as `stiffness`; zero without `dissipation`."""
-        return self.derivatives()[1]
+        return self.derivatives().damping
 
-    def derivatives(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return `stiffness()` and `damping()`, at the cost of one of them."""
-        stiffness, damping = np.empty((6, 6)), np.empty((6, 6))
+    def derivatives(self) -> ContactDerivatives:
+        """Return how the last wrench changes with motion and velocity."""
+        out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         self._derivatives(
-            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets,
-            stiffness, damping,
-        )  # fmt: skip
-        return stiffness, damping
+            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets, out
+        )
+        return out
 
 
 class _MeshSide(NamedTuple):

@@ -14,7 +14,7 @@ class LinearContact(NamedTuple):
 
     After a displacement `d` (6,), the translation of the centre of mass [m] and a rotation vector
     [rad] in world axes, and at a velocity `v` (6,), the wrench is
-    `wrench - stiffness @ d - damping @ (v - twist)` (Otaduy & Lin 2006).
+    `wrench - damped - stiffness @ d - damping @ v` (Otaduy & Lin 2006).
     """
 
     pose: Array
@@ -29,7 +29,7 @@ class LinearContact(NamedTuple):
     """Bits of `asperity.simulation.tool_contact.FLAGS`."""
     damping: Array = np.zeros((6, 6))
     """(6, 6), positive semidefinite [N s/m, N s/rad, N s, N m s/rad]."""
-    twist: Array = np.zeros(6)
-    """Velocity of the centre of mass and angular velocity at the contact query, world axes (6,)."""
+    damped: Array = np.zeros(6)
+    """The part of the wrench that is due to the velocity (6,)."""
     energy: float = 0.0
     """U, stored in the contacts at that pose [J]."""

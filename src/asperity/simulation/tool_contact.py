@@ -23,8 +23,7 @@ from asperity.contact.solver import ContactSolver
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings
 from asperity.errors import require_between
-from asperity.geometry.poses import interpolate_pose, mean_twist
-from asperity.geometry.rigid_body import centre_of_mass, cross
+from asperity.geometry.poses import interpolate_pose
 from asperity.scene.scene import Scene
 from asperity.simulation.anti_aliasing import (
     BUDGET,
@@ -104,8 +103,6 @@ class ToolContact:
         self._window: Window | None = None
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
-        self._is_damped = scene.force.dissipation > 0.0
-        self._rest = np.zeros(6)
         self._moved = Repeated(moved_most)
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
@@ -170,20 +167,12 @@ class ToolContact:
         wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
-        stiffness, damping = self.engine.derivatives()
+        stiffness, damping, damped = self.engine.derivatives()
+        if self._takes_damping_apart:
+            wrench += damped
         return LinearContact(
-            pose, wrench, stiffness, self.contact_count, self._flags, damping,
-            self._twist(last, pose) if self._is_damped else self._rest, self.energy,
-        )  # fmt: skip
-
-    def _twist(self, last: Array, pose: Array) -> Array:
-        """Return the velocity (6,) of the centre of mass, and the angular velocity, over a tick."""
-        twist = mean_twist(last, pose, self.dt)
-        for i, part in enumerate(
-            cross(twist[3:], centre_of_mass(pose, self.engine.centre) - pose[:3])
-        ):
-            twist[i] += part
-        return twist
+            pose, wrench, stiffness, self.contact_count, self._flags, damping, damped, self.energy
+        )
 
     def change(self, *, force: ForceSettings, dt: float, coupling: CouplingSettings) -> None:
         """Continue with another stiffness and friction, tick [s], and coupling."""
@@ -213,6 +202,8 @@ class ToolContact:
         """Return the wrench at a pose; flag the tick if a search reached its time limit."""
         left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
+        if self._takes_damping_apart:
+            wrench -= self.engine.derivatives().damped
         if self.engine.was_cut:
             self._flags |= CUT_SHORT
         return wrench
@@ -280,6 +271,11 @@ class ToolContact:
         bounces, which are jumps without texture, and passes hardly any of them on.
         """
         return self.scene.force.friction == 0.0 and not self._is_coupled
+
+    @property
+    def _takes_damping_apart(self) -> bool:
+        """Whether wrenches are averaged without damping, which a coupling's step puts in itself."""
+        return self._is_coupled and self.scene.force.dissipation > 0.0
 
     @property
     def _is_coupled(self) -> bool:

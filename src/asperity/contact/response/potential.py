@@ -33,6 +33,8 @@ from asperity._core.kernels import clear, inner_kernel
 from asperity.contact.manifold.separation import ALONG, APART, FARTHEST, LONGEST, smooth_step
 from asperity.contact.response.ways_out import RATIO, fill_choices, update_choices
 
+_LAST_RESORT = 1e-9
+"""Presence of a direction that leads too far: of use only where a part has no other."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -41,7 +43,7 @@ _STEP = 1e-5
 def _own_presence(separations, inputs, i, s):
     """Return how far a direction counts by its own separation, given the least way out `s`."""
     beyond = (inputs[i, 1] - separations[i].rough) / s - RATIO
-    return inputs[i, 2] * (1.0 - smooth_step(beyond / (FARTHEST - RATIO)))
+    return inputs[i, 2] * max(1.0 - smooth_step(beyond / (FARTHEST - RATIO)), _LAST_RESORT)
 
 
 @inner_kernel

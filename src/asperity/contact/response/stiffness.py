@@ -16,6 +16,10 @@ of delta. Its derivative by the rate, `a k w delta grad delta grad delta^T`, is 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
@@ -25,9 +29,23 @@ _STICKS = 1.0 - 1e-9
 """A bristle whose force is below this part of its limit sticks."""
 
 
+class ContactDerivatives(NamedTuple):
+    """What the wrench of contacts is at another pose and velocity, to first order.
+
+    After a displacement d and at a velocity v it is `wrench - damped - stiffness d - damping v`.
+    """
+
+    stiffness: NDArray[np.float64]
+    """(6, 6) [N/m, N/rad; N, N m/rad]."""
+    damping: NDArray[np.float64]
+    """(6, 6) [N s/m, N s/rad; N s, N m s/rad]."""
+    damped: NDArray[np.float64]
+    """The part of the wrench that is due to the velocity, (6,) [N, N m]."""
+
+
 @kernel
-def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_out, damping_out):
-    """Fill stiffness and damping (6, 6) of contacts about the tool's centre of mass.
+def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
+    """Fill stiffness, damping and damped part of contacts about the tool's centre of mass.
 
     Parameters
     ----------
@@ -39,10 +57,7 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_ou
     parameters : ForceParameters
     weighted : (bodies,) array of int
         Whether the contacts of a body share its bristle's stiffness by their weights.
-    stiffness_out : (6, 6) array
-        [N/m, N/rad; N, N m/rad].
-    damping_out : (6, 6) array
-        [N s/m, N s/rad; N s, N m s/rad].
+    out : ContactDerivatives
     """
     stiffness, friction = parameters.stiffness, parameters.friction
     origin = stack_array((3,))
@@ -51,7 +66,8 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_ou
         origin[i] += pose[i]
     for i in range(6):
         for j in range(6):
-            stiffness_out[i, j] = damping_out[i, j] = 0.0
+            out.stiffness[i, j] = out.damping[i, j] = 0.0
+        out.damped[i] = 0.0
     for c in range(contacts.count[0]):
         point, m, weight = contacts.point[c], contacts.slope_normal[c], contacts.weight[c]
         force = contacts.force[c]
@@ -60,13 +76,10 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_ou
         square = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
         along = (force[0] * m[0] + force[1] * m[1] + force[2] * m[2]) / square
         push = stiffness * weight * contacts.depth[c]
-        # 1 + a v of the normal force: 0 where the contact opens too fast to push.
-        factor = 1.0
-        if parameters.dissipation > 0.0 and push > 0.0:
-            factor = max(along / push, 0.0)
-            if factor > 0.0:
-                _add_spring(arm, slope_normal, parameters.dissipation * push, damping_out)
-        _add_spring(arm, slope_normal, factor * stiffness * weight, stiffness_out)
+        _add_spring(arm, slope_normal, stiffness * weight, out.stiffness)
+        if parameters.dissipation > 0.0:
+            _add_spring(arm, slope_normal, parameters.dissipation * push, out.damping)
+            _add_force(arm, slope_normal, along - push, out.damped)
         if friction == 0.0:
             continue
         drag = 0.0
@@ -79,10 +92,22 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, stiffness_ou
         if weighted[contacts.body[c]] == 1:
             sticking *= weight
         # Perpendicular to m: all directions less that of m.
-        _add_spring(arm, (1.0, 0.0, 0.0), sticking, stiffness_out)
-        _add_spring(arm, (0.0, 1.0, 0.0), sticking, stiffness_out)
-        _add_spring(arm, (0.0, 0.0, 1.0), sticking, stiffness_out)
-        _add_spring(arm, slope_normal, -sticking / square, stiffness_out)
+        _add_spring(arm, (1.0, 0.0, 0.0), sticking, out.stiffness)
+        _add_spring(arm, (0.0, 1.0, 0.0), sticking, out.stiffness)
+        _add_spring(arm, (0.0, 0.0, 1.0), sticking, out.stiffness)
+        _add_spring(arm, slope_normal, -sticking / square, out.stiffness)
+
+
+@inner_kernel
+def _add_force(arm, direction, size, wrench_out):
+    """Add the wrench of a force `size` times a direction; both are tuples of 3."""
+    (rx, ry, rz), (mx, my, mz) = arm, direction
+    wrench_out[0] += size * mx
+    wrench_out[1] += size * my
+    wrench_out[2] += size * mz
+    wrench_out[3] += size * (ry * mz - rz * my)
+    wrench_out[4] += size * (rz * mx - rx * mz)
+    wrench_out[5] += size * (rx * my - ry * mx)
 
 
 @inner_kernel

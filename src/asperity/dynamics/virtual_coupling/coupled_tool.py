@@ -254,4 +254,4 @@ class CoupledTool:
         wall = self._wall
         wall.pose[:], wall.wrench[:] = contact.pose, contact.wrench
         wall.stiffness[:], wall.damping[:] = contact.stiffness, contact.damping
-        wall.twist[:], wall.energy[0] = contact.twist, contact.energy
+        wall.damped[:], wall.energy[0] = contact.damped, contact.energy

@@ -73,7 +73,7 @@ class ContactWall(NamedTuple):
     """(6, 6)"""
     damping: Array
     """(6, 6)"""
-    twist: Array
+    damped: Array
     """(6,)"""
     energy: Array
     """[J], (1,)"""

@@ -30,9 +30,8 @@ def fill_load(pose, centre, wall, is_known, workspace, load_out):
     wrench, moved = load_out.wrench, workspace.moved
     energy, along = wall.energy[0], 0.0
     for i in range(6):
-        at_rest, change = wall.wrench[i], 0.0
+        at_rest, change = wall.wrench[i] - wall.damped[i], 0.0
         for j in range(6):
-            at_rest += wall.damping[i, j] * wall.twist[j]
             change += wall.stiffness[i, j] * moved[j]
         wrench[i] = at_rest - change
         energy -= (at_rest - 0.5 * change) * moved[i]
@@ -64,9 +63,10 @@ def learn_wall(new, centre, walls, workspace):
     latest, other, knows = walls.latest, walls.other, walls.knows
     along = square = size = 0.0
     for i in range(3):
-        along += new.wrench[i] * latest.wrench[i]
-        square += latest.wrench[i] ** 2
-        size += new.wrench[i] ** 2
+        now, before = new.wrench[i] - new.damped[i], latest.wrench[i] - latest.damped[i]
+        along += now * before
+        square += before * before
+        size += now * now
     if size == 0.0:
         # Between two walls the tool may be free for a tick.
         if knows[0]:
@@ -89,7 +89,7 @@ def _copy(wall, wall_out):
     for i in range(7):
         wall_out.pose[i] = wall.pose[i]
     for i in range(6):
-        wall_out.wrench[i], wall_out.twist[i] = wall.wrench[i], wall.twist[i]
+        wall_out.wrench[i], wall_out.damped[i] = wall.wrench[i], wall.damped[i]
         for j in range(6):
             wall_out.stiffness[i, j] = wall.stiffness[i, j]
             wall_out.damping[i, j] = wall.damping[i, j]
