@@ -52,6 +52,15 @@ NAMED = {
         "time,x,y,z,vx,vy,vz,qx,qy,qz,qw,twist.angular.x,twist.angular.y,twist.angular.z\n",
         (T, P, P, XYZW, P),
     ),
+    "motive": (
+        "Frame,Time,Body 1,Body 1,Body 1,Body 1,Body 1,Body 1,Body 1\n"
+        ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n"
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z\n",
+        (np.arange(N), T, XYZW, P),
+    ),
+    "torques": ("t,x,y,z,qw,qx,qy,qz,fx,fy,fz,tx,ty,tz\n", (T, P, Q, 0 * P, 1 + P)),
+    "others in ms": ("time,x,y,z,qw,qx,qy,qz,latency [ms],gap [mm]\n", (T, P, Q, T, T)),
+    "units above": ("units: mm, ms\ntime,x,y,z,qw,qx,qy,qz\n", (1e3 * T, 1e3 * P, Q)),
     "two lines": (
         "Frame,Time,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n"
         ",(Seconds),X,Y,Z,W,X,Y,Z\n",
@@ -151,6 +160,7 @@ def test_a_tool_that_turns_over_is_doubted_and_a_change_of_sign_is_not(tmp_path:
         ("time,x,y,z,roll,pitch,yaw\n", ["qw, qx, qy, qz", "quaternions are wanted"]),
         ("a,b,c,d,e,f,g\n", ["no column named time", "quat_w"]),
         ("time,tool_x,tip_x,y,z,qw,qx,qy,qz\n", ["several columns are x: tool_x, tip_x"]),
+        ("T,X,Y,Z,W,X,Y,Z\n", ["several columns are x: X, X"]),
         ("time,x [mm],y [mm],z [m],qw,qx,qy,qz\n", ["different units"]),
     ],
 )

@@ -76,6 +76,42 @@ def test_a_value_may_be_named_missing(tmp_path) -> None:
     like(read_heights(tmp_path / "a.tif", **options, nodata=-1e4, missing="fill"))
 
 
+def test_nodata_may_be_infinite_and_pixels_compressed(tmp_path) -> None:
+    heights = (200 * SHARE).astype(np.float32)
+    heights[3, 4] = -np.inf
+    tifffile.imwrite(tmp_path / "a.tif", heights, extratags=[(42113, "s", 0, "-inf", True)])
+    Image.fromarray(np.where(np.isinf(heights), -9999, heights)).save(
+        tmp_path / "b.tif", compression="tiff_adobe_deflate", tiffinfo={317: 3, 42113: "-9999"}
+    )
+    for name in ("a.tif", "b.tif"):
+        with pytest.raises(SurfaceError, match="1 of 2640 values are missing"):
+            read_heights(tmp_path / name, pixel_size=PIXEL, unit="um")
+
+
+# --- pixel sizes --------------------------------------------------------------------------------
+
+
+def test_a_tiff_may_state_its_pixel_size(tmp_path) -> None:
+    heights = (40 * SHARE).astype(np.float32)
+    path = tmp_path / "imagej.tif"
+    tifffile.imwrite(path, heights, imagej=True, resolution=(0.1, 0.05), metadata={"unit": "um"})
+    found = read_heights(path, unit="um")
+    assert found.pixel_size == pytest.approx((1e-5, 2e-5))
+    assert any("pixel size 10 x 20 um, from the file" in note for note in found.notes)
+    sizes = {"PhysicalSizeX": 5000, "PhysicalSizeXUnit": "nm", "PhysicalSizeY": 5.0}
+    tifffile.imwrite(tmp_path / "a.ome.tif", heights, metadata={"axes": "YX", **sizes})
+    assert read_heights(tmp_path / "a.ome.tif", unit="um").pixel_size == pytest.approx(5e-6)
+    keys = (1, 1, 0, 1, 1024, 0, 1, 1)
+    tags = [(33550, "d", 3, (0.5, 0.5, 0.0), True), (34735, "H", 8, keys, True)]
+    tifffile.imwrite(tmp_path / "geo.tif", heights, extratags=tags)
+    found = read_heights(tmp_path / "geo.tif", unit="m")
+    assert found.pixel_size == 0.5
+    assert any("is that plausible? A pixel size of 500 mm" in note for note in found.notes)
+    tifffile.imwrite(tmp_path / "inch.tif", heights, resolution=(72, 72), resolutionunit="INCH")
+    with pytest.raises(SurfaceError, match="choose a value for pixel_size"):
+        read_heights(tmp_path / "inch.tif", unit="um")
+
+
 # --- colours ------------------------------------------------------------------------------------
 
 
@@ -129,7 +165,7 @@ def test_colours_are_refused_unless_their_meaning_is_given(tmp_path) -> None:
         HeightField.from_file(path, pixel_size=PIXEL, kind="normal", colour="red")
 
 
-@pytest.mark.parametrize("form", ["png", "jpg", "tif", "rgba.png"])
+@pytest.mark.parametrize("form", ["png", "jpg", "tif", "rgba.png", "bmp", "webp"])
 def test_grey_stored_as_colours_is_grey(tmp_path, form: str) -> None:
     channels = 4 if "rgba" in form else 3
     pixels = np.stack([SHARE] * 3 + [np.ones_like(SHARE)] * (channels - 3), axis=-1)

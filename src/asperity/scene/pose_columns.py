@@ -112,18 +112,25 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
         meaning = _meaning(name)
         if meaning is not None:
             found.setdefault(meaning, []).append(at)
-    # x alone is a place, unless another column is; then it is part of a quaternion.
-    for axis in "xyzw":
-        bare = found.pop(f"{axis}?", [])
-        if bare and axis != "w" and axis not in found:
-            found[axis] = bare[:1]
-            bare = bare[1:] if len(bare) == 2 and "w?" not in found else bare[:0] or bare[1:]
-        if bare and f"q{axis}" not in found:
-            found[f"q{axis}"] = bare
+    # x alone is a place, unless only its neighbours are; then it is part of a quaternion.
+    bare = {axis: found.pop(f"{axis}?", []) for axis in "xyzw"}
+    turned = all(f"q{axis}" in found for axis in "xyz")
+    if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
+        # Beside them, tx is a torque: it is left out.
+        found |= {axis: bare.pop(axis) for axis in "xyz"}
+    for axis, places in bare.items():
+        if places and f"q{axis}" not in found:
+            found[f"q{axis}"] = places
     return _checked(path, names, found)
 
 
 def _checked(path: object, names: Sequence[str], found: dict[str, list[int]]) -> Layout:
+    for name in COLUMNS[1:]:
+        if len(found.get(name, ())) > 1:
+            both = ", ".join(names[at] for at in found[name][:3])
+            raise AsperityError(
+                f"{path}: several columns are {name}: {both}; keep one of them in the file"
+            )
     lacking = [name for name in COLUMNS if name not in found]
     if lacking:
         turned = {"qw", "qx", "qy", "qz"} & {*lacking}
@@ -132,12 +139,6 @@ def _checked(path: object, names: Sequence[str], found: dict[str, list[int]]) ->
             f"{path}: no column named {', '.join(lacking)} among {', '.join(names)[:90]}; "
             f"{what}valid: {_KNOWN}"
         )
-    for name in COLUMNS[1:]:
-        if len(found[name]) > 1:
-            both = ", ".join(names[at] for at in found[name][:3])
-            raise AsperityError(
-                f"{path}: several columns are {name}: {both}; keep one of them in the file"
-            )
     places = tuple(found[name][0] for name in COLUMNS)
     nanoseconds = found.get("nanoseconds", [None])[0]
     time = named_unit(names[places[0]], TIMES)

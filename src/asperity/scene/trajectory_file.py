@@ -27,7 +27,8 @@ _FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
 """Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
 _EPOCH = 1e8
 """Times beyond it are since an epoch, in s, ms, us or ns by their size."""
-_IN_COMMENT = re.compile(r"(?<![A-Za-z])(mm|cm|µm|um|millimet\w+|inch\w*)(?![A-Za-z])")
+_LENGTH_WORD = re.compile(r"(?<![A-Za-z_])(mm|cm|µm|um|millimet\w+|inch\w*)(?![A-Za-z])")
+_TIME_WORD = re.compile(r"(?<![A-Za-z_])(ms|us|µs|ns|(?:milli|micro|nano)sec\w+)(?![A-Za-z])")
 
 
 class _Table(NamedTuple):
@@ -222,14 +223,14 @@ def _read_text(path: Path, order: str | None) -> _Table:
     else:
         layout = _named(path, text, names, order)
         if order is not None:
-            notes = (f"columns in the order {order}, as given",)
+            known = ", ".join(names)[:90]
+            notes = (f"columns in the order {order}, as given; their names: {known}",)
         elif layout.left_out:
             notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
     if layout.unit is None:
-        stated = {word for line in text.header for word in _IN_COMMENT.findall(line)}
-        units = {LENGTHS.get(word.casefold()) for word in stated}
-        if len(units) == 1:
-            layout = layout._replace(unit=units.pop())
+        layout = layout._replace(unit=_in_comments(text, _LENGTH_WORD, LENGTHS))
+    if layout.time_unit is None:
+        layout = layout._replace(time_unit=_in_comments(text, _TIME_WORD, TIMES))
     columns = [*layout.places]
     values = text.values(columns)
     start = 0.0
@@ -238,6 +239,13 @@ def _read_text(path: Path, order: str | None) -> _Table:
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
     return _Table(values, layout, notes, origins, names is not None or order is not None, start)
+
+
+def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]) -> float | None:
+    """Return the unit that lines above the rows state, but for the names; None unless it is one."""
+    lines = [line for line in text.header if len(line.split(text.separator)) != text.columns]
+    stated = {units.get(found.casefold()) for line in lines for found in word.findall(line)}
+    return stated.pop() if len(stated) == 1 else None
 
 
 def _named(path: Path, text: TextTable, names: tuple[str, ...], order: str | None) -> Layout:

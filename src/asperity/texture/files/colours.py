@@ -158,7 +158,7 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:
     # Scaled, averaged or clipped normals: none is far from a unit vector, few lie on their side.
     near = np.mean(off < 0.45) > 0.98 and np.mean(vectors[..., 2] > 0.0) > 0.98
     leans = np.abs(vectors[..., :2].mean(axis=(0, 1))).max()
-    if not (upright and near and leans < 0.35):
+    if not (upright and near and leans < 0.25):
         return vectors, "-"
     vectors /= np.maximum(length, 1e-6)[..., None]
     return vectors, (

@@ -22,8 +22,9 @@ from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
+from asperity.texture.files.tiff_scale import tiff_pixel_size
 
-IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr")
+IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".exr")
 _TURNS = {
     2: (True, 0, "mirrored"),
     3: (False, 2, "turned by 180 degrees"),
@@ -50,6 +51,8 @@ class _Picture(NamedTuple):
     pixels: NDArray[Any]
     notes: tuple[str, ...] = ()
     missing: NDArray[np.bool_] | None = None
+    pixel_size: tuple[float, float] | None = None
+    """As the file states it [m]"""
 
 
 def read_image(path: Path, colour: str | None = None) -> Stored:
@@ -69,6 +72,7 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
     """
     picture = _read(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
+    stored = stored._replace(pixel_size=picture.pixel_size)
     if picture.missing is None:
         return stored
     with np.errstate(invalid="ignore"):  # NaN of any kind
@@ -120,7 +124,10 @@ def _upright(picture: _Picture, orientation: int) -> _Picture:
 
     missing = None if picture.missing is None else turned(picture.missing)
     note = f"the picture is {stated}, as its EXIF orientation {orientation} states"
-    return _Picture(turned(picture.pixels), (*picture.notes, note), missing)
+    size = picture.pixel_size
+    if size is not None and quarters % 2:
+        size = size[::-1]
+    return _Picture(turned(picture.pixels), (*picture.notes, note), missing, size)
 
 
 def _png16(path: Path, size: tuple[int, int], mode: str, interlaced: int) -> NDArray[np.uint16]:
@@ -218,7 +225,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         notes = (f"the first of {len(file.pages)} pictures in the file is read",)
     try:
         pixels = page.asarray()
-    except ValueError as error:
+    except (KeyError, ValueError) as error:
         # Some compressions need another package; Pillow reads them, but not with 16 bits.
         if "imagecodecs" not in str(error):
             raise
@@ -227,7 +234,8 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
                 f"{path}: this compression of 16-bit colour needs a reader that is not "
                 "installed; valid: pip install imagecodecs, or save it without compression"
             ) from None
-        return _without_nodata(_read_pillow(path), page)
+        picture = _read_pillow(path)._replace(pixel_size=tiff_pixel_size(file))
+        return _without_nodata(picture, page)
     if page.photometric == tifffile.PHOTOMETRIC.PALETTE:
         pixels = np.moveaxis(page.colormap[:, pixels], 0, -1)
         notes = (*notes, "the palette is looked up")
@@ -237,7 +245,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     if page.samplesperpixel > 1 and page.planarconfig == tifffile.PLANARCONFIG.SEPARATE:
         pixels = np.moveaxis(pixels, 0, -1)
     orientation = page.tags.get(_ORIENTATION)
-    picture = _without_nodata(_Picture(pixels, notes), page)
+    picture = _without_nodata(_Picture(pixels, notes, None, tiff_pixel_size(file)), page)
     return _upright(picture, 1 if orientation is None else int(orientation.value))
 
 
@@ -253,9 +261,10 @@ def _without_nodata(picture: _Picture, page: Any) -> _Picture:
         return picture._replace(notes=(*picture.notes, f"its nodata {text[:20]!r} is no number"))
     grey = picture.pixels if picture.pixels.ndim == 2 else picture.pixels[..., 0]
     # Written with fewer digits than the pixels have, the largest numbers differ in the last ones.
-    close = 1e-5 * abs(nodata) if abs(nodata) > 1e30 else 0.0
+    close = 1e-5 * abs(nodata) if 1e30 < abs(nodata) < np.inf else 0.0
     with np.errstate(invalid="ignore"):
-        missing = np.abs(grey.astype(np.float64) - float(_as(grey.dtype, nodata))) <= close
+        stored = _as(grey.dtype, nodata)
+        missing = (grey == stored) | (np.abs(grey.astype(np.float64) - stored) <= close)
     if not missing.any():
         return picture
     note = f"pixels of {nodata:g} are missing, as the file states (nodata)"

@@ -50,6 +50,8 @@ CONVENTIONS = ("opengl", "directx", "auto")
 STEEPEST = 20.0
 """Normals with a larger slope (87 degrees), or that point down, are limited to it."""
 _TILT = 1e-3
+_LEANING = 0.2
+"""Mean slope from which it is doubted that colours are normals."""
 _SURE = 0.15
 """Agreement of the cross slopes from which the map itself states where green points."""
 
@@ -113,7 +115,8 @@ def read_normal_map(
     samples = integrate_slopes(h_u, h_v, (pu, pv), border=border)
     tilt = float(np.hypot(h_u.mean(), h_v.mean()))
     if tilt > _TILT:
-        notes.append(f"a mean slope of {tilt:.3g} is taken for a tilt and left out")
+        doubt = ": is it a normal map?" if tilt > _LEANING else ""
+        notes.append(f"a mean slope of {tilt:.3g} is taken for a tilt and left out{doubt}")
     relief = float(np.ptp(samples))
     if height_range is not None and relief > 0.0:
         notes.append(

@@ -75,13 +75,14 @@ def read_heights(
 ) -> Heights:
     """Return the heights in a file, in metres.
 
-    Images (PNG, TIFF, JPEG; OpenEXR where its reader is installed) are read as grey values at full
-    bit depth, palettes applied, turned by EXIF, and flipped so that the bottom of the picture
-    is v = 0. Arrays (`.npy`, `.npz`) are in metres, unless the name of the array in the `.npz` ends
-    in `_mm`, `_um` or `_nm`; integers in them are grey levels. Text (`.csv`, `.txt`: a matrix, a
-    column, x, y, z of points, or place and height of a profile) is in the unit that its header or
-    heading names, else in metres; the headers of Gwyddion's export and of others are read. Files
-    of instruments are read by SurfaceTopography (`pip install 'asperity[surfaces]'`).
+    Images (PNG, TIFF, JPEG and others; OpenEXR where its reader is installed) are read as grey
+    values at full bit depth, palettes applied, turned by EXIF, and flipped so that the bottom of
+    the picture is v = 0. Arrays (`.npy`, `.npz`) are in metres, unless the name of the array in the
+    `.npz` ends in `_mm`, `_um` or `_nm`; integers in them are grey levels. Text (`.csv`, `.txt`: a
+    matrix, a column, x, y, z of points, or place and height of a profile) is in the unit that its
+    header or heading names, else in metres; the headers of Gwyddion's export and of others are
+    read. Files of instruments are read by SurfaceTopography
+    (`pip install 'asperity[surfaces]'`).
 
     Parameters
     ----------

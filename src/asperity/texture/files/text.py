@@ -136,7 +136,7 @@ def _even(line: Array) -> bool:
 def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
     """Return a matrix without a first row and column that number its samples, with a note.
 
-    A spreadsheet leaves their corner empty, or the column has a name of its own.
+    A spreadsheet leaves their corner empty, or names the column otherwise.
     """
     values, notes = stored.values, stored.notes
     if min(values.shape) < 4:
