@@ -201,3 +201,20 @@ def test_bake_states_the_error_at_points_left_out(tmp_path):
     assert 5 < report["error_um"]["rms"] < 30
     assert report["error_um"]["rms"] < report["error_um"]["p99"] < report["error_um"]["max"]
     assert any("points left out of the map" in note for note in report["notes"])
+
+
+def test_a_column_that_counts_is_no_coordinate(tmp_path):
+    (tmp_path / "a.xyz").write_text(lines(np.column_stack([np.arange(COUNT) + 1, DATA])))
+    found = read_points(tmp_path / "a.xyz")
+    assert found.places == pytest.approx(DATA)
+    assert "its first column counts the points" in found.notes[0]
+
+
+def test_points_on_a_full_grid_are_used_as_they_are(tmp_path):
+    x, y = np.meshgrid(np.arange(20) * 0.1, np.arange(16) * 0.1)
+    z = 0.01 * np.random.default_rng(2).normal(size=x.shape)
+    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    np.savetxt(tmp_path / "a.xyz", points[np.random.default_rng(3).permutation(320)], fmt="%.6f")
+    report = asperity.bake(tmp_path / "a.xyz", tmp_path / "out", unit="mm", picture=False).report
+    assert report["error_um"]["max"] < 0.01
+    assert report["texel_um"] == pytest.approx(100)

@@ -380,7 +380,7 @@ def test_a_run_of_files_is_the_scene_that_make_scene_makes(cube, slab, rough, tm
     more = ["--tool-mapping", "triplanar", "--tool-relief-mm", "0.1", "--seconds", "0.05"]
     assert main(["run", *map(str, files), *more, "--out", str(out)]) == 0
     scene = make_scene(
-        tool={"file": str(cube), "unit": "m"}, target={"file": str(slab), "unit": "m"},
+        tool=cube, target=slab,
         tool_texture={"file": str(rough), "mapping": "triplanar", "height_range": 1e-4},
     )  # fmt: skip
     recording = read_recording(out / "recording.h5")

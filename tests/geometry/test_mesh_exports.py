@@ -431,3 +431,25 @@ def test_a_gltf_names_its_files_encoded_or_not(tmp_path):
     (tmp_path / "a.gltf").write_text(json.dumps(tree))
     with pytest.raises(AsperityError, match=r"its file lost.bin is not there"):
         read_contents(tmp_path / "a.gltf")
+
+
+# Polygons
+
+
+def test_concave_polygons_keep_their_shape(tmp_path):
+    # An L, a comb and a ring that a bridge cuts, in a plane that leans.
+    ell = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    comb = [(0, 0), (5, 0), (5, 3), (4, 3), (4, 1), (3, 1), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3)]
+    comb += [(0, 3)]
+    ring = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
+    for polygon, area in ((ell, 3.0), (comb, 11.0), (ring, 12.0)):
+        for around in (polygon, polygon[3:] + polygon[:3], polygon[::-1]):
+            points = np.array([(x, y, 0.5 * x - 0.25 * y) for x, y in around]) * 0.1
+            rows = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
+            rows.append("f " + " ".join(str(i + 1) for i in range(len(points))))
+            (tmp_path / "a.obj").write_text("\n".join(rows))
+            mesh = read_mesh(tmp_path / "a.obj")
+            a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
+            up = 0.5 * np.cross(b - a, c - a)[:, 2]
+            assert abs(up.sum()) == pytest.approx(0.01 * area)
+            assert np.abs(up).sum() == pytest.approx(0.01 * area)

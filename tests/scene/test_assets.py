@@ -105,6 +105,14 @@ def test_maps_that_are_not_used_are_named(tile):
     assert target_of(smooth).texture is None or noted(smooth, "is the texture")
 
 
+def test_a_mesh_is_shown_in_its_colour(tile):
+    mesh = tile(["Kd 0.5 1 1", "map_Kd tile_Color.png"], ["Color"])
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    seen = scene.model.geom("target-shape").rgba
+    assert seen == pytest.approx([0.5 * 150 / 255, 110 / 255, 70 / 255, 1], abs=2e-3)
+    assert noted(scene, "it is shown in the mean colour of tile_Color.png")
+
+
 def test_a_folder_of_maps_is_a_texture(tile, tmp_path):
     mesh = tile()
     folder = tmp_path / "maps"

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,16 +35,19 @@ from asperity.baking.sources import guessed_unit, kind_of, mesh_to_bake
 from asperity.baking.unwrap import texture_span, unwrapped
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.convex.pieces import convex_pieces
-from asperity.geometry.mesh.checks import UNITS
+from asperity.geometry.mesh.checks import UNITS, length
 from asperity.geometry.mesh.contents import coarse_note
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.scene import Scene, read_scene
+from asperity.texture.files.points import on_grid
 from asperity.texture.height_field import HeightField
 
 Progress = Callable[[str, float], None]
 SMALLEST, LARGEST = 32, 8192
 """Smallest and largest texture [texels a side]."""
 FEWEST = 4
+_FAR = 10.0
+"""Distance from the origin beyond which a mesh is moved there, in its sizes."""
 SMOOTH = 180.0
 """`hard_angle` of a baked mesh [degrees]: heights are along normals that triangles share."""
 _SHARES = {"read": 0.03, "simplify": 0.06, "unwrap": 0.05, "rays": 0.35, "error": 0.15,
@@ -215,6 +218,17 @@ def _mesh(
     """Bake a mesh."""
     stages.at("read")
     mesh, unit, guesses = mesh_to_bake(source, unit, up)
+    low_base = None
+    if base is not None:
+        low_base = _base(Path(os.path.expanduser(base)), mesh, unit, up)
+    middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+    if np.abs(middle).max() > _FAR * np.ptp(mesh.vertices, axis=0).max():
+        # Files of the result have nine digits.
+        mesh = replace(mesh, vertices=mesh.vertices - middle)
+        if low_base is not None:
+            low_base = replace(low_base, vertices=low_base.vertices - middle)
+        far = length(float(np.abs(middle).max()))
+        guesses = (*guesses, f"it lies {far} from the origin: moved there")
     full = mesh.vertices[mesh.faces]
     if base is None and faces > len(mesh.faces):
         raise AsperityError(
@@ -223,10 +237,7 @@ def _mesh(
         )
     FullSurface(full[:1])  # fails early if embreex is not installed
     stages.at("simplify")
-    if base is None:
-        low = simplified(mesh, faces)
-    else:
-        low = _base(Path(os.path.expanduser(base)), mesh, unit, up)
+    low = simplified(mesh, faces) if low_base is None else low_base
     stages.at("unwrap")
     laid = unwrapped(low, size)
     low = write_mesh(laid, folder, SMOOTH)
@@ -271,6 +282,7 @@ def _plate(
     """Bake a height map or points to a plate."""
     stages.at("read")
     notes: list[str] = []
+    left_out = None
     if kind == "points":
         points = read_points(source)
         notes += points.notes
@@ -283,7 +295,7 @@ def _plate(
         coarse = coarse_note(points.places, UNITS[unit])
         if coarse is not None:
             notes.append(coarse)
-        field, left_out = map_of_points(points.places * UNITS[unit], size=size)
+        field, left_out = _map_of(points.places * UNITS[unit], size)
     else:
         if unit is not None:
             raise AsperityError(f"{source}: unit= is for meshes and points; valid: pixel_size=")
@@ -295,7 +307,7 @@ def _plate(
     low = write_mesh(mesh, folder, HARD_ANGLE)
     write_heights(texture, folder)
     error = plate_error(low, folder / HEIGHTS, texture, field)
-    if kind == "points":
+    if left_out is not None:
         error = statistics(left_out)
     # The map as triangles between samples, for the picture.
     full = _map_triangles(field)
@@ -306,6 +318,16 @@ def _plate(
         "texel_um": round(1e6 * field.pixel_size[0], 3),
     }
     return _Work(full, low, texture, report, HARD_ANGLE, np.arange(len(low.faces)) < 2)
+
+
+def _map_of(points: Array, size: int) -> tuple[HeightField, Array | None]:
+    """Return a height map of points, and its error at points left out; None on a full grid."""
+    grid = on_grid(*points.T)
+    if grid is not None and np.isfinite(grid.values).all() and min(grid.values.shape) >= FEWEST:
+        notes = [grid.note, "it is used as it is, and not levelled"]
+        return HeightField(grid.values, grid.pixel_size, "clamp", notes), None
+    field, left_out = map_of_points(points, size=size)
+    return field, left_out
 
 
 def _map_triangles(field: HeightField) -> Array:

@@ -198,6 +198,9 @@ def _text(path: Path) -> Points:
             "valid: x, y and z in each line"
         )
     notes = []
+    if not form.names and form.width > 3 and _counts_lines(lines, form):
+        form = form._replace(columns=(1, 2, 3))
+        notes.append("its first column counts the points: x, y and z are those behind it")
     if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
         notes.append("its numbers have decimal commas")
 
@@ -221,6 +224,13 @@ def _text(path: Path) -> Points:
         notes.append(f"it is cut short: it counts {form.counted} points and has {len(places)}")
     unit = form.unit or stated_unit("\n".join(lines[: form.first]))
     return Points(places, unit, tuple(notes))
+
+
+def _counts_lines(lines: list[str], form: _Form) -> bool:
+    """Return whether the first column is 0, 1, 2, ... or 1, 2, 3, ..."""
+    rows = [_numbers(x, form.separator, form.decimal) for x in lines[form.first :][:_SAMPLE]]
+    first = np.array([row[0] for row in rows if len(row) == form.width])
+    return len(first) > 8 and first[0] in (0.0, 1.0) and bool((np.diff(first) == 1.0).all())
 
 
 def _pcd(path: Path) -> Array:

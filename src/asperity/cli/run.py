@@ -111,14 +111,15 @@ class RunCommand:
         from asperity.simulation.tool_contact import announce_compiling
 
         scene = self._scene()
-        if table := scale_table(scene):
-            print(table, flush=True)
+        scale = scale_table(scene)
         motion = self._motion(scene)
         announce_compiling()  # before the progress bar is drawn
         with result_folder(self.out, overwrite=self.overwrite) as folder, progress_bars() as bars:
             task = bars.add_task(scene.name, total=None)
 
             def show(i: int, rollout: Any) -> None:
+                if i == 0 and scale:
+                    bars.console.print(scale, markup=False, highlight=False)
                 if i % 25 == 0 or i + 1 == len(rollout.time):
                     fx, fy, fz = rollout.device_wrench[i, :3]
                     force = (fx * fx + fy * fy + fz * fz) ** 0.5

@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from asperity._core.files import reading
 from asperity._core.kernels import cache_folder
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material, maps_by_name
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.texture.files.colours import unit_vectors
-from asperity.texture.files.images import read_pixels
+from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 
 _FLATTEST = 1e-4
 """RMS slope under which a normal map is flat."""
@@ -121,6 +123,33 @@ def texture_of(
     return table
 
 
+def seen_colour(mesh: Mesh, maps: Mapping[str, MapImage], notes: list[str]) -> str | None:
+    """Return the colour in which a mesh is shown, as MJCF has it; None if it states none.
+
+    It is the material's colour times the mean of its picture of colours.
+    """
+    if len(mesh.materials) > 1:
+        return None
+    material = mesh.materials[0] if mesh.materials else None
+    colour = np.ones(3) if material is None or material.colour is None else material.colour
+    picture = maps.get("colour") or (material.maps.get("colour") if material else None)
+    if picture is None or not picture.is_there:
+        return None if material is None or material.colour is None else _rgba(colour)
+    try:
+        pixels = _pixels(_file_of(picture))
+    except AsperityError:
+        notes.append(f"its picture of colours cannot be read: {picture.name}")
+        return None
+    most = np.iinfo(pixels.dtype).max if pixels.dtype.kind in "ui" else 1.0
+    mean = pixels.reshape(*pixels.shape[:2], -1)[..., :3].mean(axis=(0, 1)) / most
+    notes.append(f"it is shown in the mean colour of {picture.name}")
+    return _rgba(np.clip(np.asarray(colour) * mean, 0.0, 1.0))
+
+
+def _rgba(colour: Any) -> str:
+    return " ".join(f"{float(x):.3g}" for x in colour) + " 1"
+
+
 def range_from_normals(
     maps: Mapping[str, MapImage], table: Mapping[str, Any], pixel_size: tuple[float, float]
 ) -> float | None:
@@ -140,13 +169,15 @@ def range_from_normals(
     if normal is None or not normal.is_there:
         return None
     try:
-        vectors = unit_vectors(read_pixels(_file_of(normal))[0])[0]
-        heights = read_pixels(Path(table["file"]))[0].astype(np.float64)
-    except (AsperityError, ValueError, OSError, IndexError):
+        colours, heights = _pixels(_file_of(normal)), _pixels(Path(table["file"]))
+    except AsperityError:
         return None
+    if colours.ndim != 3 or colours.shape[2] < 3:
+        return None
+    vectors, heights = unit_vectors(colours)[0], heights.astype(np.float64)
     if heights.ndim == 3:
         heights = heights[..., 0]
-    if vectors.ndim != 3 or np.ptp(heights) == 0.0:
+    if np.ptp(heights) == 0.0:
         return None
     slopes = vectors[..., :2] / np.maximum(vectors[..., 2:], 0.05)
     of_normals = float(np.sqrt(np.mean(np.sum((slopes - slopes.mean(axis=(0, 1))) ** 2, axis=2))))
@@ -185,7 +216,13 @@ def _file_of(picture: MapImage) -> Path:
 def _holds_normals(path: Path) -> bool:
     """Return whether a picture holds unit normals."""
     try:
-        pixels = read_pixels(path)[0]
-        return pixels.ndim == 3 and pixels.shape[2] >= 3 and unit_vectors(pixels)[1] != "-"
-    except (AsperityError, ValueError, OSError):
+        pixels = _pixels(path)
+    except AsperityError:
         return False
+    return pixels.ndim == 3 and pixels.shape[2] >= 3 and unit_vectors(pixels)[1] != "-"
+
+
+def _pixels(path: Path) -> NDArray[Any]:
+    """Return the pixels of a picture; raise `AsperityError` if it cannot be read."""
+    with reading(path, "an image", IMAGE_SUFFIXES):
+        return read_pixels(path)[0]

@@ -22,7 +22,13 @@ from asperity.geometry.facets.tessellate import geom_triangles
 from asperity.geometry.mesh.checks import length
 from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
-from asperity.scene.asset import folder_maps, own_texture, range_from_normals, texture_of
+from asperity.scene.asset import (
+    folder_maps,
+    own_texture,
+    range_from_normals,
+    seen_colour,
+    texture_of,
+)
 from asperity.scene.document import at, require_table
 from asperity.scene.mesh import body_mesh, body_pieces, uv_size
 from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
@@ -177,7 +183,7 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
             _scale(laid, mesh.vertices, on_uv, maps, notes)
         body["texture"] = laid
     pieces = body_pieces(table, which, mesh)
-    colours = [_COLOURS[which]] * len(pieces)
+    colours = [seen_colour(mesh, maps, notes) or _COLOURS[which]] * len(pieces)
     return _Part(
         mesh.name, mesh.vertices[mesh.faces], mesh_assets(which, mesh, pieces),
         mesh_geoms(which, mesh, density=[DENSITY] * len(pieces), rgba=colours), body, tuple(notes),
@@ -213,9 +219,10 @@ def _texture(
     """Return the table of a texture that is given, and maps by kind if it is a folder of them."""
     if texture is None:
         return None, {}
-    if isinstance(texture, str | Path) and Path(texture).expanduser().is_dir():
-        maps = folder_maps(Path(texture).expanduser())
-        return at(f"{which}_texture", lambda: texture_of(maps, 1.0, notes)), maps
+    if isinstance(texture, str | Path) and str(texture) and Path(texture).expanduser().is_dir():
+        key, folder = f"{which}_texture", Path(texture).expanduser()
+        maps = at(key, lambda: folder_maps(folder))
+        return at(key, lambda: texture_of(maps, 1.0, notes)), maps
     named = pattern(texture) if isinstance(texture, str) else None
     if named is not None:
         table, note = named

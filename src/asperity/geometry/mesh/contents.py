@@ -21,6 +21,9 @@ _FAR = 10.0
 """A mesh whose middle is farther from the origin, in its sizes, is far from it."""
 _COARSE = 1e-5
 """Steps of coordinates above this share of the size lose shape."""
+_FLAT = 1e-9
+_MOST_CORNERS = 2000
+"""A concave polygon of more corners is read as a fan."""
 _STATED = re.compile(
     r"\bunits?\b\s*(?:(?:are|is|in)\b\s*|[=:]\s*)\"?\s*([a-z]+)", flags=re.IGNORECASE
 )
@@ -110,17 +113,82 @@ def _step(values: Array) -> float:
     return step
 
 
-def fans(counts: Sequence[int] | Indices) -> tuple[Indices, Indices]:
-    """Return the triangles (m, 3) of fans of polygons, as numbers of corners, and their polygons.
+def triangulated(points: Array, counts: Sequence[int] | Indices) -> tuple[Indices, Indices]:
+    """Return the triangles (m, 3) of polygons, as numbers of corners, and their polygons (m,).
+
+    Convex polygons become fans; of others ears are cut off.
 
     Parameters
     ----------
+    points : (k, 3) array
+        Places of the corners of all polygons, one after the other.
     counts : (n,) array of int
-        Corners of each polygon; those of fewer than 3 give none.
+        Corners of each polygon; those of fewer than 3 give no triangle.
     """
     count = np.asarray(counts, dtype=np.int64)
-    of = np.repeat(np.arange(len(count)), np.maximum(count - 2, 0))
     first = np.cumsum(count) - count
-    starts = np.cumsum(np.maximum(count - 2, 0)) - np.maximum(count - 2, 0)
-    k = np.arange(len(of)) - starts[of]
-    return np.stack([first[of], first[of] + k + 1, first[of] + k + 2], axis=1), of
+    sizes = np.maximum(count - 2, 0)
+    of = np.repeat(np.arange(len(count)), sizes)
+    k = np.arange(len(of)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    triangles = np.stack([first[of], first[of] + k + 1, first[of] + k + 2], axis=1)
+    for polygon in _concave(points, count, first):
+        start, n = int(first[polygon]), int(count[polygon])
+        if n <= _MOST_CORNERS:
+            triangles[of == polygon] = start + _ears(points[start : start + n])
+    return triangles, of
+
+
+def _concave(points: Array, count: Indices, first: Indices) -> Indices:
+    """Return the polygons of more than three corners that are not convex."""
+    large = np.flatnonzero(count > 3)
+    if not len(large):
+        return large
+    sizes = count[large]
+    own = np.repeat(large, sizes)
+    k = np.arange(len(own)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    at, before, after = (
+        points[first[own] + (k + step) % count[own]] for step in (0, count[own] - 1, 1)
+    )
+    turns = np.cross(at - before, after - at)
+    starts = np.cumsum(sizes) - sizes
+    origin = points[first[own]]
+    normals = np.add.reduceat(np.cross(at - origin, after - origin), starts)
+    along = np.einsum("ij,ij->i", turns, np.repeat(normals, sizes, axis=0))
+    least = np.minimum.reduceat(along, starts)
+    return large[least < -_FLAT * np.einsum("ij,ij->i", normals, normals)]
+
+
+def _ears(points: Array) -> Indices:
+    """Return the triangles (n - 2, 3) of a polygon (n, 3) by cutting off ears."""
+    origin = points - points[0]
+    normal = np.cross(origin, np.roll(origin, -1, axis=0)).sum(axis=0)
+    drop = int(np.argmax(np.abs(normal)))
+    axes = [(drop + 1) % 3, (drop + 2) % 3]
+    flat = points[:, axes if normal[drop] > 0.0 else axes[::-1]]
+    rest, out = list(range(len(points))), []
+    while len(rest) > 3:
+        for i in range(len(rest)):
+            a, b, c = rest[i - 1], rest[i], rest[(i + 1) % len(rest)]
+            others = flat[[j for j in rest if j not in (a, b, c)]]
+            if _turn(flat[a], flat[b], flat[c]) > 0.0 and not _inside(others, flat[[a, b, c]]):
+                break
+        else:
+            i, (a, b, c) = 1, rest[:3]  # it crosses itself: any triangle is as good
+        out.append((a, b, c))
+        del rest[i]
+    return np.array([*out, tuple(rest)])
+
+
+def _turn(a: Array, b: Array, c: Array) -> float:
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def _inside(points: Array, triangle: Array) -> bool:
+    """Return whether any of some points (n, 2) is inside or on a triangle (3, 2)."""
+    inside = np.ones(len(points), dtype=bool)
+    for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
+        side, away = b - a, points - a
+        inside &= side[0] * away[:, 1] - side[1] * away[:, 0] >= 0.0
+    # A corner that lies where one of the triangle does is no obstacle: bridges to holes have them.
+    same = (points[:, None] == triangle).all(axis=2).any(axis=1)
+    return bool((inside & ~same).any())

@@ -11,7 +11,7 @@ from asperity._core.arrays import Array, Indices
 from asperity._core.files import text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
-from asperity.geometry.mesh.contents import Contents, FilePart, fans, stated_unit
+from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
 from asperity.geometry.mesh.materials import Material, read_mtl
 
 _KEYS = ("v", "vt", "vn")
@@ -130,15 +130,13 @@ def _are_numbers(words: list[str]) -> bool:
 
 def _corners(path: Path, found: _Faces, v: Array, vt: Array, vn: Array) -> Corners:
     """Return the polygons of a material as triangles."""
-    triangles, polygon = fans(found.counts)
-    if not len(triangles):
+    if not found.words:
         return Corners(v, np.zeros((0, 3), dtype=np.int64))
     indices = written = _indices(path, found)
     if "-" in "".join(found.words):
         seen = np.repeat(np.array(found.seen, dtype=np.int64), found.counts, axis=0)
         indices = np.where(indices < 0, seen + indices + 1, indices)
-    indices, written = indices[triangles.ravel()], written[triangles.ravel()]
-    of_line = np.repeat(polygon, 3)
+    of_line = np.repeat(np.arange(len(found.counts)), found.counts)
     out: list[Indices | None] = []
     for column, (key, values) in enumerate((("v", v), ("vt", vt), ("vn", vn))):
         at = indices[:, column]
@@ -156,9 +154,10 @@ def _corners(path: Path, found: _Faces, v: Array, vt: Array, vn: Array) -> Corne
         out.append(at - 1)
     at_v, at_vt, at_vn = out
     assert at_v is not None
-    faces = at_v.reshape(-1, 3)
-    uv = None if at_vt is None else vt[at_vt].reshape(-1, 3, 2)
-    normals = None if at_vn is None else vn[at_vn].reshape(-1, 3, 3)
+    triangles, _ = triangulated(v[at_v], found.counts)
+    faces = at_v[triangles]
+    uv = None if at_vt is None else vt[at_vt[triangles]]
+    normals = None if at_vn is None else vn[at_vn[triangles]]
     used, numbered = np.unique(faces, return_inverse=True)
     return Corners(v[used], numbered.reshape(faces.shape).astype(np.int64), uv, normals)
 

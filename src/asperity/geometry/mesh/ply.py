@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
-from asperity.geometry.mesh.contents import Contents, FilePart, fans, stated_unit
+from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
 from asperity.geometry.mesh.materials import MapImage, Material
 
 _TYPES = {
@@ -269,17 +269,18 @@ def read_ply(path: Path) -> Contents:
     if lists is None or not len(lists.values):
         return out
     vertices = positions(path, elements)
-    corner = fans(lists.lengths)[0].ravel()
     if not np.isfinite(np.asarray(lists.values, dtype=np.float64)).all():
         raise AsperityError(f"{path}: a face names no vertex; valid: indices of vertices")
-    faces = np.asarray(lists.values).astype(np.int64)[corner].reshape(-1, 3)
-    if not faces.size:
-        return out
-    for wrong in (faces.min(), faces.max()):
+    at = np.asarray(lists.values).astype(np.int64)
+    for wrong in (at.min(), at.max()):
         if not 0 <= wrong < len(vertices):
             raise AsperityError(
                 f"{path}: a face names vertex {wrong}; valid: 0 to {len(vertices) - 1}"
             )
+    triangles, _ = triangulated(vertices[at], lists.lengths)
+    if not len(triangles):
+        return out
+    corner, faces = triangles.ravel(), at[triangles]
     normals = None
     if all(name in vertex for name in ("nx", "ny", "nz")):
         normals = positions(path, elements, ("nx", "ny", "nz"))[faces]
