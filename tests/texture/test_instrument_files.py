@@ -1,5 +1,9 @@
 """Files of instruments and of float pictures, read by the real packages."""
 
+import hashlib
+import struct
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -51,6 +55,108 @@ def test_a_damaged_instrument_s_file_is_refused(data, tmp_path, keep):
     with pytest.raises(SurfaceError, match=r"cut\.tmd: .*(empty|cannot be read)") as said:
         HeightField.from_file(path)
     assert "\n" not in str(said.value)
+
+
+# --- X3P, SDF and NMS, made here ----------------------------------------------------------------
+
+MAP = 2e-5 * (np.sin(np.arange(30) / 4.0) + np.cos(np.arange(20)[:, None] / 3.0))
+REVISIONS = ["ISO5436 - 2000", "ISO5436 – 2000", "ISO5436 — 2000", "ISO 5436-2000"]
+
+
+def write_x3p(path, *, revision=REVISIONS[0], inside="", link="bindata/data.bin", offset="0",
+              pixel=(1e-5, 1e-5), kind="D", prefix="p:", feature="SUR"):  # fmt: skip
+    """An X3P file (ISO 25178-72) with heights in metres: a zip of main.xml and the numbers."""
+    types = {"D": ("<f8", 1.0), "F": ("<f4", 1.0), "I": ("<i2", 2e-9), "L": ("<i4", 1e-10)}
+    dtype, step = types[kind]
+    data = np.round(MAP / step) if kind in "IL" else MAP
+    content = data.astype(dtype).tobytes()
+    axes = "".join(
+        f"<C{name}><AxisType>{how}</AxisType><DataType>{kind}</DataType><Increment>{by}</Increment>"
+        f"<Offset>{offset}</Offset></C{name}>"
+        for name, how, by in zip("XYZ", "IIA", (*pixel, step), strict=True)
+    )
+    main = (
+        f'<?xml version="1.0" encoding="UTF-8"?><{prefix}ISO5436_2 '
+        f'xmlns:p="http://www.opengps.eu/2008/ISO5436_2"><Record1><Revision>{revision}</Revision>'
+        f"<FeatureType>{feature}</FeatureType><Axes>{axes}</Axes></Record1><Record2><Date>N/A"
+        "</Date><Creator>nobody</Creator></Record2><Record3><MatrixDimension><SizeX>30</SizeX>"
+        "<SizeY>20</SizeY><SizeZ>1</SizeZ></MatrixDimension><DataLink><PointDataLink>"
+        f"{link}</PointDataLink><MD5ChecksumPointData>{hashlib.md5(content).hexdigest()}"
+        f"</MD5ChecksumPointData></DataLink></Record3></{prefix}ISO5436_2>"
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("__MACOSX/._main.xml", b"other")
+        archive.writestr(f"{inside}main.xml", main.encode())
+        archive.writestr(f"{inside}bindata/data.bin", content)
+    return path
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"revision": revision} for revision in REVISIONS),
+        {"inside": "scan 1/"},
+        {"inside": "a/b/", "link": "bindata\\data.bin"},
+        {"link": "./bindata/data.bin"},
+        {"offset": ""},
+        {"prefix": ""},
+        {"kind": "F"},
+        {"kind": "I"},
+        {"kind": "L"},
+        {"pixel": (1e-5, 3e-5)},
+        {"pixel": (1e-5, 1.0005e-5)},
+    ],
+)
+def test_x3p_as_forensic_programs_write_it(tmp_path, change):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .x3p")
+    field = HeightField.from_file(write_x3p(tmp_path / "a.x3p", **change))
+    assert field.pixel_size == pytest.approx(change.get("pixel", (1e-5, 1e-5)))
+    np.testing.assert_allclose(field.samples, MAP, atol=2e-9)
+    assert not any("plausible" in note for note in field.notes)
+
+
+def test_x3p_that_is_no_map_is_refused(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .x3p")
+    for change, words in (
+        ({"feature": "PCL"}, "its feature type is 'PCL'; valid: SUR"),
+        ({"link": "elsewhere.bin"}, "damaged, or no zip of main.xml"),
+        ({"revision": "1.0"}, "finds no heights in it"),
+    ):
+        with pytest.raises(SurfaceError, match=words) as refused:
+            HeightField.from_file(write_x3p(tmp_path / "a.x3p", **change))
+        assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
+
+
+def write_sdf(path, pixel):
+    """An SDF file (ISO 25178-71) as text, its lengths in metres."""
+    head = {"ManufacID": "none", "CreateDate": "010120260000", "ModDate": "010120260000",
+            "NumPoints": 30, "NumProfiles": 20, "Xscale": pixel[0], "Yscale": pixel[1],
+            "Zscale": 1e-6, "Zresolution": 1e-9, "Compression": 0, "DataType": 7,
+            "CheckType": 0}  # fmt: skip
+    rows = "\n".join(" ".join(f"{1e6 * z:.9g}" for z in row) for row in MAP)
+    keys = "".join(f"{key} = {value}\n" for key, value in head.items())
+    path.write_text(f"aISO-1.0\n{keys}*\n{rows}\n*\n")
+    return path
+
+
+def test_sdf_may_have_oblong_pixels_and_those_too_large_are_doubted(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .sdf")
+    found = read_heights(write_sdf(tmp_path / "a.sdf", (1e-5, 1.2e-5)))
+    assert found.pixel_size == pytest.approx((1e-5, 1.2e-5))
+    np.testing.assert_allclose(found.samples, MAP, atol=1e-12)
+    found = read_heights(write_sdf(tmp_path / "b.sdf", (1e-2, 1e-2)))
+    assert any("is that plausible? A pixel size of 10 mm" in note for note in found.notes)
+
+
+def test_nms_whose_pixels_come_out_too_large_is_doubted(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .nms")
+    head = bytearray(3468)  # lowest and highest, number of samples, their distance
+    struct.pack_into("<2d", head, 16, 0.0, 80.0)
+    struct.pack_into("<2I2d", head, 1368, 30, 20, 10.0, 10.0)
+    grey = np.round(65535 * (MAP - MAP.min()) / np.ptp(MAP)).astype("<u2").tobytes()
+    (tmp_path / "a.nms").write_bytes(bytes(head) + grey)
+    found = read_heights(tmp_path / "a.nms")
+    assert any("is that plausible? A pixel size of 10 mm" in note for note in found.notes)
 
 
 # --- OpenEXR ------------------------------------------------------------------------------------
