@@ -7,7 +7,6 @@ and words for missing values differ from program to program; numbers are parsed 
 from __future__ import annotations
 
 import codecs
-import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,7 +108,7 @@ class TextTable:
 
     def _parsed(self, body: str, columns: list[int] | None) -> Array:
         return np.loadtxt(
-            io.StringIO(body), delimiter=self.separator, comments="#", ndmin=2, usecols=columns,
+            body.split("\n"), delimiter=self.separator, comments="#", ndmin=2, usecols=columns,
             encoding=None,
         )  # fmt: skip
 
@@ -180,7 +179,7 @@ def read_text_table(
     if text is None:
         kind = path.suffix.lower()
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
-    if text.count("\n") == 0 and "\r" in text:
+    if "\n" not in text and "\r" in text:
         text = text.replace("\r", "\n")
     start, number, header = 0, 0, []
     while start < len(text):
@@ -204,14 +203,18 @@ def read_text_table(
 
 def _without_footer(body: str) -> str:
     """Return rows without the lines of words behind them, as "End of data"."""
-    rows = body.rstrip()
-    while rows.count("\n") > 2:
-        start = rows.rfind("\n") + 1
-        words = _WORD.findall(rows[start:].replace('"', " "))
-        if any(_NUMBER.fullmatch(word) or word.lower() in MISSING for word in words):
+    end = len(body)
+    for _ in range(20):
+        while end and body[end - 1].isspace():
+            end -= 1
+        start = body.rfind("\n", 0, end) + 1
+        words = _WORD.findall(body[start:end].replace('"', " ")) if end - start < 1000 else ["0"]
+        if start == 0 or any(_NUMBER.fullmatch(w) or w.lower() in MISSING for w in words):
             break
-        rows = rows[:start].rstrip()
-    return rows + "\n"
+        if body.find("\n", body.find("\n") + 1) >= start - 1:
+            break  # fewer than three rows above: it is not known what is wrong
+        end = start
+    return body[:end]
 
 
 def _format(rows: list[str]) -> tuple[str | None, str]:

@@ -176,7 +176,7 @@ class HeightField:
             pixels = (size[0] / samples.shape[1], size[1] / samples.shape[0])
             taken = ("pixel size", DOUBT)
             notes = tuple(note for note in notes if not note.startswith(taken))
-            notes = (*notes, *doubts(samples, pixels))
+            notes = (*notes, *doubts(samples, pixels, float(np.ptp(samples))))
         try:
             return cls(samples, pixels, border, notes)
         except SurfaceError as error:

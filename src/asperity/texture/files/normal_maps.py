@@ -126,7 +126,7 @@ def read_normal_map(
         samples = samples * (height_range / relief)
     elif relief > 0.0:
         notes.append(f"height range {relief * 1e6:.6g} um: from the normals and the pixel size")
-    notes += doubts(samples, (pu, pv))
+    notes += doubts(samples, (pu, pv), float(np.ptp(samples)))
     return Heights(-samples if invert else samples, pu if pu == pv else (pu, pv), tuple(notes))
 
 

@@ -29,9 +29,9 @@ class Grid(NamedTuple):
 
 def _places(x: Array) -> tuple[NDArray[np.int64], float] | None:
     """Return the index of each coordinate on even steps, and the step; None if they are uneven."""
-    distinct = np.unique(x)
+    distinct = np.sort(x)
     gaps = np.diff(distinct)
-    if gaps.size == 0:
+    if gaps.size == 0 or gaps.max() == 0.0:
         return None
     wide = gaps[gaps > 0.1 * gaps.max()]
     step = float(np.median(wide))
@@ -58,7 +58,9 @@ def on_grid(x: Array, y: Array, z: Array) -> Grid | None:
     if x.size < _FILLED * rows * columns or rows * columns > 2**27:
         return None
     place = j * columns + i
-    if np.unique(place).size != place.size:
+    taken = np.zeros(rows * columns, dtype=bool)
+    taken[place] = True
+    if np.count_nonzero(taken) != place.size:
         return None
     values = np.full(rows * columns, np.nan)
     values[place] = z

@@ -144,11 +144,14 @@ def read_heights(
     values = _shaped(path, stored.values)
     if nodata is not None:
         values[values == nodata] = np.nan
-    elif (doubtful := sentinel_note(values)) is not None:
+    low, high = float(values.min()), float(values.max())
+    if nodata is None and (doubtful := sentinel_note(values, low, high)) is not None:
         notes.append(doubtful)
-    values = _without_missing(path, values, missing, notes)
-    values = _scaled(values, stored, height_range, invert, quantised, notes)
-    notes += doubts(values, size)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        values = _without_missing(path, values, missing, notes)
+        low, high = float(values.min()), float(values.max())
+    values, scale = _scaled(values, stored, (low, high), height_range, invert, quantised, notes)
+    notes += doubts(values, size, scale * (high - low))
     return Heights(values, size[0] if _is_square(size) else size, tuple(notes))
 
 
@@ -157,15 +160,14 @@ def _is_square(size: tuple[float, float]) -> bool:
 
 
 def _scaled(
-    values: Array, stored: Stored, height_range: float | None, invert: bool, quantised: str,
-    notes: list[str],
-) -> Array:  # fmt: skip
-    """Return stored values as heights [m]; `values` may be overwritten."""
-    low, high = float(values.min()), float(values.max())
-    relief = high - low
+    values: Array, stored: Stored, extremes: tuple[float, float], height_range: float | None,
+    invert: bool, quantised: str, notes: list[str],
+) -> tuple[Array, float]:  # fmt: skip
+    """Return stored values as heights [m], and metres a unit; `values` may be overwritten."""
+    relief = extremes[1] - extremes[0]
     if relief == 0.0:
         notes.append(f"every value is {values.flat[0]:g}: all heights are zero")
-        return np.zeros_like(values)
+        return np.zeros_like(values), 0.0
     scale = (stored.scale or 1.0) if height_range is None else height_range / relief
     centre = 0.0 if height_range is None else float(values.mean())
     if stored.step and relief <= 255.0 * stored.step:
@@ -180,7 +182,7 @@ def _scaled(
     factor = -scale if invert else scale
     if factor != 1.0:
         values *= factor
-    return values
+    return values, scale
 
 
 def _lengths(path: Path, name: str, value: Any) -> tuple[float, float]:
@@ -302,8 +304,6 @@ def _um(size: tuple[float, float]) -> str:
 
 
 def _without_missing(path: Path, values: Array, missing: str, notes: list[str]) -> Array:
-    if math.isfinite(values.min()) and math.isfinite(values.max()):
-        return values
     absent = ~np.isfinite(values)
     count = int(np.count_nonzero(absent))
     missing_values = f"{count} of {values.size} values are missing (NaN or infinite)"
