@@ -186,7 +186,7 @@ def waits(desk, until):
 def in_page(_no_scenes):
     """Return a function that opens a session's page."""
     pytest.importorskip("viser")
-    from asperity.psychophysics.interfaces.page import ParticipantPanel, TrialClient, panels, smooth
+    from asperity.psychophysics.interfaces.page import ParticipantPanel, TrialClient, panels
     from asperity.scene.builtin import load_scene
     from asperity.viewer.server.server import Page
     from asperity.viewer.session_config import SessionConfig
@@ -195,7 +195,7 @@ def in_page(_no_scenes):
 
     def open_page(made, show=False):
         scene = load_scene("probe-plate-dots")
-        choice = SessionConfig(scene if show else smooth(scene), made.name)
+        choice = SessionConfig(scene if show else scene.smooth(), made.name)
         desk, link = ParticipantPanel(made), TrialClient(choice, show=show)
         page = Page(link, panels(desk, choice, show=show), port=0)
         opened.append((page, link))

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal.windows import chebwin
 
 from asperity.geometry.offsets.analytic import Sinusoid
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 from asperity.simulation.anti_aliasing import BUDGET, SubPoses, Window, sub_poses
 
 DIAMETER, AMPLITUDE, SPEED, STIFFNESS, TICK = 3e-3, 1e-4, 0.169, 400.0, 1e-3
@@ -15,7 +15,7 @@ class Rub:
     """The wrench of a disk on a sinusoid at constant height, from a fine table of its offset."""
 
     def __init__(self, spacing):
-        surface: Surface = Sinusoid(amplitude=AMPLITUDE, spacing=spacing)
+        surface: Profile = Sinusoid(amplitude=AMPLITUDE, spacing=spacing)
         tracer = surface.tracer(DIAMETER)
         self.spacing = spacing
         self.count = 40_000

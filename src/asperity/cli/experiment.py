@@ -135,7 +135,6 @@ class ExperimentCommand:
             ParticipantPanel,
             TrialClient,
             panels,
-            smooth,
         )
         from asperity.psychophysics.session.presenters import DevicePresenter
         from asperity.simulation.tool_contact import announce_compiling
@@ -148,7 +147,7 @@ class ExperimentCommand:
         scene = with_coupling(design.stimuli.scene(design.all_stimuli()[0]), None)
         show = design.presentation.show
         config = SessionConfig(
-            scene if show else smooth(scene), design.name, self.device or "mouse",
+            scene if show else scene.smooth(), design.name, self.device or "mouse",
             options=parse_device_options(options.device_option), **options.session(),
         )  # fmt: skip
         desk = ParticipantPanel(design)

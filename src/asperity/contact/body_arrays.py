@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom
+from asperity._core.kernels import small_kernel
+from asperity.geometry.bodies import KINDS, MAPPINGS, Body, Geom, Surface
 from asperity.geometry.poses import rotation_of
 from asperity.texture.packed import PackedTextures, pack
+
+if TYPE_CHECKING:
+    from asperity.texture.height_field import HeightField
 
 
 class Geometry(NamedTuple):
@@ -27,60 +31,112 @@ class Geometry(NamedTuple):
     """From the geom's frame to the body's, (geoms, 3, 3)."""
     body: NDArray[np.int64]
     """Number of the body, (geoms,)."""
+    surface: NDArray[np.int64]
+    """Number of the surface, (geoms,)."""
     texture: NDArray[np.int64]
-    """Number of each body's texture, -1 for none; (bodies,)."""
+    """Number of each surface's texture, -1 for none; (surfaces,)."""
     mapping: NDArray[np.int64]
-    """Index of each body's texture mapping in `geometry.bodies.MAPPINGS`, (bodies,)."""
+    """Index of each surface's texture mapping in `geometry.bodies.MAPPINGS`, (surfaces,)."""
     origin: NDArray[np.float64]
-    """Where (u, v) = (0, 0) of the texture lies in each body's frame [m], (bodies, 3)."""
+    """Where (u, v) = (0, 0) of the texture lies in the body's frame [m], (surfaces, 3)."""
+    friction: NDArray[np.float64]
+    """Coulomb's coefficient of each surface [-], nan for that of the force law; (surfaces,)."""
+    stiffness: NDArray[np.float64]
+    """Of contact with each surface [N/m], nan for that of the force law; (surfaces,)."""
     around: NDArray[np.float64]
     """Factor by which a cylindrical map is stretched to fit a whole number of times, (geoms,)."""
     no_texture: NDArray[np.int64]
-    """-1 for each body, to be used in place of `texture` for smooth bodies; (bodies,)."""
+    """-1 for each surface, to be used in place of `texture` for smooth bodies; (surfaces,)."""
     covered: NDArray[np.int64]
     """Faces that another geom of the same rigid body covers, a bit each; see `covered_faces`."""
 
 
 def flatten_bodies(bodies: Sequence[Body]) -> tuple[PackedTextures, Geometry]:
     """Return the textures and geoms of `bodies` as arrays; a map of zeros counts as no texture."""
-    fields = [
-        body.texture
-        if body.texture is not None and (body.texture.lowest or body.texture.highest)
-        else None
-        for body in bodies
-    ]
-    textures_of = np.cumsum([field is not None for field in fields]) - 1
-    textures_of[[field is None for field in fields]] = -1
-    textures = pack([field for field in fields if field is not None])
-    return textures, _geometry_of(bodies, textures_of)
-
-
-def _geometry_of(bodies: Sequence[Body], textures_of: NDArray[np.int64]) -> Geometry:
+    surfaces, numbers = _surfaces_of(bodies)
+    rough = [s.texture for s in surfaces if s.texture is not None and _is_rough(s.texture)]
+    fields = list({id(field): field for field in rough}.values())
+    places = {id(field): number for number, field in enumerate(fields)}
+    texture = [places.get(id(surface.texture), -1) for surface in surfaces]
     geoms = [(geom, number) for number, body in enumerate(bodies) for geom in body.geoms]
-    origins = []
-    for body in bodies:
-        origin = np.array([*body.offset, 0.0])
-        if body.texture is not None and body.texture.border == "clamp":
-            origin[:2] -= 0.5 * np.asarray(body.texture.size)
-        origins.append(origin)
-    return Geometry(
+    geometry = Geometry(
         np.array([KINDS.index(geom.kind) for geom, _ in geoms], dtype=np.int64),
         np.array([geom.size for geom, _ in geoms], dtype=np.float64),
         np.array([geom.position for geom, _ in geoms], dtype=np.float64),
         np.array([rotation_of(geom.quaternion) for geom, _ in geoms]),
         np.array([number for _, number in geoms], dtype=np.int64),
-        np.asarray(textures_of, dtype=np.int64),
-        np.array([MAPPINGS.index(body.mapping) for body in bodies], dtype=np.int64),
-        np.array(origins, dtype=np.float64),
-        np.array([_around(bodies[number], geom) for geom, number in geoms]),
-        np.full(len(bodies), -1, dtype=np.int64),
+        np.array(numbers, dtype=np.int64),
+        np.array(texture, dtype=np.int64),
+        np.array([MAPPINGS.index(surface.mapping) for surface in surfaces], dtype=np.int64),
+        np.array([_origin(surface) for surface in surfaces], dtype=np.float64),
+        _values([surface.friction for surface in surfaces]),
+        _values([surface.stiffness for surface in surfaces]),
+        np.array([_around(surfaces[n], g) for (g, _), n in zip(geoms, numbers, strict=True)]),
+        np.full(len(surfaces), -1, dtype=np.int64),
         np.zeros(len(geoms), dtype=np.int64),
     )
+    return pack(fields), geometry
 
 
-def _around(body: Body, geom: Geom) -> float:
+def _surfaces_of(bodies: Sequence[Body]) -> tuple[list[Surface], list[int]]:
+    """Return the surfaces of bodies, and the number of that of each geom."""
+    surfaces: list[Surface] = []
+    numbers: list[int] = []
+    for body in bodies:
+        own = body.surface
+        known: dict[int, int] = {}
+        for geom in body.geoms:
+            key = id(geom.surface)
+            if key not in known:
+                known[key] = len(surfaces)
+                surfaces.append(geom.surface or own)
+            numbers.append(known[key])
+    return surfaces, numbers
+
+
+def _is_rough(texture: HeightField) -> bool:
+    """Return whether a texture has any height but 0."""
+    return bool(texture.lowest or texture.highest)
+
+
+def _origin(surface: Surface) -> list[float]:
+    """Return where (u, v) = (0, 0) of a texture lies in the body's frame (3,) [m]."""
+    origin, texture = np.array(surface.offset), surface.texture
+    if texture is not None and texture.border == "clamp":
+        origin -= 0.5 * np.asarray(texture.size)
+    return [*origin.tolist(), 0.0]
+
+
+def _values(values: Sequence[float | None]) -> NDArray[np.float64]:
+    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _around(surface: Surface, geom: Geom) -> float:
     """Return the factor that stretches a cylindrical map so that it has no seam on a geom."""
-    if body.mapping != "cylindrical" or body.texture is None or body.texture.border != "wrap":
+    texture = surface.texture
+    if surface.mapping != "cylindrical" or texture is None or texture.border != "wrap":
         return 1.0
-    times = 2.0 * math.pi * geom.size[0] / body.texture.size[0]
+    times = 2.0 * math.pi * geom.size[0] / texture.size[0]
     return max(round(times), 1) / times
+
+
+@small_kernel
+def pair_friction(geometry, one, two, usual):
+    """Return Coulomb's coefficient between two surfaces: the larger, `usual` if none has any."""
+    a, b = geometry.friction[one], geometry.friction[two]
+    if a != a:
+        a = b
+    elif b == b:
+        a = max(a, b)
+    return a if a == a else usual
+
+
+@small_kernel
+def pair_stiffness(geometry, one, two, usual):
+    """Return the stiffness of two surfaces in series [N/m], `usual` if none has any."""
+    a, b = geometry.stiffness[one], geometry.stiffness[two]
+    if a != a:
+        a = b
+    elif b == b:
+        a = a * b / (a + b)
+    return a if a == a else usual

@@ -294,7 +294,7 @@ class BodyContact:
         """Return how the last wrench changes with motion and velocity."""
         out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         self._derivatives(
-            self.contacts, self._pose, self.centre, self._law.parameters, self.by_facets, out
+            self.contacts, self._pose, self.centre, self._law.parameters, out
         )
         return out
 

@@ -33,7 +33,11 @@ class Contacts(NamedTuple):
     gap: NDArray[np.float64]
     """The true depth is at most this much larger [m], (n,)."""
     weight: NDArray[np.float64]
-    """Share of the body's stiffness, 0 to 1, (n,)."""
+    """Stiffness of the contact over that of the force law, (n,)."""
+    friction: NDArray[np.float64]
+    """Coulomb's coefficient of the two surfaces [-], (n,)."""
+    bristle_stiffness: NDArray[np.float64]
+    """Of the bristle that holds the contact in place [N/m], (n,)."""
     force: NDArray[np.float64]
     """Force on the tool [N], (n, 3)."""
     status: NDArray[np.int64]
@@ -56,6 +60,8 @@ def empty_contacts(count: int) -> Contacts:
         depth=np.zeros(count),
         gap=np.zeros(count),
         weight=np.zeros(count),
+        friction=np.zeros(count),
+        bristle_stiffness=np.zeros(count),
         force=np.zeros((count, 3)),
         status=np.zeros(count, np.int64),
         nodes=np.zeros(count, np.int64),

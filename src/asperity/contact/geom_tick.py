@@ -80,7 +80,8 @@ def _search(model, parameters, grid, i, stretch, centre, memory, workspace):
         guess[k] += frame_b[k, 3]
         n[k] = found.normal[k]
     count_a, count_b = geoms_of_part(memory, found.part)
-    tolerance = depth_tolerance(model.textures, shape, model.tool, body, parameters.tolerance)
+    surfaces = (shape.surface[found.geom_a], shape.surface[found.geom_b])
+    tolerance = depth_tolerance(model.textures, shape, surfaces, parameters.tolerance)
     over_a = stretch if found.kind == FACE_A else 0.0
     over_b = stretch if found.kind == FACE_B else 0.0
     query = DepthQuery(
@@ -143,21 +144,23 @@ def _merge_bodies(memory, kept, i):
     """Merge the only direction of a part with the same one of another body; return whether it did.
 
     Of bodies that lie side by side the deepest counts, as of the geoms of one body; of two that are
-    equally deep, both.
+    equally deep and have the same friction and stiffness, both.
     """
     rows, found, result = memory.separations, memory.separations[i], memory.results[i]
     for j in range(kept):
         if not is_same_way(rows, kept, j, found):
             continue
         other = memory.results[j]
-        if abs(result.depth - other.depth) <= TIE:
+        ahead = result.depth * found.scale - other.depth * rows[j].scale
+        is_same = rows[j].scale == found.scale and rows[j].friction == found.friction
+        if abs(ahead) <= TIE and is_same:
             share = result.ties / (result.ties + other.ties)
             for k in range(3):
                 other.point[k] += share * (result.point[k] - other.point[k])
                 other.slope_normal[k] += share * (result.slope_normal[k] - other.slope_normal[k])
                 other.moment[k] += share * (result.moment[k] - other.moment[k])
             other.ties += result.ties
-        elif result.depth > other.depth:
+        elif ahead > 0.0:
             part = rows[j].part
             copy_record(rows[j], found)
             copy_record(other, result)
@@ -235,9 +238,8 @@ def _add_contact(model, parameters, point_law, i, motion, memory, workspace, out
         add_texture_force(out, c, push, result)
     else:
         _add_point_force(model, point_law, i, push, motion, memory, workspace, out)
-    bristle = Bristle(
-        patch.bristle, parameters.bristle_stiffness * min(weight, 1.0), parameters.friction
-    )
+    sticking = parameters.bristle_stiffness * min(weight, found.scale * found.scale)
+    bristle = Bristle(patch.bristle, sticking, found.friction)
     add_friction(out, c, result.point, body_frame, bristle, motion)
     offset = stack_array((3,))
     for k in range(3):
@@ -306,8 +308,9 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
         geometry = model.geometry
         shape = Geometry(
             geometry.kind, geometry.size, geometry.position, geometry.rotation, geometry.body,
-            geometry.no_texture, geometry.mapping, geometry.origin, geometry.around,
-            geometry.no_texture, geometry.covered,
+            geometry.surface, geometry.no_texture, geometry.mapping, geometry.origin,
+            geometry.friction, geometry.stiffness, geometry.around, geometry.no_texture,
+            geometry.covered,
         )  # fmt: skip
         smooth = SceneModel(
             model.textures, shape, model.tool, model.centre, model.frames, model.geom_number
@@ -316,7 +319,7 @@ def _tick(model, parameters, grid, point_law, query, memory, workspace, out):
     contacts.count[0], state.way_out = 0, 0.0
     fill_tool_frame(query.pose, model.centre, tool_frame, centre)
     collect_pairs(model, query.candidates, memory)
-    find_parts(smooth.textures, smooth.geometry, model.frames, centre, memory)
+    find_parts(smooth.textures, smooth.geometry, model.frames, centre, parameters, memory)
     if point_law is not None and query.dt > 0.0:
         advance_noise(memory.noise[0], point_law, query.dt)
     _search_parts(smooth, parameters, grid, centre, memory, workspace)

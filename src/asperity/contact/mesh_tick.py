@@ -6,6 +6,7 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
+from asperity.contact.body_arrays import pair_friction, pair_stiffness
 from asperity.contact.broad_phase.facet_pairs import largest_displacement
 from asperity.contact.contacts import NO_ROOM
 from asperity.contact.manifold.mesh_manifold import BodyQuery, add_mesh_manifold, remember
@@ -100,9 +101,10 @@ def _clear_patch(memory, patch):
 
 
 @inner_kernel
-def _add_contact(scene, parameters, query, p, motion, memory, manifold, out):
+def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
     """Add the contact of patch `p` of the manifold and its forces to the output."""
-    patch, result, contacts = manifold.patches[p], manifold.result[p], out.contacts
+    scene, contacts = model.scene, out.contacts
+    patch, result = manifold.patches[p], manifold.result[p]
     b, d, part = patch.body, patch.direction, patch.part
     if patch.weight <= 0.0:
         if query.dt > 0.0:
@@ -113,17 +115,21 @@ def _add_contact(scene, parameters, query, p, motion, memory, manifold, out):
         manifold.count[0].dropped += 1
         return
     contacts.count[0] += 1
-    write_contact(contacts, c, b, patch.weight, result, motion.centre)
+    one, two = model.facets.first_surface[scene.tool], model.facets.first_surface[b]
+    friction = pair_friction(scene.geometry, one, two, parameters.friction)
+    own = pair_stiffness(scene.geometry, one, two, parameters.stiffness)
+    weight = patch.weight * own / parameters.stiffness
+    write_contact(contacts, c, b, weight, result, motion.centre)
     for k in range(3):
         contacts.normal[c, k] = patch.normal[k]
-    push = parameters.stiffness * patch.weight * result.depth
+    push = parameters.stiffness * weight * result.depth
     add_texture_force(out, c, damped_push(push, parameters.dissipation, result, motion), result)
     deflection, offset = stack_array((3,)), stack_array((3,))
     for k in range(3):
         deflection[k] = memory.bristle[b, d, part, k]
         offset[k] = contacts.point[c, k] - motion.frame[k, 3]
-    stiffness = parameters.bristle_stiffness * patch.weight
-    bristle = Bristle(deflection, stiffness, parameters.friction)
+    stiffness = parameters.bristle_stiffness * weight
+    bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
         for k in range(3):
@@ -159,7 +165,7 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
     motion = ToolFrames(tool_frame, memory.frame, moves, centre, query.dt)
     _fill_manifold(model, parameters, query, motion, step, memory, space, workspace)
     for p in range(manifold.count[0].patches):
-        _add_contact(scene, parameters, query, p, motion, memory, manifold, out)
+        _add_contact(model, parameters, query, p, motion, memory, manifold, out)
     if query.dt > 0.0:
         _remember_frame(memory, tool_frame)
     contacts.count[1] += manifold.count[0].dropped

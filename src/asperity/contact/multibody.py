@@ -49,8 +49,8 @@ class MultibodySolver:
     Attributes
     ----------
     pairs : tuple of PairContact
-        Contacts and stiffness of each body with each group of bodies that do not move against each
-        other.
+        Contacts, stiffness and damping of each body with each group of bodies that do not move
+        against each other.
 
     Raises
     ------

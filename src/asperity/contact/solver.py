@@ -131,7 +131,7 @@ class ContactSolver(BodyContact):
 
         As `wrench` of each pose after `reset`, with a `dt` of 0: without friction, damping or
         noise. Depths that are not certified are counted in a log message. What this solver
-        remembers of its own poses is kept.
+        remembers of earlier poses is kept.
 
         Parameters
         ----------

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity._core.arrays import Array, Mask
-from asperity.errors import AsperityError, require_choice, require_finite
+from asperity.errors import AsperityError, require_between, require_choice, require_finite
 from asperity.geometry.poses import rotation_of
 
 if TYPE_CHECKING:
@@ -26,6 +26,41 @@ KINDS = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 MAPPINGS = ("planar", "cylindrical", "triplanar", "uv")
 _SIZES = {"plane": 2, "sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3, "mesh": 3}
 """Number of sizes of each kind: half sides; radius; radius and half length; semi-axes."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a geom's surface feels like.
+
+    Parameters
+    ----------
+    texture : HeightField, optional
+        None: smooth.
+    mapping : {"planar", "cylindrical", "triplanar", "uv"}
+        Mapping of the texture to the body; see `Body`.
+    offset : (2,)
+        Position of the map on the body [m]; see `Body`.
+    friction : float, optional
+        Coulomb's coefficient [-], 0 to 100. Where two surfaces touch, the larger one counts, as in
+        MuJoCo; where neither has one, that of `ForceSettings`.
+    stiffness : float, optional
+        Stiffness of contact with this surface [N/m], 1e-6 to 1e9. Two surfaces that both have one
+        are springs in series; where neither has one, that of `ForceSettings` counts.
+    """
+
+    texture: HeightField | None = None
+    mapping: str = "planar"
+    offset: Sequence[float] = (0.0, 0.0)
+    friction: float | None = None
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        require_choice("mapping", self.mapping, MAPPINGS)
+        object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
+        if self.friction is not None:
+            require_between("friction", self.friction, 0.0, 100.0)
+        if self.stiffness is not None:
+            require_between("stiffness", self.stiffness, 1e-6, 1e9, "N/m")
 
 
 @dataclass(frozen=True)
@@ -44,12 +79,15 @@ class Geom:
         Of its centre in the body's frame [m].
     quaternion : (4,)
         Its orientation in the body's frame, wxyz, of unit length.
+    surface : Surface, optional
+        By default that of its body.
     """
 
     kind: str
     size: Sequence[float]
     position: Sequence[float] = (0.0, 0.0, 0.0)
     quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+    surface: Surface | None = None
 
     def __post_init__(self) -> None:
         require_choice("kind of geom", self.kind, KINDS)
@@ -95,6 +133,8 @@ class Body:
         Position of the map on the body [m]: of its corner if it wraps, of its middle if clamped.
     mesh : Mesh, optional
         Surface of a body of convex pieces; all its geoms are then of kind "mesh".
+    friction, stiffness : float, optional
+        See `Surface`.
     """
 
     name: str
@@ -103,28 +143,63 @@ class Body:
     mapping: str = "planar"
     offset: Sequence[float] = field(default=(0.0, 0.0))
     mesh: Mesh | None = None
+    friction: float | None = None
+    stiffness: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "geoms", tuple(self.geoms))
         if not self.geoms:
             raise AsperityError(f"body {self.name!r} has no geoms; give it one at least")
-        require_choice("mapping", self.mapping, MAPPINGS)
-        object.__setattr__(self, "offset", require_finite("offset", self.offset, 2))
+        object.__setattr__(self, "offset", self.surface.offset)
         self._refuse_mixed()
-        if self.mapping == "cylindrical" and self.mesh is None:
-            for geom in self.geoms:
-                if geom.kind not in ("cylinder", "capsule"):
-                    raise AsperityError(
-                        f"body {self.name!r}: a {geom.kind} has no cylindrical mapping; "
-                        "valid: planar, triplanar"
-                    )
-        self._refuse_tall()
+        for geom in self.geoms if self.mesh is None else ():
+            mapping = (geom.surface or self.surface).mapping
+            if mapping == "cylindrical" and geom.kind not in ("cylinder", "capsule"):
+                raise AsperityError(
+                    f"body {self.name!r}: a {geom.kind} has no cylindrical mapping; "
+                    "valid: planar, triplanar"
+                )
+            self._refuse_tall(geom)
+
+    @property
+    def surface(self) -> Surface:
+        """The surface of all geoms that have none of their own."""
+        return Surface(self.texture, self.mapping, self.offset, self.friction, self.stiffness)
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surface of each geom."""
+        return tuple(geom.surface or self.surface for geom in self.geoms)
+
+    @property
+    def fields(self) -> tuple[HeightField, ...]:
+        """The textures of all surfaces."""
+        fields = (surface.texture for surface in self.surfaces)
+        return tuple({id(field): field for field in fields if field is not None}.values())
+
+    @property
+    def parts(self) -> tuple[Body, ...]:
+        """Bodies in the same frame that together are this one, each with one surface."""
+        if self.mesh is not None or all(geom.surface is None for geom in self.geoms):
+            return (self,)
+        geoms: dict[int, list[Geom]] = {}
+        surfaces = {}
+        for geom in self.geoms:
+            own = geom.surface or self.surface
+            key = 0 if geom.surface is None else id(geom.surface)
+            geoms.setdefault(key, []).append(replace(geom, surface=None))
+            surfaces[key] = own
+        return tuple(replace(self, geoms=geoms[key], **vars(own)) for key, own in surfaces.items())
 
     def _refuse_mixed(self) -> None:
         of_mesh = [geom.kind == "mesh" for geom in self.geoms]
         if self.mesh is None and any(of_mesh):
             raise AsperityError(
                 f"body {self.name!r} has geoms of kind mesh but no mesh; give it one"
+            )
+        if self.mesh is not None and any(geom.surface is not None for geom in self.geoms):
+            raise AsperityError(
+                f"body {self.name!r} has a mesh, whose surface is the body's: its pieces have none"
             )
         if self.mesh is not None and not all(of_mesh):
             raise AsperityError(
@@ -137,11 +212,11 @@ class Body:
                 "valid: planar, triplanar"
             )
 
-    def _refuse_tall(self) -> None:
-        if self.texture is None or self.mesh is not None:
+    def _refuse_tall(self, geom: Geom) -> None:
+        texture, smallest = (geom.surface or self.surface).texture, geom.smallest
+        if texture is None:
             return
-        reach = max(abs(self.texture.highest), abs(self.texture.lowest))
-        smallest = min(geom.smallest for geom in self.geoms)
+        reach = max(abs(texture.highest), abs(texture.lowest))
         if reach > 0.5 * smallest:
             raise AsperityError(
                 f"the texture of body {self.name!r} reaches {reach * 1e3:.4g} mm from its base, "

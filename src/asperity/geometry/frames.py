@@ -46,17 +46,18 @@ def to_world(frame, v, out):
 
 
 @inner_kernel
-def depth_tolerance(textures, geometry, a, b, wanted):
+def depth_tolerance(textures, geometry, surfaces, wanted):
     """Return the gap between bounds at which a depth counts as certified [m].
 
-    `wanted` if positive; otherwise a thousandth of the rms height of both textures together.
+    `wanted` if positive; otherwise a thousandth of the rms height of the textures of two
+    `surfaces` together.
     """
     if wanted > 0.0:
         return wanted
     square = 0.0
-    for body in (a, b):
-        if geometry.texture[body] >= 0:
-            square += textures.maps[geometry.texture[body]].rms ** 2
+    for surface in surfaces:
+        if geometry.texture[surface] >= 0:
+            square += textures.maps[geometry.texture[surface]].rms ** 2
     return max(1e-9, 1e-3 * math.sqrt(square))
 
 

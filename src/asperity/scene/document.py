@@ -17,8 +17,10 @@ from asperity.errors import AsperityError, did_you_mean, require_choice
 
 SCHEMA = 1
 SECTIONS = ("schema", "tool", "bodies", "force", "coupling", "trajectory")
-BODY = ("mesh", "texture")
-"""Keys of a body."""
+PARTS = ("mesh", "texture")
+"""Tables of a body."""
+SURFACE = ("texture", "friction", "stiffness")
+"""Keys of a geom, and of a body, that say what its surface feels like."""
 PLACING = ("mapping", "offset")
 """Keys of a texture that place it on its body."""
 
@@ -63,9 +65,14 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for name, table in document.get("bodies", {}).items():
         _require_body(name, "bodies", names)
         require_table(table, f"bodies.{name}")
-        require_keys(table, f"bodies.{name}", BODY)
-        for part in BODY:
+        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "geoms"))
+        for part in (*PARTS, "geoms"):
             require_table(table.get(part, {}), f"bodies.{name}.{part}")
+        for geom, surface in table.get("geoms", {}).items():
+            key = f"bodies.{name}.geoms.{geom}"
+            require_table(surface, key)
+            require_keys(surface, key, SURFACE)
+            require_table(surface.get("texture", {}), f"{key}.texture")
 
 
 def _require_body(name: Any, key: str, names: list[str]) -> None:

@@ -50,7 +50,7 @@ from asperity.geometry.mesh.materials import FELT
 from asperity.scene.adapt import adapted
 from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
-    BODY,
+    PARTS,
     SCHEMA,
     Table,
     arguments,
@@ -65,7 +65,7 @@ from asperity.scene.document import (
 )
 from asperity.scene.mesh import geoms_mesh
 from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
-from asperity.scene.texture import body_texture
+from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
 
@@ -129,7 +129,7 @@ class Scene:
     @property
     def shortest_wavelength(self) -> float:
         """Shortest wavelength in any texture [m]; infinite without texture."""
-        lengths = [b.texture.shortest_wavelength for b in self.bodies if b.texture is not None]
+        lengths = [field.shortest_wavelength for body in self.bodies for field in body.fields]
         return min(lengths, default=float("inf"))
 
     @property
@@ -178,6 +178,17 @@ class Scene:
             document[section] = _merged(document.get(section, {}), table)
         return scene_of(self.xml, document, name=self.name, folder=self.folder)
 
+    def smooth(self) -> Scene:
+        """Return the scene without textures."""
+        document = _merged(self.document, {})
+        tables = document.setdefault("bodies", {})
+        for body in self.bodies:
+            table = tables.setdefault(body.name, {})
+            table["texture"] = {}  # none, also where the MJCF brings one
+            for geom in table.get("geoms", {}).values():
+                geom.pop("texture", None)
+        return scene_of(self.xml, document, name=self.name, folder=self.folder)
+
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write `scene.xml`, `scene.toml` and the files that it names into a folder."""
         document = _merged(self.document, {})
@@ -193,7 +204,8 @@ class Scene:
 def _tables_with_files(document: Table) -> list[Any]:
     """Return the tables of a document that name a file: meshes, textures, trajectory."""
     bodies = document.get("bodies", {}).values()
-    tables = [body[part] for body in bodies for part in BODY if part in body]
+    owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
+    tables = [owner[part] for owner in owners for part in PARTS if part in owner]
     return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
 
 
@@ -319,8 +331,16 @@ def _body(
     """
     key = f"bodies.{name}"
     mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
-    texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
-    return at(f"{key}.texture", lambda: Body(name, solids, texture, mesh=mesh, **placing))
+    own = body_surface(table, key, folder)
+    names = [model.geom(number).name or str(i) for i, (number, _) in enumerate(geoms)]
+    for geom, surface in table.get("geoms", {}).items():
+        if mesh is not None or geom not in names:
+            have = "none, since it is a mesh" if mesh is not None else ", ".join(names)
+            raise AsperityError(f"{key}.geoms names {geom!r}; geoms of {name!r}: {have}")
+        row = names.index(geom)
+        found = body_surface(surface, f"{key}.geoms.{geom}", folder)
+        solids = [*solids[:row], replace(solids[row], surface=found), *solids[row + 1 :]]
+    return at(f"{key}.texture", lambda: Body(name, solids, mesh=mesh, **vars(own)))
 
 
 def _notes(body: Body) -> tuple[str, ...]:
@@ -334,8 +354,8 @@ def _notes(body: Body) -> tuple[str, ...]:
             for kind in FELT
             if kind in material.maps
         )
-    if body.texture is not None:
-        notes += body.texture.notes
+    for field in body.fields:
+        notes += field.notes
     return notes
 
 

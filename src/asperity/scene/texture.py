@@ -7,12 +7,15 @@ parameters of the pattern's function, or of `HeightField.from_file`.
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError
+from asperity.geometry.bodies import Surface
 from asperity.scene.document import (
     PLACING,
+    SURFACE,
     Table,
     arguments,
     at,
@@ -38,6 +41,18 @@ def body_texture(
     if "kind" not in table:
         raise AsperityError(f"{key} needs either kind (one of: {', '.join(PATTERNS)}) or file")
     return make_by_kind("texture", PATTERNS, table, key, PLACING), placing
+
+
+def body_surface(table: Table, key: str, folder: Path | None) -> Surface:
+    """Return the surface that the table of a body or of a geom describes."""
+    texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
+    given = arguments({k: v for k, v in table.items() if k in SURFACE[1:]}, key, _touch)
+    placed = at(f"{key}.texture", lambda: Surface(texture, **placing))
+    return at(key, lambda: replace(placed, **given))
+
+
+def _touch(friction: float = 0.0, stiffness: float = 1.0) -> None:
+    """Define the keys of a surface beside its texture, and their types."""
 
 
 def _placing(mapping: str = "planar", offset: tuple[float, float] = (0.0, 0.0)) -> None:

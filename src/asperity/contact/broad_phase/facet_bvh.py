@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from asperity._core.kernels import kernel
 from asperity.contact.body_arrays import Geometry
 from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
-from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.bodies import MAPPINGS, Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.facets.tessellate import geom_triangles, is_round
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
@@ -75,8 +75,10 @@ class FacetTable(NamedTuple):
     """Singular values of the map from (x, y) to the texture, (n, 2)."""
     body: NDArray[np.int64]
     """Body that the facet belongs to, (n,)."""
+    surface: NDArray[np.int64]
+    """Number of its surface in `Geometry`, (n,)."""
     mapping: Array
-    """PLANAR or TRIPLANAR, (bodies,)."""
+    """PLANAR or TRIPLANAR, (surfaces,)."""
     top: Array
     """Highest point of the texture on the facet [m], (n,)."""
     shares: Array
@@ -85,6 +87,13 @@ class FacetTable(NamedTuple):
     """Round geom that the facet approximates, -1 for a facet that is itself searched; (n,)."""
     slack: Array
     """How far the facets of a body may lie inside its smooth surface [m], (bodies,)."""
+    first_surface: NDArray[np.int64]
+    """Number of the surface of a body's first geom, (bodies,)."""
+    raised: Array
+    """How far the textures of a body rise above or fall below its surface at most [m], (bodies,).
+    """
+    lowered: Array
+    """How far they fall below it at most [m], (bodies,)."""
     middle: Array
     """Centres of the trees' boxes in the body's frame [m], (nodes, 3)."""
     reach: Array
@@ -101,13 +110,14 @@ class FacetTable(NamedTuple):
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
     """Build the facets and trees of `bodies`."""
-    sets, geoms, trees, roots, slacks = [], [], [], [], []
+    sets, geoms, surfaces, trees, roots, slacks = [], [], [], [], [], []
     first_facet = first_node = first_geom = 0
-    for number, body in enumerate(bodies):
-        facets, owners, slack = _body_facets(body, geometry, number, first_geom)
+    for body in bodies:
+        facets, geom_of, is_round_geom, slack = _body_facets(body, first_geom)
         order, tree = _tree(facets.points, facets.sides)
         sets.append(taken(facets, order))
-        geoms.append(owners[order])
+        geoms.append(np.where(is_round_geom, geom_of, -1)[order])
+        surfaces.append(geometry.surface[geom_of[order]])
         tree[2][tree[2] >= 0] += first_node
         trees.append((tree[0], tree[1], tree[2], tree[3] + first_facet, tree[4] + first_facet))
         roots.append(first_node)
@@ -117,7 +127,11 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         first_geom += len(body.geoms)
     facets = joined(sets)
     owner = np.repeat(np.arange(len(bodies)), [len(s) for s in sets])
-    place, spread, mapping = _on_texture(facets, owner, bodies, geometry)
+    surface = np.concatenate(surfaces)
+    is_mesh = np.array([body.mesh is not None for body in bodies])[owner]
+    place, spread, mapping = _on_texture(facets, surface, is_mesh, geometry)
+    first_geoms = np.cumsum([0, *(len(body.geoms) for body in bodies)])[:-1]
+    raised, lowered = _heights(textures, geometry, len(bodies))
     rows, count_rows = _rows(facets)
     low, high, child, first, last = (np.concatenate(part) for part in zip(*trees, strict=True))
     return FacetTable(
@@ -126,24 +140,26 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         w=facets.w.reshape(-1, 9).copy(),
         unit=np.all(facets.w[:, 1:] == 0.0, axis=(1, 2)).astype(np.float64),
         bends=facets.bends,
-        least=facets.least, place=place, spread=spread, body=owner, mapping=mapping,
-        top=_tops(facets, owner, textures, geometry, place, mapping),
+        least=facets.least, place=place, spread=spread, body=owner,
+        surface=surface, mapping=mapping,
+        top=_tops(facets, surface, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
-        slack=np.array(slacks), middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
+        slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
+        lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
     )  # fmt: skip
 
 
 def _body_facets(
-    body: Body, geometry: Geometry, number: int, first_geom: int
-) -> tuple[Facets, NDArray[np.int64], float]:
-    """Return a body's facets in its frame, the round geom of each (or -1), and their slack [m]."""
+    body: Body, first_geom: int
+) -> tuple[Facets, NDArray[np.int64], NDArray[np.bool_], float]:
+    """Return a body's facets in its frame, the geom of each, whether it is round, and slack [m]."""
     if body.mesh is not None:
         mesh = body.mesh
         facets = mesh_facets(mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body))
-        return facets, np.full(len(facets), -1), 0.0
-    parts, owners, slack = [], [], 0.0
-    for i, geom in enumerate(body.geoms):
+        return facets, np.full(len(facets), first_geom), np.zeros(len(facets), bool), 0.0
+    parts, slack, count = [], 0.0, len(body.geoms)
+    for geom in body.geoms:
         vertices, faces, normals, off = geom_triangles(geom)
         rotation = rotation_of(geom.quaternion)
         vertices = vertices @ rotation.T + np.asarray(geom.position)
@@ -152,9 +168,10 @@ def _body_facets(
         if not is_round(geom):
             facets = taken(facets, np.flatnonzero(~_covered(facets, body.geoms, geom)))
         parts.append(facets)
-        owners.append(np.full(len(facets), first_geom + i if is_round(geom) else -1))
         slack = max(slack, off)
-    return joined(parts), np.concatenate(owners).astype(np.int64), slack
+    which = np.repeat(np.arange(count), [len(part) for part in parts])
+    round_geoms = np.array([is_round(geom) for geom in body.geoms])
+    return joined(parts), first_geom + which, round_geoms[which], slack
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:
@@ -170,29 +187,37 @@ def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.boo
 
 
 def _on_texture(
-    facets: Facets, owner: NDArray, bodies: Sequence[Body], geometry: Geometry
+    facets: Facets, surface: NDArray, is_mesh: NDArray[np.bool_], geometry: Geometry
 ) -> tuple[Array, Array, Array]:
     """Return `place`, `spread` and `mapping` of a `FacetTable`."""
     place = np.zeros((len(facets), 3, 3))
     spread = np.zeros((len(facets), 2))
-    kinds = np.full(len(bodies), PLANAR)
-    for number, body in enumerate(bodies):
-        mine = owner == number
-        if geometry.texture[number] < 0:
-            continue
-        if body.mapping == "triplanar":
-            kinds[number] = TRIPLANAR
-            place[mine, 0] = facets.origin[mine]
-            place[mine, 1:] = facets.axes[mine, :2]
-            spread[mine, 1] = 1.0
-        elif body.mesh is None:
-            place[mine, 0] = facets.origin[mine] - geometry.origin[number]
-            place[mine, 1:] = facets.axes[mine, :2]
-        else:
-            place[mine, :, :2] = np.swapaxes(facets.uv[mine], 1, 2)
-        if kinds[number] == PLANAR:
-            spread[mine] = np.linalg.svd(place[mine, 1:, :2], compute_uv=False)[:, ::-1]
+    kinds = np.full(len(geometry.texture), PLANAR)
+    kinds[geometry.mapping == MAPPINGS.index("triplanar")] = TRIPLANAR
+    rough = geometry.texture[surface] >= 0
+    blended = rough & (kinds[surface] == TRIPLANAR)
+    by_axes = blended | (rough & ~is_mesh)
+    place[by_axes, 0] = facets.origin[by_axes]
+    place[by_axes, 1:] = facets.axes[by_axes, :2]
+    spread[blended, 1] = 1.0
+    planar = by_axes & ~blended
+    place[planar, 0] -= geometry.origin[surface[planar]]
+    by_uv = rough & is_mesh & ~blended
+    place[by_uv, :, :2] = np.swapaxes(facets.uv[by_uv], 1, 2)
+    flat = planar | by_uv
+    spread[flat] = np.linalg.svd(place[flat, 1:, :2], compute_uv=False)[:, ::-1]
     return place.reshape(-1, 9).copy(), spread, kinds
+
+
+def _heights(textures: PackedTextures, geometry: Geometry, bodies: int) -> tuple[Array, Array]:
+    """Return `raised` and `lowered` of a `FacetTable`."""
+    raised, lowered = np.zeros(bodies), np.zeros(bodies)
+    for body, surface in zip(geometry.body, geometry.surface, strict=True):
+        if geometry.texture[surface] >= 0:
+            texture = textures.maps[geometry.texture[surface]]
+            raised[body] = max(raised[body], texture["max_abs_height"])
+            lowered[body] = max(lowered[body], -texture["lowest"])
+    return raised, lowered
 
 
 def _rows(facets: Facets) -> tuple[Array, NDArray[np.int64]]:
@@ -232,16 +257,16 @@ def _shares(normals: Array) -> Array:
 
 
 def _tops(
-    facets: Facets, owner: NDArray, textures: PackedTextures, geometry: Geometry, place: Array,
+    facets: Facets, surface: NDArray, textures: PackedTextures, geometry: Geometry, place: Array,
     mapping: Array,
 ) -> Array:  # fmt: skip
     """Return the highest point of the texture on each facet [m]."""
-    which = geometry.texture[owner]
+    which = geometry.texture[surface]
     at = place.reshape(-1, 3, 3)
     corners = facets.corners
     uv = at[:, None, 0, :2] + corners @ at[:, 1:, :2]
     box = np.stack([uv.min(axis=1), uv.max(axis=1)], axis=1)
-    box[mapping[owner] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
+    box[mapping[surface] != PLANAR] = [[-_EVERYWHERE] * 2, [_EVERYWHERE] * 2]
     out = np.zeros(len(facets))
     if len(textures.maps):
         _highest(textures, which, box, out)

@@ -31,7 +31,7 @@ def geom_pairs(scene: SceneModel, pairs: NDArray[np.int32]) -> GeomPairs:
     radius = np.array(
         [_radius(KINDS[k], *s) for k, s in zip(geometry.kind, geometry.size, strict=True)]
     )
-    which = geometry.texture[geometry.body]
+    which = geometry.texture[geometry.surface]
     for g in np.flatnonzero(which >= 0).tolist():
         radius[g] += scene.textures.maps["max_abs_height"][which[g]]
     return GeomPairs(pairs, radius)

@@ -67,14 +67,13 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
     return piece_error(body.mesh, tuple(pieces))
 
 
-def _reach(model: mujoco.MjModel, body: Body) -> float:
-    """Return how far a textured body extends beyond its geoms in the MuJoCo model [m]."""
+def _reaches(model: mujoco.MjModel, body: Body) -> list[float]:
+    """Return how far a textured body extends beyond each of its geoms in the MuJoCo model [m]."""
     # Convex pieces do not fit the mesh exactly.
     reach = 0.0 if body.mesh is None else _out_of_pieces(model, body)
-    if body.texture is not None:
-        # A spline is bounded by its coefficients, which exceed the samples.
-        reach += float(np.max(np.abs(body.texture.coefficients)))
-    return reach
+    # A spline is bounded by its coefficients, which exceed the samples.
+    tops = {id(field): float(np.max(np.abs(field.coefficients))) for field in body.fields}
+    return [reach + tops.get(id(surface.texture), 0.0) for surface in body.surfaces]
 
 
 def _matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -126,18 +125,20 @@ class Collider:
         first = np.cumsum([0, *(len(body.geoms) for body in bodies)])
         self.geom_number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
         seen = dict.fromkeys(names, 0)
-        reach: dict[str, float] = {}
+        reach: dict[str, list[float]] = {}
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
             which = names.index(name)
+            if name not in reach:
+                reach[name] = _reaches(self._model, bodies[which])
+            if seen[name] < len(reach[name]):
+                # Without a texture the margin of the model itself is added.
+                is_smooth = bodies[which].surfaces[seen[name]].texture is None
+                own = self._model.geom_margin[i] if is_smooth else 0.0
+                self._model.geom_margin[i] = own + reach[name][seen[name]]
             self.geom_number[i] = first[which] + seen[name]
             seen[name] += 1
-            if name not in reach:
-                reach[name] = _reach(self._model, bodies[which])
-            # Without a texture the margin of the model itself is added.
-            own = self._model.geom_margin[i] if bodies[which].texture is None else 0.0
-            self._model.geom_margin[i] = own + reach[name]
             # MuJoCo's broad phase uses the body's margin.
             owner = int(self._model.geom_bodyid[i])
             self._model.body_margin[owner] = max(

@@ -9,6 +9,7 @@ import numpy as np
 from asperity._core.kernels import inner_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
+from asperity.contact.body_arrays import pair_friction, pair_stiffness
 from asperity.contact.manifold.separation import fill_geom_frame, is_same_way
 from asperity.contact.manifold.separations import fill_separations
 
@@ -50,7 +51,7 @@ def _relief(textures, geometry, pair):
     """Return how far the textures of a pair rise above or fall below its surfaces at most [m]."""
     total = 0.0
     for g in (pair.geom_a, pair.geom_b):
-        texture = geometry.texture[geometry.body[g]]
+        texture = geometry.texture[geometry.surface[g]]
         if texture >= 0:
             total += textures.maps[texture].max_abs_height
     return total
@@ -58,17 +59,21 @@ def _relief(textures, geometry, pair):
 
 @inner_kernel
 def _same_part(geometry, memory, used, found):
-    """Return the part whose only direction is that of `found`, from the same body; -1: none."""
+    """Return the part whose only direction is that of `found`, from the same body; -1: none.
+
+    Its surfaces have to be as stiff, and as rough to friction.
+    """
     for i in range(used):
         other = memory.separations[i]
-        is_same_body = geometry.body[other.geom_b] == geometry.body[found.geom_b]
-        if is_same_body and is_same_way(memory.separations, used, i, found):
+        is_same = geometry.body[other.geom_b] == geometry.body[found.geom_b]
+        is_same = is_same and other.scale == found.scale and other.friction == found.friction
+        if is_same and is_same_way(memory.separations, used, i, found):
             return other.part
     return np.int64(-1)
 
 
 @inner_kernel
-def find_parts(textures, geometry, frames, centre, memory):
+def find_parts(textures, geometry, frames, centre, parameters, memory):
     """Fill the directions along which each pair may separate, and the part of each pair.
 
     Pairs with one direction, the same one, are one part; others are a part each.
@@ -79,6 +84,7 @@ def find_parts(textures, geometry, frames, centre, memory):
         Of the bodies.
     centre : (3,) array
         The tool's centre of mass, from which all places are measured [m].
+    parameters : ForceParameters
     """
     used, parts = np.int64(0), np.int64(0)
     frame = stack_array((2, 3, 4))
@@ -96,6 +102,12 @@ def find_parts(textures, geometry, frames, centre, memory):
             memory.state[0].dropped += 1
             continue
         count = fill_separations(geometry, pair, frame, rough, rows)
+        one, two = geometry.surface[pair.geom_a], geometry.surface[pair.geom_b]
+        stiffness = pair_stiffness(geometry, one, two, parameters.stiffness)
+        friction = pair_friction(geometry, one, two, parameters.friction)
+        for j in range(count):
+            rows[j].rough, rows[j].friction = rough, friction
+            rows[j].scale = math.sqrt(stiffness / parameters.stiffness)
         if count == 1:
             pair.part = _same_part(geometry, memory, used, rows[0])
             if pair.part >= 0:
@@ -103,7 +115,7 @@ def find_parts(textures, geometry, frames, centre, memory):
         if count == 0:
             continue
         for j in range(count):
-            rows[j].part, rows[j].rough = parts, rough
+            rows[j].part = parts
         pair.part = parts
         used, parts = used + count, parts + 1
     memory.state[0].separations, memory.state[0].parts = used, parts

@@ -85,14 +85,10 @@ class BodyQuery(NamedTuple):
 @inner_kernel
 def _texture_reach(model, b):
     """Return how much textures raise, and how much they lower, the tool and body `b` [m]."""
-    scene = model.scene
-    raised = lowered = 1e-7 + model.facets.slack[scene.tool] + model.facets.slack[b]
-    for body in (scene.tool, b):
-        if scene.geometry.texture[body] >= 0:
-            texture = scene.textures.maps[scene.geometry.texture[body]]
-            raised += texture.max_abs_height
-            lowered += max(-texture.lowest, 0.0)
-    return raised, lowered
+    table, tool = model.facets, model.scene.tool
+    reach = 1e-7 + table.slack[tool] + table.slack[b]
+    raised, lowered = table.raised, table.lowered
+    return reach + raised[tool] + raised[b], reach + lowered[tool] + lowered[b]
 
 
 @inner_kernel
@@ -230,8 +226,13 @@ def _search_patches(model, parameters, query, d, count, memory, space, workspace
         frame[2, k] = world[k]
     facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
     start = manifold.count[0].patches
+    first = model.facets.first_surface
+    surfaces = (first[scene.tool], first[query.body])
     tolerance = depth_tolerance(
-        scene.textures, scene.geometry, scene.tool, query.body, parameters.tolerance
+        scene.textures,
+        scene.geometry,
+        surfaces,
+        parameters.tolerance,
     )
     region = SplitRegion(
         space.region.sums[d], local[0], local[1], parameters.patch_radius,

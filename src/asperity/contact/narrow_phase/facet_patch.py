@@ -51,9 +51,9 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     patch.normal_slope, patch.normal_bend = table.bends[f, 0], table.bends[f, 1]
     _fill_extent(table, f, patch)
     _fill_normal_bounds(table, f, patch)
-    owner = table.body[f]
-    texture = geometry.texture[owner]
-    patch.texture, patch.mapping = texture, int(table.mapping[owner])
+    surface = table.surface[f]
+    texture = geometry.texture[surface]
+    patch.texture, patch.mapping = texture, int(table.mapping[surface])
     if texture < 0:
         return
     patch.texture_top = table.top[f]
@@ -70,8 +70,8 @@ def fill_facet_patch(table, geometry, f, rotation, translation, patch):
     patch.map_min, patch.map_max = table.spread[f, 0], table.spread[f, 1]
     if patch.mapping == TRIPLANAR:
         patch.map_start[0], patch.map_start[1] = (
-            geometry.origin[owner, 0],
-            geometry.origin[owner, 1],
+            geometry.origin[surface, 0],
+            geometry.origin[surface, 1],
         )
 
 

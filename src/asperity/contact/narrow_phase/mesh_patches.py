@@ -243,12 +243,12 @@ def list_pairs(model, query, space):
             if one.seen != number:
                 one.seen = number
                 _see(facets.corners[f], table.sides[f], axes, -1.0, one)
-                texture = geometry.texture[table.body[f]]
+                texture = geometry.texture[table.surface[f]]
                 _raise_by_texture(textures, table, texture, f, n_a, one)
             if other.seen != number:
                 other.seen = number
                 _see(table.points[g], table.sides[g], axes, 1.0, other)
-                texture = geometry.texture[table.body[g]]
+                texture = geometry.texture[table.surface[g]]
                 _raise_by_texture(textures, table, texture, g, query.normal, other)
             if _lie_beside(one, other):
                 continue

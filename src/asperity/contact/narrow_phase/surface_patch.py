@@ -287,9 +287,9 @@ def fill_patches(geometry, g, place, axes, frame, body, patches_out, first):
     body : (3, 4) array
         Rotation of its body and position seen from the contact frame's origin, world axes.
     """
-    kind, size, owner = geometry.kind[g], geometry.size[g], geometry.body[g]
-    texture, mapping = geometry.texture[owner], geometry.mapping[owner]
-    origin = geometry.origin[owner]
+    kind, size, surface = geometry.kind[g], geometry.size[g], geometry.surface[g]
+    texture, mapping = geometry.texture[surface], geometry.mapping[surface]
+    origin = geometry.origin[surface]
     x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
     at = first
     if kind == 0 and z[2] >= FLATTEST:

@@ -117,6 +117,8 @@ def add_friction(out, c, point, body_frame, bristle, motion):
         Its deflection is changed.
     motion : ToolFrames
     """
+    contacts = out.contacts
+    contacts.friction[c], contacts.bristle_stiffness[c] = bristle.friction, bristle.stiffness
     if bristle.friction == 0.0:
         return
     moved, local, across, drag = (

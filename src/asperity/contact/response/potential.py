@@ -19,10 +19,11 @@ once. The weights w make directions come and go smoothly: a direction counts les
 g exceeds R s (the way leads out through another face), and not at all from 2 s on; and less beside
 an almost parallel one that is simpler, by the angle between them (8 to 16 degrees).
 
-The energy is `U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is one direction, as nearly
-always, this is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise grad(s) follows from the
-implicit function theorem, with central differences of the sums above by their inputs: depths,
-normals and separations, whose derivatives by the tool's pose are exact.
+Where two surfaces have a stiffness of their own, k_p, their depths and separations count
+`sqrt(k_p / k)` times. The energy is `U = k s^2 / 2` and the wrench `-k s grad(s)`. Where there is
+one direction, as nearly always, this is the law of Otaduy & Lin (2004, Eqs 1 and 2). Otherwise
+grad(s) follows from the implicit function theorem, with central differences of the sums above by
+their inputs: depths, normals and separations, whose derivatives by the tool's pose are exact.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ _STEP = 1e-5
 @inner_kernel
 def _own_presence(separations, inputs, i, s):
     """Return how far a direction counts by its own separation, given the least way out `s`."""
-    beyond = (inputs[i, 1] - separations[i].rough) / s - RATIO
+    beyond = (inputs[i, 1] - separations[i].scale * separations[i].rough) / s - RATIO
     return inputs[i, 2] * max(1.0 - smooth_step(beyond / (FARTHEST - RATIO)), _LAST_RESORT)
 
 
@@ -130,13 +131,14 @@ def _perturb(separations, used, ways, i, e, step):
     """Fill the inputs, changed by a step of depth `i`, or of the tool's coordinate `e`."""
     for j in range(used):
         found, row = separations[j], ways.inputs[j]
-        row[0], row[1], row[2] = found.depth, found.gap, found.share
+        scale, row[2] = found.scale, found.share
+        row[0], row[1] = scale * found.depth, scale * found.gap
         for k in range(3):
             row[3 + k] = found.normal[k]
         if i == j:
-            row[0] += step
+            row[0] += scale * step
         elif i < 0 and e >= 0:
-            row[1] += step * found.gap_rate[e]
+            row[1] += scale * step * found.gap_rate[e]
             row[2] += step * found.share_rate[e]
             for k in range(3):
                 row[3 + k] += step * found.normal_rate[k, e]
@@ -175,8 +177,8 @@ def fill_potential(separations, used, parts, lever, ways, rates_out):
     for i in range(used):
         separations[i].weight = 0.0
     if parts == 1 and used == 1:
-        separations[0].weight = 1.0
-        return separations[0].depth
+        separations[0].weight = separations[0].scale
+        return separations[0].scale * separations[0].depth
     _perturb(separations, used, ways, -1, -1, 0.0)
     count = fill_choices(separations, used, parts, ways)
     update_choices(ways, parts, count)

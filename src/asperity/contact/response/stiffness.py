@@ -44,7 +44,7 @@ class ContactDerivatives(NamedTuple):
 
 
 @kernel
-def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
+def contact_stiffness(contacts, pose, centre, parameters, out):
     """Fill stiffness, damping and damped part of contacts about the tool's centre of mass.
 
     Parameters
@@ -55,12 +55,9 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
     centre : (3,) array
         The tool's centre of mass in its frame [m].
     parameters : ForceParameters
-    weighted : (bodies,) array of int
-        Whether the contacts of a body share its bristle's stiffness by their weights.
     out : ContactDerivatives
     """
-    stiffness, friction = parameters.stiffness, parameters.friction
-    origin = stack_array((3,))
+    stiffness, origin = parameters.stiffness, stack_array((3,))
     fill_lever_arm(pose, centre, origin)
     for i in range(3):
         origin[i] += pose[i]
@@ -80,6 +77,7 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
         if parameters.dissipation > 0.0:
             _add_spring(arm, slope_normal, parameters.dissipation * push, out.damping)
             _add_force(arm, slope_normal, along - push, out.damped)
+        friction, sticking = contacts.friction[c], contacts.bristle_stiffness[c]
         if friction == 0.0:
             continue
         drag = 0.0
@@ -88,9 +86,6 @@ def contact_stiffness(contacts, pose, centre, parameters, weighted, out):
         # Friction is limited by the normal force, which the damping is part of.
         if math.sqrt(drag) >= _STICKS * friction * along * math.sqrt(square):
             continue
-        sticking = parameters.bristle_stiffness
-        if weighted[contacts.body[c]] == 1:
-            sticking *= weight
         # Perpendicular to m: all directions less that of m.
         _add_spring(arm, (1.0, 0.0, 0.0), sticking, out.stiffness)
         _add_spring(arm, (0.0, 1.0, 0.0), sticking, out.stiffness)

@@ -53,7 +53,7 @@ def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
         pose = tool_pose if is_tool else np.concatenate([data.xpos[i], data.xquat[i]])
         colours = [_colour(scene.model, k, is_tool) for k, _ in owned[body.name]]
         if body.mesh is None:
-            parts.append(Part(body, None, colours[0], pose, is_tool))
+            parts += [Part(one, None, colours[0], pose, is_tool) for one in body.parts]
             continue
         nearest = _nearest_geom(body)
         for colour in dict.fromkeys(colours):

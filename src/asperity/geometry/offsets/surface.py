@@ -40,7 +40,7 @@ Tracer = Callable[[ArrayLike], OffsetTrace]
 """Function from positions u [m] to an `OffsetTrace` of the same shape."""
 
 
-class Surface(Protocol):
+class Profile(Protocol):
     """A surface over which a probe can be dragged along a straight line."""
 
     @property

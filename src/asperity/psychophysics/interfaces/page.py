@@ -39,13 +39,6 @@ _LAMP = (
 )
 
 
-def smooth(scene: Scene) -> Scene:
-    """Return a scene without textures, for display."""
-    return scene.changed(
-        bodies={name: {"texture": None} for name in scene.document.get("bodies", {})}
-    )
-
-
 class TrialClient(ServoClient):
     """The page's client of the servo loop of the current interval; of none between intervals.
 

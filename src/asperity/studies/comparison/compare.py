@@ -152,9 +152,16 @@ def compare(
     Raises
     ------
     AsperityError
-        If the motion cannot be made, or the tool touches nothing along it.
+        If the motion cannot be made, the tool touches nothing along it, or a geom has a surface of
+        its own.
     """
     settings = settings or CompareSettings()
+    for body in scene.bodies:
+        if any(geom.surface is not None for geom in body.geoms):
+            raise AsperityError(
+                f"geoms of body {body.name!r} have surfaces of their own, which the other methods "
+                "do not know: give the body one texture to compare"
+            )
     scene = scene.changed(force={"friction": 0.0})
     progress("asperity's path", 0)
     poses = make_path(scene, settings)

@@ -136,7 +136,7 @@ class _Bench:
         key = (diameter, boxes, smooth)
         if key not in self._ready:
             scene = stimuli.ball_on_plate(diameter, boxes=boxes)
-            self._ready[key] = self._prepared(_smooth(scene) if smooth else scene)
+            self._ready[key] = self._prepared(scene.smooth() if smooth else scene)
         return self._ready[key]
 
     def _prepared(self, scene: Scene) -> tuple[Scene, Renderer]:
@@ -151,7 +151,7 @@ class _Bench:
         run = self._slid(self._prepared(stimuli.foot_on_plate()))
         rms, push = _turning(run), float(run.force[:, 2].mean())
         try:
-            smooth = self._prepared(_smooth(stimuli.foot_on_plate()))
+            smooth = self._prepared(stimuli.foot_on_plate().smooth())
             alone = _turning(self._slid(smooth))
         except AsperityError:  # the method cannot render a scene without texture
             alone = 0.0
@@ -208,10 +208,6 @@ class _Bench:
         return drive.simulate_resting_hand(
             renderer, pose, place_bodies(scene).centre, stimuli.FORCE
         )
-
-
-def _smooth(scene: Scene) -> Scene:
-    return scene.changed(bodies={"plate": {"texture": None}})
 
 
 def _pressed_path(scene: Scene, renderer: Renderer, force: float = stimuli.FORCE) -> Array:

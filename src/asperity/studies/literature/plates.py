@@ -8,7 +8,7 @@ from pathlib import Path
 from asperity.geometry.offsets.analytic import Grating, Sinusoid
 from asperity.geometry.offsets.dots import DotPlate
 from asperity.geometry.offsets.sampled import HeightMap, SampledProfile
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions
 from asperity.texture.files.reading import read_heights
 from asperity.texture.patterns.random_surfaces import self_affine
@@ -23,7 +23,7 @@ class Sinusoids:
     amplitude: float = _OPTIONS.amplitude
     """[m]"""
 
-    def surfaces(self, spacing: float) -> tuple[Surface, ...]:
+    def surfaces(self, spacing: float) -> tuple[Profile, ...]:
         """Return the paths over the plate of a spacing [m]."""
         return (Sinusoid(self.amplitude, spacing),)
 
@@ -36,7 +36,7 @@ class Gratings:
     ridge: float = _OPTIONS.element_width
     flank: float = _OPTIONS.flank
 
-    def surfaces(self, spacing: float) -> tuple[Surface, ...]:
+    def surfaces(self, spacing: float) -> tuple[Profile, ...]:
         """Return the paths over the plate of a spacing [m]."""
         return (Grating(self.height, spacing, self.ridge, min(self.flank, 0.5 * spacing)),)
 

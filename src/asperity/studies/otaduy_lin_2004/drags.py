@@ -12,7 +12,7 @@ from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus, drag
 from asperity.errors import AsperityError, SurfaceError, require_choice
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.geometry.offsets.sampled import HeightMap
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 from asperity.runs.vibration_metrics import DEFAULT_BAND, evaluate
 from asperity.studies.otaduy_lin_2004.force_models import ho, minsky, otaduy_lin, siira_pai
 from asperity.studies.otaduy_lin_2004.stimuli import StimulusOptions, surface_maker
@@ -90,7 +90,7 @@ class DragSimulator:
         require_choice("model", self.model, MODELS)
 
     @cached_property
-    def make_surface(self) -> Callable[[float], Surface]:
+    def make_surface(self) -> Callable[[float], Profile]:
         """The function that returns the surface of a spacing [m]."""
         return surface_maker(self.surface, self.options)
 

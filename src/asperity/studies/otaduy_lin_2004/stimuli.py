@@ -15,7 +15,7 @@ from asperity.errors import AsperityError, SurfaceError, require_choice
 from asperity.geometry.offsets.analytic import Grating, Sinusoid
 from asperity.geometry.offsets.dots import DotPlate
 from asperity.geometry.offsets.sampled import HeightMap, SampledProfile
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 from asperity.texture.files.reading import read_heights
 from asperity.texture.patterns.random_surfaces import self_affine
 
@@ -51,7 +51,7 @@ class StimulusOptions:
     """Seed of jitter and roughness."""
 
 
-def surface_maker(name: str, options: StimulusOptions) -> Callable[[float], Surface]:
+def surface_maker(name: str, options: StimulusOptions) -> Callable[[float], Profile]:
     """Return the function that makes a surface of a given spacing [m].
 
     `spacing` is the wavelength of a sinusoid; the gap between the edges of neighbouring ridges
@@ -67,7 +67,7 @@ def surface_maker(name: str, options: StimulusOptions) -> Callable[[float], Surf
     if name not in SURFACES and (Path(name).suffix or os.path.exists(name)):
         return _from_file(name, options)
     require_choice("surface", name, [*SURFACES, "a file of heights"])
-    makers: dict[str, Callable[[float], Surface]] = {
+    makers: dict[str, Callable[[float], Profile]] = {
         "sinusoid": lambda spacing: Sinusoid(options.amplitude, spacing),
         "trapezoid": lambda spacing: _grating(spacing, options, min(options.flank, 0.5 * spacing)),
         "square": lambda spacing: _grating(spacing, options, 0.0),
@@ -97,7 +97,7 @@ def _self_affine(spacing: float, options: StimulusOptions) -> SampledProfile:
     return SampledProfile(heights, pixel, "wrap", spacing)
 
 
-def _from_file(path: str, options: StimulusOptions) -> Callable[[float], Surface]:
+def _from_file(path: str, options: StimulusOptions) -> Callable[[float], Profile]:
     # Each spacing sets the pixel size; any value will do for reading.
     heights = read_heights(
         path, pixel_size=1e-5, height_range=options.height_range, missing=options.missing
@@ -109,7 +109,7 @@ def _from_file(path: str, options: StimulusOptions) -> Callable[[float], Surface
         raise SurfaceError(f"{path}: a constant map has no spacing to vary; give one with relief")
     pixels = dominant_wavelength(samples)
 
-    def make(spacing: float) -> Surface:
+    def make(spacing: float) -> Profile:
         pixel = spacing / pixels
         if samples.ndim == 1:
             return SampledProfile(samples, pixel, "mirror", spacing)

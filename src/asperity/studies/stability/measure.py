@@ -138,10 +138,7 @@ def measure_stability(
     """Return the limits of a scene. `progress` is called `len(rates) * len(dampings)` times."""
     settings = settings or StabilitySettings()
     quiet = scene.changed(force={"anti_alias": "off", "friction": 0.0})
-    smooth = quiet.changed(
-        bodies={body.name: {"texture": None} for body in scene.bodies if body.texture is not None}
-    )
-    flat, rough = Wall(smooth, settings), Wall(quiet, settings)
+    flat, rough = Wall(quiet.smooth(), settings), Wall(quiet, settings)
     poses = rough.places()
     offset_poses = [pose + ASIDE * rough.span * np.eye(7)[0] for pose in poses]
     shape = (len(settings.rates), len(settings.dampings))
@@ -174,9 +171,7 @@ class Wall:
         if isinstance(motion, ScriptedMotion) and motion.start is not None:
             start[:3] = motion.start
         self._start = start
-        waves = [
-            body.texture.shortest_wavelength for body in scene.bodies if body.texture is not None
-        ]
+        waves = [field.shortest_wavelength for body in scene.bodies for field in body.fields]
         self.span = settings.span or min(max(waves, default=2e-3), 2e-2)
         """Length along x over which places are distributed [m]."""
 

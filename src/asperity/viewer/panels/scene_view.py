@@ -129,7 +129,7 @@ class SceneView(Panel):
 
     def _add_ghost(self, scene: Scene) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
-        for shape in shapes_of(scene.changed(bodies=_smooth(scene)), _GHOST_TRIANGLES):
+        for shape in shapes_of(scene.smooth(), _GHOST_TRIANGLES):
             if shape.is_tool and len(shape.faces):
                 self._nodes.append(
                     self._server.scene.add_mesh_simple(
@@ -248,11 +248,6 @@ class SceneView(Panel):
 def _place(node: Any, pose: Array) -> None:
     node.position = tuple((UNITS * pose[:3]).tolist())
     node.wxyz = tuple(pose[3:].tolist())
-
-
-def _smooth(scene: Scene) -> dict[str, Any]:
-    """Return the change that removes all textures of a scene."""
-    return {name: {"texture": None} for name in scene.document.get("bodies", {})}
 
 
 def _backdrop() -> NDArray[np.uint8]:

@@ -187,8 +187,9 @@ class TexturesPanel(Panel):
 def _legend(scene: Scene) -> str:
     """Return the legend of the height colours, with the range of each textured body."""
     ranges = [
-        f"{body.name}: {1e3 * body.texture.lowest:.3g} to {1e3 * body.texture.highest:.3g} mm"
+        f"{body.name}: {1e3 * min(f.lowest for f in body.fields):.3g} to "
+        f"{1e3 * max(f.highest for f in body.fields):.3g} mm"
         for body in scene.bodies
-        if body.texture is not None
+        if body.fields
     ]
     return render("live_heights.html", ranges=ranges, gradient=css_gradient())

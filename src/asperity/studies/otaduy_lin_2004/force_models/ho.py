@@ -26,17 +26,17 @@ from numpy.typing import NDArray
 
 from asperity.errors import require_positive
 from asperity.geometry.offsets.piecewise import PiecewiseCubic, tabulate
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 
 
 def texture_force(
-    surface: Surface, normal_force: float, *, stiffness: float = 1000.0, gain: float = 1.0
+    surface: Profile, normal_force: float, *, stiffness: float = 1000.0, gain: float = 1.0
 ) -> PiecewiseCubic:
     """Return F_u [N] over one period of the surface.
 
     Parameters
     ----------
-    surface : Surface
+    surface : Profile
         The surface under the point; its lowest point has height 0.
     normal_force : float
         Normal force on the point [N], above 0.

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from asperity.errors import require_positive
 from asperity.geometry.offsets.piecewise import PiecewiseCubic, tabulate
-from asperity.geometry.offsets.surface import Surface
+from asperity.geometry.offsets.surface import Profile
 
 
-def texture_force(surface: Surface, normal_force: float) -> PiecewiseCubic:
+def texture_force(surface: Profile, normal_force: float) -> PiecewiseCubic:
     """Return F_u [N] over one period of the surface, for gain K = `normal_force` [N]."""
     require_positive("normal_force", normal_force, "[N]")
     return tabulate(surface.slopes, surface.period, cells=surface.cells).scaled(normal_force)

@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 
 from asperity.errors import require_positive
 from asperity.geometry.offsets.piecewise import PiecewiseCubic, mirrored, tabulate
-from asperity.geometry.offsets.surface import Surface, Tracer
+from asperity.geometry.offsets.surface import Profile, Tracer
 
 
 def slope_table(
-    surface: Surface, diameter: float, *, tolerance: float = 1e-6, trace: Tracer | None = None
+    surface: Profile, diameter: float, *, tolerance: float = 1e-6, trace: Tracer | None = None
 ) -> PiecewiseCubic:
     """Return d(delta)/du over one period of the surface for a probe of `diameter` [m].
 
     Parameters
     ----------
-    surface : Surface
+    surface : Profile
     diameter : float
         [m]
     tolerance : float
@@ -49,12 +49,12 @@ def slope_table(
     return tabulate(slope, surface.period, cells=surface.cells, tolerance=tolerance)
 
 
-def texture_force(surface: Surface, diameter: float, normal_force: float) -> PiecewiseCubic:
+def texture_force(surface: Profile, diameter: float, normal_force: float) -> PiecewiseCubic:
     """Return F_u [N] over one period of the surface.
 
     Parameters
     ----------
-    surface : Surface
+    surface : Profile
         The surface under the probe.
     diameter : float
         Diameter of the probe [m], above 0.
