@@ -182,15 +182,15 @@ def test_missing_and_broken_files_are_refused(plain, tmp_path):
         load_scene("probe-plat")
     with pytest.raises(AsperityError, match=r"no such file.*scene\.xml and scene\.toml"):
         load_scene(tmp_path)
-    (tmp_path / "scene.toml").write_text("schema = = 1")
-    with pytest.raises(AsperityError, match=r"is not TOML.*line 1"):
-        load_scene(tmp_path)
-    (tmp_path / "scene.toml").write_text(
-        'schema = 1\n[tool]\nbody = "probe"\n[bodies.plate.texture]\nfile = "none.png"\n'
-    )
+    named = 'schema = 1\n[tool]\nbody = "probe"\n[bodies.plate.texture]\nfile = "none.png"\n'
+    (tmp_path / "scene.toml").write_text(named)
     with pytest.raises(AsperityError, match=r"no such file.*scene\.xml"):
         load_scene(tmp_path)
     (tmp_path / "scene.xml").write_text(plain.xml)
+    (tmp_path / "scene.toml").write_text("schema = = 1")
+    with pytest.raises(AsperityError, match=r"is not TOML.*line 1"):
+        load_scene(tmp_path)
+    (tmp_path / "scene.toml").write_text(named)
     with pytest.raises(AsperityError, match=r"bodies\.plate\.texture\.file.*none\.png"):
         load_scene(tmp_path)
 

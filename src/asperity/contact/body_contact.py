@@ -293,9 +293,7 @@ class BodyContact:
     def derivatives(self) -> ContactDerivatives:
         """Return how the last wrench changes with motion and velocity."""
         out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
-        self._derivatives(
-            self.contacts, self._pose, self.centre, self._law.parameters, out
-        )
+        self._derivatives(self.contacts, self._pose, self.centre, self._law.parameters, out)
         return out
 
 

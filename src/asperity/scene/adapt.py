@@ -87,7 +87,9 @@ def adapted(xml: str, tool: object = None) -> Adapted:
     known = [names.get(i, model.body(i).name) for i in range(model.nbody)]
     tool_id = known.index(tool) if tool in known else -1
     fields = [i for i in touched if model.geom_type[i] == mujoco.mjtGeom.mjGEOM_HFIELD]
-    on_tool = [i for i in touched if tool_id > 0 and _is_fixed_to(model, i, tool_id)]
+    # Only what hangs on a body with a joint moves with it.
+    moves = tool_id > 0 and model.body_weldid[tool_id] == tool_id
+    on_tool = [i for i in touched if moves and _is_fixed_to(model, i, tool_id)]
     for i in on_tool:  # their bodies need none
         names.pop(int(model.geom_bodyid[i]), None)
     out = Adapted(model, tool=str(tool))

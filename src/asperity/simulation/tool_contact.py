@@ -54,6 +54,8 @@ FLAGS = {
 """Bits of a tick's flags and their meanings, which recordings contain as `flag_meanings`."""
 
 
+_FASTEST, _FASTEST_TURN = 10.0, 500.0
+"""Speeds above which a tool has been placed elsewhere [m/s], [rad/s] (project default)."""
 _MODULES = {"tick": "contact.geom_tick", "mesh_tick": "contact.mesh_tick"}
 """Modules of the kernels that the first force has to wait for."""
 
@@ -152,7 +154,8 @@ class ToolContact:
         pose : (7,) array
         jumped : bool
             Whether ticks were skipped since the last pose. Then there is no motion of one tick to
-            average over, and the wrench is that at the pose.
+            average over, and the wrench is that at the pose. So it is if the tool has moved faster
+            than any hand, by 10 m/s or 500 rad/s.
         seconds : float
             Time limit for sub-poses [s]; the pose itself is evaluated in any case.
         search_seconds : float
@@ -164,6 +167,7 @@ class ToolContact:
         last = pose if self._last is None else self._last
         self._flags, begun = 0, self._now()
         self._end = begun + search_seconds
+        jumped = jumped or self._has_jumped(last, pose)
         wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
@@ -173,6 +177,13 @@ class ToolContact:
         return LinearContact(
             pose, wrench, stiffness, self.contact_count, self._flags, damping, damped, self.energy
         )
+
+    def _has_jumped(self, last: Array, pose: Array) -> bool:
+        """Return whether the tool has been placed elsewhere."""
+        moved = pose[:3] - last[:3]
+        half = min(abs(float(pose[3:] @ last[3:])), 1.0)
+        is_far = math.sqrt(float(moved @ moved)) > _FASTEST * self.dt
+        return is_far or 2.0 * math.acos(half) > _FASTEST_TURN * self.dt
 
     def change(self, *, force: ForceSettings, dt: float, coupling: CouplingSettings) -> None:
         """Continue with another stiffness and friction, tick [s], and coupling."""
