@@ -158,6 +158,27 @@ def find_file(table: Table, key: str, folder: Path | None) -> Path:
     return path
 
 
+def merged(old: Table, new: Table) -> dict[str, Any]:
+    """Return a deep copy of `old` updated with `new`; a value of None removes its key."""
+    out = {k: merged(v, {}) if isinstance(v, Mapping) else v for k, v in old.items()}
+    for key, value in new.items():
+        if value is None:
+            out.pop(key, None)
+        elif isinstance(value, Mapping):
+            out[key] = merged(out.get(key, {}), value)
+        else:
+            out[key] = value
+    return out
+
+
+def tables_with_files(document: Table) -> list[Any]:
+    """Return the tables of a document that name a file: meshes, textures, trajectory."""
+    bodies = document.get("bodies", {}).values()
+    owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
+    tables = [owner[part] for owner in owners for part in PARTS if part in owner]
+    return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
+
+
 def _typed(value: Any, key: str, annotation: str) -> Any:
     """Return a value of the TOML converted to its annotated type, or raise `AsperityError`."""
     kinds = {part.strip() for part in annotation.replace("NDArray", "Sequence").split("|")}

@@ -36,7 +36,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import mujoco
 
@@ -50,7 +49,6 @@ from asperity.geometry.mesh.materials import FELT
 from asperity.scene.adapt import adapted
 from asperity.scene.concave import with_convex_pieces
 from asperity.scene.document import (
-    PARTS,
     SCHEMA,
     Table,
     arguments,
@@ -58,9 +56,11 @@ from asperity.scene.document import (
     beside,
     check_document,
     find_file,
+    merged,
     parse_options,
     read_toml,
     require_keys,
+    tables_with_files,
     write_toml,
 )
 from asperity.scene.mesh import geoms_mesh
@@ -165,7 +165,7 @@ class Scene:
     @property
     def files(self) -> dict[str, Path]:
         """Paths of the files that the document names, by those names."""
-        names = [table["file"] for table in _tables_with_files(self.document)]
+        names = [table["file"] for table in tables_with_files(self.document)]
         return {name: beside(self.folder, name) for name in names}
 
     def changed(self, **sections: Table) -> Scene:
@@ -175,12 +175,12 @@ class Scene:
         """
         document = {key: value for key, value in self.document.items()}
         for section, table in sections.items():
-            document[section] = _merged(document.get(section, {}), table)
+            document[section] = merged(document.get(section, {}), table)
         return scene_of(self.xml, document, name=self.name, folder=self.folder)
 
     def smooth(self) -> Scene:
         """Return the scene without textures."""
-        document = _merged(self.document, {})
+        document = merged(self.document, {})
         tables = document.setdefault("bodies", {})
         for body in self.bodies:
             table = tables.setdefault(body.name, {})
@@ -191,22 +191,14 @@ class Scene:
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write `scene.xml`, `scene.toml` and the files that it names into a folder."""
-        document = _merged(self.document, {})
+        document = merged(self.document, {})
         with result_folder(Path(folder), overwrite=overwrite) as fresh:
-            for table in _tables_with_files(document):
+            for table in tables_with_files(document):
                 source = beside(self.folder, table["file"])
                 table["file"] = _free_name(fresh, source)
                 shutil.copyfile(source, fresh / table["file"])
             (fresh / "scene.xml").write_text(self.xml, "utf-8")
             (fresh / "scene.toml").write_text(write_toml(document), "utf-8")
-
-
-def _tables_with_files(document: Table) -> list[Any]:
-    """Return the tables of a document that name a file: meshes, textures, trajectory."""
-    bodies = document.get("bodies", {}).values()
-    owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
-    tables = [owner[part] for owner in owners for part in PARTS if part in owner]
-    return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -302,7 +294,7 @@ def scene_of(
     return Scene(
         name=name,
         xml=xml,
-        document=_merged(document, {}),
+        document=merged(document, {}),
         folder=folder,
         model=cut,
         bodies=tuple(bodies),
@@ -405,16 +397,3 @@ def _free_name(folder: Path, source: Path) -> str:
     while (folder / name).exists():
         name, count = f"{source.stem}-{count}{source.suffix}", count + 1
     return name
-
-
-def _merged(old: Table, new: Table) -> dict[str, Any]:
-    """Return a deep copy of `old` updated with `new`; a value of None removes its key."""
-    out = {k: _merged(v, {}) if isinstance(v, Mapping) else v for k, v in old.items()}
-    for key, value in new.items():
-        if value is None:
-            out.pop(key, None)
-        elif isinstance(value, Mapping):
-            out[key] = _merged(out.get(key, {}), value)
-        else:
-            out[key] = value
-    return out
