@@ -88,6 +88,22 @@ def test_nodata_may_be_infinite_and_pixels_compressed(tmp_path) -> None:
             read_heights(tmp_path / name, pixel_size=PIXEL, unit="um")
 
 
+@pytest.mark.parametrize(("level", "suspected"), [(0, True), (29999, False)])
+def test_depth_of_0_among_others_is_suspected(tmp_path, level: int, suspected: bool) -> None:
+    depth = np.round(30000 + 2000 * SHARE).astype(np.uint16)
+    depth[4:9, 7:9] = level
+    Image.fromarray(depth).save(tmp_path / "a.png")
+    notes = read_heights(tmp_path / "a.png", **SCALED).notes
+    assert any("is 0 a missing value? It occurs 10 times" in note for note in notes) == suspected
+
+
+def test_clear_pixels_are_suspected(tmp_path) -> None:
+    alpha = np.where((U > 20) & (U < 30), 0.0, 1.0)
+    path = save8(np.stack([SHARE, SHARE, SHARE, alpha], axis=-1), tmp_path / "a.png")
+    notes = read_heights(path, **SCALED).notes
+    assert any("are its 396 clear pixels missing?" in note for note in notes)
+
+
 # --- pixel sizes --------------------------------------------------------------------------------
 
 

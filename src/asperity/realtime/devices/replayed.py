@@ -7,6 +7,7 @@ of the scene, so no mapping is needed.
 from __future__ import annotations
 
 import bisect
+import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,7 @@ from asperity.scene.trajectory import Trajectory
 
 End = Literal["hold", "loop"]
 _ENDS = ("hold", "loop")
+_LOG = logging.getLogger(__name__)
 
 
 class ReplayedDevice:
@@ -60,6 +62,8 @@ class ReplayedDevice:
     ) -> None:
         self._end = require_choice("end of a replay", end, _ENDS)
         motion = _motion(Path(source))
+        for note in motion.notes:
+            _LOG.warning("%s: %s", motion.name, note)
         self._times = (motion.times - motion.times[0]).tolist()
         self._poses: NDArray[np.float64] = np.asarray(motion.poses)
         self._still = np.zeros(6)

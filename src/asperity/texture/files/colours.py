@@ -57,7 +57,9 @@ def grey(path: Path, pixels: NDArray[Any], notes: tuple[str, ...], colour: str |
     if pixels.dtype.kind not in "uifb":
         refuse(path, f"its pixels are {pixels.dtype}; valid: real numbers")
     if pixels.ndim == 3 and pixels.shape[2] in (2, 4):
-        pixels, notes = pixels[..., :-1], (*notes, "the alpha channel is ignored")
+        clear = int(np.count_nonzero(pixels[..., -1] == 0))
+        what = f"; are its {clear} clear pixels missing?" if 0 < clear < pixels[..., 0].size else ""
+        pixels, notes = pixels[..., :-1], (*notes, f"the alpha channel is ignored{what}")
     if pixels.ndim == 3 and pixels.shape[2] == 3:
         if colour is not None:
             return _decoded(path, pixels, notes, colour)

@@ -12,6 +12,10 @@ _LARGEST_RELIEF = 0.1
 _SMALLEST_RELIEF = 1e-10
 _SMALLEST_PIXEL = 1e-10
 """Beyond these a texture that is touched is not plausible [m]; an atom has 1e-10 m."""
+_OFTEN = (0.0, -1.0, -99.0, -999.0, -9999.0, 9999.0, -32767.0, -32768.0, 65535.0)
+"""Numbers that stand for missing values."""
+_FAR, _OFTEN_FAR = 10.0, 2.0
+"""Distance from all others, in their range, from which a value is suspected."""
 DOUBT = "is that plausible?"
 """How a note that doubts a scale begins."""
 _STEEPEST = 30.0
@@ -60,7 +64,8 @@ def _rms_slope(heights: Array, pixel: float) -> float:
 def sentinel_note(values: Array, low: float, high: float) -> str | None:
     """Return a doubt of a lowest or highest value that looks like one for missing ones.
 
-    It occurs more than once, and lies further from all others than ten times their range.
+    It occurs more than once, and lies further from all others than ten times their range; twice
+    their range, if it is 0 or a number that programs often take.
 
     Parameters
     ----------
@@ -70,7 +75,7 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     """
     some = values.ravel()[:: max(1, values.size // 100_000)]
     inner = some[(some > low) & (some < high)]
-    if inner.size > 1 and 12.0 * float(np.ptp(inner)) > high - low:
+    if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
         return None  # most maps: their values fill their range
     finite = values[np.isfinite(values)]
     if finite.size < 16:
@@ -83,7 +88,8 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
         if not 2 <= count < finite.size or others.size != finite.size - count:
             continue
         least, most = float(others.min()), float(others.max())
-        if min(abs(least - extreme), abs(most - extreme)) > 10.0 * (most - least) > 0.0:
+        far = _OFTEN_FAR if extreme in _OFTEN else _FAR
+        if min(abs(least - extreme), abs(most - extreme)) > far * (most - least) > 0.0:
             return (
                 f"is {extreme:g} a missing value? It occurs {count} times, far from all others "
                 f"({least:g} to {most:g}): nodata={extreme:g}"
