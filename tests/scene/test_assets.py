@@ -157,6 +157,27 @@ def test_a_gltf_brings_the_picture_within_it(tmp_path):
     assert target_of(again).texture.relief == pytest.approx(target_of(scene).texture.relief)
 
 
+def test_a_saved_scene_has_what_its_meshes_name(tile, tmp_path):
+    points, faces = CORNERS.astype("<f4").tobytes(), FACES.astype("<u2").tobytes()
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "a b.bin").write_bytes(points + faces)
+    tree = {
+        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 168, "uri": "parts/a%20b.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 96},
+                        {"buffer": 0, "byteOffset": 96, "byteLength": 72}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}],
+    }  # fmt: skip
+    (tmp_path / "a.gltf").write_text(json.dumps(tree))
+    scene = asperity.make_scene(tool=tmp_path / "a.gltf", target=tile(["Kd 1 0 0"]))
+    scene.save(tmp_path / "saved")
+    again = asperity.load_scene(tmp_path / "saved")
+    assert not noted(again, "is not there")
+    assert len(next(b for b in again.bodies if b.name == "tool").mesh.faces) == 12
+
+
 def test_a_mesh_far_from_the_origin_is_moved_there(tile):
     scene = asperity.make_scene(tool="sphere:3mm", target=tile(shift=np.array([500.0, -3e3, 20.0])))
     assert np.abs(target_of(scene).mesh.vertices).max() < 0.03

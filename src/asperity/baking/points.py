@@ -330,6 +330,21 @@ def _unpacked(path: Path, packed: bytes, size: int) -> bytes:
             raise AsperityError(f"{path}: it is damaged: LZF cannot unpack it") from None
 
 
+def _check_las_head(path: Path) -> None:
+    """Refuse a LAS file whose head counts more records than it can hold: laspy reads them all."""
+    with path.open("rb") as file:
+        head = file.read(375)
+    if head[:4] != b"LASF" or len(head) < 227:
+        raise AsperityError(f"{path}: cannot be read as a {path.suffix} file: it has no head LASF")
+    records = int.from_bytes(head[100:104], "little") * 54
+    if head[25] >= 4 and len(head) == 375:  # extended ones of LAS 1.4
+        records += int.from_bytes(head[243:247], "little") * 60
+    if records > path.stat().st_size:
+        raise AsperityError(
+            f"{path}: it is cut short or damaged: its head counts records of {records} bytes"
+        )
+
+
 def _las(path: Path) -> Points:
     """Return the points of a LAS or LAZ file."""
     try:
@@ -339,6 +354,7 @@ def _las(path: Path) -> Points:
             f"{path}: {path.suffix} files need a reader that is not installed; "
             "valid: pip install 'asperity[las]', or a text of x, y and z"
         ) from None
+    _check_las_head(path)
     try:
         with laspy.open(path) as file:
             count, size = file.header.point_count, file.header.point_format.size

@@ -8,6 +8,7 @@ those of its inertia; what is here stays where it was.
 from __future__ import annotations
 
 import inspect
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh.atlas import with_atlas
-from asperity.geometry.mesh.files import read_mesh
+from asperity.geometry.mesh.files import companions, read_mesh
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.normals import HARD_ANGLE
 from asperity.geometry.mesh.topology import crosses, gradients
@@ -77,6 +78,16 @@ def geoms_mesh(
         return at(f"body {name!r}", lambda: union_mesh(model, name, [i for i, _ in geoms]))
     check_pieces(mesh, [geom for _, geom in geoms], key)
     return mesh
+
+
+def copy_with_companions(source: Path, target: Path) -> None:
+    """Copy a file, and those that it names beside or below itself, which keep their names."""
+    shutil.copyfile(source, target)
+    for file in companions(source):
+        copy = target.parent / file.relative_to(source.parent)
+        if not copy.exists():
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)
 
 
 def body_mesh(table: Table, key: str, folder: Path | None) -> Mesh | None:

@@ -32,7 +32,6 @@ bodies of primitive geoms, or of the convex pieces of a mesh; the tool is a body
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -63,7 +62,7 @@ from asperity.scene.document import (
     tables_with_files,
     write_toml,
 )
-from asperity.scene.mesh import geoms_mesh
+from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
@@ -196,7 +195,7 @@ class Scene:
             for table in tables_with_files(document):
                 source = beside(self.folder, table["file"])
                 table["file"] = _free_name(fresh, source)
-                shutil.copyfile(source, fresh / table["file"])
+                copy_with_companions(source, fresh / table["file"])
             (fresh / "scene.xml").write_text(self.xml, "utf-8")
             (fresh / "scene.toml").write_text(write_toml(document), "utf-8")
 

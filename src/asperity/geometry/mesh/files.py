@@ -8,16 +8,18 @@ is read: its unit, its materials. What of it is left out is noted.
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import reading
+from asperity._core.files import reading, text_of
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
 from asperity.geometry.mesh.gltf import read_gltf
+from asperity.geometry.mesh.gltf_file import GltfFile
 from asperity.geometry.mesh.materials import Material
 from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.obj import read_obj
@@ -107,6 +109,26 @@ def read_contents(path: Path) -> Contents:
         )
     contents.parts = [_laid(part, contents) for part in contents.parts]
     return contents
+
+
+def companions(path: Path) -> list[Path]:
+    """Return the files that a mesh file names and that lie beside or below it.
+
+    Buffers and pictures of glTF, material libraries of OBJ; none for a file that cannot be read.
+    """
+    suffix = path.suffix.lower()
+    named: list[Path] = []
+    try:
+        if suffix == ".gltf":
+            named = GltfFile(path).files()
+        elif suffix == ".obj":
+            text = text_of(path.read_bytes())
+            lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
+            named = [path.parent / name for line in lines for name in (line, *line.split())]
+    except (AsperityError, OSError):
+        return []
+    below = [file for file in named if file.is_file() and ".." not in file.parts]
+    return [file for file in dict.fromkeys(below) if file.is_relative_to(path.parent)]
 
 
 def _laid(part: FilePart, contents: Contents) -> FilePart:

@@ -217,3 +217,9 @@ class GltfFile:
         """Return the path of a file that a URI names, which may be percent-encoded."""
         exact = self.path.parent / uri
         return exact if exact.is_file() else self.path.parent / unquote(uri)
+
+    def files(self) -> list[Path]:
+        """Return the paths of the buffers and images that have files."""
+        items = [*self.tree.get("buffers", []), *self.tree.get("images", [])]
+        uris = [item.get("uri", "") for item in items if isinstance(item, dict)]
+        return [self.beside(uri) for uri in uris if uri and not uri.startswith("data:")]

@@ -18,7 +18,7 @@ from asperity.geometry.mesh.topology import Edges, crosses, meeting_corners
 _DEGENERATE = 1e-9
 _SAME_UV = 1e-9
 _TEXELS = 512
-_MAX_CELLS = 8_000_000
+_MAX_CELLS = 2_000_000
 
 
 def uv_notes(triangles: Array, uv: Array, at: Indices, edges: Edges) -> list[str]:
