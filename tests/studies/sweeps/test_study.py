@@ -157,7 +157,7 @@ def test_a_scene_is_changed_as_its_toml_would_be():
 
 
 def test_probe_and_hand_of_a_scene_are_varied():
-    fixed = {"scene": "probe-plate", "trajectory.seconds": 0.1, "coupling.mode": "implicit"}
+    fixed = {"scene": "probe-plate", "trajectory.seconds": 0.1}
     runs = SceneRuns(fixed, None, 0)
 
     def felt(**parameters):

@@ -109,6 +109,7 @@ class CoupledTool:
         self._handle = HandleMotion(np.zeros(7), np.zeros(6))
         self._last_handle = np.zeros(7)
         self._wall, self._walls = no_wall(), no_walls()
+        self._known: LinearContact | None = None
         self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
         self.pose: Array = self._motion.pose
@@ -129,6 +130,7 @@ class CoupledTool:
         self._motion.momentum[:] = 0.0
         self._motion.velocity[:] = 0.0
         self._walls.knows[:] = False
+        self._known = None
 
     @property
     def twist(self) -> Array:
@@ -244,11 +246,10 @@ class CoupledTool:
 
     def _take(self, contact: LinearContact) -> None:
         """Remember a contact, unless it is the one that is known."""
-        wall = self._wall
-        if np.array_equal(wall.pose, contact.pose) and np.array_equal(wall.wrench, contact.wrench):
-            return
-        self._copy(contact)
-        self._learn_wall(wall, self.body.centre, self._walls, self._workspace)
+        if contact is not self._known:
+            self._known = contact
+            self._copy(contact)
+            self._learn_wall(self._wall, self.body.centre, self._walls, self._workspace)
 
     def _copy(self, contact: LinearContact) -> None:
         wall = self._wall

@@ -6,7 +6,8 @@ Each is a model of the contact's energy about the pose of its query,
 
 0 where its force would reverse. The depth of a contact is a maximum, so that the true energy is the
 larger of both as long as the surface is hollow. Over a ridge it is not: there the other wall, taken
-on to the tool's pose, has more energy than the contact found, and is forgotten.
+on to the tool's pose, has more energy than the contact found, and is forgotten. So it is far away
+from its query, and after two ticks without contact.
 """
 
 from __future__ import annotations
@@ -18,6 +19,11 @@ from asperity.geometry.rigid_body import fill_displacement
 
 SAME = 0.999
 """Cosine between two forces from which on they count as of one wall; a project default."""
+
+
+FAR, LEVER = 1e-3, 0.05
+"""Way from a wall's query at which it is forgotten [m], and the length that converts rotations to
+ways [m]; project defaults."""
 
 
 @inner_kernel
@@ -68,10 +74,10 @@ def learn_wall(new, centre, walls, workspace):
         square += before * before
         size += now * now
     if size == 0.0:
-        # Between two walls the tool may be free for a tick.
+        # Between two walls the tool may be free for a tick, but not for longer.
         if knows[0]:
             _copy(latest, other)
-        knows[1], knows[0] = knows[0] or knows[1], False
+        knows[1], knows[0] = knows[0], False
     else:
         if knows[0] and along < SAME * math.sqrt(square * size):
             _copy(latest, other)
@@ -80,7 +86,12 @@ def learn_wall(new, centre, walls, workspace):
     _copy(new, latest)
     if knows[1]:
         fill_load(new.pose, centre, other, True, workspace, workspace.other)
-        if workspace.other.acts[0] and workspace.other.energy[0] > new.energy[0]:
+        away = 0.0
+        for i in range(3):
+            away += workspace.moved[i] ** 2 + (LEVER * workspace.moved[3 + i]) ** 2
+        energy = workspace.other.energy[0]
+        is_refuted = workspace.other.acts[0] and not 0.0 <= energy <= new.energy[0]
+        if is_refuted or away > FAR * FAR:
             knows[1] = False
 
 
