@@ -223,6 +223,24 @@ def test_numbered_rows_and_columns_are_no_heights(tmp_path: Path) -> None:
     same(read_heights(write(tmp_path / "b.csv", named), pixel_size=PIXEL))
 
 
+def test_a_word_in_the_first_row_is_refused(tmp_path: Path) -> None:
+    lines = rows(1e6 * HEIGHTS, ",").split("\n")
+    lines[0] = lines[0].replace(lines[0].split(",")[3], "oops", 1)
+    path = write(tmp_path / "a.csv", "z_um\n" + "\n".join(lines))
+    with pytest.raises(SurfaceError, match="line 2: 'oops' is no number"):
+        read_heights(path, pixel_size=PIXEL)
+
+
+def test_units_as_powers_of_ten_and_heights_in_volts(tmp_path: Path) -> None:
+    head = "# Width: 3.0×10<sup>-4</sup> m\n# Height: 2×10^-4 m\n# Value units: 10<sup>-9</sup> m\n"
+    same(read_heights(write(tmp_path / "a.txt", head + rows(1e9 * HEIGHTS))))
+    volts = "x [um],y [um],z [V]\n" + rows(XYZ * [1e6, 1e6, 1e4], ",")
+    path = write(tmp_path / "b.csv", volts)
+    with pytest.raises(SurfaceError, match="height_range"):
+        read_heights(path)
+    assert np.ptp(read_heights(path, height_range=RELIEF).samples) == pytest.approx(RELIEF)
+
+
 def test_words_behind_the_numbers_are_left_out(tmp_path: Path) -> None:
     path = write(tmp_path / "a.txt", "z_um\n" + rows(1e6 * HEIGHTS) + "\nEnd of data\n")
     same(read_heights(path, pixel_size=PIXEL))

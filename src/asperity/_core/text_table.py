@@ -181,7 +181,7 @@ def read_text_table(
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
     if "\n" not in text and "\r" in text:
         text = text.replace("\r", "\n")
-    start, number, header = 0, 0, []
+    start, number, header, above = 0, 0, [], ""
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
@@ -190,6 +190,7 @@ def read_text_table(
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
+            above = line
         start = end + 1
     else:
         raise error(f"{path}: there are no numbers in it; valid: rows of numbers")
@@ -198,7 +199,22 @@ def read_text_table(
     separator, decimal = _format([line for line in sample if line.strip()])
     first = sample[0].rstrip(separator) if separator else sample[0]
     columns = len(first.split(separator))
+    wrong = _wrong_word(above, separator, columns)
+    if wrong:
+        raise error(
+            f"{path}: line {number - 1}: {wrong!r} is no number; valid: numbers, and nan for what "
+            "is missing"
+        )
     return TextTable(path, tuple(header), body, number, separator, decimal, columns, error)
+
+
+def _wrong_word(line: str, separator: str | None, columns: int) -> str:
+    """Return the word that makes a row of numbers look like a line above them, "" if none does."""
+    cells = [cell.strip(' \r"') for cell in _bare(line).split(separator)]
+    words = [c for c in cells if c.lower() not in MISSING and not _NUMBER.fullmatch(c) and c]
+    few = len(cells) == columns > 1 and 0 < len(words) < 0.5 * columns
+    # The first cell alone names rows and columns that are numbered.
+    return words[0][:40] if few and words != cells[:1] else ""
 
 
 def _without_footer(body: str) -> str:

@@ -20,6 +20,7 @@ from asperity.scene.trajectory import Trajectory
 
 ROUNDED = 0.02
 """Largest deviation of a quaternion's norm from 1 that is taken for rounding."""
+UNITS, TIME_UNITS = ("m", "cm", "mm", "um", "nm", "in"), ("s", "ms", "us", "ns")
 _EXACT = 1e-6
 TURN = 45.0
 """Turn between neighbours from which the order of the quaternion is doubted [degrees]."""
@@ -86,8 +87,8 @@ def read_poses(
         raise AsperityError(f"no such file of poses: {path}")
     if path.is_dir():
         raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .npy, .npz)")
-    lengths = None if unit is None else LENGTHS[require_choice("unit", unit, LENGTHS)]
-    times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIMES)]
+    lengths = None if unit is None else LENGTHS[require_choice("unit", unit, UNITS)]
+    times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIME_UNITS)]
     if path.suffix.lower() in (".npy", ".npz"):
         table = _read_arrays(path, order)
     else:
@@ -203,7 +204,13 @@ def _read_arrays(path: Path, order: str | None) -> _Table:
         if suffix == ".npz":
             if not {"times", "poses"} <= set(loaded):
                 raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)")
-            loaded = np.column_stack([loaded["times"], loaded["poses"]])
+            times, poses = loaded["times"], loaded["poses"]
+            if times.ndim != 1 or poses.shape != (len(times), 7):
+                shapes = f"times {times.shape} and poses {poses.shape}"
+                raise AsperityError(f"{path} has {shapes}; valid: (n,) and (n, 7)")
+            loaded = np.column_stack([times, poses])
+        if loaded.dtype.kind not in "uif":
+            raise AsperityError(f"{path} holds {loaded.dtype} values; valid: real numbers")
         values = np.array(loaded, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] != 8 or len(values) == 0:
         raise AsperityError(

@@ -143,6 +143,8 @@ def read_heights(
     size = _pixel_size(path, stored, pixels, height_range, notes)
     values = _shaped(path, stored.values)
     if nodata is not None:
+        if isinstance(nodata, bool) or not isinstance(nodata, int | float | np.number):
+            refuse(path, f"nodata must be a number, got {nodata!r}")
         values[values == nodata] = np.nan
     low, high = float(values.min()), float(values.max())
     if nodata is None and (doubtful := sentinel_note(values, low, high)) is not None:

@@ -23,6 +23,7 @@ _HEIGHTS = re.compile(
 )
 _NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", "unnamed: 0", "y/x")
 """Names of a first column that numbers the rows of a matrix."""
+_BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
 _FEW = 8
 """Columns of points, at most: with colours or normals behind x, y and z."""
 
@@ -87,6 +88,7 @@ def _from_columns(
     stated = [named_unit(names[at], LENGTHS) if names else None for at in columns]
     said = stated[-1] or next((unit for unit in stated if unit), None)
     word, scale = said or ("", 1.0)
+    other = _BRACKET.search(names[columns[-1]]) if names and not stated[-1] else None
     lateral = (stated[0] or said or ("", 1.0))[1]
     known = names or {2: ("x", "z"), 3: ("x", "y", "z")}[len(columns)]
     called = ", ".join(known[at] for at in columns)
@@ -117,6 +119,9 @@ def _from_columns(
                        "x, y, z of points on a surface")  # fmt: skip
     notes = [f"{grid.note} ({called})", *notes]
     size = (grid.pixel_size[0] * lateral, grid.pixel_size[1] * lateral)
+    if other:
+        notes.append(f"its heights are in {other.group(1)!r}, which is no length")
+        return Stored(grid.values, tuple(notes), size, None, other.group(1))
     if not said:
         notes.append("no unit is stated: x, y and heights in m")
     elif stated[0] and stated[-1] and stated[0] != stated[-1]:

@@ -48,6 +48,8 @@ _MEANING = {
 }  # fmt: skip
 _GRID = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize")
 """Labels of ESRI's ASCII grid."""
+_POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</sup>)?\s*")
+"""Powers of ten, as Gwyddion writes them."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
 _SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
 _VALUE = re.compile(
@@ -122,6 +124,9 @@ def _findings(
         word = (value.group(2) or "").split("/")[0].strip("[]() ")
         named = named_unit(label, LENGTHS)
         metres = length_of(word) if word else (named[1] if named else None)
+        if meaning == "unit" and metres is not None:
+            units = (text, number * metres)
+            continue
         if bare in _GRID:
             found["grid"] = 1.0
         if meaning in ("nodata", "factor"):
@@ -142,7 +147,8 @@ def _findings(
 
 
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for line in (line.replace('"', "") for line in lines):
+    for line in lines:
+        line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", line.replace('"', ""))
         match = _PAIR.fullmatch(line) or _SPACED.fullmatch(line)
         if match:
             yield match.group(1).strip(), match.group(2)
