@@ -173,7 +173,7 @@ def test_a_few_damaged_files(tmp_path, name):
         pytest.importorskip("laspy")
     (tmp_path / name).write_bytes(make())
     read(tmp_path / name)
-    assert try_many(read, tmp_path / name, make(), 0, 60) > 0
+    try_many(read, tmp_path / name, make(), 0, 60)
 
 
 @pytest.mark.slow

@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
+import numpy as np
+
+from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 
 _INSIDE = (
@@ -32,6 +35,21 @@ def text_of(data: bytes) -> str:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def columns_of(
+    lines: Sequence[str], columns: Sequence[int], delimiter: str | None = None
+) -> Array | None:
+    """Return columns (n, k) of lines of numbers, None if some line does not have them.
+
+    Blank lines, and what stands behind a #, are left out.
+    """
+    if not any(line.strip() for line in lines[:1]):
+        return None
+    try:
+        return np.loadtxt(lines, delimiter=delimiter, usecols=columns, comments="#", ndmin=2)
+    except (ValueError, OverflowError):
+        return None
 
 
 @contextmanager

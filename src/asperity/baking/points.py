@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
-from asperity._core.files import reading, text_of
+from asperity._core.files import columns_of, reading, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.contents import stated_unit
@@ -214,7 +214,11 @@ def _text(path: Path) -> Points:
                 shown = line.strip()[:40]
                 raise AsperityError(f"{path}: line {number} is {shown!r}; valid: x, y and z")
 
-    places = np.fromiter(coordinates(), dtype=np.float64).reshape(-1, 3)
+    rest = lines[form.first :]
+    if form.decimal == ",":
+        rest = [line.replace(",", ".") for line in rest]
+    found = columns_of(rest, form.columns, form.separator)
+    places = np.fromiter(coordinates(), dtype=np.float64).reshape(-1, 3) if found is None else found
     if form.names and form.columns != (0, 1, 2):
         named = ", ".join(
             f"{axis} from column {k + 1}" for axis, k in zip("xyz", form.columns, strict=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array, Indices
-from asperity._core.files import text_of
+from asperity._core.files import columns_of, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -101,6 +101,9 @@ def _numbers(path: Path, key: str, rows: list[str], least: int, most: int, out: 
         rows = [row.replace(",", ".") for row in rows]
         if key == "v":
             out.notes.append("its numbers have decimal commas")
+    found = columns_of(rows, range(most))
+    if found is not None and len(found) == len(rows):
+        return found
     words = [row.partition("#")[0].split() for row in rows]
     width = len(words[0])
     if width < least or any(len(row) != width for row in words):

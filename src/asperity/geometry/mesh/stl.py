@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.files import text_of
+from asperity._core.files import columns_of, text_of
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit
@@ -16,7 +16,7 @@ from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit
 _HEAD, _RECORD = 84, 50
 _UNKNOWN = (0, 0xFFFFFFFF)
 """Counts that programs write before they know how many triangles follow."""
-_VERTEX = re.compile(r"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)", flags=re.IGNORECASE | re.MULTILINE)
+_VERTEX = re.compile(r"^[ \t]*vertex[ \t]+([^\n]+)", flags=re.IGNORECASE | re.MULTILINE)
 
 
 def read_stl(path: Path) -> Contents:
@@ -45,15 +45,12 @@ def _text(path: Path, text: str, out: Contents) -> Array:
     found = _VERTEX.findall(text)
     if not found:
         return np.zeros((0, 3, 3))
-    try:
-        vertices = np.array(found, dtype=np.float64)
-    except ValueError:
-        decimal = [[word.replace(",", ".") for word in row] for row in found]
-        try:
-            vertices = np.array(decimal, dtype=np.float64)
-        except ValueError:
-            wrong = next(" ".join(row) for row in decimal if not all(map(_is_number, row)))
-            raise AsperityError(f"{path}: a vertex is {wrong[:60]!r}; valid: 3 numbers") from None
+    vertices = columns_of(found, (0, 1, 2))
+    if vertices is None:
+        vertices = columns_of([row.replace(",", ".") for row in found], (0, 1, 2))
+        if vertices is None or len(vertices) != len(found):
+            wrong = next((row for row in found if not _is_place(row)), found[0]).strip()
+            raise AsperityError(f"{path}: a vertex is {wrong[:60]!r}; valid: 3 numbers")
         out.notes.append("its numbers have decimal commas")
     solids, ends = (
         len(re.findall(rf"^\s*{word}\b", text, flags=re.IGNORECASE | re.MULTILINE))
@@ -68,12 +65,9 @@ def _text(path: Path, text: str, out: Contents) -> Array:
     return vertices.reshape(-1, 3, 3)
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _is_place(row: str) -> bool:
+    found = columns_of([row.replace(",", ".")], (0, 1, 2))
+    return found is not None and len(found) == 1
 
 
 def _binary(path: Path, data: bytes, counted: list[int], whole: list[bool], out: Contents) -> Array:
