@@ -44,7 +44,8 @@ from asperity.contact.records import (
 )
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
-from asperity.contact.response.stiffness import ContactDerivatives, contact_stiffness
+from asperity.contact.response.stiffness import AT_REST, ContactDerivatives, contact_stiffness
+from asperity.contact.response.stiffness import SlipMotion as Motion
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
@@ -290,10 +291,10 @@ class BodyContact:
         """Return the derivative by velocity, as `stiffness`; zero without `dissipation`."""
         return self.derivatives().damping
 
-    def derivatives(self) -> ContactDerivatives:
-        """Return how the last wrench changes with motion and velocity."""
+    def derivatives(self, motion: Motion = AT_REST) -> ContactDerivatives:
+        """Return how the last wrench changes with pose and velocity, after a motion."""
         out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
-        self._derivatives(self.contacts, self._pose, self.centre, self._law.parameters, out)
+        self._derivatives(self.contacts, self._pose, self.centre, self._law.parameters, motion, out)
         return out
 
 

@@ -143,10 +143,11 @@ class Scene:
             return force
         stiffness = force.object_stiffness
         if stiffness is None:
-            reliefs = {b.name: 0.0 if b.texture is None else b.texture.relief for b in self.bodies}
+            reliefs = {b.name: [field.relief for field in b.fields] or [0.0] for b in self.bodies}
             on_tool = reliefs.pop(self.tool)
-            pairs = [on_tool + relief for relief in reliefs.values() if on_tool + relief > 0.0]
-            wanted = PRESSED / (PRESSED_IN * min(pairs, default=math.inf))
+            pairs = [one + two for ones in reliefs.values() for one in ones for two in on_tool]
+            least = min((relief for relief in pairs if relief > 0.0), default=math.inf)
+            wanted = PRESSED / (PRESSED_IN * least)
             stiffness = max(force.stiffness, SOFTEST, min(wanted, STIFFEST))
         return replace(force, stiffness=stiffness, object_stiffness=stiffness)
 

@@ -19,11 +19,13 @@ import numpy as np
 from asperity._core.arrays import Array, Indices
 from asperity._core.kernels import Repeated, is_compiled
 from asperity.contact.response.settings import ForceSettings
+from asperity.contact.response.stiffness import AT_REST, SlipMotion
 from asperity.contact.solver import ContactSolver
 from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.virtual_coupling.settings import CouplingSettings
 from asperity.errors import require_between
-from asperity.geometry.poses import interpolate_pose
+from asperity.geometry.poses import interpolate_pose, mean_twist
+from asperity.geometry.rigid_body import centre_of_mass, cross
 from asperity.scene.scene import Scene
 from asperity.simulation.anti_aliasing import (
     BUDGET,
@@ -106,6 +108,9 @@ class ToolContact:
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
+        own = [surface.friction or 0.0 for body in scene.bodies for surface in body.surfaces]
+        self._of_geoms = max(own)
+        """Largest friction of a geom."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
@@ -117,6 +122,7 @@ class ToolContact:
         self._last: Array | None = None
         self._last_wrench = np.zeros(6)
         self._before: tuple[Array, ...] = ()
+        self._motion = AT_REST
         self._flags = 0
 
     @property
@@ -168,10 +174,16 @@ class ToolContact:
         self._flags, begun = 0, self._now()
         self._end = begun + search_seconds
         jumped = jumped or self._has_jumped(last, pose)
+        self._motion = AT_REST
+        if self._has_friction and self._is_coupled and not jumped:
+            twist = mean_twist(last, pose, self.dt)
+            arm = centre_of_mass(pose, self.engine.centre) - pose[:3]
+            twist[:3] += cross(twist[3:], arm)
+            self._motion = SlipMotion(twist, self.dt)
         wrench = self._wrench_at_jump(pose) if jumped else self._wrench(last, pose, begun + seconds)
         self._last = pose
         self._flag_contacts()
-        stiffness, damping, damped = self.engine.derivatives()
+        stiffness, damping, damped = self.engine.derivatives(self._motion)
         if self._takes_damping_apart:
             wrench += damped
         return LinearContact(
@@ -214,7 +226,7 @@ class ToolContact:
         left = max(self._end - self._now(), 0.0)
         wrench = np.array(self.engine.wrench(pose, piece, left))
         if self._takes_damping_apart:
-            wrench -= self.engine.derivatives().damped
+            wrench -= self.engine.derivatives(self._motion).damped
         if self.engine.was_cut:
             self._flags |= CUT_SHORT
         return wrench
@@ -286,7 +298,11 @@ class ToolContact:
     @property
     def _takes_damping_apart(self) -> bool:
         """Whether wrenches are averaged without damping, which a coupling's step puts in itself."""
-        return self._is_coupled and self.scene.force.dissipation > 0.0
+        return self._is_coupled and (self.scene.force.dissipation > 0.0 or self._has_friction)
+
+    @property
+    def _has_friction(self) -> bool:
+        return self.scene.force.friction > 0.0 or self._of_geoms > 0.0
 
     @property
     def _is_coupled(self) -> bool:

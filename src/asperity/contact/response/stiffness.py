@@ -11,6 +11,8 @@ sticks adds its stiffness perpendicular to m; one that slips adds none.
 
 With the damping of Hunt and Crossley, a contact's force is `k w delta (1 + a v) m`, with v the rate
 of delta. Its derivative by the rate, `a k w delta grad delta grad delta^T`, is the damping matrix.
+Friction that slips at the speed v with the force f acts on the next step as a damper f / v, but at
+most as one that sticks: so it opposes whatever motion there is, and takes energy.
 """
 
 from __future__ import annotations
@@ -43,8 +45,20 @@ class ContactDerivatives(NamedTuple):
     """The part of the wrench that is due to the velocity, (6,) [N, N m]."""
 
 
+class SlipMotion(NamedTuple):
+    """The tool's motion up to the pose, for friction that slips."""
+
+    twist: NDArray[np.float64]
+    """Velocity of the centre of mass and angular velocity, world axes (6,); zero if unknown."""
+    dt: float
+    """Time over which a bristle is stretched [s]."""
+
+
+AT_REST = SlipMotion(np.zeros(6), 0.0)
+
+
 @kernel
-def contact_stiffness(contacts, pose, centre, parameters, out):
+def contact_stiffness(contacts, pose, centre, parameters, motion, out):
     """Fill stiffness, damping and damped part of contacts about the tool's centre of mass.
 
     Parameters
@@ -55,6 +69,7 @@ def contact_stiffness(contacts, pose, centre, parameters, out):
     centre : (3,) array
         The tool's centre of mass in its frame [m].
     parameters : ForceParameters
+    motion : SlipMotion
     out : ContactDerivatives
     """
     stiffness, origin = parameters.stiffness, stack_array((3,))
@@ -84,13 +99,38 @@ def contact_stiffness(contacts, pose, centre, parameters, out):
         for i in range(3):
             drag += (force[i] - along * m[i]) ** 2
         # Friction is limited by the normal force, which the damping is part of.
-        if math.sqrt(drag) >= _STICKS * friction * along * math.sqrt(square):
+        drag = math.sqrt(drag)
+        if drag < _STICKS * friction * along * math.sqrt(square):
+            _add_tangential(arm, slope_normal, sticking, out.stiffness)
             continue
-        # Perpendicular to m: all directions less that of m.
-        _add_spring(arm, (1.0, 0.0, 0.0), sticking, out.stiffness)
-        _add_spring(arm, (0.0, 1.0, 0.0), sticking, out.stiffness)
-        _add_spring(arm, (0.0, 0.0, 1.0), sticking, out.stiffness)
-        _add_spring(arm, slope_normal, -sticking / square, out.stiffness)
+        speed = _slip_speed(arm, slope_normal, motion.twist)
+        if speed > 0.0:
+            slowing = min(drag / speed, sticking * motion.dt)
+            _add_tangential(arm, slope_normal, slowing, out.damping)
+            _add_force(arm, (force[0], force[1], force[2]), 1.0, out.damped)
+            _add_force(arm, slope_normal, -along, out.damped)
+
+
+@inner_kernel
+def _slip_speed(arm, direction, twist):
+    """Return the speed of a point across a direction; `arm` and `direction` are tuples of 3."""
+    (rx, ry, rz), (mx, my, mz) = arm, direction
+    x = twist[0] + twist[4] * rz - twist[5] * ry
+    y = twist[1] + twist[5] * rx - twist[3] * rz
+    z = twist[2] + twist[3] * ry - twist[4] * rx
+    along = (x * mx + y * my + z * mz) / (mx * mx + my * my + mz * mz)
+    x, y, z = x - along * mx, y - along * my, z - along * mz
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@inner_kernel
+def _add_tangential(arm, direction, stiffness, out):
+    """Add a stiffness perpendicular to a direction: in all directions less that one."""
+    (mx, my, mz) = direction
+    _add_spring(arm, (1.0, 0.0, 0.0), stiffness, out)
+    _add_spring(arm, (0.0, 1.0, 0.0), stiffness, out)
+    _add_spring(arm, (0.0, 0.0, 1.0), stiffness, out)
+    _add_spring(arm, direction, -stiffness / (mx * mx + my * my + mz * mz), out)
 
 
 @inner_kernel
