@@ -118,8 +118,8 @@ def test_a_pair_needs_a_budget(value):
 # Settings.
 
 POSITIVE = (
-    "stiffness", "object_stiffness", "bristle_stiffness", "step", "lever", "window", "softness", "soft_area",
-    "ho_gain", "noise_bandwidth", "tolerance",
+    "stiffness", "object_stiffness", "bristle_stiffness", "step", "lever", "window", "softness",
+    "soft_area", "ho_gain", "noise_bandwidth", "tolerance",
 )  # fmt: skip
 ANY_NUMBER = (*POSITIVE, "friction", "dissipation", "noise_level", "patch_radius", "edge_fade")
 WHOLE = ("grid", "max_nodes", "seed")
