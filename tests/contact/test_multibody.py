@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from asperity import AsperityError, Body, ContactSolver, ForceSettings, Geom
+from asperity.contact import multibody
 from asperity.contact.multibody import MultibodySolver
 from asperity.texture.patterns.patterns import sinusoid
 from contact.naive_meshes import ball_mesh, model_of, thing
@@ -173,6 +174,24 @@ def test_a_mesh_that_moves_on_a_mesh():
         np.testing.assert_allclose(found[1, :3], whole.apply(wanted[1, :3]), rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(found[0, :3], -found[1, :3], atol=1e-12)
     assert np.linalg.norm(found[1, :3]) > 1e-3
+
+
+def test_pairs_that_share_the_memory_of_the_search_do_not_mix(monkeypatch):
+    """Three balls of meshes: the same with memory of its own for each pair."""
+    balls = [thing(name, ball_mesh(2e-3, 2)) for name in ("one", "two", "three")]
+    model, bodies = model_of(*balls, joint=FREE)
+    shared = MultibodySolver(model, bodies, SETTINGS)
+    monkeypatch.setattr(multibody, "search_room", lambda *_: None)
+    apart = MultibodySolver(model, bodies, SETTINGS)
+    still = Rotation.identity()
+    for i in range(5):
+        places = {"one": [0, 0, 3.9e-3], "two": [1e-4, 2e-4, 1e-5 * i], "three": [3.9e-3, 1e-4, 0]}
+        poses = [pose(np.asarray(places[body.name]), still) for body in bodies]
+        found = shared.solve(poses, 1e-3)
+        np.testing.assert_array_equal(found, apart.solve(poses, 1e-3))
+    assert np.abs(found[:, :3]).max(axis=1).min() > 1e-3
+    rooms = {id(pair.contact._mesh.space) for pair in shared.pairs}
+    assert len(rooms) == 1 < len({id(pair.contact._mesh.space) for pair in apart.pairs})
 
 
 def test_poses_that_cannot_be_are_refused():

@@ -23,13 +23,7 @@ from asperity.contact.manifold.mesh_memory import MeshMemory, forget, mesh_memor
 from asperity.contact.manifold.records import MAX_PATCHES as MAX_MESH_PATCHES
 from asperity.contact.many_poses import PoseBatch, solve_geoms, solve_meshes
 from asperity.contact.mesh_tick import mesh_tick
-from asperity.contact.narrow_phase.mesh_workspace import (
-    MAX_CANDIDATES,
-    MAX_SURFACE_PATCHES,
-    FacetSpace,
-    facet_space,
-)
-from asperity.contact.narrow_phase.workspace import Workspace, workspace
+from asperity.contact.narrow_phase.mesh_workspace import FacetSpace
 from asperity.contact.records import (
     ForceLaw,
     ForceParameters,
@@ -44,8 +38,13 @@ from asperity.contact.records import (
 )
 from asperity.contact.response.point_laws import OTADUY_LIN
 from asperity.contact.response.settings import LAWS, ForceSettings
-from asperity.contact.response.stiffness import AT_REST, ContactDerivatives, contact_stiffness
-from asperity.contact.response.stiffness import SlipMotion as Motion
+from asperity.contact.response.stiffness import (
+    AT_REST,
+    ContactDerivatives,
+    SlipMotion,
+    contact_stiffness,
+)
+from asperity.contact.search_room import SearchRoom, most_geoms, search_room
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
@@ -96,6 +95,9 @@ class BodyContact:
     others : sequence of int
         Numbers of the bodies that it may touch. They do not move against each other.
     settings : ForceSettings
+    room : SearchRoom, optional
+        Memory of the search, which solvers that work one after the other may share; by default
+        its own.
 
     Attributes
     ----------
@@ -115,7 +117,12 @@ class BodyContact:
     """
 
     def __init__(
-        self, arrays: BodyArrays, tool: int, others: Sequence[int], settings: ForceSettings
+        self,
+        arrays: BodyArrays,
+        tool: int,
+        others: Sequence[int],
+        settings: ForceSettings,
+        room: SearchRoom | None = None,
     ) -> None:
         self.settings = settings
         self.centre = arrays.centres[tool]
@@ -124,12 +131,13 @@ class BodyContact:
         if self.by_facets.any():
             _refuse_for_meshes(settings)
         self._scene = _scene_model(arrays, tool, others)
-        self._mesh = _mesh_side(arrays, self._scene, self.by_facets)
         self._by_geoms = bool((self.by_facets[list(others)] == 0).any())
         self._model = _without_meshes(self._scene, self.by_facets)
-        most = int(np.bincount(arrays.geometry.body).max())
-        self._memory = geom_memory(MAX_PAIRS, MAX_PATCHES, most)
-        self._space = _search_space(most, self._by_geoms, self._mesh is not None)
+        facets = arrays.facets if self.by_facets.any() else None
+        room = room or search_room(arrays.geometry, facets, self._by_geoms)
+        self._mesh = _mesh_side(arrays, self._scene, self.by_facets, room)
+        self._memory = geom_memory(MAX_PAIRS, MAX_PATCHES, most_geoms(arrays.geometry))
+        self._space = room.search
         # Fields of one record: much faster to set than those of `search[0]`.
         self._deadline = self._space.search["deadline"]
         self._is_cut_short = self._space.search["is_cut_short"]
@@ -291,7 +299,7 @@ class BodyContact:
         """Return the derivative by velocity, as `stiffness`; zero without `dissipation`."""
         return self.derivatives().damping
 
-    def derivatives(self, motion: Motion = AT_REST) -> ContactDerivatives:
+    def derivatives(self, motion: SlipMotion = AT_REST) -> ContactDerivatives:
         """Return how the last wrench changes with pose and velocity, after a motion."""
         out = ContactDerivatives(np.empty((6, 6)), np.empty((6, 6)), np.empty(6))
         self._derivatives(self.contacts, self._pose, self.centre, self._law.parameters, motion, out)
@@ -323,24 +331,16 @@ def _without_meshes(scene: SceneModel, by_facets: NDArray[np.int64]) -> SceneMod
 
 
 def _mesh_side(
-    arrays: BodyArrays, scene: SceneModel, by_facets: NDArray[np.int64]
+    arrays: BodyArrays, scene: SceneModel, by_facets: NDArray[np.int64], room: SearchRoom
 ) -> _MeshSide | None:
     """Return what contact with meshes needs, None if no mesh is involved."""
-    if arrays.facets is None or not by_facets.any():
+    if arrays.facets is None or room.facets is None or not by_facets.any():
         return None
     return _MeshSide(
         model=MeshModel(scene, arrays.facets, by_facets),
         memory=mesh_memory(len(by_facets)),
-        space=facet_space(arrays.facets, len(scene.geometry.kind)),
+        space=room.facets,
     )
-
-
-def _search_space(geoms: int, by_geoms: bool, by_facets: bool) -> Workspace:
-    """Allocate the memory of the search for bodies of at most so many geoms."""
-    patches, pairs = (3 * geoms, 9 * geoms * geoms) if by_geoms else (1, 1)
-    if by_facets:
-        patches, pairs = max(patches, MAX_SURFACE_PATCHES), max(pairs, MAX_CANDIDATES)
-    return workspace(patches, pairs)
 
 
 def _refuse_for_meshes(settings: ForceSettings) -> None:

@@ -13,6 +13,7 @@ from asperity.contact.body_contact import BodyContact, body_arrays
 from asperity.contact.broad_phase.mujoco_pairs import Candidates, Collider
 from asperity.contact.contacts import Contacts
 from asperity.contact.response.settings import ForceSettings
+from asperity.contact.search_room import search_room
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
@@ -76,12 +77,15 @@ class MultibodySolver:
         arrays = body_arrays(bodies, self._collider, groups)
         self._names = [body.name for body in bodies]
         self._home, self._centres = arrays.frames, arrays.centres
-        self._numbers = _owners(arrays.geom_number, arrays.geometry.body)
-        pairs = []
+        number = arrays.geom_number
+        self._numbers = np.where(number >= 0, arrays.geometry.body[number], -1)
+        pairs: list[PairContact] = []
+        # Only one pair is searched at a time, and the memory of a search is large.
+        room = search_room(arrays.geometry, arrays.facets)
         for one, two in _pairs_of_groups(groups):
             for body in np.flatnonzero(groups == one).tolist():
                 others = tuple(np.flatnonzero(groups == two).tolist())
-                contact = BodyContact(arrays, body, others, settings or ForceSettings())
+                contact = BodyContact(arrays, body, others, settings or ForceSettings(), room)
                 pairs.append(PairContact(body, others, contact))
         if not pairs:
             raise AsperityError("no body of the model can move against another one: give it joints")
@@ -221,8 +225,3 @@ def _react(
         body = int(contacts.body[0])
         out[body, :3] -= rest[:3]
         out[body, 3:] -= rest[3:] + np.cross(centre - centres[body], rest[:3])
-
-
-def _owners(geom_number: NDArray[np.int64], body: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return for each geom of the MuJoCo model the number of its body, -1 for none."""
-    return np.where(geom_number >= 0, body[geom_number], -1)
