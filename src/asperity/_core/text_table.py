@@ -149,7 +149,7 @@ class TextTable:
                     f"{where} has {len(cells)} columns, the first {self.columns}"
                 ) from None
             for at, cell in enumerate(cells):
-                if (columns is None or at in columns) and not _is_number(cell):
+                if (columns is None or at in columns) and not is_number(cell):
                     raise self.error(
                         f"{where}: {cell.strip()[:40]!r} is no number; valid: numbers, "
                         "and nan for what is missing"
@@ -256,7 +256,8 @@ def _bare(line: str) -> str:
     return _COMMENT.split(line, maxsplit=1)[0] if "#" in line else line
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Return whether a word is a number, or nan or inf."""
     try:
         float(word)
     except ValueError:

@@ -152,14 +152,9 @@ class Body:
             raise AsperityError(f"body {self.name!r} has no geoms; give it one at least")
         object.__setattr__(self, "offset", self.surface.offset)
         self._refuse_mixed()
-        for geom in self.geoms if self.mesh is None else ():
-            mapping = (geom.surface or self.surface).mapping
-            if mapping == "cylindrical" and geom.kind not in ("cylinder", "capsule"):
-                raise AsperityError(
-                    f"body {self.name!r}: a {geom.kind} has no cylindrical mapping; "
-                    "valid: planar, triplanar"
-                )
-            self._refuse_tall(geom)
+        if self.mesh is None:
+            for geom, surface in zip(self.geoms, self.surfaces, strict=True):
+                self._refuse_surface(geom, surface)
 
     @property
     def surface(self) -> Surface:
@@ -169,7 +164,8 @@ class Body:
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """The surface of each geom."""
-        return tuple(geom.surface or self.surface for geom in self.geoms)
+        own = self.surface
+        return tuple(geom.surface or own for geom in self.geoms)
 
     @property
     def fields(self) -> tuple[HeightField, ...]:
@@ -183,13 +179,11 @@ class Body:
         if self.mesh is not None or all(geom.surface is None for geom in self.geoms):
             return (self,)
         geoms: dict[int, list[Geom]] = {}
-        surfaces = {}
-        for geom in self.geoms:
-            own = geom.surface or self.surface
-            key = 0 if geom.surface is None else id(geom.surface)
-            geoms.setdefault(key, []).append(replace(geom, surface=None))
-            surfaces[key] = own
-        return tuple(replace(self, geoms=geoms[key], **vars(own)) for key, own in surfaces.items())
+        surfaces = self.surfaces
+        for geom, surface in zip(self.geoms, surfaces, strict=True):
+            geoms.setdefault(id(surface), []).append(replace(geom, surface=None))
+        by_id = {id(surface): surface for surface in surfaces}
+        return tuple(replace(self, geoms=own, **vars(by_id[key])) for key, own in geoms.items())
 
     def _refuse_mixed(self) -> None:
         of_mesh = [geom.kind == "mesh" for geom in self.geoms]
@@ -212,8 +206,13 @@ class Body:
                 "valid: planar, triplanar"
             )
 
-    def _refuse_tall(self, geom: Geom) -> None:
-        texture, smallest = (geom.surface or self.surface).texture, geom.smallest
+    def _refuse_surface(self, geom: Geom, surface: Surface) -> None:
+        if surface.mapping == "cylindrical" and geom.kind not in ("cylinder", "capsule"):
+            raise AsperityError(
+                f"body {self.name!r}: a {geom.kind} has no cylindrical mapping; "
+                "valid: planar, triplanar"
+            )
+        texture, smallest = surface.texture, geom.smallest
         if texture is None:
             return
         reach = max(abs(texture.highest), abs(texture.lowest))

@@ -67,13 +67,17 @@ def _out_of_pieces(model: mujoco.MjModel, body: Body) -> float:
     return piece_error(body.mesh, tuple(pieces))
 
 
-def _reaches(model: mujoco.MjModel, body: Body) -> list[float]:
-    """Return how far a textured body extends beyond each of its geoms in the MuJoCo model [m]."""
+def _reaches(model: mujoco.MjModel, body: Body) -> list[tuple[float, bool]]:
+    """Return how far a body extends beyond each of its geoms in the MuJoCo model [m].
+
+    And whether the geom is smooth.
+    """
     # Convex pieces do not fit the mesh exactly.
     reach = 0.0 if body.mesh is None else _out_of_pieces(model, body)
     # A spline is bounded by its coefficients, which exceed the samples.
     tops = {id(field): float(np.max(np.abs(field.coefficients))) for field in body.fields}
-    return [reach + tops.get(id(surface.texture), 0.0) for surface in body.surfaces]
+    textures = [surface.texture for surface in body.surfaces]
+    return [(reach + tops.get(id(texture), 0.0), texture is None) for texture in textures]
 
 
 def _matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -125,7 +129,7 @@ class Collider:
         first = np.cumsum([0, *(len(body.geoms) for body in bodies)])
         self.geom_number = np.full(max(self._model.ngeom, 1), -1, dtype=np.int64)
         seen = dict.fromkeys(names, 0)
-        reach: dict[str, list[float]] = {}
+        reach: dict[str, list[tuple[float, bool]]] = {}
         for i, name in touchable(self._model):
             if name not in seen:
                 continue
@@ -133,10 +137,10 @@ class Collider:
             if name not in reach:
                 reach[name] = _reaches(self._model, bodies[which])
             if seen[name] < len(reach[name]):
+                height, is_smooth = reach[name][seen[name]]
                 # Without a texture the margin of the model itself is added.
-                is_smooth = bodies[which].surfaces[seen[name]].texture is None
                 own = self._model.geom_margin[i] if is_smooth else 0.0
-                self._model.geom_margin[i] = own + reach[name][seen[name]]
+                self._model.geom_margin[i] = own + height
             self.geom_number[i] = first[which] + seen[name]
             seen[name] += 1
             # MuJoCo's broad phase uses the body's margin.

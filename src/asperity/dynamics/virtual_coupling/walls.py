@@ -19,8 +19,6 @@ from asperity.geometry.rigid_body import fill_displacement
 
 SAME = 0.999
 """Cosine between two forces from which on they count as of one wall; a project default."""
-
-
 FAR, LEVER = 1e-3, 0.05
 """Way from a wall's query at which it is forgotten [m], and the length that converts rotations to
 ways [m]; project defaults."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from asperity._core.files import text_of
+from asperity._core.text_table import is_number
 
 FELT = ("displacement", "normal", "bump")
 """Kinds of maps that can be felt, the first that is there is used."""
@@ -113,7 +114,7 @@ def read_mtl(path: Path, notes: list[str]) -> list[Material]:
             continue
         elif key in _MTL and len(words) > 1:
             materials[-1] = _with_map(materials[-1], _MTL[key], line.split(None, 1)[1], path)
-        elif key == "kd" and len(words) == 4 and all(map(_is_number, words[1:])):
+        elif key == "kd" and len(words) == 4 and all(map(is_number, words[1:])):
             colour = tuple(min(max(float(word), 0.0), 1.0) for word in words[1:])
             materials[-1] = _changed(materials[-1], colour=colour)
     return materials
@@ -135,7 +136,7 @@ def _with_map(material: Material, kind: str, rest: str, library: Path) -> Materi
         if option in _WORDS:
             at += 1
         for _ in range(_NUMBERS.get(option, 0)):
-            if at >= len(words) - 1 or not _is_number(words[at]):
+            if at >= len(words) - 1 or not is_number(words[at]):
                 break
             given.setdefault(option, []).append(float(words[at]))
             at += 1
@@ -165,14 +166,6 @@ def _beside(library: Path, name: str) -> Path:
         if path.is_file():
             return path
     return library.parent / named.name
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 _BY_NAME = {
