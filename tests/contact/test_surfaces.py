@@ -120,6 +120,18 @@ def test_friction_of_two_surfaces(plate, tool, wanted):
     assert -wrench[0] == pytest.approx(wanted * wrench[2], rel=1e-6)
 
 
+def test_friction_of_geoms_is_advanced_in_the_order_of_time():
+    """Within a tick of averaging, too: as a friction of the whole scene is."""
+    steps = {"kind": "stripes", "pitch": 1e-3, "width": 5e-4, "depth": 1e-4, "fillet": 4e-5}
+    everywhere = {"plate": {"texture": steps}}
+    geoms = {name: {"texture": steps, "friction": 0.3} for name in ("left", "right")}
+    runs = []
+    for tables, friction in ((everywhere, 0.3), ({"plate": {"geoms": geoms}}, 0.0)):
+        simulation = Simulation(scene(TWO, tables, friction=friction, anti_alias="tick"))
+        runs.append([simulation.step(at(2e-3 + 2e-4 * i)).copy() for i in range(40)])
+    np.testing.assert_allclose(runs[1], runs[0], rtol=1e-9, atol=1e-12)
+
+
 def test_a_mesh_has_friction_and_stiffness_too():
     plate = Body("plate", [Geom("box", (0.02, 0.02, 0.005), (0, 0, -0.005))], stiffness=1200.0)
     ball = thing("tool", ball_mesh(2e-3, 3), friction=0.4)

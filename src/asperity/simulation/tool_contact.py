@@ -293,7 +293,7 @@ class ToolContact:
         Friction has a state: its poses must be evaluated in the order of time. A tool on a coupling
         bounces, which are jumps without texture, and passes hardly any of them on.
         """
-        return self.scene.force.friction == 0.0 and not self._is_coupled
+        return not self._has_friction and not self._is_coupled
 
     @property
     def _takes_damping_apart(self) -> bool:
