@@ -71,7 +71,7 @@ def log_scale(axis: Axes, *, x: bool = True, y: bool = True) -> None:
 def plain_ticks(axis: Axis) -> None:
     """Label a logarithmic axis, whose limits are final, with plain numbers at readable ticks."""
     low, high = sorted(axis.get_view_interval())
-    if high / low < 1e4:
+    if high / low < 1e4 and high < 1e5:  # 100000 is read less easily than its power
         fine = (
             (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low <= 120.0 else (1, 3)
         )
