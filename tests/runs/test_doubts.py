@@ -6,6 +6,7 @@ from test_recording import made_up
 
 from asperity.runs.run_scene import summary_of
 from asperity.scene.builtin import load_scene
+from asperity.simulation.tool_contact import CUT_SHORT
 
 
 @pytest.mark.parametrize(("statuses", "has_note"), [
@@ -18,3 +19,14 @@ def test_fewer_than_99_percent_certified_are_told(statuses, has_note):
     assert any("certified" in note for note in notes) == has_note
     if has_note:
         assert "max_nodes (now 4000)" in notes[-1]
+
+
+def test_searches_that_ran_out_of_time_do_not_call_for_more_boxes():
+    rollout = made_up(20)
+    object.__setattr__(rollout, "statuses", np.array((900, 100, 0)))
+    flags = np.zeros(20, rollout.flags.dtype)
+    flags[:7] = CUT_SHORT
+    object.__setattr__(rollout, "flags", flags)
+    note = summary_of(load_scene("probe-plate"), {}, rollout)["notes"][-1]
+    assert "in 7 ticks the time ended a search" in note
+    assert "max_nodes" not in note

@@ -22,7 +22,7 @@ from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion, Trajectory
 from asperity.simulation.anti_aliasing import SPAN
 from asperity.simulation.simulation import Rollout, Simulation
-from asperity.simulation.tool_contact import BUDGET_SPENT, SUB_POSES, TOO_FAST
+from asperity.simulation.tool_contact import BUDGET_SPENT, CUT_SHORT, SUB_POSES, TOO_FAST
 
 _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
@@ -213,10 +213,13 @@ def _doubts(scene: Scene, rollout: Rollout) -> list[str]:
     certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
     if certified >= _CERTIFIED * total:
         return []
+    helps = f"raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or"
+    cut = int(((rollout.flags & CUT_SHORT) != 0).sum())
+    if cut:
+        helps = f"in {cut} ticks the time ended a search: free a core, lower the rate, or"
     return [
         f"only {100.0 * certified / total:.3g} % of the depths are certified: forces may be too "
-        f"small; raise force.max_nodes (now {scene.force.max_nodes}) or force.tolerance, or take "
-        "a coarser texture or mesh"
+        f"small; {helps} take a coarser texture or mesh"
     ]
 
 
