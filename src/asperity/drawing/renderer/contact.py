@@ -128,9 +128,11 @@ def whole_picture(
         spans = [float(np.ptp(corners @ axis)) for axis in (eye.right, eye.up)]
         widths.append(1.3 * max(spans[0], spans[1] * columns / rows, 0.3 * spans[1]))
     best = int(np.argmin(np.array(widths) * [1.0, *[1.1] * (len(widths) - 1)]))
+    # Of a small tool, wide enough for the frame round the close picture.
+    width = max(widths[best], 1.5 * contact_width(scene, moment))
     camera = camera_at(
         middle, vertical, along, azimuth=_AZIMUTHS[best], elevation=_ELEVATION,
-        width=widths[best], columns=2 * columns, rows=2 * rows,
+        width=width, columns=2 * columns, rows=2 * rows,
     )  # fmt: skip
     return picture_from(scene, moment, camera, vertical, glass=False)
 
