@@ -119,15 +119,22 @@ def _shares_beside_flat(triangles: Array, edges: Edges, group: Indices) -> Array
     """Return how much each corner counts in its fan (m, 3): 0 far smaller than a flat face to 1.
 
     Areas are those of whole flat faces, so that it does not matter how these are meshed. A flat
-    face has at least two triangles: in a curved surface of single triangles all count.
+    face has at least two triangles: in a curved surface of single triangles all count. So do
+    facets that turn by more than an edge that is soft by default: displaced along the normal of a
+    flat face they would move within their own plane.
     """
-    _, face, sliver = flat_normals(triangles, edges, _NEARLY_FLAT)
+    facets, face, sliver = flat_normals(triangles, edges, _NEARLY_FLAT)
     area = np.bincount(face, np.linalg.norm(crosses(triangles), axis=1))[face]
     flat = (np.bincount(face)[face] > 1) & ~sliver
-    largest = np.zeros(group.max() + 1)
-    np.maximum.at(largest, group, np.repeat(np.where(flat, area, 0.0), 3))
-    ratio = np.repeat(area, 3) / np.maximum(largest[group], 1e-300)
-    return np.clip((ratio - _OVERRULED) / (_EQUAL - _OVERRULED), 0.0, 1.0).reshape(-1, 3)
+    ruling = np.repeat(np.where(flat, area, 0.0), 3)
+    ruler = np.zeros(group.max() + 1, dtype=np.int64)
+    order = np.argsort(ruling, kind="stable")
+    ruler[group[order]] = order // 3  # the last one of each fan: the largest
+    largest = np.where(flat, area, 0.0)[ruler[group]]
+    ratio = np.repeat(area, 3) / np.maximum(largest, 1e-300)
+    shares = np.clip((ratio - _OVERRULED) / (_EQUAL - _OVERRULED), 0.0, 1.0)
+    cosine = np.einsum("ij,ij->i", np.repeat(facets, 3, axis=0), facets[ruler[group]])
+    return np.where(cosine < np.cos(np.radians(HARD_ANGLE)), 1.0, shares).reshape(-1, 3)
 
 
 def snapped(corners: Array, facets: Array) -> Array:
