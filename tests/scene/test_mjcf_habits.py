@@ -219,8 +219,46 @@ def test_friction_of_geoms_is_taken_over(load):
     beside = plate('friction="0.2" pos="1 0 0"', 'name="other"').replace('pos="0 0 -.005"', "")
     scene = load(plate('friction="0.8"'), beside, tool(ball('friction="0.1"')))
     assert scene.force.friction == 0.0
-    assert noted(scene, "friction of geoms is not used, since it differs (0.2, 0.8)")
+    assert noted(scene, "friction is that of the geoms, the larger one of two: 0.1, 0.2, 0.8")
+    assert {b.name: b.friction for b in scene.bodies}["other"] == 0.2
     assert load(plate(), tool(ball())).force.friction == 0.0
+
+
+def drag(scene, x):
+    """Return the ratio of tangential to normal force of the tool, drawn along y at a place."""
+    simulation = asperity.Simulation(scene)
+    pose = np.array([x, 0.0, RADIUS - 1e-4, 1.0, 0.0, 0.0, 0.0])
+    for k in range(40):
+        pose[1] = 2e-5 * k
+        force = simulation.step(pose)[:3]
+    return -force[1] / force[2]
+
+
+def test_geoms_have_the_friction_of_their_own(load):
+    def box(x, more):
+        return f'<geom type="box" size=".01 .02 .005" pos="{x} 0 -.005" {more}/>'
+
+    halves = box(-0.01, 'friction=".5"') + box(0.01, 'friction=".2" name="right"')
+    scene = load(f'<body name="plate">{halves}</body>', tool(ball('friction=".1"')))
+    assert scene.force.friction == 0.0
+    assert drag(scene, -0.005) == pytest.approx(0.5, rel=1e-3)
+    assert drag(scene, 0.005) == pytest.approx(0.2, rel=1e-3)
+    # The document comes first, for a geom as for the whole.
+    toml = TOML + "[bodies.plate.geoms.right]\nfriction = 0.3\n"
+    scene = load(f'<body name="plate">{halves}</body>', tool(ball('friction=".1"')), toml=toml)
+    assert drag(scene, -0.005) == pytest.approx(0.5, rel=1e-3)
+    assert drag(scene, 0.005) == pytest.approx(0.3, rel=1e-3)
+    scene = load(
+        f'<body name="plate">{halves}</body>', tool(ball()), toml=TOML + "friction = 0.4\n"
+    )
+    assert drag(scene, -0.005) == pytest.approx(0.4, rel=1e-3)
+    # Less than the tool's own, by priority: no values of single geoms give that.
+    halves = halves.replace('friction=".2"', 'friction=".2" priority="1"')
+    one = 'friction=".3"'
+    scene = load(
+        f'<body name="plate">{halves}</body>', tool(ball(one) + ball(one.replace("3", "9")))
+    )
+    assert noted(scene, "friction of geoms is not used: by priority and condim it is 0.2, 0.5, 0.9")
 
 
 def test_what_is_not_used_is_noted(load):

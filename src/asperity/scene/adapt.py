@@ -18,6 +18,7 @@ from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import length
 from asperity.geometry.poses import rotation_of
+from asperity.scene.friction import frictions
 from asperity.scene.mjcf import compiled, is_touchable
 from asperity.texture.height_field import HeightField
 
@@ -53,8 +54,8 @@ class Adapted:
         Of the model, if anything was changed.
     textures : dict of str to (HeightField, (2,) array)
         Height fields by body, and where on it their middles are [m].
-    friction : float or None
-        Coefficient that the file gives to all contacts of the tool.
+    frictions : dict of int to float
+        Coefficients of the geoms of `model`, if the file states any: in a pair the larger counts.
     tool : str
         Name of the body that is held.
     notes : list of str
@@ -63,7 +64,7 @@ class Adapted:
     model: mujoco.MjModel
     spec: Any = None
     textures: dict[str, tuple[HeightField, Array]] = field(default_factory=dict)
-    friction: float | None = None
+    frictions: dict[int, float] = field(default_factory=dict)
     tool: str = ""
     notes: list[str] = field(default_factory=list)
 
@@ -111,7 +112,7 @@ def adapted(xml: str, tool: object = None) -> Adapted:
         except ValueError as error:
             reason = " ".join(str(error).split())[:200]
             raise AsperityError(f"scene.xml cannot be adapted: {reason}") from None
-    _read_contact(xml, model, touched, tool_id, out)
+    _read_contact(xml, out)
     return out
 
 
@@ -307,43 +308,19 @@ def _refined(values: Array) -> Array:
     return values
 
 
-def _read_contact(
-    xml: str, model: mujoco.MjModel, touched: list[int], tool: int, out: Adapted
-) -> None:
+def _read_contact(xml: str, out: Adapted) -> None:
     """Read what the file states of friction, and note what it states and is not used."""
-    stated = _stated(xml)
+    stated, model = _stated(xml), out.model
     for key, instead in _NOT_READ.items():
         if key in stated:
             out.notes.append(f"{key} of geoms is not used: {instead}")
     left_out = [words for name, words in _UNUSED_ELEMENTS.items() if name in stated["elements"]]
     if left_out:
         out.notes.append(f"not used of scene.xml: {', '.join(left_out)}")
-    if "friction" not in stated or tool < 0:
+    bodies = {model.body(i).name: i for i in range(1, model.nbody)}
+    if "friction" not in stated or out.tool not in bodies:
         return
-    mine = [
-        i for i in touched if model.body_weldid[model.geom_bodyid[i]] == model.body_weldid[tool]
-    ]
-    others = [i for i in touched if i not in mine]
-    values = sorted({_friction(model, i, j) for i in mine for j in others})
-    if not values:
-        return
-    if len(values) == 1:
-        out.friction = values[0]
-    else:
-        shown = ", ".join(f"{value:.3g}" for value in values[:5])
-        out.notes.append(
-            f"friction of geoms is not used, since it differs ({shown}): force.friction holds"
-        )
-
-
-def _friction(model: mujoco.MjModel, i: int, j: int) -> float:
-    """Return MuJoCo's coefficient of sliding friction between two geoms."""
-    if max(model.geom_condim[i], model.geom_condim[j]) == 1:
-        return 0.0
-    first, second = model.geom_priority[i], model.geom_priority[j]
-    if first != second:
-        return float(model.geom_friction[i if first > second else j, 0])
-    return float(max(model.geom_friction[i, 0], model.geom_friction[j, 0]))
+    out.frictions = frictions(model, bodies[out.tool], out.notes)
 
 
 def _stated(xml: str) -> dict[str, Any]:

@@ -62,6 +62,7 @@ from asperity.scene.document import (
     tables_with_files,
     write_toml,
 )
+from asperity.scene.friction import settings_with, with_frictions
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
 from asperity.scene.texture import body_surface
@@ -280,17 +281,20 @@ def scene_of(
     start = tool_start(model, tool)
     cut, cut_notes = with_convex_pieces(xml, model, prepared.spec)
     solids = touchable_geoms(cut)
+    force, anti_alias = _force(document.get("force", {}))
+    force, frictions = settings_with(
+        force, prepared.frictions, document.get("force", {}), prepared.notes
+    )
     bodies = []
     for body, geoms in owned.items():
         table = document.get("bodies", {}).get(body, {})
-        bodies.append(_body(model, body, geoms, [geom for _, geom in solids[body]], table, folder))
+        made = _body(model, body, geoms, [geom for _, geom in solids[body]], table, folder)
+        values = [frictions[number] for number, _ in geoms if number in frictions]
+        bodies.append(with_frictions(made, values, prepared.notes) if values else made)
         if body in prepared.textures and "texture" not in table:
             texture, middle = prepared.textures[body]
             bodies[-1] = replace(bodies[-1], texture=texture, offset=tuple(middle))
-    force, anti_alias = _force(document.get("force", {}))
     coupling = _coupling(document.get("coupling", {}))
-    if prepared.friction is not None:
-        force = _with_friction(force, prepared.friction, document.get("force", {}), prepared.notes)
     return Scene(
         name=name,
         xml=xml,
@@ -358,20 +362,6 @@ def _force(table: Table) -> tuple[ForceSettings, str]:
     at("force.anti_alias", lambda: require_choice("mode", mode, ANTI_ALIAS_MODES))
     options = arguments(rest, "force", ForceSettings)
     return at("force", lambda: ForceSettings(**options)), mode
-
-
-def _with_friction(
-    force: ForceSettings, friction: float, table: Table, notes: list[str]
-) -> ForceSettings:
-    """Return settings with the friction that scene.xml gives to its geoms, if there is no other."""
-    if "friction" in table:
-        if table["friction"] != friction:
-            notes.append(
-                f"friction is {force.friction:.4g}, of force.friction; geoms have {friction:.4g}"
-            )
-        return force
-    notes.append(f"friction is {friction:.4g}, as MuJoCo takes it from the geoms")
-    return at("friction of geoms", lambda: replace(force, friction=friction))
 
 
 def _coupling(table: Table) -> CouplingSettings:
