@@ -94,11 +94,12 @@ def test_maps_that_are_not_used_are_named(tile):
     assert noted(scene, "displacement map lost.png is not there")
     smooth = tile(["map_Kd tile_Color.png"], ["Color"])
     assert target_of(asperity.make_scene(tool="sphere:3mm", target=smooth)).texture is None
-    mesh = tile(["disp tile_Displacement.png", "newmtl b", "norm tile_NormalGL.png"], ["NormalGL"])
+    mesh = tile(["disp lost.png", "newmtl b", "norm tile_NormalGL.png"], ["NormalGL"])
     text = mesh.read_text().split("\n")
     mesh.write_text("\n".join([*text[:-3], "usemtl b", *text[-3:]]))
     scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
-    assert noted(scene, "2 materials, whose maps are not used", "tile_NormalGL.png of 'b'")
+    assert noted(scene, "material 'tile': its displacement map", "is not there")
+    assert noted(scene, "material 'b'", "cover no area, so its maps are not used: tile_NormalGL")
     smooth = asperity.make_scene(
         tool="sphere:3mm", target=tile(["map_Kd tile_Color.png"], ["Color"])
     )

@@ -8,18 +8,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity._core.kernels import cache_folder
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material, maps_by_name
 from asperity.geometry.mesh.mesh import Mesh
+from asperity.geometry.mesh.topology import crosses
+from asperity.scene.mesh import has_area
 from asperity.texture.files.colours import unit_vectors
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 
@@ -27,10 +31,12 @@ _FLATTEST = 1e-4
 """RMS slope under which a normal map is flat."""
 
 
-def own_texture(
+def own_textures(
     path: Path, mesh: Mesh, unit: str, notes: list[str]
-) -> tuple[dict[str, Any] | None, Mapping[str, MapImage]]:
-    """Return the texture table of the map that a mesh's file brings, or None, and its maps.
+) -> dict[str, tuple[dict[str, Any], Mapping[str, MapImage]]]:
+    """Return the texture tables of the maps that a mesh's file brings, and its maps.
+
+    By name of the material that has them, or "" for the whole mesh.
 
     Parameters
     ----------
@@ -42,37 +48,60 @@ def own_texture(
     notes : list of str
         Gets notes on what is used and what is not.
     """
-    materials = [m for m in mesh.materials if m.felt is not None]
-    if len(mesh.materials) > 1 and materials:
-        names = ", ".join(f"{m.maps[m.felt].name} of {m.name!r}" for m in materials if m.felt)
-        notes.append(
-            f"it has {len(mesh.materials)} materials, whose maps are not used: {names[:200]}; give "
-            "one as the texture, or each material's part as a mesh"
-        )
-        return None, {}
-    maps = dict(materials[0].maps) if materials else _beside(path, mesh.materials)
-    if not any(kind in maps for kind in FELT):
-        return None, {}
-    if mesh.uv is None:
-        notes.append(
-            "it has no texture coordinates, so its maps are not used: "
-            f"{', '.join(picture.name for picture in maps.values())}"
-        )
-        return None, {}
-    return texture_of(maps, UNITS[unit], notes), maps
-
-
-def _beside(path: Path, materials: tuple[Material, ...]) -> dict[str, MapImage]:
-    """Return maps beside a mesh by their names: those of its picture of colours, or its own."""
     files = list(path.parent.iterdir())
-    for material in materials:
-        colour = material.maps.get("colour")
-        if colour is not None and colour.path is not None:
-            stem = _common(colour.path.stem)
-            found = maps_by_name(files, stem) if stem else {}
-            if any(kind in found for kind in FELT):
-                return found
-    return maps_by_name(files, path.stem)
+    found = {
+        material.name: dict(material.maps) if material.felt else _beside(files, material)
+        for material in mesh.materials
+    }
+    found = {name: maps for name, maps in found.items() if any(kind in maps for kind in FELT)}
+    if not found:
+        maps = maps_by_name(files, path.stem)
+        found = {"": maps} if any(kind in maps for kind in FELT) else {}
+    elif len(mesh.materials) == 1 and mesh.material is not None and mesh.material.min() >= 0:
+        found = {"": next(iter(found.values()))}
+    if mesh.uv is None and found:
+        names = [picture.name for maps in found.values() for picture in maps.values()]
+        notes.append(
+            "it has no texture coordinates, so its maps are not used: " + ", ".join(names)[:200]
+        )
+        return {}
+    out: dict[str, tuple[dict[str, Any], Mapping[str, MapImage]]] = {}
+    for name, maps in found.items():
+        own: list[str] = []
+        table = None
+        if has_area(part_of(mesh, name)):
+            table = texture_of(maps, UNITS[unit], own)
+        else:
+            own.append(
+                "its texture coordinates cover no area, so its maps are not used: "
+                + ", ".join(picture.name for picture in maps.values())[:200]
+            )
+        notes += [f"material {name!r}: {note}" for note in own] if name else own
+        if table is not None:
+            out[name] = table, maps
+    smooth = [material.name for material in mesh.materials if material.name not in out]
+    if out and "" not in out and smooth:
+        notes.append(f"smooth, since no map is there for them: {', '.join(smooth)[:200]}")
+    return out
+
+
+def part_of(mesh: Mesh, name: str) -> Mesh:
+    """Return the triangles of a material, or the whole mesh for ""."""
+    if not name or mesh.material is None:
+        return mesh
+    which = mesh.material == [material.name for material in mesh.materials].index(name)
+    uv = None if mesh.uv is None else mesh.uv[which]
+    return replace(
+        mesh, faces=mesh.faces[which], normals=mesh.normals[which], uv=uv,
+        material=mesh.material[which],
+    )  # fmt: skip
+
+
+def _beside(files: list[Path], material: Material) -> dict[str, MapImage]:
+    """Return maps beside a mesh by their names: those of a material's picture of colours."""
+    colour = material.maps.get("colour")
+    stem = _common(colour.path.stem) if colour is not None and colour.path is not None else ""
+    return maps_by_name(files, stem) if stem else {}
 
 
 def _common(stem: str) -> str:
@@ -126,15 +155,27 @@ def texture_of(
 def seen_colour(mesh: Mesh, maps: Mapping[str, MapImage], notes: list[str]) -> str | None:
     """Return the colour in which a mesh is shown, as MJCF has it; None if it states none.
 
-    It is the material's colour times the mean of its picture of colours.
+    It is that of its materials, weighted by their areas: the material's colour times the mean of
+    its picture of colours.
     """
-    if len(mesh.materials) > 1:
-        return None
-    material = mesh.materials[0] if mesh.materials else None
-    colour = np.ones(3) if material is None or material.colour is None else material.colour
-    picture = maps.get("colour") or (material.maps.get("colour") if material else None)
+    alone = mesh.materials if len(mesh.materials) > 1 else [*mesh.materials, Material("")][:1]
+    colours, weights = [], []
+    area = np.linalg.norm(crosses(mesh.vertices[mesh.faces]), axis=1)
+    for number, material in enumerate(alone):
+        extra = maps if len(alone) == 1 else {}
+        colour = _colour(material, extra.get("colour") or material.maps.get("colour"), notes)
+        which = mesh.material == number if len(alone) > 1 else np.ones(len(area), dtype=bool)
+        if colour is not None:
+            colours.append(colour)
+            weights.append(float(area[which].sum()))
+    return _rgba(np.average(colours, axis=0, weights=weights)) if colours else None
+
+
+def _colour(material: Material, picture: MapImage | None, notes: list[str]) -> Array | None:
+    """Return the mean colour of a material (3,), 0 to 1; None if it states none."""
+    own = None if material.colour is None else np.asarray(material.colour)
     if picture is None or not picture.is_there:
-        return None if material is None or material.colour is None else _rgba(colour)
+        return own
     try:
         pixels = _pixels(_file_of(picture))
     except AsperityError:
@@ -143,7 +184,7 @@ def seen_colour(mesh: Mesh, maps: Mapping[str, MapImage], notes: list[str]) -> s
     most = np.iinfo(pixels.dtype).max if pixels.dtype.kind in "ui" else 1.0
     mean = pixels.reshape(*pixels.shape[:2], -1)[..., :3].mean(axis=(0, 1)) / most
     notes.append(f"it is shown in the mean colour of {picture.name}")
-    return _rgba(np.clip(np.asarray(colour) * mean, 0.0, 1.0))
+    return np.clip((np.ones(3) if own is None else own) * mean, 0.0, 1.0)
 
 
 def _rgba(colour: Any) -> str:

@@ -65,9 +65,11 @@ def check_document(document: Table, body_names: Iterable[str]) -> None:
     for name, table in document.get("bodies", {}).items():
         _require_body(name, "bodies", names)
         require_table(table, f"bodies.{name}")
-        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "geoms"))
-        for part in (*PARTS, "geoms"):
+        require_keys(table, f"bodies.{name}", ("mesh", *SURFACE, "materials", "geoms"))
+        for part in (*PARTS, "materials", "geoms"):
             require_table(table.get(part, {}), f"bodies.{name}.{part}")
+        for material, texture in table.get("materials", {}).items():
+            require_table(texture, f"bodies.{name}.materials.{material}")
         for geom, surface in table.get("geoms", {}).items():
             key = f"bodies.{name}.geoms.{geom}"
             require_table(surface, key)
@@ -176,6 +178,7 @@ def tables_with_files(document: Table) -> list[Any]:
     bodies = document.get("bodies", {}).values()
     owners = [owner for body in bodies for owner in (body, *body.get("geoms", {}).values())]
     tables = [owner[part] for owner in owners for part in PARTS if part in owner]
+    tables += [table for body in bodies for table in body.get("materials", {}).values()]
     return [t for t in [*tables, document.get("trajectory", {})] if "file" in t]
 
 

@@ -24,7 +24,8 @@ from asperity.geometry.mesh.materials import MapImage
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.asset import (
     folder_maps,
-    own_texture,
+    own_textures,
+    part_of,
     range_from_normals,
     seen_colour,
     texture_of,
@@ -174,7 +175,12 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
     body: dict[str, Any] = {"mesh": table}
     laid, maps = _texture(which, texture, notes)
     if texture is None and "file" in table:
-        laid, maps = own_texture(Path(table["file"]), mesh, table.get("unit", "m"), notes)
+        own = own_textures(Path(table["file"]), mesh, table.get("unit", "m"), notes)
+        laid, maps = own.pop("", (None, {}))
+        for name, (of_material, its_maps) in own.items():
+            part = part_of(mesh, name)
+            _scale(of_material, part.vertices[part.faces].reshape(-1, 3), part, its_maps, notes)
+            body.setdefault("materials", {})[name] = of_material
     if laid is not None:
         key = f"{which}_texture"
         mesh = _with_mapping(laid, table, mesh, key, notes)

@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from asperity._core.arrays import Array, Indices
+from asperity._core.arrays import Array, Indices, Mask
 from asperity.errors import AsperityError, require_finite
 from asperity.geometry.bodies import Geom, unit_quaternion
 from asperity.geometry.mesh.atlas import with_atlas
@@ -256,12 +256,22 @@ def check_pieces(mesh: Mesh, geoms: Sequence[Geom], key: str) -> None:
 def uv_size(mesh: Mesh) -> tuple[float, float]:
     """Return how far one unit of u and one of v reach on a mesh [m], averaged over its area."""
     assert mesh.uv is not None
-    triangles = mesh.vertices[mesh.faces]
+    triangles, laid = mesh.vertices[mesh.faces], _laid(mesh.uv)
     per_metre = np.linalg.norm(gradients(triangles, mesh.uv), axis=2)  # of u and v, on each
-    twice = mesh.uv[:, 1:] - mesh.uv[:, :1]
-    laid = np.abs(twice[:, 0, 0] * twice[:, 1, 1] - twice[:, 0, 1] * twice[:, 1, 0]) > 1e-12
     area = np.linalg.norm(crosses(triangles), axis=1) * laid
     mean = np.average(per_metre, axis=0, weights=area) if laid.any() else np.zeros(2)
     if not (mean > 0.0).all():
         raise AsperityError(f"mesh {mesh.name!r} has texture coordinates that cover no area")
     return 1.0 / float(mean[0]), 1.0 / float(mean[1])
+
+
+def has_area(mesh: Mesh) -> bool:
+    """Return whether texture coordinates cover some area."""
+    return mesh.uv is not None and bool(_laid(mesh.uv).any())
+
+
+def _laid(uv: Array) -> Mask:
+    """Return which triangles cover an area of the texture, (m, 3, 2) -> (m,)."""
+    sides = uv[:, 1:] - uv[:, :1]
+    cross = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    return np.asarray(np.abs(cross) > 1e-12)

@@ -35,6 +35,9 @@ def scale_rows(scene: Scene) -> list[ScaleRow]:
             rows.append(ScaleRow(body.name, "size", f"{size} mm", _unit(body, mesh)))
         if body.texture is not None and "file" in texture:
             rows += _texture_rows(scene, body, texture)
+        for name, of_material in table.get("materials", {}).items():
+            if "file" in of_material:
+                rows += _material_rows(scene, body, name, of_material)
     return rows
 
 
@@ -64,6 +67,30 @@ def _texture_rows(scene: Scene, body: Body, table: Table) -> list[ScaleRow]:
     """Return the rows of a texture from a file: its extent and pixels, and its relief."""
     field = body.texture
     assert field is not None
+    size = " x ".join(f"{1e3 * side:.4g}" for side in field.size)
+    pixel = " x ".join(dict.fromkeys(length(side) for side in field.pixel_size))
+    sources = _sources(scene, table)
+    return [
+        ScaleRow(body.name, "texture", f"{size} mm, pixels of {pixel}", sources[0]),
+        ScaleRow(body.name, "relief", length(field.relief), sources[1]),
+    ]
+
+
+def _material_rows(scene: Scene, body: Body, name: str, table: Table) -> list[ScaleRow]:
+    """Return the rows of the texture of one material, of what its table states."""
+    size, relief = table.get("pixel_size"), table.get("height_range")
+    pair = size if isinstance(size, list | tuple) else [size]
+    pixel = " x ".join(dict.fromkeys("?" if side is None else length(side) for side in pair))
+    height = "as its file has it" if relief is None else length(relief)
+    sources = _sources(scene, table)
+    return [
+        ScaleRow(body.name, f"texture of {name}", f"pixels of {pixel}", sources[0]),
+        ScaleRow(body.name, f"relief of {name}", height, sources[1]),
+    ]
+
+
+def _sources(scene: Scene, table: Table) -> tuple[str, str]:
+    """Return where the extent of a texture and its relief come from."""
     name = Path(table["file"]).name
 
     def source(key: str, keys: tuple[str, ...]) -> str:
@@ -73,17 +100,9 @@ def _texture_rows(scene: Scene, body: Body, table: Table) -> list[ScaleRow]:
             return f"{ASSUMED}: {why}"
         return f"{GIVEN}" if any(k in table for k in keys) else f"{READ}: {name}"
 
-    size = " x ".join(f"{1e3 * side:.4g}" for side in field.size)
-    pixel = " x ".join(dict.fromkeys(length(side) for side in field.pixel_size))
     of_normals = str(table.get("kind", "")).startswith("normal") and "height_range" not in table
     relief = f"{READ}: from the normals and the size" if of_normals else None
-    return [
-        ScaleRow(
-            body.name, "texture", f"{size} mm, pixels of {pixel}",
-            source("size", ("pixel_size", "size")),
-        ),
-        ScaleRow(
-            body.name, "relief", length(field.relief),
-            relief or source("height_range", ("height_range", "unit")),
-        ),
-    ]  # fmt: skip
+    return (
+        source("size", ("pixel_size", "size")),
+        relief or source("height_range", ("height_range", "unit")),
+    )

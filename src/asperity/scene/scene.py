@@ -65,6 +65,7 @@ from asperity.scene.document import (
 from asperity.scene.friction import settings_with, with_frictions
 from asperity.scene.mesh import copy_with_companions, geoms_mesh
 from asperity.scene.mjcf import read_mjcf, tool_start, touchable_geoms
+from asperity.scene.regions import material_surface
 from asperity.scene.texture import body_surface
 from asperity.scene.trajectory import KINDS, ScriptedMotion, Trajectory
 from asperity.scene.trajectory_file import read_poses
@@ -186,6 +187,7 @@ class Scene:
         for body in self.bodies:
             table = tables.setdefault(body.name, {})
             table["texture"] = {}  # none, also where the MJCF brings one
+            table.pop("materials", None)
             for geom in table.get("geoms", {}).values():
                 geom.pop("texture", None)
         return scene_of(self.xml, document, name=self.name, folder=self.folder)
@@ -328,6 +330,8 @@ def _body(
     key = f"bodies.{name}"
     mesh = geoms_mesh(model, name, geoms, table.get("mesh", {}), f"{key}.mesh", folder)
     own = body_surface(table, key, folder)
+    if table.get("materials"):
+        mesh, own = material_surface(mesh, table["materials"], f"{key}.materials", folder, own)
     names = [model.geom(number).name or str(i) for i, (number, _) in enumerate(geoms)]
     for geom, surface in table.get("geoms", {}).items():
         if mesh is not None or geom not in names:

@@ -182,16 +182,21 @@ def with_texture(
     """
     scene = config.scene
     texture_of(scene, body)
-    old = dict(scene.document.get("bodies", {}).get(body, {}).get("texture", {}))
+    known = scene.document.get("bodies", {}).get(body, {})
+    old = dict(known.get("texture", {}))
     placing = {key: old[key] for key in PLACING if key in old}
     mesh = next(b.mesh for b in scene.bodies if b.name == body)
     placing.setdefault("mapping", "triplanar" if mesh is not None else "planar")
     if kind == SMOOTH:
-        return replace(config, scene=scene.changed(bodies={body: {"texture": None}}))
+        change: dict[str, Any] = {"texture": None, "materials": None}
+        return replace(config, scene=scene.changed(bodies={body: change}))
     table: dict[str, Any] = {**old}
     if kind == AS_IT_IS:
+        if known.get("materials") and relief is None and pixel_size is None:
+            return config
         if not old:
-            raise AsperityError(f"{body} is smooth; choose a texture for it")
+            smooth = "has a map for each material" if known.get("materials") else "is smooth"
+            raise AsperityError(f"{body} {smooth}; choose a texture for it")
     elif isinstance(kind, str):
         require_choice("texture", kind, [AS_IT_IS, SMOOTH, *EXAMPLES])
         table = {"kind": kind, **EXAMPLES[kind], **placing}
@@ -199,7 +204,8 @@ def with_texture(
         table = {**kind, **placing}
     table = scaled_texture(table, relief=relief, pixel_size=pixel_size, folder=scene.folder)
     gone = dict.fromkeys(key for key in old if key not in table)
-    return replace(config, scene=scene.changed(bodies={body: {"texture": {**gone, **table}}}))
+    change = {"texture": {**gone, **table}, "materials": None}
+    return replace(config, scene=scene.changed(bodies={body: change}))
 
 
 def with_meshes(

@@ -35,24 +35,27 @@ class Corners(NamedTuple):
     faces : (m, 3) int64 array
     uv : (m, 3, 2) array or None
     normals : (m, 3, 3) array or None
+    material : (m,) int64 array or None
+        Number of the material of each triangle, -1: none.
     """
 
     vertices: Array
     faces: Indices
     uv: Array | None = None
     normals: Array | None = None
+    material: Indices | None = None
 
     def kept(self, which: NDArray[Any]) -> Corners:
         """Return the mesh with only some of the triangles, given as a mask or as indices."""
-        uv, normals = (None if a is None else a[which] for a in (self.uv, self.normals))
-        return Corners(self.vertices, self.faces[which], uv, normals)
+        rest = (None if a is None else a[which] for a in (self.uv, self.normals, self.material))
+        return Corners(self.vertices, self.faces[which], *rest)
 
     def turned(self, which: Mask) -> Corners:
         """Return the mesh with the triangles of a mask wound the other way round."""
         order = np.where(which[:, None], (0, 2, 1), (0, 1, 2))
         rows = np.arange(len(order))[:, None]
         uv, normals = (None if a is None else a[rows, order] for a in (self.uv, self.normals))
-        return Corners(self.vertices, self.faces[rows, order], uv, normals)
+        return Corners(self.vertices, self.faces[rows, order], uv, normals, self.material)
 
 
 def refuse(name: str, reason: str) -> NoReturn:
@@ -60,7 +63,9 @@ def refuse(name: str, reason: str) -> NoReturn:
     raise AsperityError(f"mesh {name!r}: {reason}") from None
 
 
-def checked_corners(vertices: Any, faces: Any, uv: Any, normals: Any, name: str) -> Corners:
+def checked_corners(
+    vertices: Any, faces: Any, uv: Any, normals: Any, name: str, material: Any = None
+) -> Corners:
     """Return the four arrays as `Corners`, or raise `AsperityError` naming the invalid value."""
     points = _numbers(name, "vertices", vertices)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -82,6 +87,11 @@ def checked_corners(vertices: Any, faces: Any, uv: Any, normals: Any, name: str)
     if normals is not None:
         values = _at_corners(name, "normals", _numbers(name, "normals", normals), corners, 3)
         corners = corners._replace(normals=values)
+    if material is not None:
+        numbers = _whole_numbers(name, material)
+        if numbers.shape != (len(triangles),):
+            refuse(name, f"material has shape {numbers.shape}; valid: ({len(triangles)},)")
+        corners = corners._replace(material=numbers)
     return corners
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,23 +81,23 @@ def read_mesh(
     if len(parts) > 1:
         notes.append(f"{len(parts)} geometries put together")
     unit = _unit(path, contents, unit, notes)
+    parts = _with_uv(parts, contents, notes)
     uv, normals = _of_all(parts, "uv", notes), _of_all(parts, "normals", notes)
     vertices = np.concatenate([part.vertices for part in parts])
     first = np.cumsum([0] + [len(part.vertices) for part in parts])
     faces = np.concatenate([part.faces + n for part, n in zip(parts, first[:-1], strict=True)])
     _check_unit(name, vertices, faces, unit)
+    materials, numbers = _used(contents)
     mesh = mesh_from_arrays(
-        vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle, name=name
-    )
+        vertices * UNITS[unit], faces, uv=uv, normals=normals, hard_angle=hard_angle, name=name,
+        material=np.repeat(numbers, [len(part.faces) for part in parts]),
+    )  # fmt: skip
     coarse = coarse_note(vertices[np.unique(faces)], UNITS[unit])
     if coarse is not None:
         notes.append(coarse)
     if normals is not None and hard_angle is None:
         notes.append("the file's normals carry the displacement")
-    materials = _used(contents)
-    return Mesh(
-        mesh.vertices, mesh.faces, mesh.normals, mesh.uv, name, (*notes, *mesh.notes), materials
-    )
+    return replace(mesh, notes=(*notes, *mesh.notes), materials=materials)
 
 
 def read_contents(path: Path) -> Contents:
@@ -145,10 +146,42 @@ def _laid(part: FilePart, contents: Contents) -> FilePart:
     return FilePart(part.corners._replace(uv=part.corners.uv * scale + offset), part.material)
 
 
-def _used(contents: Contents) -> tuple[Material, ...]:
-    """Return the materials that parts have."""
-    numbers = sorted({part.material for part in contents.parts if part.material >= 0})
-    return tuple(contents.materials[number] for number in numbers)
+def _with_uv(parts: list[Corners], contents: Contents, notes: list[str]) -> list[Corners]:
+    """Return the parts; if maps can be felt on others, those that have none get coordinates of 0.
+
+    A texture of all would be smooth there, and the maps of the others are not lost.
+    """
+    felt = [
+        part.material >= 0 and contents.materials[part.material].felt is not None
+        for part in contents.parts
+    ]
+    bare = [part.uv is None for part in parts]
+    if not any(bare) or not any(felt) or any(b and f for b, f in zip(bare, felt, strict=True)):
+        return parts
+    lack = count_of(sum(bare), "geometry", "geometries")
+    notes.append(f"{lack} of {len(parts)} without texture coordinates, and without maps: smooth")
+    return [
+        part._replace(uv=np.zeros((*part.faces.shape, 2))) if part.uv is None else part
+        for part in parts
+    ]
+
+
+def _used(contents: Contents) -> tuple[tuple[Material, ...], list[int]]:
+    """Return the materials that parts have, no two of one name, and the number of each part's."""
+    used = sorted({part.material for part in contents.parts if part.material >= 0})
+    places = {number: place for place, number in enumerate(used)}
+    names: list[str] = []
+    for number in used:
+        name, count = contents.materials[number].name, 1
+        while name in names:
+            count += 1
+            name = f"{contents.materials[number].name}-{count}"
+        names.append(name)
+    materials = tuple(
+        replace(contents.materials[number], name=name)
+        for number, name in zip(used, names, strict=True)
+    )
+    return materials, [places.get(part.material, -1) for part in contents.parts]
 
 
 def _unit(path: Path, contents: Contents, unit: str | None, notes: list[str]) -> str:

@@ -41,6 +41,8 @@ class Mesh:
         Findings and repairs: mirrored charts, open borders, and so on.
     materials : tuple of Material
         Of the file, those that its parts have.
+    material : (m,) int64 array or None
+        Number of each triangle's material in `materials`, -1: none.
     """
 
     vertices: Array
@@ -50,6 +52,7 @@ class Mesh:
     name: str = "mesh"
     notes: tuple[str, ...] = ()
     materials: tuple[Material, ...] = ()
+    material: Indices | None = None
 
 
 def mesh_from_arrays(
@@ -59,6 +62,7 @@ def mesh_from_arrays(
     uv: ArrayLike | None = None,
     normals: ArrayLike | None = None,
     hard_angle: float | None = None,
+    material: ArrayLike | None = None,
     name: str = "mesh",
 ) -> Mesh:
     """Return a checked mesh of triangles, repaired where possible.
@@ -85,6 +89,8 @@ def mesh_from_arrays(
         Angle [degrees], 0 to 180, between the normals of two triangles beyond which their edge is
         hard; given normals are then ignored. None: the given normals, or 44 where there are none.
         180: no edge is hard.
+    material : (m,) array of int, optional
+        Number of the material of each triangle, which `Mesh.material` keeps; -1: none.
     name : str
         For messages.
 
@@ -106,7 +112,8 @@ def mesh_from_arrays(
     if hard_angle is not None:
         require_between("hard_angle", hard_angle, 0.0, 180.0, "degrees")
     notes: list[str] = []
-    corners, places = cleaned(checked_corners(vertices, faces, uv, normals, name), name, notes)
+    given_corners = checked_corners(vertices, faces, uv, normals, name, material)
+    corners, places = cleaned(given_corners, name, notes)
     corners = wound_alike(corners, places, notes)
     at = places[corners.faces]
     if corners.normals is None or hard_angle is not None:
@@ -120,10 +127,13 @@ def mesh_from_arrays(
     _note_crossings(corners, at, notes)
     if corners.uv is not None:
         notes += uv_notes(corners.vertices[corners.faces], corners.uv, at, edges_of(at))
-    for array in (corners.vertices, corners.faces, directions, corners.uv):
+    for array in (corners.vertices, corners.faces, directions, corners.uv, corners.material):
         if array is not None:
             array.setflags(write=False)
-    return Mesh(corners.vertices, corners.faces, directions, corners.uv, name, tuple(notes))
+    return Mesh(
+        corners.vertices, corners.faces, directions, corners.uv, name, tuple(notes),
+        material=corners.material,
+    )  # fmt: skip
 
 
 def _note_crossings(corners: Corners, at: Indices, notes: list[str]) -> None:

@@ -90,7 +90,7 @@ def _materials(
                 continue
             for material in read_mtl(library, out.notes):
                 found.setdefault(material.name, material)
-    return [material for name, material in found.items() if name in faces]
+    return [found.get(name, Material(name)) for name in faces if name]
 
 
 def _numbers(path: Path, key: str, rows: list[str], least: int, most: int, out: Contents) -> Array:
