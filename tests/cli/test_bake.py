@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 import trimesh
 from PIL import Image
 
@@ -40,6 +41,27 @@ def test_a_scan_is_baked_and_run(tmp_path, capsys):
     assert 0.1 < summary["largest_force_n"] < 1.0
 
 
+def test_a_normal_map_and_a_picture_in_colour_are_baked(tmp_path, capsys):
+    slope = 0.2 * np.cos(2 * np.pi * np.arange(64) / 16)
+    normal = np.stack([np.tile(slope, (64, 1)), np.zeros((64, 64)), np.ones((64, 64))], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    colours = np.round(127.5 * (normal + 1)).astype(np.uint8)
+    Image.fromarray(colours).save(tmp_path / "map.png")
+    for name, options in (
+        ("normal", ["--kind", "normal"]), ("red", ["--colour", "red", "--relief-mm", "0.1"]),
+    ):  # fmt: skip
+        out = ["--pixel-um", "50", "--out", str(tmp_path / name), "--no-picture"]
+        assert main(["bake", str(tmp_path / "map.png"), *options, *out]) == 0
+    report = json.loads((tmp_path / "normal" / "bake.json").read_text("utf-8"))
+    # A slope of 0.2 over a wave of 0.8 mm.
+    assert report["heights_um"][1] == pytest.approx(2 * 0.2 * 800 / (2 * np.pi), rel=0.05)
+    capsys.readouterr()
+    assert (
+        main(["bake", _stone(tmp_path / "a.stl"), "--colour", "red", "--out", str(tmp_path)]) == 2
+    )
+    assert "colour: for height maps" in capsys.readouterr().err
+
+
 def test_bad_input_is_one_line(tmp_path, capsys):
     stone, out = _stone(tmp_path / "stone.stl"), ["--out", str(tmp_path / "out")]
     for options, told in (
@@ -47,6 +69,7 @@ def test_bad_input_is_one_line(tmp_path, capsys):
         (["--size", "7"], "size must lie between 32 and 8192"),
         (["--unit", "ell"], "unknown unit 'ell'"),
         (["--pixel-um", "-1"], "--pixel-um"),
+        (["--relief-mm", "1"], "height_range: for height maps"),
     ):
         assert main(["bake", stone, *options, *out]) == 2
         said = capsys.readouterr().err

@@ -77,6 +77,13 @@ def test_a_scene_of_one_s_own_and_a_file_of_poses(tmp_path):
     assert summary["scene"] == "mine"
     assert summary["trajectory"] == {"kind": "poses", "file": "poses.csv", "seconds": 0.1}
     assert 0 < summary["contacts"]["ticks_in_contact"] <= 101
+    # The same motion with the real part last, in millimetres.
+    rows[:, 1:4] *= 1e3
+    np.savetxt(tmp_path / "p.csv", rows[:, [0, 1, 2, 3, 5, 6, 7, 4]], delimiter=",")
+    last = [*arguments[:2], "--trajectory", f"{tmp_path / 'p.csv'}:unit=mm", "--order", "xyzw"]
+    assert main([*last, "--out", str(tmp_path / "last")]) == 0
+    one, two = (read_recording(folder / "recording.h5") for folder in (out, tmp_path / "last"))
+    np.testing.assert_allclose(two.tool_pose, one.tool_pose, atol=1e-12)
 
 
 def test_the_same_command_gives_the_same_forces(tmp_path):
@@ -94,6 +101,8 @@ def test_the_same_command_gives_the_same_forces(tmp_path):
         (["probe-plat"], ["probe-plat", "did you mean 'probe-plate'"]),
         (["probe-plate", "--trajectory", "slid"], ["slid", "did you mean 'slide'"]),
         (["probe-plate", "--trajectory", "none.csv"], ["no such file", "none.csv"]),
+        (["probe-plate", "--trajectory", "a.csv:ordre=xyzw"], ["ordre", "order"]),
+        (["probe-plate", "--order", "xyzw"], ["--order needs a file of poses"]),
         (["probe-plate", "--speed-mm-s", "0"], ["--speed-mm-s", "between 0.1 and 10000"]),
         (["probe-plate", "--seconds", "nan"], ["--seconds", "nan"]),
         (["probe-plate", "--force-n", "1", "--depth-mm", "1"], ["--force-n", "--depth-mm"]),

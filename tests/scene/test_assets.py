@@ -11,7 +11,7 @@ from PIL import Image
 import asperity
 from asperity.errors import AsperityError
 from asperity.scene.scale import scale_rows, scale_table
-from asperity.scene.shorthand import pattern, primitive
+from asperity.scene.shorthand import file_table, pattern, primitive
 
 HALF, WAVES, AMPLITUDE = 0.02, 10, 4e-5
 TOP = np.array([(-HALF, -HALF, 0), (HALF, -HALF, 0), (HALF, HALF, 0), (-HALF, HALF, 0)])
@@ -236,6 +236,27 @@ def test_patterns_in_one_word():
     for text, said in (("knurl:0.8", "a length with a unit"), ("knurl:hight=1mm", "height")):
         with pytest.raises(AsperityError, match=said):
             pattern(text)
+
+
+def test_options_of_a_file_follow_it(tile, tmp_path):
+    text = "a:b/cast.png:colour=red,pixel_size=10um,size=20x10mm,invert=true,nodata=-9999,unit=mm"
+    assert file_table(text) == {
+        "file": "a:b/cast.png", "colour": "red", "pixel_size": pytest.approx(1e-5), "unit": "mm",
+        "size": pytest.approx([0.02, 0.01]), "invert": True, "nodata": -9999.0,
+    }  # fmt: skip
+    assert file_table("p.csv:order=time,x,y")["order"] == "time,x,y"
+    assert file_table("C:\\cast.png") == {"file": "C:\\cast.png"}
+    (tmp_path / "odd:name=1").write_bytes(b"")
+    assert list(file_table(str(tmp_path / "odd:name=1"))) == ["file"]
+    mesh = tile(kinds=["Displacement", "NormalGL"])
+    texture = f"{tmp_path / 'tile_NormalGL.png'}:kind=normal-directx,pixel_size=0.5mm"
+    scene = asperity.make_scene(tool="sphere:3mm", target=f"{mesh}:unit=cm", target_texture=texture)
+    assert target_of(scene).texture.pixel_size == pytest.approx((5e-4, 5e-4))
+    assert np.ptp(target_of(scene).mesh.vertices, axis=0)[0] == pytest.approx(4e-4)
+    with pytest.raises(AsperityError, match=r"kolour.*did you mean .*colour"):
+        asperity.make_scene(
+            tool="sphere:3mm", target=mesh, target_texture=f"{mesh}:kolour=red,pixel_size=1mm"
+        )
 
 
 def test_a_scene_in_two_words():

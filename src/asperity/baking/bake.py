@@ -83,6 +83,9 @@ def bake(
     base: str | os.PathLike[str] | None = None,
     pixel_size: float | None = None,
     height_range: float | None = None,
+    kind: str = "height",
+    colour: str | None = None,
+    nodata: float | None = None,
     picture: bool = True,
     overwrite: bool = False,
     on_progress: Progress | None = None,
@@ -116,6 +119,9 @@ def bake(
         texture coordinates are kept if they do not overlap.
     pixel_size, height_range : float, optional
         Of height maps whose file does not contain them [m], as for `HeightField.from_file`.
+    kind, colour, nodata
+        What a height map holds, as for `HeightField.from_file`: heights or normals; what its
+        colours mean; which value is a missing one.
     picture : bool
         Whether to draw `picture.png`.
     overwrite : bool
@@ -142,16 +148,21 @@ def bake(
     source = Path(os.path.expanduser(source))
     began = time.perf_counter()
     _check(faces, size, unit)
-    kind = kind_of(source)
+    file_kind = kind_of(source)
+    given = {"pixel_size": pixel_size, "height_range": height_range, "kind": kind,
+             "colour": colour, "nodata": nodata}  # fmt: skip
+    of_map = [name for name, value in given.items() if value not in (None, "height")]
+    if of_map and file_kind != "heights":
+        raise AsperityError(f"{source}: {', '.join(of_map)}: for height maps; leave it out")
     stages = _Stages(on_progress)
     with result_folder(Path(out), overwrite=overwrite) as folder:
-        if kind == "mesh":
+        if file_kind == "mesh":
             work = _mesh(source, faces, size, unit, up, base, folder, stages)
         else:
             for name, value in (("base", base), ("up", up)):
                 if value is not None:
                     raise AsperityError(f"{source}: {name}= is for meshes; leave it out")
-            work = _plate(source, kind, size, unit, pixel_size, height_range, folder, stages)
+            work = _plate(source, file_kind, size, unit, given, folder, stages)
         stages.at("pieces")
         pieces = convex_pieces(work.low)
         stages.at("scene")
@@ -276,8 +287,8 @@ def _base(path: Path, mesh: Mesh, unit: str, up: str | None) -> Mesh:
 
 
 def _plate(
-    source: Path, kind: str, size: int, unit: str | None, pixel_size: float | None,
-    height_range: float | None, folder: Path, stages: _Stages,
+    source: Path, kind: str, size: int, unit: str | None, given: dict[str, Any], folder: Path,
+    stages: _Stages,
 ) -> _Work:  # fmt: skip
     """Bake a height map or points to a plate."""
     stages.at("read")
@@ -299,9 +310,8 @@ def _plate(
     else:
         if unit is not None:
             raise AsperityError(f"{source}: unit= is for meshes and points; valid: pixel_size=")
-        field = HeightField.from_file(
-            source, pixel_size=pixel_size, height_range=height_range, missing="fill"
-        )
+        missing = "fill" if given["kind"] == "height" else "refuse"
+        field = HeightField.from_file(source, **given, missing=missing)
     notes += field.notes
     mesh, texture = plate_of(field, source.stem)
     low = write_mesh(mesh, folder, HARD_ANGLE)

@@ -36,6 +36,13 @@ class BakeCommand:
     """Sample spacing of a height map whose file does not give it."""
     relief_mm: Annotated[float | None, Range(1e-6, 100.0, "mm")] = None
     """Peak-to-valley height of a height map whose file gives no vertical scale."""
+    kind: str = "height"
+    """What a height map holds: height, or normal (also normal-opengl, normal-directx)."""
+    colour: str | None = None
+    """What the colours of a height map mean: luminance, red, green, blue, packed-rgb, terrain-rgb,
+    ... Default: refuse colours."""
+    nodata: float | None = None
+    """Value of a height map that stands for a missing one."""
     picture: bool = True
     """Draw picture.png."""
     out: Path = Path("out/bake")

@@ -31,18 +31,22 @@ def motion_of(
         Fields of `ScriptedMotion` in SI units; None for those that are not given. A press force
         takes the place of the scene's press depth.
     """
+    from asperity.scene.document import arguments
+    from asperity.scene.shorthand import file_table
     from asperity.scene.trajectory import KINDS, ScriptedMotion
     from asperity.scene.trajectory_file import read_poses
 
     given = {name: value for name, value in changes.items() if value is not None}
     if kind is not None and kind not in KINDS:
-        if Path(kind).suffix.lower() in POSE_FILES:
+        table = file_table(kind)
+        if Path(table["file"]).suffix.lower() in POSE_FILES:
             if given:
                 raise AsperityError(
                     f"{option} {kind} is a file of poses, which fixes {', '.join(given)}; "
                     "leave these options out"
                 )
-            return read_poses(kind)
+            rest = {key: value for key, value in table.items() if key != "file"}
+            return read_poses(table["file"], **arguments(rest, option, read_poses))
         require_choice(option, kind, [*KINDS, "FILE.csv, .npy or .npz"])
     motion = scene.motion
     if not isinstance(motion, ScriptedMotion):

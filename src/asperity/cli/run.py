@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _MOTION_OPTIONS = (
     "trajectory", "speed_mm_s", "length_mm", "direction_deg", "radius_mm", "turning_deg_s",
-    "force_n", "depth_mm", "hand",
+    "force_n", "depth_mm", "order", "hand",
 )  # fmt: skip
 """Options of the motion, which only a simulated hand follows."""
 
@@ -44,7 +44,8 @@ class RunCommand:
     """Mesh of the object that the tool moves over, or a solid."""
     tool_texture: str | None = None
     """Height map on the tool: an image, an array, an instrument's file, a folder of maps, or a
-    pattern: knurl:0.8mm. Default: the displacement or normal map that the mesh brings."""
+    pattern: knurl:0.8mm. Options of a file follow it: cast.png:colour=red,pixel_size=10um. Default:
+    the displacement or normal map that the mesh brings."""
     target_texture: str | None = None
     """Height map on the target. Default: the one that the mesh brings, else smooth."""
     tool_unit: str | None = None
@@ -60,7 +61,10 @@ class RunCommand:
     target_relief_mm: Annotated[float | None, Range(1e-6, 100.0, "mm")] = None
     """Peak-to-valley height of the target's texture. Default: the file's, or 0.2."""
     trajectory: str | None = None
-    """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz)."""
+    """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz), also with
+    options: poses.csv:unit=mm."""
+    order: str | None = None
+    """Order of quaternions in a file of poses without names of columns: wxyz or xyzw."""
     seconds: Annotated[float | None, Range(0.01, 3600.0, "s")] = None
     """Duration of a scripted trajectory; with a device, of the session (default: until Ctrl-C)."""
     speed_mm_s: Annotated[float | None, Range(0.1, 1e4, "mm/s")] = None
@@ -199,7 +203,7 @@ class RunCommand:
     def _scene_of_meshes(self) -> Scene:
         """Return the scene of the meshes and textures that the options name."""
         from asperity.scene.from_files import make_scene
-        from asperity.scene.shorthand import pattern, primitive
+        from asperity.scene.shorthand import file_table, pattern, primitive
 
         values = in_si(self)
         options: dict[str, Any] = {}
@@ -209,13 +213,13 @@ class RunCommand:
             if unit is not None:
                 if primitive(options[body]) is not None:
                     raise AsperityError(f"--{body}-unit is for meshes; {options[body]} has a unit")
-                options[body] = {"file": options[body], "unit": unit}
+                options[body] = file_table(options[body]) | {"unit": unit}
             texture = options[f"{body}_texture"] = getattr(self, f"{body}_texture")
             mapping = getattr(self, f"{body}_mapping")
             if texture is None or (mapping is None and relief is None):
                 continue
             named = pattern(texture)
-            table: dict[str, Any] = {"file": texture} if named is None else named[0]
+            table: dict[str, Any] = file_table(texture) if named is None else named[0]
             if mapping is not None:
                 table["mapping"] = mapping
             if relief is not None:
@@ -233,7 +237,12 @@ class RunCommand:
             "direction": options.direction, "radius": options.radius, "turning": options.turning,
             "press_force": options.force, "press_depth": options.depth,
         }  # fmt: skip
-        return motion_of(scene, "--trajectory", self.trajectory, changes)
+        kind = self.trajectory
+        if self.order is not None:
+            if kind is None:
+                raise AsperityError("--order needs a file of poses, --trajectory FILE")
+            kind += f"{',' if '=' in kind else ':'}order={self.order}"
+        return motion_of(scene, "--trajectory", kind, changes)
 
     def _print(self, summary: dict[str, Any]) -> None:
         us, status = summary["tick_us"], summary["status"]

@@ -35,7 +35,7 @@ from asperity.scene.mesh import body_mesh, body_pieces, uv_size
 from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
-from asperity.scene.shorthand import pattern, primitive
+from asperity.scene.shorthand import file_table, pattern, primitive
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 
 HEIGHT_RANGE = 2e-4
@@ -103,7 +103,8 @@ def make_scene(
         "box:20x10x5mm", "capsule:3x20mm", "cylinder:...", "ellipsoid:..." (`scene.shorthand`).
     tool_texture, target_texture : path or mapping, optional
         A file of heights, or what would stand under `[bodies.NAME.texture]`; a folder of maps by
-        their names; or a pattern with parameters, "knurl:0.8mm". Without, the displacement or
+        their names; or a pattern with parameters, "knurl:0.8mm". A file may have options behind
+        it, "cast.png:colour=red,pixel_size=10um". Without, the displacement or
         normal map that the mesh's material names, or that lies beside it by its name; if there is
         none the body is smooth. Where not given: *mapping* is "uv" for files (texture coordinates
         are made where the mesh has none) and "triplanar" for patterns; *height_range* of an image
@@ -251,7 +252,9 @@ def _near_origin(table: dict[str, Any], which: str, mesh: Mesh, notes: list[str]
 
 def _table(key: str, source: File) -> dict[str, Any]:
     """Return a path or a mapping as a table; the path absolute."""
-    table = {"file": str(source)} if isinstance(source, str | Path) else source
+    table: Any = {"file": str(source)} if isinstance(source, Path) else source
+    if isinstance(source, str):
+        table = file_table(source)
     require_table(table, key)
     out = dict(table)
     if isinstance(out.get("file"), str | Path):

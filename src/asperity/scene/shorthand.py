@@ -1,4 +1,4 @@
-"""Tools, targets and textures in one word: `sphere:3mm`, `box:20x10x5mm`, `knurl:0.8mm`.
+"""Tools, targets, textures and files in one word: `sphere:3mm`, `knurl:0.8mm`, `a.png:colour=red`.
 
 Sizes are those of the whole: a sphere's diameter, a box's sides, a capsule's and a cylinder's
 diameter and length from end to end, an ellipsoid's three axes.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 from asperity.errors import AsperityError, did_you_mean
@@ -25,6 +26,43 @@ _NUMBER = r"[0-9]*\.?[0-9]+(?:e-?[0-9]+)?"
 _LENGTH = re.compile(rf"^({_NUMBER})\s*([a-zµ]*)$", re.IGNORECASE)
 _NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
 """Parameters of patterns that are no lengths."""
+
+
+def file_table(text: str) -> dict[str, Any]:
+    """Return the table of a file with options, `cast.png:kind=normal,pixel_size=10um`.
+
+    A length has a unit (`size=20x10mm`); other values are numbers, `true`, `false`, or words.
+    """
+    path, _, rest = text.rpartition(":")
+    if not path or "=" not in rest or Path(text).expanduser().exists():
+        return {"file": text}
+    table: dict[str, Any] = {"file": path}
+    key = ""
+    for word in rest.split(","):
+        name, equals, value = word.partition("=")
+        if equals:
+            key = name.strip()
+            table[key] = _option(value.strip())
+        elif key:  # a list of words
+            table[key] = f"{table[key]},{word.strip()}"
+    return table
+
+
+def _option(value: str) -> Any:
+    """Return the value of a file's option."""
+    if value in ("true", "false"):
+        return value == "true"
+    try:
+        return float(value)
+    except ValueError:
+        pass
+    words = re.split(r"\s*[x×*]\s*", value)
+    found = [_LENGTH.match(word) for word in words]
+    unit = found[-1].group(2).replace("µ", "u") if found[-1] else ""
+    if unit not in UNITS or not all(found):
+        return value
+    lengths = [float(number.group(1)) * UNITS[unit] for number in found if number]
+    return lengths if len(lengths) > 1 else lengths[0]
 
 
 def primitive(text: str) -> tuple[Geom, str] | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bisect
 import logging
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,8 @@ from numpy.typing import NDArray
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.poses import interpolate_pose, mean_twist
 from asperity.realtime.devices.protocol import REFUSED, Limits, Reading, finite_wrench
+from asperity.scene.document import arguments
+from asperity.scene.shorthand import file_table
 from asperity.scene.trajectory import Trajectory
 
 End = Literal["hold", "loop"]
@@ -32,7 +35,8 @@ class ReplayedDevice:
     Parameters
     ----------
     source : str or Path
-        A `recording.h5` (its handle is replayed), or poses as `.csv`, `.npy` or `.npz`.
+        A `recording.h5` (its handle is replayed), or poses as `.csv`, `.npy` or `.npz`, with
+        options of `read_poses` behind it: "poses.csv:order=xyzw,unit=mm".
     end : str
         `hold`: stay at the last pose. `loop`: start again, with a jump unless the motion is closed.
     limits : Limits, optional
@@ -61,7 +65,7 @@ class ReplayedDevice:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._end = require_choice("end of a replay", end, _ENDS)
-        motion = _motion(Path(source))
+        motion = _motion(source)
         for note in motion.notes:
             _LOG.warning("%s: %s", motion.name, note)
         self._times = (motion.times - motion.times[0]).tolist()
@@ -129,7 +133,9 @@ class ReplayedDevice:
         self.wrench = (0.0,) * 6
 
 
-def _motion(path: Path) -> Trajectory:
+def _motion(source: str | os.PathLike[str]) -> Trajectory:
+    table = file_table(os.fspath(source))
+    path = Path(table.pop("file"))
     if path.is_dir() and (path / "recording.h5").is_file():
         path = path / "recording.h5"
     if path.suffix.lower() in (".h5", ".hdf5", ".nc"):
@@ -141,4 +147,4 @@ def _motion(path: Path) -> Trajectory:
         return Trajectory(recording.time, recording.handle_pose, str(path))
     from asperity.scene.trajectory_file import read_poses
 
-    return read_poses(path)
+    return read_poses(path, **arguments(table, f"options of {path.name}", read_poses))
