@@ -3,9 +3,11 @@
 import hashlib
 import struct
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
+import tifffile
 
 from asperity.errors import SurfaceError
 from asperity.texture.files.reading import read_heights
@@ -32,10 +34,11 @@ def test_the_coin_is_the_same_from_the_instrument_s_file(coin, data):
     assert coin.pixel_size == pytest.approx(known.pixel_size, rel=1e-12)
     assert coin.pixel_size[0] == pytest.approx(63.19e-6, rel=1e-4)
     assert coin.relief == pytest.approx(351e-6, rel=5e-3)
-    # The two levels differ by a constant. No other way to lay it down comes near.
+    # The array's rows go from the top, where its lettering begins: seen from the other side it is
+    # mirrored. The two levels differ by a constant; no other way to lay it down comes near.
     apart = [
         np.abs((turned - turned.mean()) - (known.samples - known.samples.mean())).max()
-        for turned in (coin.samples, coin.samples[::-1], coin.samples[:, ::-1], coin.samples.T)
+        for turned in (coin.samples[::-1], coin.samples, coin.samples[:, ::-1], coin.samples.T)
     ]
     assert apart[0] < 1e-6
     assert min(apart[1:]) > 1e-4
@@ -125,6 +128,100 @@ def test_x3p_that_is_no_map_is_refused(tmp_path):
         with pytest.raises(SurfaceError, match=words) as refused:
             HeightField.from_file(write_x3p(tmp_path / "a.x3p", **change))
         assert len(str(refused.value).replace(str(tmp_path), "")) <= 300
+
+
+@pytest.mark.parametrize("kind", ["D", "L"])
+def test_x3p_may_list_its_heights_in_the_index(tmp_path, kind):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .x3p")
+    path = write_x3p(tmp_path / "a.x3p", kind=kind)
+    right = HeightField.from_file(path)
+    with zipfile.ZipFile(path) as archive:
+        index = archive.read("main.xml").decode()
+        values = np.frombuffer(archive.read("bindata/data.bin"), {"D": "<f8", "L": "<i4"}[kind])
+    start, end = index.index("<DataLink>"), index.index("</DataLink>") + len("</DataLink>")
+
+    def read(words):
+        listed = "".join(f"<Datum>{word}</Datum>" for word in words)
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(
+                "main.xml", f"{index[:start]}<DataList>{listed}</DataList>{index[end:]}"
+            )
+        return HeightField.from_file(path)
+
+    words = [repr(value) for value in values.tolist()]
+    np.testing.assert_allclose(read(words).samples, right.samples, atol=1e-15)
+    places = [f"{i % 30};{i // 30};{word}" for i, word in enumerate(words)]
+    np.testing.assert_allclose(read(places).samples, right.samples, atol=1e-15)
+    with pytest.raises(SurfaceError, match="1 of 600 values are missing"):
+        read(["", *words[1:]])
+
+
+def write_sur(path, *, packed, unit=b"\xb5m", layers=1):
+    """Write HEIGHTS as 32-bit numbers of nm, with pixels of 10 x 12 um."""
+    rows, columns = HEIGHTS.shape
+    values = np.round(HEIGHTS.astype(np.float64) * 1e9).astype("<i4")
+    head = bytearray(512)
+    head[:12] = b"DSCOMPRESSED" if packed else b"DIGITAL SURF"
+    struct.pack_into("<HHHH", head, 12, 0, 1, 1, 2)
+    struct.pack_into("<Hii", head, 98, 32, int(values.min()), int(values.max()))
+    struct.pack_into("<iiI", head, 108, columns, rows, values.size)
+    struct.pack_into("<fff", head, 120, 1e-2, 1.2e-2, 1e-3)
+    for place, name in enumerate((b"mm", b"mm", unit, b"mm", b"mm", unit)):
+        head[180 + 16 * place : 180 + 16 * place + len(name)] = name
+    struct.pack_into("<fff", head, 276, 1.0, 1.0, 1.0)
+    struct.pack_into("<HH", head, 334, 5, 3)
+    body, data = b"hello" + bytes(3), layers * values.tobytes()
+    if packed:
+        half = len(data) // 2
+        parts = [zlib.compress(part) for part in (data[:half], data[half:])]
+        sizes = half, len(parts[0]), len(data) - half, len(parts[1])
+        body += struct.pack("<5I", 2, *sizes) + b"".join(parts)
+    else:
+        body += data
+    path.write_bytes(bytes(head) + body)
+    return path
+
+
+def test_compressed_files_of_mountainsmap(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads .sur")
+    plain = HeightField.from_file(write_sur(tmp_path / "a.sur", packed=False))
+    assert np.corrcoef(plain.samples.ravel(), WANTED.ravel())[0, 1] > 0.999
+    assert plain.pixel_size == pytest.approx((1e-5, 1.2e-5))
+    assert plain.relief == pytest.approx(RELIEF, rel=1e-4)
+    packed = HeightField.from_file(write_sur(tmp_path / "b.sur", packed=True))
+    np.testing.assert_array_equal(packed.samples, plain.samples)
+    for change, said in (
+        ({"layers": 3}, "several layers"), ({"unit": b"a.u."}, r"in 'a\.u\.'; valid: heights"),
+    ):  # fmt: skip
+        with pytest.raises(SurfaceError, match=said):
+            HeightField.from_file(write_sur(tmp_path / "c.sur", packed=True, **change))
+    content = (tmp_path / "b.sur").read_bytes()
+    (tmp_path / "b.sur").write_bytes(content[:-40])
+    with pytest.raises(SurfaceError, match="damaged: its compressed heights"):
+        HeightField.from_file(tmp_path / "b.sur")
+
+
+def test_a_tiff_of_park_systems_has_its_heights_beside_the_preview(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="SurfaceTopography reads Park's tags")
+    rows, columns = HEIGHTS.shape
+    values = np.round((HEIGHTS.astype(np.float64) - 3e-3) * 1e7).astype("<i2")
+
+    def text(words, count):
+        return words.encode("utf-16-le").ljust(2 * count, b"\0")
+
+    head = struct.pack("<I", 0) + text("Topography", 32) + text("C-AFM", 8)
+    head += struct.pack("<dIIIIdIdIII", 0.0, 0, 0, columns, rows, 0.0, 0, 0.0, 1, 1, 0)
+    head += struct.pack("<dddddd", 10.0 * columns, 12.0 * rows, 0, 0, 1, 0) + text("nA", 8)
+    head += struct.pack("<ddddd", 0, 0, 0.1, 1.0, 0.0) + text("um", 8)
+    head += struct.pack("<iiiIII", int(values.min()), int(values.max()), 0, 0, 0, 1)
+    upwards = np.flipud(values).tobytes()  # its first line is the lowest
+    tags = [(50432, 4, 1, 0x0E031301, True), (50433, 4, 1, 0x1000001, True),
+            (50434, 7, len(upwards), upwards, True), (50435, 7, len(head), head, True)]  # fmt: skip
+    preview = np.zeros((rows, columns, 3), dtype=np.uint8)
+    tifffile.imwrite(tmp_path / "a.tiff", preview, photometric="rgb", extratags=tags)
+    found = read_heights(tmp_path / "a.tiff")
+    assert found.pixel_size == pytest.approx((1e-5, 1.2e-5))
+    np.testing.assert_allclose(found.samples - found.samples.mean(), WANTED, atol=1e-7)
 
 
 def write_sdf(path, pixel):

@@ -539,7 +539,7 @@ def test_a_real_instruments_file(data: Path) -> None:
     assert np.ptp(coin.samples) == pytest.approx(351e-6, rel=1e-3)
     level = read_heights(data / "measured/us_dime_gelsight.npz").samples  # the same, less a plane
     plane = np.stack([np.ones(level.shape), *np.indices(level.shape)], axis=-1).reshape(-1, 3)
-    rest = (coin.samples - level).ravel()
+    rest = (np.flipud(coin.samples) - level).ravel()  # its rows go from the top
     rest = rest - plane @ np.linalg.lstsq(plane, rest, rcond=None)[0]
     assert np.abs(rest).max() < 1e-9
 

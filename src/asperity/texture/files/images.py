@@ -12,6 +12,8 @@ import importlib
 import logging
 import struct
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +43,8 @@ The pixels are stored otherwise than they are seen; this makes them as they are 
 _NODATA = 42113
 """GDAL's tag for the value of missing pixels."""
 _ORIENTATION = 274
+_PARK = 50432
+"""Tag by which microscopes of Park Systems mark their files."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
@@ -201,7 +205,22 @@ def _orientation(image: Any) -> int:
         return 1
 
 
+def is_park_tiff(path: Path) -> bool:
+    """Return whether a TIFF is of a microscope by Park Systems: its picture is but a preview."""
+    try:
+        with _open_tiff(path) as file:
+            return _PARK in file.pages[0].tags
+    except Exception:  # whatever it raises on a damaged file: reading it as a picture refuses it
+        return False
+
+
 def _read_tiff(path: Path) -> _Picture:
+    with _open_tiff(path) as file:
+        return _tiff_page(path, file)
+
+
+@contextmanager
+def _open_tiff(path: Path) -> Iterator[Any]:
     import tifffile
 
     log = logging.getLogger("tifffile")
@@ -209,7 +228,7 @@ def _read_tiff(path: Path) -> _Picture:
     log.setLevel(logging.CRITICAL)  # it prints what it cannot parse; asperity parses that itself
     try:
         with tifffile.TiffFile(path) as file:
-            return _tiff_page(path, file)
+            yield file
     finally:
         log.setLevel(level)
 

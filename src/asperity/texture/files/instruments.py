@@ -15,16 +15,21 @@ import numpy as np
 
 from asperity._core.units import length_of
 from asperity.errors import SurfaceError
+from asperity.texture.files.digital_surf import uncompressed
 from asperity.texture.files.points import profile
 from asperity.texture.files.stored import Stored, check_size, refuse
 
 _INSTRUMENTS = """
     000 001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx di ezd frt gwy h5 hfm hgt ibw jpk
-    lext mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir qep sdf spm stp sur tmd tom top
-    vk3 vk4 vk6 vk7 x3p xlsx xyz zip zmg zon
+    lext mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir pro qep sdf spm stp sur tmd tom
+    top vk3 vk4 vk6 vk7 x3p xlsx xyz zip zmg zon
 """
 INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
 """Extensions that SurfaceTopography reads and the other readers do not."""
+_UPWARDS = ("x3p", "sdf", "xyz", "nc", "h5", "mat")
+"""Formats whose rows go upwards, by their norms or as arrays do; others are as seen, from the top:
+the reader has them such that rows from the top show what the instrument's program does."""
+_DIGITAL_SURF = (".sur", ".pro")
 _REVISION = "ISO5436 - 2000"
 
 
@@ -38,29 +43,42 @@ def load_instrument(path: Path) -> Stored:
             f"{path.suffix} files need SurfaceTopography, which is not installed; "
             "valid: pip install 'asperity[surfaces]'",
         )
-    x3p = path.suffix.lower() == ".x3p"
-    notes: tuple[str, ...] = ()
+    suffix = path.suffix.lower()
     source: Any = str(path)
-    if x3p:
-        source, notes = _standard_x3p(path)
+    if suffix == ".x3p":
+        source = _standard_x3p(path)
+    elif suffix in _DIGITAL_SURF:
+        source = uncompressed(path) or source
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        with _opened(path, source, surfaces) as reader:
+            return _channel(path, reader)
+
+
+def _opened(path: Path, source: Any, surfaces: Any) -> Any:
+    """Return the reader of a file: one for its suffix, else the one that detects its content."""
+    suffix = path.suffix.lower().removeprefix(".")
+    suffix = "sur" if f".{suffix}" in _DIGITAL_SURF else suffix
+    known = [r.format() for r in surfaces.IO.readers if suffix in (r.file_extensions() or ())]
+    # An X3P is a zip, which others take for theirs.
+    for form in known if suffix == "x3p" else [*known, None]:
         try:
-            reader = surfaces.open_topography(source, format="x3p" if x3p else None)
+            reader = surfaces.open_topography(source, format=form)
+            if reader.channels:
+                return reader
+            reader.close()
         except Exception:
-            refuse(
-                path,
-                f"cannot be read as a {path.suffix.lower()} file: SurfaceTopography finds no "
-                "heights in it; valid: the file as the instrument wrote it, or its heights as text",
-            )
-        with reader:
-            return _channel(path, reader, notes)
+            continue
+    refuse(
+        path,
+        f"cannot be read as a {path.suffix.lower()} file: SurfaceTopography finds no "
+        "heights in it; valid: the file as the instrument wrote it, or its heights as text",
+    )
 
 
-def _channel(path: Path, reader: Any, notes: tuple[str, ...]) -> Stored:
-    channel = reader.default_channel if reader.channels else None
-    if channel is None:
-        refuse(path, "there is no channel of heights in it")
+def _channel(path: Path, reader: Any) -> Stored:
+    channel = reader.default_channel
+    notes: tuple[str, ...] = ()
     check_size(path, *channel.nb_grid_pts)
     sized = channel.physical_sizes is not None
     if len(reader.channels) > 1:
@@ -93,14 +111,17 @@ def _channel(path: Path, reader: Any, notes: tuple[str, ...]) -> Stored:
     pixel_size = (steps[0] * metres, steps[1] * metres) if steps and metres else None
     # Its first index runs along u.
     values = np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan).T
+    if values.ndim == 2 and reader.format() not in _UPWARDS:
+        values = np.flipud(values)
+        notes = (*notes, "its first row is the top of the map")
     return Stored(values, notes, pixel_size, scale, unit or "")
 
 
-def _standard_x3p(path: Path) -> tuple[io.BytesIO, tuple[str, ...]]:
-    """Return an X3P file as the norm has it: its XML at the top, and the revision as written there.
+def _standard_x3p(path: Path) -> io.BytesIO:
+    """Return an X3P file as SurfaceTopography reads it, its heights in a binary file.
 
     Forensic programs put everything in a folder, write an en dash, leave the offset empty, or
-    link with backslashes; SurfaceTopography reads none of these.
+    link with backslashes; and the norm lets heights stand in the XML itself.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -114,8 +135,12 @@ def _standard_x3p(path: Path) -> tuple[io.BytesIO, tuple[str, ...]]:
             folder = main[: -len("main.xml")]
             root = ElementTree.fromstring(archive.read(members[main]))
             link = _tidied_x3p(path, root)
-            data = link.replace("\\", "/").lstrip("./") if link else ""
-            points = archive.read(members.get(folder + data, members.get(data, data)))
+            if link is None:
+                data, points = "bindata/data.bin", _listed(root)
+                _link(root, data)
+            else:
+                data = link.replace("\\", "/").lstrip("./")
+                points = archive.read(members.get(folder + data, members.get(data, data)))
     except SurfaceError:
         raise
     except Exception:  # whatever zipfile and the XML parser raise on a damaged file
@@ -129,11 +154,39 @@ def _standard_x3p(path: Path) -> tuple[io.BytesIO, tuple[str, ...]]:
         archive.writestr("main.xml", ElementTree.tostring(root, encoding="utf-8"))
         archive.writestr(data, points)
     out.seek(0)
-    return out, ()
+    return out
 
 
-def _tidied_x3p(path: Path, root: ElementTree.Element) -> str:
-    """Make an X3P's index what SurfaceTopography expects; return the link to its points."""
+def _listed(root: ElementTree.Element) -> bytes:
+    """Return the heights that an X3P's index lists, as 64-bit floats; empty ones are missing."""
+    words = [(datum.text or "").strip().rpartition(";")[2] for datum in root.iter("Datum")]
+    kind, step = root.find(".//CZ/DataType"), root.find(".//CZ/Increment")
+    if kind is None or not words:
+        raise KeyError("DataList")
+    values = np.array([float(word or "nan") for word in words], dtype="<f8")
+    if (kind.text or "").strip() in ("I", "L") and step is not None:
+        values *= float(step.text or "1")
+    kind.text = "D"
+    if step is not None:
+        step.text = "1"
+    return values.tobytes()
+
+
+def _link(root: ElementTree.Element, name: str) -> None:
+    """Have an X3P's index link to a file of heights, instead of a list of them."""
+    record = root.find("Record3")
+    assert record is not None
+    for listed in record.findall("DataList"):
+        record.remove(listed)
+    link = ElementTree.SubElement(record, "DataLink")
+    ElementTree.SubElement(link, "PointDataLink").text = name
+
+
+def _tidied_x3p(path: Path, root: ElementTree.Element) -> str | None:
+    """Make an X3P's index what SurfaceTopography expects; return the link to its points.
+
+    None if they are listed in the index.
+    """
 
     def text(name: str) -> str:
         element = root.find(f".//{name}")
@@ -158,6 +211,8 @@ def _tidied_x3p(path: Path, root: ElementTree.Element) -> str:
     for increment in root.iter("Increment"):
         increment.text = (increment.text or "").strip() or "1"
     link = root.find(".//PointDataLink")
+    if link is None and root.find(".//DataList") is not None:
+        return None
     if link is None or not link.text:
         raise KeyError("PointDataLink")
     original = link.text.strip()

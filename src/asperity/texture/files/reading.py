@@ -25,7 +25,7 @@ from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import doubts, sentinel_note
-from asperity.texture.files.images import IMAGE_SUFFIXES, read_image
+from asperity.texture.files.images import IMAGE_SUFFIXES, is_park_tiff, read_image
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
 from asperity.texture.files.stored import Stored, check_size, refuse
@@ -236,7 +236,9 @@ def _load(
         refuse(path, "colour= states what the colours of an image mean; leave it out")
     with reading(path, "heights", [*_LOADERS], valid=_KNOWN, error=SurfaceError):
         load = _LOADERS[suffix]
-        if suffix == ".npz":
+        if suffix in (".tif", ".tiff") and colour is None and is_park_tiff(path):
+            load = load_instrument
+        elif suffix == ".npz":
             load = partial(load_npz, array=array)
         elif suffix in IMAGE_SUFFIXES:
             load = partial(read_image, colour=colour)
