@@ -8,7 +8,7 @@ import numpy as np
 
 from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.checks import SAME_PLACE, length, refuse, same_places
+from asperity.geometry.mesh.checks import SAME_PLACE, extents_of, length, refuse, same_places
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import crosses, edges_of
 from asperity.geometry.mesh.uv import charts_of
@@ -54,7 +54,7 @@ def with_atlas(mesh: Mesh, *, texels: int = _TEXELS, padding: int = _PADDING) ->
             "texture coordinates need xatlas, which is not installed; "
             "valid: pip install 'asperity[bake]'"
         ) from None
-    size = float(np.ptp(mesh.vertices, axis=0).max())
+    size = float(extents_of(mesh.vertices).max())
     # With split vertices, as in STL, xatlas would make each triangle a chart.
     places = same_places(mesh.vertices, SAME_PLACE * size)
     _, first = np.unique(places, return_index=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.arrays import Array, Indices, Mask
+from asperity.geometry.mesh.checks import extents_of
 
 MAX_FACES = 20_000
 """Largest number of triangles for which crossings are searched."""
@@ -31,7 +32,7 @@ def crossing_triangles(triangles: Array, at: Indices) -> int | None:
         return None
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     # The sweep along the axis with the relatively shortest boxes finds the fewest pairs.
-    spread = np.maximum(np.ptp(triangles.reshape(-1, 3), axis=0), 1e-300)
+    spread = np.maximum(extents_of(triangles.reshape(-1, 3)), 1e-300)
     axis = int(np.argmin((high - low).mean(axis=0) / spread))
     order = np.argsort(low[:, axis], kind="stable")
     triangles, at, low, high = triangles[order], at[order], low[order], high[order]

@@ -17,7 +17,7 @@ import numpy as np
 from asperity._core.arrays import Array, Indices
 from asperity._core.files import reading, text_of
 from asperity.errors import AsperityError, require_choice
-from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of
+from asperity.geometry.mesh.checks import UNITS, Corners, check_size, count_of, extents_of
 from asperity.geometry.mesh.contents import Contents, FilePart, coarse_note
 from asperity.geometry.mesh.gltf import read_gltf
 from asperity.geometry.mesh.gltf_file import GltfFile
@@ -203,7 +203,7 @@ def _check_unit(name: str, vertices: Array, faces: Indices, unit: str) -> None:
     if faces.min() < 0 or faces.max() >= len(vertices):
         return
     used = vertices[faces.ravel()]
-    if np.isfinite(used).all() and np.ptp(used, axis=0).any():
+    if np.isfinite(used).all() and extents_of(used).any():
         check_size(name, used, unit, of_file=True)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity._core.arrays import Array, Indices, Mask
-from asperity.geometry.mesh.checks import count_of, facet_heights, joined
+from asperity.geometry.mesh.checks import count_of, extents_of, facet_heights, joined
 from asperity.geometry.mesh.topology import Edges, crosses, edges_of, meeting_corners, next_corner
 
 FLAT = 1e-6
@@ -58,7 +58,7 @@ def flat_normals(
     product = crosses(triangles)
     area = np.linalg.norm(product, axis=1)
     normals = product / area[:, None]
-    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    size = float(extents_of(triangles.reshape(-1, 3)).max())
     sliver = facet_heights(triangles) < _SLIVER * size
     f, g = edges.pairs.T // 3
     flat = np.linalg.norm(normals[f] - normals[g], axis=1) < flat_up_to
