@@ -24,7 +24,7 @@ PRIMITIVES = {
 """Simple solids, and what their sizes are."""
 _NUMBER = r"[0-9]*\.?[0-9]+(?:e-?[0-9]+)?"
 _LENGTH = re.compile(rf"^({_NUMBER})\s*([a-zµ]*)$", re.IGNORECASE)
-_NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
+NO_LENGTHS = ("hurst", "rms_slope", "direction", "angle", "jitter", "seed", "periods", "samples")
 """Parameters of patterns that are no lengths."""
 
 
@@ -119,8 +119,7 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
     if kind not in PATTERNS:
         return None
     usual = EXAMPLES[kind]
-    parameters = list(inspect.signature(PATTERNS[kind]).parameters)
-    names = [*usual, *(name for name in parameters if name not in usual)]
+    names = parameters_of(kind)
     given: dict[str, Any] = {}
     for place, word in enumerate(part.strip() for part in rest.split(",") if part.strip()):
         name, equals, value = word.partition("=")
@@ -136,7 +135,7 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
     first = next(iter(usual))
     ratio = given.get(first, usual[first]) / usual[first]
     scaled = {
-        name: value if name in _NO_LENGTHS else float(f"{value * ratio:.6g}")
+        name: value if name in NO_LENGTHS else float(f"{value * ratio:.6g}")
         for name, value in usual.items()
         if name not in given
     }
@@ -145,17 +144,23 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
     return {"kind": kind, **scaled, **given}, note
 
 
+def parameters_of(kind: str) -> list[str]:
+    """Return the names of a pattern's parameters, the usual ones first."""
+    names = inspect.signature(PATTERNS[kind]).parameters
+    return [*EXAMPLES[kind], *(name for name in names if name not in EXAMPLES[kind])]
+
+
 def _value(text: str, name: str, value: str) -> Any:
     """Return the value of a pattern's parameter: a length with its unit, an angle, or a number."""
     found = _LENGTH.match(value)
     unit = found.group(2).replace("µ", "u") if found else ""
-    if found is not None and unit in UNITS and name not in _NO_LENGTHS:
+    if found is not None and unit in UNITS and name not in NO_LENGTHS:
         return float(found.group(1)) * UNITS[unit]
-    if found is not None and name in _NO_LENGTHS:
+    if found is not None and name in NO_LENGTHS:
         number = float(found.group(1))
         if unit == "deg":
             return math.radians(number)
         if unit in ("", "rad"):
             return int(number) if name in ("seed", "periods", "samples") else number
-    valid = "a number" if name in _NO_LENGTHS else "a length with a unit, such as 0.8mm"
+    valid = "a number" if name in NO_LENGTHS else "a length with a unit, such as 0.8mm"
     raise AsperityError(f"{text!r}: {name} is {value!r}; valid: {valid}")

@@ -85,7 +85,7 @@ def _matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([rotation_of(quaternion) for quaternion in quaternions]).reshape(-1, 3, 3)
 
 
-def _rigid_groups(model: mujoco.MjModel) -> NDArray[np.int64]:
+def rigid_groups(model: mujoco.MjModel) -> NDArray[np.int64]:
     """Return for each body of the model the body that it is fixed to, 0 for the world."""
     group = np.arange(model.nbody)
     for i in range(1, model.nbody):
@@ -164,7 +164,7 @@ class Collider:
         self.frames = np.zeros((len(bodies), 3, 4))
         self.frames[:, :, :3] = self._data.xmat[self._bodies].reshape(-1, 3, 3)
         self.frames[:, :, 3] = self._data.xpos[self._bodies]
-        self.groups = _rigid_groups(self._model)[self._bodies]
+        self.groups = rigid_groups(self._model)[self._bodies]
         self._geoms_in = np.flatnonzero(self.geom_number >= 0)
         owner = self._model.geom_bodyid[self._geoms_in]
         self._owner = np.array([self._bodies.tolist().index(i) for i in owner.tolist()], np.int64)

@@ -1,0 +1,31 @@
+"""A model that is changed after textures were attached to it."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from asperity.errors import AsperityError
+from asperity.mujoco.bodies import CarriedBodies
+from asperity.mujoco.names import geom_name
+
+_FIELDS = ("geom_size", "geom_pos", "geom_quat", "geom_dataid", "geom_gap")
+
+
+class Snapshot:
+    """What asperity has taken from a model, to be compared with the model as it is now."""
+
+    def __init__(self, model: mujoco.MjModel, carried: CarriedBodies) -> None:
+        self._geoms = np.array(sorted({g for one in carried.bodies for g in one.geoms}), np.int64)
+        self._values = {name: getattr(model, name)[self._geoms] for name in _FIELDS}
+
+    def check(self, model: mujoco.MjModel) -> None:
+        """Refuse a model whose textured geoms, or those that touch them, were changed."""
+        for name, old in self._values.items():
+            now = getattr(model, name)[self._geoms]
+            if not np.array_equal(now, old):
+                row = int(np.flatnonzero((now != old).reshape(len(now), -1).any(axis=1))[0])
+                raise AsperityError(
+                    f"{name} of {geom_name(model, int(self._geoms[row]))} was changed after "
+                    "textures were attached; attach them again"
+                )

@@ -1,0 +1,50 @@
+"""Margins of textured geoms: MuJoCo reports them to each other before their peaks touch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from asperity.mujoco.bodies import CarriedBodies
+from asperity.mujoco.memory import margins
+
+_FIELDS = ("geom_margin", "geom_gap", "pair_margin", "pair_gap", "body_margin")
+
+
+def widen(model: mujoco.MjModel, carried: CarriedBodies) -> Callable[[], None]:
+    """Widen the gaps of textured geoms by the heights of their textures; return what undoes it.
+
+    Contacts in the gap are reported, and no force acts on them: what `mj_step` computes does not
+    change. Up to MuJoCo 3.9 the gap is the outer part of the margin, which is then wider too.
+    """
+    fields = [name for name in _FIELDS if hasattr(model, name)]
+    before = {name: np.array(getattr(model, name)) for name in fields}
+    known = margins()
+    own = carried.top.copy()
+    if not known.adds:  # then the larger of two counts, which has to do for both
+        own[own > 0.0] += float(own.max(initial=0.0))
+    own = own[: model.ngeom]
+    _add(model, "geom", own, known.gap_reaches_out)
+    if model.npair:
+        both = own[model.pair_geom1] + own[model.pair_geom2]
+        _add(model, "pair", both, known.gap_reaches_out)
+    if "body_margin" in fields:
+        for geom in np.flatnonzero(own > 0.0).tolist():
+            body, reach = int(model.geom_bodyid[geom]), float(model.geom_margin[geom])
+            reach += float(model.geom_gap[geom]) if known.gap_reaches_out else 0.0
+            model.body_margin[body] = max(float(model.body_margin[body]), reach)
+
+    def undo() -> None:
+        for name, values in before.items():
+            getattr(model, name)[:] = values
+
+    return undo
+
+
+def _add(model: mujoco.MjModel, kind: str, heights: np.ndarray, gap_reaches_out: bool) -> None:
+    """Add heights to the gaps of geoms or pairs, and to the margins if they hold the gaps."""
+    getattr(model, f"{kind}_gap")[:] += heights
+    if not gap_reaches_out:
+        getattr(model, f"{kind}_margin")[:] += heights

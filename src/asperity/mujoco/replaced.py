@@ -1,0 +1,163 @@
+"""Contacts of one `MjData` that are replaced by asperity's."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import mujoco
+import numpy as np
+
+from asperity._core.kernels import Repeated
+from asperity.contact.body_contact import BodyContact
+from asperity.mujoco.memory import contact_records
+from asperity.mujoco.pairs import Plan
+from asperity.mujoco.rows import (
+    LIGHT,
+    found,
+    placed,
+    put_in,
+    relative_pose,
+    rows_of,
+    set_constraints,
+    take_out,
+)
+
+_ROOM = 4096
+"""Contacts of MuJoCo's between textured pairs, and asperity's, in one step."""
+_LOOK = 256
+"""Steps after which the model is looked at for changes."""
+_ADHESION = int(mujoco.mjtTrn.mjTRN_BODY)
+
+
+class Replaced:
+    """What is remembered of the contacts of one `MjData`.
+
+    Attributes
+    ----------
+    first, count : int
+        Number of asperity's first contact in `data.contact`, and how many there are.
+    placed : Placed
+        Force and stiffness of each.
+    """
+
+    def __init__(self, plan: Plan, model: mujoco.MjModel) -> None:
+        self._plan = plan
+        self._contacts: dict[int, BodyContact] = {}
+        self._room = plan.room() if plan.pairs else None
+        self._found = found(_ROOM, len(plan.pairs))
+        self._seen = self._found.seen
+        self._touched: set[int] = set()
+        self._time = -math.inf
+        self._calls = 0
+        self._records: np.ndarray | None = None
+        self._pose, self._place, self._quat = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros(7)
+        self.placed = placed(_ROOM)
+        self.first = self.count = 0
+        self._take, self._put, self._set, self._relative = (
+            Repeated(take_out), Repeated(put_in), Repeated(set_constraints), Repeated(relative_pose)
+        )  # fmt: skip
+        self._sticks = bool((model.actuator_trntype == _ADHESION).any())
+        self._told: set[int] = set()
+
+    def is_new(self, time: float) -> bool:
+        """Return whether the model is to be looked at: at first, after a reset, and now and then."""
+        self._calls += 1
+        return time < self._time or self._calls % _LOOK == 1
+
+    def replace(self, model: mujoco.MjModel, data: mujoco.MjData, dissipation: float) -> None:
+        """Replace the contacts of textured pairs, and make the constraints again."""
+        dt = data.time - self._time
+        if dt < 0.0:
+            self._forget()
+        step = float(model.opt.timestep)
+        dt = step if not 0.0 <= dt < math.inf else dt
+        self._time = data.time
+        count = data.ncon
+        if count == 0:
+            self._leave(set(), dt)
+            self.first = self.count = 0
+            return
+        if self._records is None:
+            self._records = contact_records(model, data)
+            self._templates = np.zeros(_ROOM, self._records.dtype)
+        records, tables = self._records, self._plan.tables
+        self._seen[:] = False
+        kept, taken = self._take(records, count, tables, self._templates, self._found)
+        if kept < 0:
+            return
+        pairs = np.flatnonzero(self._seen).tolist() if taken else []
+        if self._touched:
+            self._leave(set(pairs), dt)
+        self.first, self.count = kept, 0
+        if not taken:
+            return
+        total = kept
+        for number in pairs:
+            total = self._add(data, number, dt, total, kept, taken)
+        self.count = total - kept
+        data.ncon = total
+        mujoco.mj_makeConstraint(model, data)
+        if self.count and data.nefc:
+            which, mass = self._set(
+                records, kept, self.count, self.placed, rows_of(data), dissipation, step
+            )
+            if which >= 0 and mass > LIGHT:
+                self._tell(data, which, mass, step)
+        mujoco.mj_island(model, data)
+        if self._sticks:
+            mujoco.mj_transmission(model, data)
+        mujoco.mj_projectConstraint(model, data)
+
+    def _add(
+        self, data: mujoco.MjData, number: int, dt: float, total: int, kept: int, taken: int
+    ) -> int:
+        """Add the contacts of one pair to the list; return how many are in it."""
+        pair = self._plan.pairs[number]
+        contact = self._contacts.get(number)
+        if contact is None:
+            assert self._room is not None
+            contact = self._contacts[number] = self._plan.contact(number, self._room)
+        self._relative(
+            data.xpos, data.xmat, pair.carriers, pair.locals, pair.home, self._pose, self._place
+        )
+        self._quat[:3] = self._pose[:, 3]
+        mujoco.mju_mat2Quat(self._quat[3:], self._pose[:, :3].ravel())
+        near = self._plan.candidates(self._found, taken)
+        contact.wrench_at(self._quat, dt, near, lambda: near)
+        self._touched.add(number)
+        count: int = self._put(
+            contact.contacts, self._records, total, kept, self._templates, taken, self._found,
+            self._plan.tables, (number, pair.tool), self._place, self.placed,
+        )  # fmt: skip
+        return count
+
+    def _leave(self, near: set[int], dt: float) -> None:
+        """Note that pairs that were near are not near any more."""
+        for number in self._touched - near:
+            self._contacts[number].leave(dt)
+        self._touched &= near
+
+    def _forget(self) -> None:
+        """Forget all contacts: the simulation was set back."""
+        for contact in self._contacts.values():
+            contact.reset()
+        self._touched.clear()
+
+    def _tell(self, data: mujoco.MjData, which: int, mass: float, step: float) -> None:
+        """Warn once for each pair that the step is too long for the stiffness."""
+        number = int(self.placed.pair[which])
+        if number in self._told:
+            return
+        self._told.add(number)
+        bodies = self._plan.carried.bodies
+        pair = self._plan.pairs[number]
+        names = bodies[pair.tool].body.name, bodies[pair.others[0]].body.name
+        enough = step / math.sqrt(1.0 + mass)
+        warnings.warn(
+            f"a step of {1e3 * step:.3g} ms is long for the stiffness of contact between "
+            f"{names[0]} and {names[1]}: the contact gets {mass:.2g} times the mass of the bodies, "
+            f"and forces at rest stay right; a step of {1e3 * enough:.2g} ms or less, or "
+            f"{1.0 / (1.0 + mass):.2g} times the stiffness, needs none",
+            stacklevel=2,
+        )
