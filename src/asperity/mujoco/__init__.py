@@ -1,8 +1,8 @@
 """Texture inside any MuJoCo simulation.
 
-    import asperity.mujoco as textured
-    surfaces = textured.attach(model, {"table": "grating:0.5mm"})
-    surfaces.step(data)          # in place of mujoco.mj_step
+import asperity.mujoco as textured
+surfaces = textured.attach(model, {"table": "grating:0.5mm"})
+surfaces.step(data)          # in place of mujoco.mj_step
 """
 
 from asperity.mujoco.surfaces import Surfaces, attach

@@ -44,7 +44,7 @@ class Carried:
     geoms: tuple[int, ...]
     """Its geoms in the MuJoCo model, in the order of `body.geoms`; all of them for a mesh."""
     is_flat: bool
-    """Whether it may touch over an area or along a line: its contacts are then split."""
+    """Whether it may touch over an area, or all along itself: its contacts are then split."""
     is_textured: bool
 
 
@@ -130,6 +130,11 @@ def _surface(
             made[id(value), usual] = surface_of(value, usual)
         except AsperityError as error:
             raise AsperityError(f"{geom_name(model, geom)}: {error}") from None
+    if made[id(value), usual].mapping == "uv" and kind != _MESH:
+        raise AsperityError(
+            f"{geom_name(model, geom)} has no texture coordinates for mapping uv; valid: planar, "
+            "triplanar"
+        )
     return made[id(value), usual]
 
 
@@ -145,7 +150,7 @@ def _groups(
             continue
         owner, kind = int(model.geom_bodyid[geom]), int(model.geom_type[geom])
         if not is_textured[geom]:
-            key = ("mesh", geom) if kind in (_MESH, _HFIELD) else ("smooth", owner)
+            key: tuple[Any, ...] = ("mesh", geom) if kind in (_MESH, _HFIELD) else ("smooth", owner)
         elif by_geom[geom][0] == "body" and kind != _HFIELD:
             key = ("body", owner, id(by_geom[geom][1]), kind == _MESH)
         else:
@@ -191,9 +196,10 @@ def _carried(
             return None
         body = Body(name, simple)
     except AsperityError as error:
+        text = str(error).replace(f"the texture of body {name!r}", "its texture")
         if is_textured:
-            raise AsperityError(f"{name}: {error}") from None
-        notes.append(f"{name} feels no texture: {error}")
+            raise AsperityError(f"{name}: {text}") from None
+        notes.append(f"{name} feels no texture: {text}")
         return None
     own = tuple(g for g in geoms if mujoco.mjtGeom(int(model.geom_type[g])) in GEOMS)
     is_flat = any(geom.kind not in _ROUND for geom in simple)
@@ -285,7 +291,7 @@ def _uv(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
 
 
 def _box_round(mesh: Mesh) -> Geom:
-    """Return the one geom of a mesh: a box round it, which says where it may touch."""
+    """Return the one geom of a mesh: a box round it, where it may touch."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return Geom("mesh", np.maximum(0.5 * (high - low), 1e-9), 0.5 * (low + high))
 

@@ -12,7 +12,7 @@ from asperity.mujoco.names import geom_name
 _FIELDS = ("geom_size", "geom_pos", "geom_quat", "geom_dataid", "geom_gap")
 
 
-class Snapshot:
+class AttachedModel:
     """What asperity has taken from a model, to be compared with the model as it is now."""
 
     def __init__(self, model: mujoco.MjModel, carried: CarriedBodies) -> None:

@@ -60,7 +60,7 @@ def replaced_functions(model: mujoco.MjModel, passive: Passive) -> Iterator[None
 
 def original(name: str) -> Callable[..., Any]:
     """Return MuJoCo's own function of a name, whether it is replaced or not."""
-    return _originals.get(name) or getattr(mujoco, name)  # type: ignore[no-any-return]
+    return _originals.get(name) or getattr(mujoco, name)
 
 
 def _with_textures(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -50,9 +50,7 @@ def contact_type() -> np.dtype[Any]:
     """Return the type of MuJoCo's contact records, as measured."""
     contact = _probe(0.01, 0.0).contact
     names = [name for name in dir(contact) if not name.startswith("_")]
-    views = {
-        name: view for name in names if isinstance(view := getattr(contact, name), np.ndarray)
-    }
+    views = {name: view for name in names if isinstance(view := getattr(contact, name), np.ndarray)}
     base = int(views["dist"].__array_interface__["data"][0])
     size = int(views["dist"].strides[0])
     known: dict[str, tuple[Any, int]] = {}
@@ -85,4 +83,4 @@ def contact_records(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.vo
     kind = contact_type()
     count = int(data.narena) // kind.itemsize
     memory = (ctypes.c_byte * (count * kind.itemsize)).from_address(start)
-    return np.frombuffer(memory, dtype=kind, count=count)
+    return np.ndarray((count,), kind, memoryview(memory))

@@ -20,7 +20,7 @@ from asperity.contact.broad_phase.mujoco_pairs import Candidates, rigid_groups
 from asperity.contact.manifold.covered import covered_faces
 from asperity.contact.response.settings import ForceSettings
 from asperity.contact.search_room import SearchRoom, search_room
-from asperity.mujoco.bodies import CarriedBodies
+from asperity.mujoco.bodies import Carried, CarriedBodies
 from asperity.mujoco.rows import Found, Tables
 
 _CAVITY = 2e-3
@@ -41,14 +41,28 @@ class Pair:
     """Their frames in these, (2, 3, 4)."""
     home: NDArray[np.float64]
     """First frame of the first of the others, (3, 4)."""
+    wave: float
+    """The shortest wave of their textures, 4 mm at most [m]."""
+
+    @property
+    def slip(self) -> float:
+        """How far it may slip before places of contact are forgotten [m]."""
+        return self.wave / 20.0
+
+    @property
+    def apart(self) -> float:
+        """How far apart two places of contact are at least [m]."""
+        return self.wave / 4.0
 
 
-class Plan:
+class PairPlan:
     """All pairs of a model, and the arrays of their bodies; the same for all `MjData`.
 
     Attributes
     ----------
     pairs : tuple of Pair
+    by_facets : (pairs,) array of bool
+        Which of them touch over an area.
     tables : Tables
     carried : CarriedBodies
     """
@@ -63,6 +77,7 @@ class Plan:
         groups = rigid_groups(model)[carrier] if len(carrier) else carrier
         self.tables = _tables(model, carried)
         self.pairs: tuple[Pair, ...] = ()
+        self.by_facets = np.zeros(0, bool)
         if not bodies:
             return
         textures, geometry = flatten_bodies(bodies)
@@ -81,6 +96,7 @@ class Plan:
             textures, geometry, facets, frames, number, np.zeros((len(bodies), 3)), is_mesh
         )
         self.pairs = tuple(pairs)
+        self.by_facets = np.array([pair.by_facets for pair in pairs], bool)
         for i, pair in enumerate(pairs):
             for other in pair.others:
                 self.tables.pair[pair.tool, other] = self.tables.pair[other, pair.tool] = i
@@ -151,6 +167,13 @@ def _pairs(
                         tool, tuple(others), flat,
                         np.array([bodies[tool].carrier, first.carrier], np.int64),
                         np.array([bodies[tool].local, first.local]), frames[others[0]].copy(),
+                        _wave([bodies[tool], *(bodies[i] for i in others)]),
                     )
                 )  # fmt: skip
     return pairs
+
+
+def _wave(bodies: list[Carried]) -> float:
+    """Return the shortest wave of the textures of some bodies, 4 mm at most [m]."""
+    waves = [f.shortest_wavelength for one in bodies if one.is_textured for f in one.body.fields]
+    return min([4e-3, *waves])

@@ -11,12 +11,13 @@ import numpy as np
 from asperity._core.kernels import Repeated
 from asperity.contact.body_contact import BodyContact
 from asperity.mujoco.memory import contact_records
-from asperity.mujoco.pairs import Plan
+from asperity.mujoco.pairs import PairPlan
+from asperity.mujoco.places import Places, places
+from asperity.mujoco.put_in import Bodies, Taken, Velocities, put_in
 from asperity.mujoco.rows import (
     LIGHT,
     found,
     placed,
-    put_in,
     relative_pose,
     rows_of,
     set_constraints,
@@ -25,6 +26,8 @@ from asperity.mujoco.rows import (
 
 _ROOM = 4096
 """Contacts of MuJoCo's between textured pairs, and asperity's, in one step."""
+_PLACES = 48
+"""Places of contact that are remembered for each pair."""
 _LOOK = 256
 """Steps after which the model is looked at for changes."""
 _ADHESION = int(mujoco.mjtTrn.mjTRN_BODY)
@@ -37,13 +40,14 @@ class Replaced:
     ----------
     first, count : int
         Number of asperity's first contact in `data.contact`, and how many there are.
-    placed : Placed
+    placed : PlacedContacts
         Force and stiffness of each.
     """
 
-    def __init__(self, plan: Plan, model: mujoco.MjModel) -> None:
+    def __init__(self, plan: PairPlan, model: mujoco.MjModel) -> None:
         self._plan = plan
         self._contacts: dict[int, BodyContact] = {}
+        self._places: dict[int, Places] = {}
         self._room = plan.room() if plan.pairs else None
         self._found = found(_ROOM, len(plan.pairs))
         self._seen = self._found.seen
@@ -51,17 +55,18 @@ class Replaced:
         self._time = -math.inf
         self._calls = 0
         self._records: np.ndarray | None = None
-        self._pose, self._place, self._quat = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros(7)
+        self._pose, self._motion = np.zeros(7), np.zeros((2, 3, 4))
         self.placed = placed(_ROOM)
         self.first = self.count = 0
         self._take, self._put, self._set, self._relative = (
             Repeated(take_out), Repeated(put_in), Repeated(set_constraints), Repeated(relative_pose)
         )  # fmt: skip
         self._sticks = bool((model.actuator_trntype == _ADHESION).any())
-        self._told: set[int] = set()
+        self._root = model.body_rootid
+        self._warned: set[int] = set()
 
     def is_new(self, time: float) -> bool:
-        """Return whether the model is to be looked at: at first, after a reset, and now and then."""
+        """Return whether to look at the model: at first, after a reset, and now and then."""
         self._calls += 1
         return time < self._time or self._calls % _LOOK == 1
 
@@ -100,8 +105,9 @@ class Replaced:
         mujoco.mj_makeConstraint(model, data)
         if self.count and data.nefc:
             which, mass = self._set(
-                records, kept, self.count, self.placed, rows_of(data), dissipation, step
-            )
+                records, kept, self.count, self.placed, rows_of(data), self._plan.by_facets,
+                dissipation, step,
+            )  # fmt: skip
             if which >= 0 and mass > LIGHT:
                 self._tell(data, which, mass, step)
         mujoco.mj_island(model, data)
@@ -118,17 +124,22 @@ class Replaced:
         if contact is None:
             assert self._room is not None
             contact = self._contacts[number] = self._plan.contact(number, self._room)
+            room = _PLACES if pair.by_facets else 0
+            self._places[number] = places(room, pair.slip, pair.apart)
         self._relative(
-            data.xpos, data.xmat, pair.carriers, pair.locals, pair.home, self._pose, self._place
+            data.xpos, data.xmat, pair.carriers, pair.locals, pair.home, self._motion, self._pose
         )
-        self._quat[:3] = self._pose[:, 3]
-        mujoco.mju_mat2Quat(self._quat[3:], self._pose[:, :3].ravel())
         near = self._plan.candidates(self._found, taken)
-        contact.wrench_at(self._quat, dt, near, lambda: near)
+        contact.wrench_at(self._pose, dt, near, lambda: near)
         self._touched.add(number)
+        bodies = Bodies(
+            number, pair.tool, pair.carriers, self._motion,
+            Velocities(data.cvel, data.subtree_com, self._root),
+        )  # fmt: skip
         count: int = self._put(
-            contact.contacts, self._records, total, kept, self._templates, taken, self._found,
-            self._plan.tables, (number, pair.tool), self._place, self.placed,
+            contact.contacts, self._records, (total, kept, taken),
+            Taken(self._templates, self._found, self._plan.tables), bodies, self._places[number],
+            self.placed,
         )  # fmt: skip
         return count
 
@@ -136,20 +147,23 @@ class Replaced:
         """Note that pairs that were near are not near any more."""
         for number in self._touched - near:
             self._contacts[number].leave(dt)
+            self._places[number].count[0] = 0
         self._touched &= near
 
     def _forget(self) -> None:
         """Forget all contacts: the simulation was set back."""
         for contact in self._contacts.values():
             contact.reset()
+        for remembered in self._places.values():
+            remembered.count[0] = 0
         self._touched.clear()
 
     def _tell(self, data: mujoco.MjData, which: int, mass: float, step: float) -> None:
         """Warn once for each pair that the step is too long for the stiffness."""
         number = int(self.placed.pair[which])
-        if number in self._told:
+        if number in self._warned:
             return
-        self._told.add(number)
+        self._warned.add(number)
         bodies = self._plan.carried.bodies
         pair = self._plan.pairs[number]
         names = bodies[pair.tool].body.name, bodies[pair.others[0]].body.name

@@ -1,9 +1,7 @@
-"""Kernels that take contacts of textured pairs out of MuJoCo's list, and put asperity's in.
+"""Kernels that take contacts of textured pairs out of MuJoCo's list, and set what replaces them.
 
-A contact of asperity's has depth delta, deepest point x*, and force F along m (not of unit length).
-As a contact of MuJoCo's it has `dist = -delta / |m|`, `pos = x*` and the normal m / |m|. What its
-constraint is made of is then set (`set_constraints`), since MuJoCo's own mixing of `solref` and
-`solimp` gives no stiffness that one could ask for.
+What the constraint of a contact of asperity's is made of is set by `set_constraints`, since
+MuJoCo's own mixing of `solref` and `solimp` gives no stiffness that one could ask for.
 
 MuJoCo's normal force is `(aref - a) / R` with `aref = K I depth - B v`, a the acceleration of the
 contact and v its velocity. So a contact is a spring of the stiffness `K I / R`, a damper `B / R`,
@@ -12,7 +10,11 @@ of Hunt & Crossley, and R so that the mass is a thousandth of that of the bodies
 hardly depends on the solver. Where the step is too long for such a spring the mass is larger, by
 just as much as keeps it stable: forces at rest stay right, fast ones are smoothed.
 
-Friction keeps MuJoCo's own R and B. With a pyramidal cone these are those of the normal too: the
+Where bodies that touch over an area hardly slip, their contacts (see `places`) are as heavy as
+MuJoCo's own by default, and damped more; at a slip of `_CREEP` and beyond they are light.
+
+Friction keeps MuJoCo's own B, and its R where that is small enough for a body not to creep on the
+slopes of a texture. With a pyramidal cone these are those of the normal too: the
 rows of a contact share the force F when at rest, and B is MuJoCo's.
 """
 
@@ -25,7 +27,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.kernels import inner_kernel, kernel, small_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 
@@ -35,8 +37,14 @@ LIGHT = 1e-3
 """Mass of a contact over that of the bodies at it."""
 STEADY = 0.5
 """Square of the phase [rad^2] by which a contact's spring may swing in a step."""
-_LEAST_FRICTION = 1e-5
-"""As in MuJoCo, which divides by it."""
+_HEAVY = 19.0
+"""Mass of a contact over an area at rest over that of the bodies: R of a `solimp` of 0.95."""
+_DAMPED = 250.0
+"""B of such a contact [1/s], but at most half of 1 / step."""
+_CREEP = 1e-2
+"""Speed of slip at which it is light [m/s]."""
+_STICKING = 1e-3
+"""R of friction over the bodies' inverse mass, at most."""
 _PYRAMIDAL = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL)
 _ELLIPTIC = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC)
 
@@ -74,7 +82,7 @@ class Found(NamedTuple):
     """Which pairs of bodies have some, (pairs,)."""
 
 
-class Placed(NamedTuple):
+class PlacedContacts(NamedTuple):
     """What is remembered of the contacts that were put into MuJoCo's list, a row each."""
 
     push: NDArray[np.float64]
@@ -83,13 +91,15 @@ class Placed(NamedTuple):
     """|m|, (n,)."""
     pair: NDArray[np.int64]
     """Number of the pair, (n,)."""
-    weight: NDArray[np.float64]
-    """Share of the pair's stiffness, (n,)."""
+    slip: NDArray[np.float64]
+    """Velocity of the tool across the force [m/s], world axes (n, 3)."""
 
 
-def placed(room: int) -> Placed:
+def placed(room: int) -> PlacedContacts:
     """Allocate room for contacts."""
-    return Placed(np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros(room))
+    return PlacedContacts(
+        np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros((room, 3))
+    )  # fmt: skip
 
 
 @kernel
@@ -138,111 +148,10 @@ def take_out(records, count, tables, templates, found):
     return kept, taken
 
 
-@inner_kernel
-def _nearest(templates, taken, found, pair, tables, tool, body, point):
-    """Return the contact of MuJoCo's between two bodies that is nearest to a point, -1 for none."""
-    best, which = np.inf, -1
-    for t in range(taken):
-        if found.pair[t] != pair:
-            continue
-        a, b = tables.owner[found.geoms[t, 0]], tables.owner[found.geoms[t, 1]]
-        is_these = (a == tool and b == body) or (a == body and b == tool)
-        far = 0.0 if is_these else 1e6
-        for k in range(3):
-            far += (templates[t].pos[k] - point[k]) ** 2
-        if far < best:
-            best, which = far, t
-    return which
-
-
-@inner_kernel
-def _fill_frame(frame, old, normal):
-    """Fill a contact's axes (9,): a normal, and the old first tangent turned to be across it."""
-    along = 0.0
-    for k in range(3):
-        along += old[3 + k] * normal[k]
-    size = 0.0
-    for k in range(3):
-        frame[k] = normal[k]
-        frame[3 + k] = old[3 + k] - along * normal[k]
-        size += frame[3 + k] ** 2
-    if size < 1e-6:
-        # The old tangent lies along the new normal: any other will do.
-        least = 0
-        for k in range(1, 3):
-            if abs(normal[k]) < abs(normal[least]):
-                least = k
-        size = 0.0
-        for k in range(3):
-            frame[3 + k] = (1.0 if k == least else 0.0) - normal[least] * normal[k]
-            size += frame[3 + k] ** 2
-    size = math.sqrt(size)
-    for k in range(3):
-        frame[3 + k] /= size
-    for k in range(3):
-        one, two = (k + 1) % 3, (k + 2) % 3
-        frame[6 + k] = frame[one] * frame[3 + two] - frame[two] * frame[3 + one]
-
-
-@kernel
-def put_in(contacts, records, total, kept, templates, taken, found, tables, pair, place, placed):
-    """Append the contacts of one pair to the list, and return how many it has.
-
-    Parameters
-    ----------
-    contacts : Contacts
-        In the axes of the other bodies' first pose.
-    records : contact records
-        The list; `total` are in it, of which the first `kept` are MuJoCo's own.
-    templates, taken, found, tables
-        See `take_out`.
-    pair : (int, int)
-        Numbers of the pair and of its tool among asperity's bodies.
-    place : (3, 4) array
-        Motion of the other bodies from their first pose [m].
-    placed : Placed
-        Row `i` is that of `records[kept + i]`.
-    """
-    number, tool = pair
-    point, force, old = stack_array((3,)), stack_array((3,)), stack_array((9,))
-    for c in range(contacts.count[0]):
-        size = steep = 0.0
-        for i in range(3):
-            point[i], force[i] = place[i, 3], 0.0
-            for k in range(3):
-                point[i] += place[i, k] * contacts.point[c, k]
-                force[i] += place[i, k] * contacts.force[c, k]
-            size += force[i] * force[i]
-            steep += contacts.slope_normal[c, i] ** 2
-        size, steep = math.sqrt(size), math.sqrt(steep)
-        row = total - kept
-        if not size > 0.0 or row == placed.push.size or total == records.size:
-            continue
-        t = _nearest(
-            templates, taken, found, number, tables, tool, contacts.body[c], point
-        )
-        if t < 0:
-            continue
-        one = records[total]
-        copy_record(one, templates[t])
-        sign = 1.0 if tables.owner[one.geom[1]] == tool else -1.0
-        for k in range(9):
-            old[k] = one.frame[k]
-        for k in range(3):
-            one.pos[k] = point[k]
-            force[k] *= sign / size
-        _fill_frame(one.frame, old, force)
-        one.dist, one.includemargin, one.exclude = -contacts.depth[c] / steep, 0.0, 0
-        one.efc_address, one.vert[1] = -1, MARK
-        sliding, other = tables.friction[one.geom[0]], tables.friction[one.geom[1]]
-        if not sliding >= other:
-            sliding = other if other == other else sliding
-        if sliding == sliding:
-            one.friction[0] = one.friction[1] = max(sliding, _LEAST_FRICTION)
-        placed.push[row], placed.steepness[row] = size, steep
-        placed.pair[row], placed.weight[row] = number, contacts.weight[c]
-        total += 1
-    return total
+@small_kernel
+def calmness(speed):
+    """Return how far contacts over an area are at rest, 0 to 1, at a speed of slip [m/s]."""
+    return max(1.0 - (speed / _CREEP) ** 2, 0.0)
 
 
 class Rows(NamedTuple):
@@ -258,14 +167,16 @@ class Rows(NamedTuple):
 
 
 @kernel
-def set_constraints(records, first, count, placed, rows, dissipation, dt):
+def set_constraints(records, first, count, placed, rows, by_facets, dissipation, dt):
     """Set the constraints of asperity's contacts, `count` from record `first` on.
 
     Parameters
     ----------
     records : contact records
-    placed : Placed
+    placed : PlacedContacts
     rows : Rows
+    by_facets : (pairs,) array of bool
+        Which pairs touch over an area.
     dissipation : float
         a of Hunt & Crossley [s/m].
     dt : float
@@ -301,15 +212,24 @@ def set_constraints(records, first, count, placed, rows, dissipation, dt):
         wanted = max(spring * dt * dt / STEADY, 2.0 * damper * dt) * inverse - 1.0
         if wanted > worst:
             worst, which = wanted, i
-        mass = max(wanted, LIGHT) * push / (depth * spring) / inverse
+        calm = 0.0
+        if by_facets[placed.pair[i]]:
+            slip = placed.slip[i]
+            calm = calmness(math.sqrt(slip[0] ** 2 + slip[1] ** 2 + slip[2] ** 2))
+        mass = max(wanted, LIGHT + _HEAVY * calm) * push / (depth * spring) / inverse
         old, new = rows.resistance[row], 1.0 / mass
         share = inverse / (inverse + new)
         rows.resistance[row], rows.inverse[row] = new, mass
         rows.reference[row, 0] = push * new / (depth * share)
-        rows.reference[row, 1] = dissipation * push * placed.steepness[i] * new
+        damped = dissipation * push * placed.steepness[i] * new
+        rows.reference[row, 1] = max(damped, calm * min(_DAMPED, 0.5 / dt))
         rows.reference[row, 2], rows.reference[row, 3] = share, 0.0
         if rows.kind[row] == _ELLIPTIC:
-            one.mu *= math.sqrt(old / new)
+            stiffer = min(_STICKING * inverse / rows.resistance[row + 1], 1.0)
+            for j in range(row + 1, row + one.dim):
+                rows.resistance[j] *= stiffer
+                rows.inverse[j] /= stiffer
+            one.mu *= math.sqrt(stiffer * old / new)
     return which, worst
 
 
@@ -327,7 +247,7 @@ def found(room: int, pairs: int) -> Found:
 
 
 @kernel
-def relative_pose(xpos, xmat, carriers, locals_, home, pose_out, place_out):
+def relative_pose(xpos, xmat, carriers, locals_, home, motion_out, pose_out):
     """Fill the tool's place among other bodies as if these were at their first pose.
 
     Parameters
@@ -340,12 +260,12 @@ def relative_pose(xpos, xmat, carriers, locals_, home, pose_out, place_out):
         Frames of the tool, and of that other body, in their carriers.
     home : (3, 4) array
         First frame of that other body.
-    pose_out : (3, 4) array
-        The tool's frame.
-    place_out : (3, 4) array
-        Motion of the others from their first pose.
+    motion_out : (2, 3, 4) array
+        The tool's frame, and the motion of the others from their first pose.
+    pose_out : (7,) array
+        The tool's frame as a pose.
     """
-    frame = stack_array((2, 3, 4))
+    frame, place = stack_array((2, 3, 4)), motion_out[1]
     for b in range(2):
         for i in range(3):
             for j in range(4):
@@ -353,16 +273,47 @@ def relative_pose(xpos, xmat, carriers, locals_, home, pose_out, place_out):
                 for k in range(3):
                     frame[b, i, j] += xmat[carriers[b], 3 * i + k] * locals_[b, k, j]
     for i in range(3):
-        place_out[i, 3] = frame[1, i, 3]
+        place[i, 3] = frame[1, i, 3]
         for j in range(3):
-            place_out[i, j] = 0.0
+            place[i, j] = 0.0
             for k in range(3):
-                place_out[i, j] += frame[1, i, k] * home[j, k]
+                place[i, j] += frame[1, i, k] * home[j, k]
         for k in range(3):
-            place_out[i, 3] -= place_out[i, k] * home[k, 3]
+            place[i, 3] -= place[i, k] * home[k, 3]
     for i in range(3):
         for j in range(4):
-            pose_out[i, j] = 0.0
+            motion_out[0, i, j] = 0.0
             for k in range(3):
-                moved = frame[0, k, j] - (place_out[k, 3] if j == 3 else 0.0)
-                pose_out[i, j] += place_out[k, i] * moved
+                moved = frame[0, k, j] - (place[k, 3] if j == 3 else 0.0)
+                motion_out[0, i, j] += place[k, i] * moved
+        pose_out[i] = motion_out[0, i, 3]
+    _fill_quaternion(motion_out[0], pose_out)
+
+
+@inner_kernel
+def _fill_quaternion(frame, pose_out):
+    """Fill the unit quaternion of a frame (3, 4) into the last four numbers of a pose (7,)."""
+    trace = frame[0, 0] + frame[1, 1] + frame[2, 2]
+    largest = 0
+    for k in range(1, 3):
+        if frame[k, k] > frame[largest, largest]:
+            largest = k
+    if trace > frame[largest, largest]:
+        w = 0.5 * math.sqrt(1.0 + trace)
+        pose_out[3] = w
+        for k in range(3):
+            one, two = (k + 1) % 3, (k + 2) % 3
+            pose_out[4 + k] = (frame[two, one] - frame[one, two]) / (4.0 * w)
+    else:
+        one, two = (largest + 1) % 3, (largest + 2) % 3
+        rest = frame[largest, largest] - frame[one, one] - frame[two, two]
+        x = 0.5 * math.sqrt(1.0 + rest)
+        pose_out[3] = (frame[two, one] - frame[one, two]) / (4.0 * x)
+        pose_out[4 + largest] = x
+        pose_out[4 + one] = (frame[one, largest] + frame[largest, one]) / (4.0 * x)
+        pose_out[4 + two] = (frame[two, largest] + frame[largest, two]) / (4.0 * x)
+    size = 0.0
+    for k in range(3, 7):
+        size += pose_out[k] * pose_out[k]
+    for k in range(3, 7):
+        pose_out[k] /= math.sqrt(size)

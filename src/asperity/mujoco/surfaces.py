@@ -2,8 +2,8 @@
 
 MuJoCo calls `mjcb_passive` in each forward and inverse pass, after contacts and constraints have
 been made and before anything is computed from them. There the contacts of textured pairs are
-replaced, and the constraints made again. So all that comes before and after is MuJoCo's own: checks,
-cones, solvers, integrators, sensors, sleeping.
+replaced, and the constraints made again. So all that comes before and after is MuJoCo's own:
+checks, cones, solvers, integrators, sensors, sleeping.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import mujoco
 from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_choice, require_not_negative, require_positive
 from asperity.mujoco.bodies import carried_bodies
-from asperity.mujoco.changes import Snapshot
+from asperity.mujoco.changes import AttachedModel
 from asperity.mujoco.installed import callback, original, replaced_functions
 from asperity.mujoco.margins import widen
 from asperity.mujoco.memory import contact_type
-from asperity.mujoco.pairs import Plan
+from asperity.mujoco.pairs import PairPlan
 from asperity.mujoco.replaced import Replaced
 
 _logger = logging.getLogger(__name__)
@@ -103,9 +103,9 @@ class Surfaces:
         self.notes = carried.notes
         for note in self.notes:
             _logger.info("%s", note)
-        self._plan = Plan(model, carried, chosen)
+        self._plan = PairPlan(model, carried, chosen)
         self._undo = widen(model, carried)
-        self._snapshot = Snapshot(model, carried)
+        self._snapshot = AttachedModel(model, carried)
         self._states: weakref.WeakKeyDictionary[mujoco.MjData, Replaced] = (
             weakref.WeakKeyDictionary()
         )

@@ -11,6 +11,7 @@ from asperity.errors import AsperityError
 from asperity.geometry.bodies import Surface
 from asperity.texture.height_field import HeightField
 
+_SAMPLES_A_WAVE = 8.0
 _MOST_SAMPLES = 4096 * 4096
 """Samples of a terrain with a texture on it."""
 
@@ -49,8 +50,11 @@ def terrain_surface(model: mujoco.MjModel, number: int, laid: Surface | None) ->
 def _with_texture(
     terrain: HeightField, texture: HeightField, half: tuple[float, float], offset: object
 ) -> HeightField:
-    """Return the sum of a terrain and a texture, sampled as finely as the texture."""
-    finest = [min(a, b) for a, b in zip(terrain.pixel_size, texture.pixel_size, strict=True)]
+    """Return the sum of a terrain and a texture, sampled as finely as the texture needs."""
+    enough = texture.shortest_wavelength / _SAMPLES_A_WAVE
+    finest = [
+        min(a, max(b, enough)) for a, b in zip(terrain.pixel_size, texture.pixel_size, strict=True)
+    ]
     counts = [math.ceil(2.0 * h / p) for h, p in zip(half, finest, strict=True)]
     if counts[0] * counts[1] > _MOST_SAMPLES:
         raise AsperityError(
@@ -64,7 +68,5 @@ def _with_texture(
     base = 0.5 * np.asarray(texture.size) if texture.border == "clamp" else np.zeros(2)
     middle = 0.5 * np.asarray(terrain.size)
     heights = terrain.heights(u + middle[0], (v + middle[1])[:, None])
-    heights = heights + texture.heights(
-        u - shift[0] + base[0], (v - shift[1] + base[1])[:, None]
-    )
+    heights = heights + texture.heights(u - shift[0] + base[0], (v - shift[1] + base[1])[:, None])
     return HeightField(heights, (pixel[0], pixel[1]), "clamp")

@@ -1,0 +1,263 @@
+"""The contacts that a search has found, as contacts of MuJoCo's list.
+
+A contact of asperity's has depth delta, deepest point x*, and force F along m (not of unit length).
+As a contact of MuJoCo's it has `dist = -delta / |m|`, `pos = x*` and the normal m / |m|.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.kernels import inner_kernel, kernel
+from asperity._core.records import copy_record
+from asperity._core.stack import stack_array
+from asperity.mujoco.places import recall
+from asperity.mujoco.rows import MARK, Found, Tables, calmness
+
+_LEAST_FRICTION = 1e-5
+"""As in MuJoCo, which divides by it."""
+
+
+class Velocities(NamedTuple):
+    """Velocities of the bodies of a model, as in `MjData` and `MjModel`."""
+
+    cvel: NDArray[np.float64]
+    """Angular and linear velocity, (nbody, 6) [rad/s, m/s]."""
+    origin: NDArray[np.float64]
+    """`subtree_com`, where the linear one of a root's bodies is measured, (nbody, 3) [m]."""
+    root: NDArray[np.int32]
+    """`body_rootid`, (nbody,)."""
+
+
+@inner_kernel
+def _fill_slip(velocities, carriers, point, force, slip_out):
+    """Fill the velocity of the tool against the other body at a point, across a force (3,)."""
+    along = size = 0.0
+    for k in range(3):
+        one, two, slip_out[k] = (k + 1) % 3, (k + 2) % 3, 0.0
+        for b in range(2):
+            body = carriers[b]
+            v, origin = velocities.cvel[body], velocities.origin[velocities.root[body]]
+            own = v[3 + k] + v[one] * (point[two] - origin[two])
+            own -= v[two] * (point[one] - origin[one])
+            slip_out[k] += own if b == 0 else -own
+        along += slip_out[k] * force[k]
+        size += force[k] * force[k]
+    for k in range(3):
+        slip_out[k] -= along * force[k] / size
+
+
+@inner_kernel
+def _fill_record(one, depth, force, place):
+    """Fill contact record `one`: its place, and the axes of a force (3,) on its second geom.
+
+    Returns the force's size.
+    """
+    size, old, normal = 0.0, stack_array((9,)), stack_array((3,))
+    for k in range(3):
+        size += force[k] * force[k]
+    size = math.sqrt(size)
+    for k in range(9):
+        old[k] = one.frame[k]
+    for k in range(3):
+        one.pos[k], normal[k] = place[k], force[k] / size
+    _fill_frame(one.frame, old, normal)
+    one.dist, one.includemargin, one.exclude = -depth, 0.0, 0
+    one.efc_address, one.vert[1] = -1, MARK
+    return size
+
+
+@inner_kernel
+def _nearest(templates, taken, found, pair, tables, tool, body, point):
+    """Return the contact of MuJoCo's between two bodies that is nearest to a point, -1 for none."""
+    best, which = np.inf, -1
+    for t in range(taken):
+        if found.pair[t] != pair:
+            continue
+        a, b = tables.owner[found.geoms[t, 0]], tables.owner[found.geoms[t, 1]]
+        is_these = (a == tool and b == body) or (a == body and b == tool)
+        far = 0.0 if is_these else 1e6
+        for k in range(3):
+            far += (templates[t].pos[k] - point[k]) ** 2
+        if far < best:
+            best, which = far, t
+    return which
+
+
+@inner_kernel
+def _fill_frame(frame, old, normal):
+    """Fill a contact's axes (9,): a normal, and the old first tangent turned to be across it."""
+    along = 0.0
+    for k in range(3):
+        along += old[3 + k] * normal[k]
+    size = 0.0
+    for k in range(3):
+        frame[k] = normal[k]
+        frame[3 + k] = old[3 + k] - along * normal[k]
+        size += frame[3 + k] ** 2
+    if size < 1e-6:
+        # The old tangent lies along the new normal: any other will do.
+        least = 0
+        for k in range(1, 3):
+            if abs(normal[k]) < abs(normal[least]):
+                least = k
+        size = 0.0
+        for k in range(3):
+            frame[3 + k] = (1.0 if k == least else 0.0) - normal[least] * normal[k]
+            size += frame[3 + k] ** 2
+    size = math.sqrt(size)
+    for k in range(3):
+        frame[3 + k] /= size
+    for k in range(3):
+        one, two = (k + 1) % 3, (k + 2) % 3
+        frame[6 + k] = frame[one] * frame[3 + two] - frame[two] * frame[3 + one]
+
+
+@inner_kernel
+def _own_friction(one, tables):
+    """Set the friction of a contact record, where one of its geoms has its own."""
+    sliding, other = tables.friction[one.geom[0]], tables.friction[one.geom[1]]
+    if not sliding >= other:
+        sliding = other if other == other else sliding
+    if sliding == sliding:
+        one.friction[0] = one.friction[1] = max(sliding, _LEAST_FRICTION)
+
+
+class Taken(NamedTuple):
+    """The contacts of MuJoCo's that were taken out, and what they are."""
+
+    templates: NDArray[np.void]
+    found: Found
+    tables: Tables
+
+
+class Bodies(NamedTuple):
+    """The bodies of a pair."""
+
+    number: int
+    """Of the pair."""
+    tool: int
+    """Number of its tool among asperity's bodies."""
+    carriers: NDArray[np.int64]
+    """Bodies of the model that carry the tool and the others, (2,)."""
+    motion: NDArray[np.float64]
+    """The tool's frame among the others at their first pose, and their motion from it [m],
+    (2, 3, 4)."""
+    velocities: Velocities
+
+
+@inner_kernel
+def _append(records, listed, taken, bodies, what, share, placed):
+    """Append a share of a contact to the list, and return how many are in it.
+
+    `what` is (body, depth, |m|, point, force): world axes, for the whole contact.
+    """
+    (total, kept, count), (body, depth, steep, point, force) = listed, what
+    row, size = total - kept, force[0] ** 2 + force[1] ** 2 + force[2] ** 2
+    if not size * share > 0.0 or row == placed.push.size or total == records.size:
+        return total
+    tables = taken.tables
+    t = _nearest(
+        taken.templates, count, taken.found, bodies.number, tables, bodies.tool, body, point
+    )
+    if t < 0:
+        return total
+    one, toward = records[total], stack_array((3,))
+    copy_record(one, taken.templates[t])
+    sign = 1.0 if tables.owner[one.geom[1]] == bodies.tool else -1.0
+    for k in range(3):
+        toward[k] = sign * force[k]
+    placed.push[row] = share * _fill_record(one, depth / steep, toward, point)
+    placed.steepness[row], placed.pair[row] = steep, bodies.number
+    _fill_slip(bodies.velocities, bodies.carriers, point, force, placed.slip[row])
+    _own_friction(one, tables)
+    return total + 1
+
+
+@inner_kernel
+def _to_world(motion, point, force, point_out, force_out):
+    """Move a point (3,) and turn a force (3,) by a motion (3, 4)."""
+    for j in range(3):
+        point_out[j], force_out[j] = motion[j, 3], 0.0
+        for k in range(3):
+            point_out[j] += motion[j, k] * point[k]
+            force_out[j] += motion[j, k] * force[k]
+
+
+@inner_kernel
+def _append_places(contacts, part, records, listed, taken, bodies, memory, placed):
+    """Append the places of a contact to the list, and return how many are in it.
+
+    `part` is (contact, its stiffness [N/m], how far it is at rest).
+    """
+    c, stiffness, calm = part
+    (total, kept, count), motion = listed, bodies.motion[1]
+    point, force, own = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    depths = 0.0
+    for i in range(memory.count[0]):
+        if memory.contact[i] == c:
+            depths += memory.present[i] * (1.0 if memory.is_fresh[i] else calm)
+    for i in range(memory.count[0]):
+        if memory.contact[i] != c:
+            continue
+        depth, steep = memory.present[i], 0.0
+        share = depth * (1.0 if memory.is_fresh[i] else calm) / depths
+        for k in range(3):
+            own[k] = stiffness * depth * memory.slope_normal[i, k]
+            steep += memory.slope_normal[i, k] ** 2
+        _to_world(motion, memory.now[i], own, point, force)
+        what = (contacts.body[c], depth, math.sqrt(steep), point, force)
+        total = _append(records, (total, kept, count), taken, bodies, what, share, placed)
+    return total
+
+
+@kernel
+def put_in(contacts, records, listed, taken, bodies, memory, placed):
+    """Append the contacts of one pair to the list, and return how many it has.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        In the axes of the other bodies' first pose.
+    records : contact records
+        The list.
+    listed : (int, int, int)
+        How many are in it, how many of these are MuJoCo's own, how many were taken out.
+    taken : Taken
+    bodies : Bodies
+    memory : Places
+    placed : PlacedContacts
+        Row `i` is that of the record `i` after MuJoCo's own.
+    """
+    total, kept, count = listed
+    point, force, slip = stack_array((3,)), stack_array((3,)), stack_array((3,))
+    remembers = memory.depth.size > 0
+    if remembers:
+        recall(memory, contacts, bodies.motion[0])
+    for c in range(contacts.count[0]):
+        steep = size = speed = 0.0
+        shares = 0
+        _to_world(bodies.motion[1], contacts.point[c], contacts.force[c], point, force)
+        for k in range(3):
+            steep += contacts.slope_normal[c, k] ** 2
+            size += force[k] ** 2
+        steep, size = math.sqrt(steep), math.sqrt(size)
+        for i in range(memory.count[0]):
+            if memory.contact[i] == c:
+                shares += 1
+        now = (total, kept, count)
+        if shares > 1 and size > 0.0:
+            _fill_slip(bodies.velocities, bodies.carriers, point, force, slip)
+            for k in range(3):
+                speed += slip[k] ** 2
+            stiffness = size / (steep * contacts.depth[c])  # F = k w delta |m|
+            part = (c, stiffness, calmness(math.sqrt(speed)))
+            total = _append_places(contacts, part, records, now, taken, bodies, memory, placed)
+        else:
+            what = (contacts.body[c], contacts.depth[c], steep, point, force)
+            total = _append(records, now, taken, bodies, what, 1.0, placed)
+    return total
