@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import codecs
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,8 +133,11 @@ class TextTable:
         """Whether commas separate whole numbers, or are decimal marks: nothing shows which."""
         return self.separator == "," and "." not in self.body and " " not in self.body.strip()
 
-    def rows_at(self) -> list[int]:
+    def rows_at(self) -> Sequence[int]:
         """Return the number of the line of each row."""
+        body = self.body.rstrip("\n")
+        if not any(mark in body for mark in ("#", "\n\n", "\n ", "\n\t", "\n\r")):
+            return range(self.first_line, self.first_line + body.count("\n") + 1)
         lines = enumerate(self.body.split("\n"), self.first_line)
         return [number for number, line in lines if _bare(line).strip()]
 

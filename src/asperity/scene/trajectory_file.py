@@ -222,7 +222,7 @@ def _read_arrays(path: Path, order: str | None) -> _Table:
 
 def _read_text(path: Path, order: str | None) -> _Table:
     text = read_text_table(path, texts=True)
-    origins = tuple(f"line {number}" for number in text.rows_at())
+    origins = tuple(map("line {}".format, text.rows_at()))
     names = text.names
     notes: tuple[str, ...] = ()
     if names is None:
