@@ -88,6 +88,15 @@ def test_the_map_of_a_material_is_felt(tile, line, kinds, relief):
     assert across < 0.1 * along
 
 
+def test_heights_of_a_map_are_in_the_unit_that_the_mesh_states(tile):
+    mesh = tile(["disp -mm 0 0.08 tile_Displacement.png"], ["Displacement"])
+    text = mesh.read_text().replace("0.02", "20").replace("-0.01", "-10")
+    mesh.write_text("# units: mm\n" + text)
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    assert np.ptp(target_of(scene).mesh.vertices, axis=0)[0] == pytest.approx(0.04)
+    assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.08)
+
+
 def test_maps_that_are_not_used_are_named(tile):
     scene = asperity.make_scene(tool="sphere:3mm", target=tile(["disp lost.png"]))
     assert target_of(scene).texture is None

@@ -17,7 +17,7 @@ from asperity.baking.points import POINTS, TEXTS, holds_points
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
 from asperity.geometry.mesh.contents import Contents
-from asperity.geometry.mesh.files import SUFFIXES, read_contents, read_mesh
+from asperity.geometry.mesh.files import SUFFIXES, mesh_of, read_contents
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.ply import read_head
 from asperity.texture.files.arrays import ARRAY_SUFFIXES
@@ -63,19 +63,20 @@ def mesh_to_bake(
     unit : str or None
         One of `UNITS`; None: guessed, except that glTF is in metres.
     up : {"x", "y", "z"} or None
-        Axis of the file that points upwards; None: z, for glTF y.
+        Axis of the file that points upwards; None: as the file states, y for glTF, else z.
     """
     if unit is not None:
         require_choice("unit", unit, UNITS)
-    is_gltf = path.suffix.lower() in (".glb", ".gltf")
-    up = require_choice("up", up or ("y" if is_gltf else "z"), ("x", "y", "z"))
+    if up is not None:
+        require_choice("up", up, ("x", "y", "z"))
     notes: tuple[str, ...] = ()
+    contents = read_contents(path)
+    up = up or contents.up or "z"
     if unit is None:
-        contents = read_contents(path)
         unit = contents.unit
         if unit is None:
             unit, notes = guessed_unit(_extents(contents))
-    return upright(read_mesh(path, unit=unit, hard_angle=180.0), up), unit, notes
+    return upright(mesh_of(path, contents, unit=unit, hard_angle=180.0), up), unit, notes
 
 
 def upright(mesh: Mesh, up: str) -> Mesh:

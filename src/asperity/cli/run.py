@@ -38,7 +38,7 @@ class RunCommand:
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder
     with a scene, or an MJCF or URDF file. Alternatively, give --tool and --target."""
     tool: str | None = None
-    """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl), or a solid: sphere:3mm,
+    """Mesh of the tool, z upwards (.obj, .glb, .gltf, .ply, .stl, .usd), or a solid: sphere:3mm,
     box:20x10x5mm, capsule:3x20mm, cylinder:3x20mm, ellipsoid:8x6x4mm."""
     target: str | None = None
     """Mesh of the object that the tool moves over, or a solid."""

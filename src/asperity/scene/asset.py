@@ -19,7 +19,6 @@ from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity._core.kernels import cache_folder
 from asperity.errors import AsperityError
-from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.materials import FELT, SEEN, MapImage, Material, maps_by_name
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.topology import crosses
@@ -32,7 +31,7 @@ _FLATTEST = 1e-4
 
 
 def own_textures(
-    path: Path, mesh: Mesh, unit: str, notes: list[str]
+    path: Path, mesh: Mesh, notes: list[str]
 ) -> dict[str, tuple[dict[str, Any], Mapping[str, MapImage]]]:
     """Return the texture tables of the maps that a mesh's file brings, and its maps.
 
@@ -43,8 +42,6 @@ def own_textures(
     path : Path
         The mesh's file.
     mesh : Mesh
-    unit : str
-        Unit of length of the file.
     notes : list of str
         Gets notes on what is used and what is not.
     """
@@ -70,7 +67,7 @@ def own_textures(
         own: list[str] = []
         table = None
         if has_area(part_of(mesh, name)):
-            table = texture_of(maps, UNITS[unit], own)
+            table = texture_of(maps, own)
         else:
             own.append(
                 "its texture coordinates cover no area, so its maps are not used: "
@@ -112,17 +109,13 @@ def _common(stem: str) -> str:
     return ""
 
 
-def texture_of(
-    maps: Mapping[str, MapImage], metres: float, notes: list[str]
-) -> dict[str, Any] | None:
+def texture_of(maps: Mapping[str, MapImage], notes: list[str]) -> dict[str, Any] | None:
     """Return the texture table of maps, None if none that can be felt is there.
 
     Parameters
     ----------
     maps : mapping of str to MapImage
         By kind.
-    metres : float
-        Metres a unit of the file that names them.
     notes : list of str
         Gets notes on what is used and what is not.
     """
@@ -142,10 +135,10 @@ def texture_of(
         if picture.scale != 1.0:
             notes.append(f"{picture.name}: its scale of {picture.scale:.4g} is not used")
     elif picture.height_range is not None and picture.height_range != 0.0:
-        table["height_range"] = abs(picture.height_range) * metres
+        table["height_range"] = abs(picture.height_range)
         table["invert"] = picture.height_range < 0.0
         if picture.low != 0.0:
-            notes.append(f"{picture.name}: the height of black, {picture.low:.4g}, is not used")
+            notes.append(f"{picture.name}: the height of black, {picture.low:.4g} m, is not used")
     others = [f"{maps[k].name} ({k})" for k in (*FELT, *SEEN) if k in maps and maps[k] != picture]
     rest = f"; only seen, or not used: {', '.join(others)}" if others else ""
     notes.append(f"its own {kind} map is the texture: {picture.name}{rest}")

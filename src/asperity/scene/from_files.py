@@ -176,7 +176,7 @@ def _part(which: str, source: File, texture: File | None, unit: str | None) -> _
     body: dict[str, Any] = {"mesh": table}
     laid, maps = _texture(which, texture, notes)
     if texture is None and "file" in table:
-        own = own_textures(Path(table["file"]), mesh, table.get("unit", "m"), notes)
+        own = own_textures(Path(table["file"]), mesh, notes)
         laid, maps = own.pop("", (None, {}))
         for name, (of_material, its_maps) in own.items():
             part = part_of(mesh, name)
@@ -229,7 +229,7 @@ def _texture(
     if isinstance(texture, str | Path) and str(texture) and Path(texture).expanduser().is_dir():
         key, folder = f"{which}_texture", Path(texture).expanduser()
         maps = at(key, lambda: folder_maps(folder))
-        return at(key, lambda: texture_of(maps, 1.0, notes)), maps
+        return at(key, lambda: texture_of(maps, notes)), maps
     named = pattern(texture) if isinstance(texture, str) else None
     if named is not None:
         table, note = named

@@ -53,12 +53,15 @@ class Contents:
         What was left out, or doubted.
     unit : str or None
         Unit of length that the file states, one of `UNITS`.
+    up : str or None
+        Axis that points upwards, if the kind of file or the file states it.
     """
 
     parts: list[FilePart] = field(default_factory=list)
     materials: list[Material] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     unit: str | None = None
+    up: str | None = None
 
 
 def stated_unit(comments: str) -> str | None:

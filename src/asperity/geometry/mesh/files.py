@@ -1,4 +1,4 @@
-"""Meshes from files: OBJ, GLB, glTF, PLY and STL.
+"""Meshes from files: OBJ, GLB, glTF, PLY, STL and USD.
 
 Vertices are neither merged nor reordered, so texture coordinates stay with their corners; normals
 are those of the file; parts of a scene are placed by their transforms. What a file states of itself
@@ -26,9 +26,11 @@ from asperity.geometry.mesh.mesh import Mesh, mesh_from_arrays
 from asperity.geometry.mesh.obj import read_obj
 from asperity.geometry.mesh.ply import read_ply
 from asperity.geometry.mesh.stl import read_stl
+from asperity.geometry.mesh.usd import USD_SUFFIXES, read_usd, usd_layers
 
 _READERS = {
     ".obj": read_obj, ".glb": read_gltf, ".gltf": read_gltf, ".ply": read_ply, ".stl": read_stl,
+    **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
 SUFFIXES = tuple(_READERS)
 
@@ -40,7 +42,7 @@ def read_mesh(
     hard_angle: float | None = None,
     name: str | None = None,
 ) -> Mesh:
-    """Return the mesh in a file: OBJ, GLB, glTF, PLY or STL.
+    """Return the mesh in a file: OBJ, GLB, glTF, PLY, STL, or USD (`asperity[usd]`).
 
     All geometries of a scene are joined, placed by their transforms; polygons are split into fans
     of triangles. Texture coordinates are used if every geometry has them. Normals (OBJ vn, glTF
@@ -74,8 +76,16 @@ def read_mesh(
     path = Path(os.path.expanduser(path))
     if unit is not None:
         require_choice("unit", unit, UNITS)
-    name = path.stem if name is None else name
     contents = read_contents(path)
+    return mesh_of(path, contents, unit=unit, hard_angle=hard_angle, name=name)
+
+
+def mesh_of(
+    path: Path, contents: Contents, *, unit: str | None, hard_angle: float | None,
+    name: str | None = None,
+) -> Mesh:  # fmt: skip
+    """Return the mesh of what a file holds; parameters as for `read_mesh`."""
+    name = path.stem if name is None else name
     parts = [part.corners for part in contents.parts]
     notes = list(contents.notes)
     if len(parts) > 1:
@@ -97,6 +107,7 @@ def read_mesh(
         notes.append(coarse)
     if normals is not None and hard_angle is None:
         notes.append("the file's normals carry the displacement")
+    materials = tuple(_in_metres(material, UNITS[unit]) for material in materials)
     return replace(mesh, notes=(*notes, *mesh.notes), materials=materials)
 
 
@@ -122,6 +133,8 @@ def companions(path: Path) -> list[Path]:
     try:
         if suffix == ".gltf":
             named = GltfFile(path).files()
+        elif suffix in USD_SUFFIXES:
+            named = usd_layers(path)
         elif suffix == ".obj":
             text = text_of(path.read_bytes())
             lines = re.findall(r"^\s*mtllib\s+(.+?)\s*$", text, flags=re.MULTILINE)
@@ -144,6 +157,15 @@ def _laid(part: FilePart, contents: Contents) -> FilePart:
     if note not in contents.notes:
         contents.notes.append(note)
     return FilePart(part.corners._replace(uv=part.corners.uv * scale + offset), part.material)
+
+
+def _in_metres(material: Material, metres: float) -> Material:
+    """Return a material whose heights, in the file's unit, are in metres."""
+    maps = {}
+    for kind, picture in material.maps.items():
+        relief = None if picture.height_range is None else picture.height_range * metres
+        maps[kind] = picture._replace(height_range=relief, low=picture.low * metres)
+    return replace(material, maps=maps)
 
 
 def _with_uv(parts: list[Corners], contents: Contents, notes: list[str]) -> list[Corners]:

@@ -42,7 +42,7 @@ class _Reader(GltfFile):
 
     def contents(self) -> Contents:
         """Return all parts in the frame of the scene, and the materials."""
-        out = Contents(unit="m", notes=self.notes)
+        out = Contents(unit="m", up="y", notes=self.notes)
         listed = self.tree.get("materials", [])
         count = len(listed) if isinstance(listed, list) else 0
         out.materials = [self.material(number) for number in range(count)]

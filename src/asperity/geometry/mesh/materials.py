@@ -32,9 +32,9 @@ class MapImage(NamedTuple):
     data : bytes
         Its content, if it has no file.
     height_range : float or None
-        Height of white above black in the file's unit; displacement only.
+        Height of white above black [m]; displacement only. In the file's unit until a mesh has it.
     low : float
-        Height of black in the file's unit.
+        Height of black, likewise.
     scale : float
         By which slopes of a normal map are multiplied.
     """
