@@ -218,3 +218,12 @@ def test_points_on_a_full_grid_are_used_as_they_are(tmp_path):
     report = asperity.bake(tmp_path / "a.xyz", tmp_path / "out", unit="mm", picture=False).report
     assert report["error_um"]["max"] < 0.01
     assert report["texel_um"] == pytest.approx(100)
+
+
+def test_each_axis_has_its_own_unit(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x [mm],y [mm],z [µm]\n" + lines(DATA * [1.0, 1.0, 1e3], ","))
+    found = read_points(path)
+    assert found.unit == "mm"
+    assert found.places == pytest.approx(DATA, rel=1e-4)
+    assert any("mm, mm, um" in note for note in found.notes)

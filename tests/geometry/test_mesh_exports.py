@@ -453,3 +453,32 @@ def test_concave_polygons_keep_their_shape(tmp_path):
             up = 0.5 * np.cross(b - a, c - a)[:, 2]
             assert abs(up.sum()) == pytest.approx(0.01 * area)
             assert np.abs(up).sum() == pytest.approx(0.01 * area)
+
+
+@pytest.mark.parametrize(
+    "comment", ["units: mm", "Units are millimeters", "unit mm", "exported in mm", "UNITS=MM"]
+)
+def test_comments_state_the_unit(tmp_path, comment):
+    rows = [f"# {comment}", *("v {:g} {:g} {:g}".format(*(1e3 * corner)) for corner in CORNERS)]
+    rows += ["f " + " ".join(f"{i + 1}" for i in face) for face in FACES]
+    (tmp_path / "a.obj").write_text("\n".join(rows))
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx(np.ptp(CORNERS, axis=0))
+    assert noted(mesh, "its unit is mm, as it states")
+
+
+def test_a_box_that_single_precision_has_flattened_is_doubted(tmp_path):
+    corners = (CORNERS + np.array([5e5, 4e6, 100.0])).astype("<f4")
+    faces = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[f].ravel(), 0) for f in FACES)
+    (tmp_path / "a.stl").write_bytes(bytes(80) + struct.pack("<I", len(FACES)) + faces)
+    assert noted(read_mesh(tmp_path / "a.stl"), "the shape is coarse")
+
+
+def test_partial_texture_coordinates_are_noted(tmp_path):
+    rows = ["v {:g} {:g} {:g}".format(*corner) for corner in CORNERS]
+    rows += ["vt 0 0", "vt 1 0", "vt 1 1"]
+    first, *others = FACES.tolist()
+    rows += ["f " + " ".join(f"{i + 1}/{k + 1}" for k, i in enumerate(first))]
+    rows += ["f " + " ".join(f"{i + 1}" for i in face) for face in others]
+    (tmp_path / "a.obj").write_text("\n".join(rows))
+    assert noted(read_mesh(tmp_path / "a.obj"), "some of its corners have no texture coordinates")

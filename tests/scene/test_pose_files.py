@@ -61,6 +61,12 @@ NAMED = {
     "torques": ("t,x,y,z,qw,qx,qy,qz,fx,fy,fz,tx,ty,tz\n", (T, P, Q, 0 * P, 1 + P)),
     "others in ms": ("time,x,y,z,qw,qx,qy,qz,latency [ms],gap [mm]\n", (T, P, Q, T, T)),
     "units above": ("units: mm, ms\ntime,x,y,z,qw,qx,qy,qz\n", (1e3 * T, 1e3 * P, Q)),
+    "units of a program": (
+        'Format Version,1.23,Length Units,Millimeters,Rotation Type,Quaternion\n\n,,"1","1","1",'
+        '"1","1","1","1"\n,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n'
+        "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z\n",
+        (np.arange(N), T, XYZW, 1e3 * P),
+    ),
     "two lines": (
         "Frame,Time,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\n"
         ",(Seconds),X,Y,Z,W,X,Y,Z\n",

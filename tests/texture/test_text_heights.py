@@ -259,3 +259,21 @@ def test_the_first_row_of_whole_numbers_is_a_row(tmp_path: Path, text: str) -> N
     first = [float(word) for word in text.split("\n")[0].replace(";", " ").split()]
     assert found.samples.shape[0] == text.count("\n")
     np.testing.assert_array_equal(found.samples[0], first)
+
+
+def test_axes_beside_a_matrix_are_no_heights(tmp_path: Path) -> None:
+    across = ",".join(f"{10 * k}" for k in range(30))
+    beside = [f"{10 * k},{row}" for k, row in enumerate(rows(1e6 * HEIGHTS, ",").splitlines())]
+    body = "\n".join(beside) + "\n"
+    found = read_heights(write(tmp_path / "a.csv", f"y\\x (µm),{across}\n{body}"), unit="um")
+    same(found, atol=1e-9)
+    assert any("its first row and column are places, by 10 and 10" in n for n in found.notes)
+    # Without a word for them they are suspected.
+    for text, what in (
+        (f"0,{across}\n{body}", "row and column"), (body, "column"),
+        (f"{across}\n{rows(1e6 * HEIGHTS, ',')}", "row"),
+    ):  # fmt: skip
+        found = read_heights(write(tmp_path / "b.csv", text), pixel_size=PIXEL, unit="um")
+        assert any(f"is its first {what} places?" in note for note in found.notes)
+    found = read_heights(write(tmp_path / "c.csv", rows(1e6 * HEIGHTS, ",")), pixel_size=PIXEL)
+    assert not any("places?" in note for note in found.notes)

@@ -190,7 +190,8 @@ def read_text_table(
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
         line, number = text[start:end], number + 1
-        if _is_row(line, texts) and not _is_count(line, text[end + 1 : end + 4000]):
+        rest = text[end + 1 : end + 4000]
+        if _is_row(line, texts) and not _is_count(line, rest) and not _is_label(line, rest):
             break
         if line.strip():
             header.append(line.strip().lstrip(_MARKS).strip())
@@ -298,6 +299,14 @@ def _is_count(line: str, rest: str) -> bool:
     below = [row for row in rest.split("\n") if row.strip()][:-1][:_LOOKED_AT]
     counts = {_cells(row) for row in below if _is_row(row, False)}
     return len(below) > 2 and len(counts) == 1 and _cells(line) not in counts
+
+
+def _is_label(line: str, rest: str) -> bool:
+    """Return whether numbers behind an empty cell are names, as of bodies: words are below them."""
+    if not line.startswith((",", ";")):
+        return False
+    below = next((row for row in rest.split("\n") if row.strip()), "")
+    return bool(below) and not _is_row(below, False)
 
 
 def _word(match: re.Match[str]) -> str:

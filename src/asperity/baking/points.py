@@ -73,7 +73,8 @@ class _Form(NamedTuple):
     width: int
     columns: tuple[int, ...]
     names: tuple[str, ...]
-    unit: str | None
+    units: tuple[str, ...]
+    """Of x, y and z, as their names state them; "": not stated."""
     counted: int | None
     """Points, as a line above them has it."""
 
@@ -147,7 +148,7 @@ def _form(lines: list[str]) -> _Form | None:
         share = widths.count(width)
         first = next(i for i, row in enumerate(rows) if len(row) == width)
         if best is None or share > best[0]:
-            names, unit = _heading(lines[:first], separator, width)
+            names, units = _heading(lines[:first], separator, width)
             columns = tuple(names.index(axis) for axis in "xyz") if names else (0, 1, 2)
             counts = [
                 int(row[0]) for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])
@@ -160,7 +161,7 @@ def _form(lines: list[str]) -> _Form | None:
                 width,
                 columns,
                 names,
-                unit,
+                units,
                 count,
             )
             best = (share, form)
@@ -169,8 +170,8 @@ def _form(lines: list[str]) -> _Form | None:
 
 def _heading(
     above: list[str], separator: str | None, width: int
-) -> tuple[tuple[str, ...], str | None]:
-    """Return the axes that columns are, "" for others, and the unit that their names state.
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the axes that columns are, "" for others, and the units that their names state.
 
     Empty if no line above names x, y and z.
     """
@@ -181,10 +182,10 @@ def _heading(
             found = [_HEADING.match(word) for word in words]
             axes = tuple(_AXES.get(m.group(1), "") if m else "" for m in found)
             if len(words) == width and all(axes.count(axis) == 1 for axis in "xyz"):
-                units = {m[2] or m[3] or "" for m, a in zip(found, axes, strict=True) if m and a}
-                unit = units.pop().replace("µ", "u").replace("μ", "u") if len(units) == 1 else ""
-                return axes, unit if unit in UNITS else None
-    return (), None
+                stated = {a: m[2] or m[3] or "" for m, a in zip(found, axes, strict=True) if m}
+                units = [re.sub("[µμ]", "u", stated[axis]) for axis in "xyz"]
+                return axes, tuple(unit if unit in UNITS else "" for unit in units)
+    return (), ()
 
 
 def _text(path: Path) -> Points:
@@ -226,7 +227,12 @@ def _text(path: Path) -> Points:
         notes.append(named)
     if form.counted is not None and len(places) < form.counted:
         notes.append(f"it is cut short: it counts {form.counted} points and has {len(places)}")
-    unit = form.unit or stated_unit("\n".join(lines[: form.first]))
+    known = [unit for unit in form.units if unit]
+    unit = known[0] if known else stated_unit("\n".join(lines[: form.first]))
+    if len(set(known)) > 1:
+        factors = [UNITS[own or known[0]] / UNITS[known[0]] for own in form.units]
+        places = places * factors
+        notes.append(f"x, y and z are in {', '.join(form.units)}, as their names state")
     return Points(places, unit, tuple(notes))
 
 

@@ -49,6 +49,7 @@ def require_pose(pose: ArrayLike, name: str = "handle pose") -> Pose:
 
 def _shown(pose: Any) -> str:
     shape = np.shape(pose) if isinstance(pose, np.ndarray) else ()
+    pose = pose.tolist() if shape == (7,) else pose
     text = f"an array of shape {shape}" if shape not in ((), (7,)) else repr(pose)
     return " ".join(text.split())[:120]
 

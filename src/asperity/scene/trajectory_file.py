@@ -28,7 +28,9 @@ _FARTHEST, _FASTEST, _LONGEST_STEP = 3.0, 10.0, 0.5
 """Places [m], speeds [m/s] and times between poses [s] beyond which a unit is doubted."""
 _EPOCH = 1e8
 """Times beyond it are since an epoch, in s, ms, us or ns by their size."""
-_LENGTH_WORD = re.compile(r"(?<![A-Za-z_])(mm|cm|µm|um|millimet\w+|inch\w*)(?![A-Za-z])")
+_LENGTH_WORD = re.compile(
+    r"(?<![A-Za-z_])(mm|cm|µm|um|(?i:(?:milli|centi|micro)met\w+|inch\w*))(?![A-Za-z])"
+)
 _TIME_WORD = re.compile(r"(?<![A-Za-z_])(ms|us|µs|ns|(?:milli|micro|nano)sec\w+)(?![A-Za-z])")
 
 

@@ -21,11 +21,15 @@ _FAR = 10.0
 """A mesh whose middle is farther from the origin, in its sizes, is far from it."""
 _COARSE = 1e-5
 """Steps of coordinates above this share of the size lose shape."""
+_LOST = 0.02
+"""Steps of single precision above this share of the size leave no shape at all."""
 _FLAT = 1e-9
 _MOST_CORNERS = 2000
 """A concave polygon of more corners is read as a fan."""
 _STATED = re.compile(
-    r"\bunits?\b\s*(?:(?:are|is|in)\b\s*|[=:]\s*)\"?\s*([a-z]+)", flags=re.IGNORECASE
+    r"\bunits?\b\s*(?:(?:are|is|in)\b\s*|[=:]\s*|(?<=\s))\"?\s*([a-z]+)"
+    r"|\bin (mm|cm|(?:milli|centi|micro)met(?:er|re)s?|inches|met(?:er|re)s)\b",
+    flags=re.IGNORECASE,
 )
 _NAMES = {
     "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm", "centimeter": "cm",
@@ -66,8 +70,8 @@ class Contents:
 
 def stated_unit(comments: str) -> str | None:
     """Return the unit of length that comments state ("units: mm"), None if they state none."""
-    for word in _STATED.findall(comments):
-        name = word.lower()
+    for words in _STATED.findall(comments):
+        name = "".join(words).lower()
         name = _NAMES.get(name.removesuffix("s"), _NAMES.get(name, name))
         if name in UNITS:
             return name
@@ -89,7 +93,7 @@ def coarse_note(points: Array, metres: float) -> str | None:
     far = float(np.abs(0.5 * (low + high)).max())
     if not (math.isfinite(far) and size > 0.0 and far > _FAR * size):
         return None
-    step = max(_step(points[:, axis]) for axis in range(3))
+    step = max(_step(points[:, axis], size) for axis in range(3))
     if step <= _COARSE * size:
         return None
     return (
@@ -99,12 +103,14 @@ def coarse_note(points: Array, metres: float) -> str | None:
     )
 
 
-def _step(values: Array) -> float:
+def _step(values: Array, size: float) -> float:
     """Return the step to which values of one axis are rounded, 0 if none is found."""
     distinct = np.unique(values)
-    if len(distinct) < 4:  # faces of a box: rounding shows on sloping surfaces only
-        return 0.0
     largest = float(np.abs(distinct).max())
+    if len(distinct) < 4:  # faces of a box: fine rounding shows on sloping surfaces only
+        step = float(np.spacing(np.float32(largest)))
+        single = np.array_equal(distinct, distinct.astype(np.float32))
+        return step if single and step > _LOST * size else 0.0
     step = 0.0
     if np.array_equal(distinct, distinct.astype(np.float32)):
         step = float(np.spacing(np.float32(largest)))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity._core.text_table import TextTable, read_text_table
+from asperity._core.text_table import TextTable, is_number, read_text_table
 from asperity._core.units import LENGTHS, named_unit, short_unit
 from asperity.errors import SurfaceError
 from asperity.texture.files.points import Grid, on_grid, profile, scattered
@@ -159,10 +159,33 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
     if names and names[0].strip().casefold() in _NUMBERING and _even(turned[:, 0]):
         notes = (*notes, f"its first column, {names[0]!r}, numbers the rows and is left out")
         return stored._replace(values=values[:, 1:], notes=notes)
-    if _even(turned[0]) and _even(turned[:, 0]) and not _even(turned[1]):
-        notes = (*notes, "are its first row and column places? They grow evenly, others do not")
-        return stored._replace(notes=notes)
-    return stored
+    heads = np.array([float(n) if is_number(n) else np.nan for n in (names or ())[1:]])
+    if heads.size == values.shape[1] - 1 and _even(heads) and _even(turned[:, 0]):
+        steps = float(np.diff(heads).mean()), abs(float(np.diff(turned[:, 0]).mean()))
+        shown = f"by {steps[0]:g} and {steps[1]:g}"
+        notes = (*notes, f"its first row and column are places, {shown}, and are left out")
+        stored = stored._replace(values=values[:, 1:], notes=notes)
+        unit = named_unit(names[0], LENGTHS) if names else None
+        if unit is None or stored.pixel_size is not None:
+            return stored
+        # What the corner names is the unit of the places, not of the heights.
+        notes = tuple(note for note in notes if not note.startswith("heights in "))
+        notes = (*notes, f"places in {unit[0]}", "no unit is stated: heights in m")
+        size = abs(steps[0]) * unit[1], steps[1] * unit[1]
+        return stored._replace(pixel_size=size, scale=1.0, unit="", notes=notes)
+    first = [
+        word
+        for word, grows in (
+            ("row", _even(turned[0, 1:]) and not _even(turned[1, 1:])),
+            ("column", _even(turned[1:, 0]) and not _even(turned[1:, 1])),
+        )
+        if grows
+    ]
+    if first:
+        which = " and ".join(first)
+        notes = (*notes, f"is its first {which} places? It grows evenly, others do not: leave it "
+                 "out of the file, if so")  # fmt: skip
+    return stored._replace(notes=notes)
 
 
 def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
