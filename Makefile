@@ -9,7 +9,7 @@ OUT    ?= out
 # seconds longer to start.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo view test test-slow lint bench compare pictures readme docs reference wheel-test \
+.PHONY: demo view test test-slow test-robots lint bench compare pictures readme docs reference wheel-test \
   install clean
 .DEFAULT_GOAL := demo
 
@@ -26,6 +26,12 @@ test: $(VENV)/installed-dev          ## the tests (two processes, one shared com
 test-slow: $(VENV)/installed-dev
 	$(BIN)/python -m pytest -m slow
 
+# Robotics packages run on MuJoCo 3.3 to 3.5, and need an environment of their own.
+ROBOTS := .venv-robots
+CLIENTS := robosuite==1.5.1 metaworld==3.0.0 gymnasium-robotics==1.4.2 'dm_control<1.0.50' packaging mujoco==3.5.0 'numpy>=2'
+test-robots: $(ROBOTS)/installed     ## textures in MuJoCo 3.5, and in robosuite, metaworld, gymnasium-robotics, dm_control
+	$(ROBOTS)/bin/python -m pytest -p no:xdist -q tests/mujoco
+
 lint: $(VENV)/installed-dev          ## style, types, the order of imports, the rules of CONTRIBUTING.md
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -38,7 +44,7 @@ SERVO_SECONDS ?= 600
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
 	@mkdir -p $(OUT); missed=; \
 	$(BIN)/python benchmarks/bench_meshes.py --figure $(OUT)/growth.svg || missed="$$missed meshes"; \
-	for name in studies contact devices energy hand_study sweep page; do \
+	for name in studies contact mujoco devices energy hand_study sweep page; do \
 	  $(BIN)/python benchmarks/bench_$$name.py || missed="$$missed $$name"; \
 	done; $(BIN)/python benchmarks/bench_servo.py --seconds $(SERVO_SECONDS) --empty 0.2 --kills 100 \
 	  || missed="$$missed servo"; test -z "$$missed" || { echo "missed a bar, or failed:$$missed"; exit 1; }
@@ -65,9 +71,15 @@ docs: $(VENV)/installed-docs         ## the site, in docs/_build/html
 wheel-test: $(VENV)/installed-dev    ## build a wheel, install it in a bare environment, run the demo
 	sh .ci/wheel_test.sh $(BIN)/python
 
+$(ROBOTS)/installed: pyproject.toml Makefile
+	$(PYTHON) -m venv $(ROBOTS)
+	$(ROBOTS)/bin/python -m pip install -q --disable-pip-version-check '$(UV)'
+	$(ROBOTS)/bin/uv pip install -q --python $(ROBOTS)/bin/python -e '.[test]' $(CLIENTS)
+	@touch $@
+
 install: $(VENV)/installed-run
 clean:
-	rm -rf $(VENV) $(OUT) docs/_build build dist .pytest_cache .ruff_cache .mypy_cache
+	rm -rf $(VENV) $(ROBOTS) $(OUT) docs/_build build dist .pytest_cache .ruff_cache .mypy_cache
 
 # Installation. uv does it in seconds; where uv cannot run, pip does the same more slowly.
 define INSTALL

@@ -58,7 +58,7 @@ def pairs_in_contact(model, data):
 
 @pytest.mark.parametrize("name", ["table", "geom:table", "body:tool", "steel", "material:steel"])
 def test_by_geom_body_and_material(model, name):
-    _, data = settled(model, {name: BUMPS})
+    _, data = settled(model, {name: BUMPS}, 30)
     assert ("table", "tip") in pairs_in_contact(model, data)
 
 

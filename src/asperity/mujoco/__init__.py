@@ -6,6 +6,7 @@ surfaces.step(data)          # in place of mujoco.mj_step
 """
 
 from asperity.mujoco.surfaces import Surfaces, attach
+from asperity.mujoco.taxels import Taxels
 from asperity.mujoco.textures import pattern, texture
 
-__all__ = ["Surfaces", "attach", "pattern", "texture"]
+__all__ = ["Surfaces", "Taxels", "attach", "pattern", "texture"]

@@ -250,7 +250,7 @@ def _of_meshes(
     faces = np.concatenate([f + start for (_, f), start in zip(parts, starts[:-1], strict=True)])
     uv = None
     if surface is not None and surface.mapping == "uv":
-        uv = np.concatenate([_uv(model, geom) for geom in geoms])
+        uv = np.concatenate([mesh_uv(model, geom) for geom in geoms])
     mesh = mesh_from_arrays(vertices, faces, uv=uv, hard_angle=HARD_ANGLE, name=name)
     body = Body(name, [_box_round(mesh)], mesh=mesh)
     if is_textured and surface is not None:
@@ -277,7 +277,7 @@ def _hull(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.
     return points[used], renumbered.reshape(-1, 3).astype(np.int64)
 
 
-def _uv(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+def mesh_uv(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     """Return the texture coordinates of the corners of a mesh geom's triangles, (m, 3, 2)."""
     mesh = int(model.geom_dataid[geom])
     start = int(model.mesh_texcoordadr[mesh])

@@ -23,12 +23,19 @@ _originals: dict[str, Callable[..., Any]] = {}
 
 @contextlib.contextmanager
 def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
-    """Let MuJoCo call `passive` for `model`, and after it what it has called before."""
+    """Let MuJoCo call `passive` for `model`, and after it what it has called before.
+
+    What `passive` raises is raised at the end: some versions of MuJoCo end the process otherwise.
+    """
     before = mujoco.get_mjcb_passive()
+    errors: list[Exception] = []
 
     def both(called: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if called is model:
-            passive(called, data)
+        if called is model and not errors:
+            try:
+                passive(called, data)
+            except Exception as error:
+                errors.append(error)
         if before is not None:
             before(called, data)
 
@@ -37,6 +44,8 @@ def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
         yield
     finally:
         mujoco.set_mjcb_passive(before)
+    if errors:
+        raise errors[0]
 
 
 @contextlib.contextmanager

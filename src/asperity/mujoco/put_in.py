@@ -35,7 +35,10 @@ class Velocities(NamedTuple):
 
 @inner_kernel
 def _fill_slip(velocities, carriers, point, force, slip_out):
-    """Fill the velocity of the tool against the other body at a point, across a force (3,)."""
+    """Fill the velocity of the tool against the other body at a point, across a force (3,).
+
+    Returns its speed along the force.
+    """
     along = size = 0.0
     for k in range(3):
         one, two, slip_out[k] = (k + 1) % 3, (k + 2) % 3, 0.0
@@ -49,6 +52,7 @@ def _fill_slip(velocities, carriers, point, force, slip_out):
         size += force[k] * force[k]
     for k in range(3):
         slip_out[k] -= along * force[k] / size
+    return along / math.sqrt(size)
 
 
 @inner_kernel
@@ -173,7 +177,10 @@ def _append(records, listed, taken, bodies, what, share, placed):
         toward[k] = sign * force[k]
     placed.push[row] = share * _fill_record(one, depth / steep, toward, point)
     placed.steepness[row], placed.pair[row] = steep, bodies.number
-    _fill_slip(bodies.velocities, bodies.carriers, point, force, placed.slip[row])
+    placed.parting[row] = _fill_slip(
+        bodies.velocities, bodies.carriers, point, force, placed.slip[row]
+    )
+    placed.is_second[row] = sign > 0.0
     _own_friction(one, tables)
     return total + 1
 

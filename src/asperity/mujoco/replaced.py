@@ -12,6 +12,7 @@ from asperity._core.kernels import Repeated
 from asperity.contact.body_contact import BodyContact
 from asperity.mujoco.memory import contact_records
 from asperity.mujoco.pairs import PairPlan
+from asperity.mujoco.passive import LONGEST, add_forces, warn_of_step
 from asperity.mujoco.places import Places, places
 from asperity.mujoco.put_in import Bodies, Taken, Velocities, put_in
 from asperity.mujoco.rows import (
@@ -44,8 +45,8 @@ class Replaced:
         Force and stiffness of each.
     """
 
-    def __init__(self, plan: PairPlan, model: mujoco.MjModel) -> None:
-        self._plan = plan
+    def __init__(self, plan: PairPlan, model: mujoco.MjModel, as_forces: bool) -> None:
+        self._plan, self._as_forces = plan, as_forces
         self._contacts: dict[int, BodyContact] = {}
         self._places: dict[int, Places] = {}
         self._room = plan.room() if plan.pairs else None
@@ -64,6 +65,11 @@ class Replaced:
         self._sticks = bool((model.actuator_trntype == _ADHESION).any())
         self._root = model.body_rootid
         self._warned: set[int] = set()
+
+    @property
+    def known_pairs(self) -> set[int]:
+        """Numbers of the pairs that have been near each other."""
+        return set(self._contacts)
 
     def is_new(self, time: float) -> bool:
         """Return whether to look at the model: at first, after a reset, and now and then."""
@@ -101,9 +107,11 @@ class Replaced:
         for number in pairs:
             total = self._add(data, number, dt, total, kept, taken)
         self.count = total - kept
-        data.ncon = total
+        data.ncon = kept if self._as_forces else total
+        if self._as_forces:  # before the constraints take the room of these contacts
+            self._push(model, data, dissipation)
         mujoco.mj_makeConstraint(model, data)
-        if self.count and data.nefc:
+        if not self._as_forces and self.count and data.nefc:
             which, mass = self._set(
                 records, kept, self.count, self.placed, rows_of(data), self._plan.by_facets,
                 dissipation, step,
@@ -143,6 +151,20 @@ class Replaced:
         )  # fmt: skip
         return count
 
+    def _push(self, model: mujoco.MjModel, data: mujoco.MjData, dissipation: float) -> None:
+        """Add the forces of the contacts that were taken off the list."""
+        assert self._records is not None
+        records = self._records[self.first : self.first + self.count].copy()
+        ratio, which = add_forces(model, data, records, self.placed, dissipation)
+        if which >= 0 and ratio > LONGEST and int(self.placed.pair[which]) not in self._warned:
+            self._warned.add(int(self.placed.pair[which]))
+            warn_of_step(self._names(which), ratio, float(model.opt.timestep))
+
+    def _names(self, which: int) -> tuple[str, str]:
+        """Return the names of the bodies of one of the contacts."""
+        bodies, pair = self._plan.carried.bodies, self._plan.pairs[int(self.placed.pair[which])]
+        return bodies[pair.tool].body.name, bodies[pair.others[0]].body.name
+
     def _leave(self, near: set[int], dt: float) -> None:
         """Note that pairs that were near are not near any more."""
         for number in self._touched - near:
@@ -164,9 +186,7 @@ class Replaced:
         if number in self._warned:
             return
         self._warned.add(number)
-        bodies = self._plan.carried.bodies
-        pair = self._plan.pairs[number]
-        names = bodies[pair.tool].body.name, bodies[pair.others[0]].body.name
+        names = self._names(which)
         enough = step / math.sqrt(1.0 + mass)
         warnings.warn(
             f"a step of {1e3 * step:.3g} ms is long for the stiffness of contact between "

@@ -93,12 +93,17 @@ class PlacedContacts(NamedTuple):
     """Number of the pair, (n,)."""
     slip: NDArray[np.float64]
     """Velocity of the tool across the force [m/s], world axes (n, 3)."""
+    parting: NDArray[np.float64]
+    """Its velocity along the force [m/s], (n,)."""
+    is_second: NDArray[np.bool_]
+    """Whether the tool has the second of the contact's geoms, (n,)."""
 
 
 def placed(room: int) -> PlacedContacts:
     """Allocate room for contacts."""
     return PlacedContacts(
-        np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros((room, 3))
+        np.zeros(room), np.zeros(room), np.zeros(room, np.int64), np.zeros((room, 3)),
+        np.zeros(room), np.zeros(room, bool),
     )  # fmt: skip
 
 

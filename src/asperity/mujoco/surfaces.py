@@ -10,12 +10,17 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import weakref
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
+from asperity._core.cores import usable_cores
 from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_choice, require_not_negative, require_positive
 from asperity.mujoco.bodies import carried_bodies
@@ -23,20 +28,24 @@ from asperity.mujoco.changes import AttachedModel
 from asperity.mujoco.installed import callback, original, replaced_functions
 from asperity.mujoco.margins import widen
 from asperity.mujoco.memory import contact_type
+from asperity.mujoco.model_textures import textures_of_file, textures_of_model
 from asperity.mujoco.pairs import PairPlan
 from asperity.mujoco.replaced import Replaced
 
 _logger = logging.getLogger(__name__)
 MODES = ("contacts", "passive")
+_NODES = 100
+"""Boxes that a search looks at: along a path the deepest place is found so, but not proved."""
 _SPRINGS_AND_DAMPERS = int(mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER)
 
 
 def attach(
     model: mujoco.MjModel,
-    textures: Mapping[str, Any],
+    textures: Mapping[str, Any] | str | os.PathLike[str] | None = None,
     *,
     stiffness: float = 1e4,
     dissipation: float = 1.0,
+    mode: str = "contacts",
     settings: ForceSettings | None = None,
 ) -> Surfaces:
     """Give geoms of a model textures.
@@ -50,15 +59,20 @@ def attach(
         By the name of a geom, a body or a material ("geom:NAME" and so on where that is not
         clear); what is particular goes before what is general. Values: see `texture`, `pattern`;
         a `HeightField`, (array, pixel size [m]), the path of an image, a text such as
-        "knurl:0.8mm".
+        "knurl:0.8mm". Or the path of a TOML file with tables `[textures.NAME]`; or None, for those
+        in the model's `<custom>` texts (`model_textures`).
     stiffness : float
         k of a contact [N/m], 1e-6 to 1e9: pressed with F it is F / k deep.
     dissipation : float
         a of Hunt & Crossley [s/m], 0 or above: the force of a contact that deepens at v is 1 + a v
         times that of one at rest.
+    mode : {"contacts", "passive"}
+        "contacts": constraints of MuJoCo's solver. "passive": explicit forces in `qfrc_passive`,
+        whose stiffness the step bounds (`passive`); they are no contacts to sensors.
     settings : ForceSettings, optional
-        Of the search, where the defaults do not do: `max_nodes`, `tolerance`, `patch_radius`,
-        `edge_fade`. Its stiffness, friction and dissipation are not used.
+        Of the search: `max_nodes` (by default 100 here, with which the deepest place is found but
+        seldom proved to be it), `tolerance`, `patch_radius`, `edge_fade`. Its stiffness, friction
+        and dissipation are not used.
 
     Returns
     -------
@@ -71,8 +85,19 @@ def attach(
         its geom, a value out of range; one line.
     """
     return Surfaces(
-        model, textures, stiffness=stiffness, dissipation=dissipation, settings=settings
+        model, textures, stiffness=stiffness, dissipation=dissipation, mode=mode, settings=settings
     )
+
+
+class TexturedContacts(NamedTuple):
+    """Textured contacts of one `MjData`."""
+
+    rows: NDArray[np.int64]
+    """Which of `data.contact` they are, (n,)."""
+    slip: NDArray[np.float64]
+    """Velocity of the second geom against the first, across the normal [m/s], world axes (n, 3)."""
+    push: NDArray[np.float64]
+    """Force along the normal by the law, without damping [N], (n,)."""
 
 
 class Surfaces:
@@ -88,10 +113,11 @@ class Surfaces:
     def __init__(
         self,
         model: mujoco.MjModel,
-        textures: Mapping[str, Any],
+        textures: Mapping[str, Any] | str | os.PathLike[str] | None = None,
         *,
         stiffness: float = 1e4,
         dissipation: float = 1.0,
+        mode: str = "contacts",
         settings: ForceSettings | None = None,
     ) -> None:
         if not isinstance(model, mujoco.MjModel):
@@ -99,6 +125,11 @@ class Surfaces:
         self.model = model
         chosen = _settings(settings, require_positive("stiffness", stiffness, "[N/m]"))
         self._dissipation = require_not_negative("dissipation", dissipation, "[s/m]")
+        self.mode = require_choice("mode", mode, MODES)
+        if textures is None:
+            textures = textures_of_model(model)
+        elif isinstance(textures, str | os.PathLike):
+            textures = textures_of_file(textures)
         carried = carried_bodies(model, textures)
         self.notes = carried.notes
         for note in self.notes:
@@ -129,6 +160,38 @@ class Surfaces:
         with callback(self.model, self._replace):
             original("mj_inverse")(self.model, data)
 
+    def step_all(
+        self, datas: Sequence[mujoco.MjData], nstep: int = 1, threads: int | None = None
+    ) -> None:
+        """Advance many `MjData` by `nstep` steps each, on threads; by default as many as cores.
+
+        Use this, not `step`, from several threads: MuJoCo has one callback for all of them.
+        """
+        self._refuse_without_callback()
+        step = original("mj_step")
+        with (
+            callback(self.model, self._replace),
+            ThreadPoolExecutor(threads or usable_cores()) as p,
+        ):
+            list(p.map(lambda data: step(self.model, data, nstep), datas))
+
+    def contacts(self, data: mujoco.MjData) -> TexturedContacts:
+        """Return the textured contacts of the last step of `data`.
+
+        In mode "passive" they are not among `data.contact`, and `rows` is empty.
+        """
+        state = self._states.get(data)
+        count = 0 if state is None else state.count
+        rows = np.arange(count) + (0 if state is None else state.first)
+        if state is None:
+            return TexturedContacts(rows, np.zeros((0, 3)), np.zeros(0))
+        if self.mode == "passive":
+            rows = rows[:0]
+        sign = np.where(state.placed.is_second[:count], 1.0, -1.0)[:, None]
+        return TexturedContacts(
+            rows, sign * state.placed.slip[:count], state.placed.push[:count].copy()
+        )
+
     @contextlib.contextmanager
     def installed(self, *, callback_too: bool = False) -> Iterator[Surfaces]:
         """Make loops that nobody changes feel the textures of this model, while the block runs.
@@ -149,6 +212,11 @@ class Surfaces:
         with manager(self.model, self._replace):
             yield self
 
+    @property
+    def touched_pairs(self) -> int:
+        """Number of textured pairs of bodies that have touched so far, in all `MjData`."""
+        return len(set().union(*(state.known_pairs for state in self._states.values())))
+
     def detach(self) -> None:
         """Give the model back the margins that it had."""
         self._undo()
@@ -157,7 +225,7 @@ class Surfaces:
         """Replace the contacts of textured pairs in `data`, unless that is done already."""
         state = self._states.get(data)
         if state is None:
-            state = self._states[data] = Replaced(self._plan, model)
+            state = self._states[data] = Replaced(self._plan, model, self.mode == "passive")
         if state.is_new(data.time):
             self._snapshot.check(model)
         state.replace(model, data, self._dissipation)
@@ -173,7 +241,7 @@ class Surfaces:
 
 def _settings(settings: ForceSettings | None, stiffness: float) -> ForceSettings:
     """Return settings without friction and damping, which are MuJoCo's here."""
-    old = settings or ForceSettings()
+    old = settings or ForceSettings(max_nodes=_NODES)
     require_choice("law", old.law, ("otaduy-lin",))
     return ForceSettings(
         stiffness=stiffness, max_nodes=old.max_nodes, tolerance=old.tolerance,
