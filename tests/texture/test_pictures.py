@@ -305,3 +305,26 @@ def test_tiles_are_smoothed_as_the_whole_map(monkeypatch) -> None:
     assert np.abs(levels.smooth_levels(grey, 1.0) - whole).max() < 1e-3
     line = np.round(255 * SHARE.ravel())
     assert np.abs(levels.smooth_levels(line, 1.0) - line).max() <= 0.5
+
+
+def test_inks_are_colours(tmp_path: Path) -> None:
+    grey = np.tile(np.linspace(0, 255, 40).astype(np.uint8), (20, 1))
+    picture = Image.fromarray(np.stack([grey] * 3, axis=-1)).convert("CMYK")
+    for name in ("a.tif", "a.jpg"):
+        picture.save(tmp_path / name)
+        found = read_heights(tmp_path / name, pixel_size=1e-5, height_range=1e-4)
+        assert found.samples[5, -1] - found.samples[5, 0] == pytest.approx(1e-4, rel=0.02)
+
+
+@pytest.mark.parametrize("blue", [0, 128, 255])
+def test_a_constant_blue_is_no_component_of_the_normals(tmp_path: Path, blue: int) -> None:
+    phase = 2 * np.pi * np.arange(64) / 32
+    slope = np.tile(0.8 * np.cos(phase), (64, 1))
+    normals = np.stack([-slope, 0 * slope, 1 + 0 * slope], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    colours = np.round(127.5 * (normals + 1)).astype(np.uint8)
+    colours[..., 2] = blue
+    Image.fromarray(colours).save(tmp_path / "a.png")
+    found = HeightField.from_file(tmp_path / "a.png", pixel_size=1e-5, kind="normal", border="wrap")
+    assert found.relief == pytest.approx(2 * 0.8 * 32e-5 / (2 * np.pi), rel=0.03)
+    assert any("blue is constant: it is found from red and green" in n for n in found.notes)

@@ -148,8 +148,12 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:
         if vectors.min() >= 0.0:
             vectors = 2.0 * vectors - 1.0
     across = vectors[..., 0] ** 2 + vectors[..., 1] ** 2
-    # Two channels alone, as BC5 stores: blue is 0 or its middle, and so no normal.
-    if np.ptp(vectors[..., 2]) == 0.0 and vectors.max(axis=(0, 1))[2] < 0.5 and across.max() < 1.05:
+    # Two channels alone, as BC5 stores: blue is 0, its middle, or 1 beside normals that lean.
+    blue = vectors[..., 2]
+    alone = np.ptp(blue) == 0.0 and (
+        blue.max() < 0.5 or (blue.min() > 0.99 and across.max() > 0.02)
+    )
+    if alone and across.max() < 1.05:
         vectors[..., 2] = np.sqrt(np.maximum(1.0 - across, 0.0))
         return vectors, "blue is constant: it is found from red and green"
     length = np.linalg.norm(vectors, axis=2)

@@ -242,6 +242,8 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
     notes: tuple[str, ...] = ()
     if len(file.pages) > 1:
         notes = (f"the first of {len(file.pages)} pictures in the file is read",)
+    if page.photometric == tifffile.PHOTOMETRIC.SEPARATED:  # inks: Pillow makes colours of them
+        return _without_nodata(_read_pillow(path)._replace(pixel_size=tiff_pixel_size(file)), page)
     try:
         pixels = page.asarray()
     except (KeyError, ValueError) as error:

@@ -200,6 +200,8 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
     if header.picture:
         values = np.flipud(values)
         notes.append("its first row is the top of the map")
+    elif min(rows, columns) > 1:
+        notes.append("its first row is at v = 0, the bottom")
     if header.nodata is not None:
         notes.append(f"values of {header.nodata:g} are missing (nodata)")
     heading = table.header[-1][:60] if table.header and not header.picture else ""
