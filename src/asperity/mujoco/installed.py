@@ -21,6 +21,26 @@ _active: list[tuple[mujoco.MjModel, Passive]] = []
 _originals: dict[str, Callable[..., Any]] = {}
 
 
+class _Hook:
+    """The passive callback while the textures of a model are felt."""
+
+    __slots__ = ("_before", "_model", "_passive", "errors")
+
+    def __init__(self, model: mujoco.MjModel, passive: Passive, before: Any) -> None:
+        self._model, self._passive, self._before = model, passive, before
+        self.errors: list[Exception] = []
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Do what MuJoCo's callback does."""
+        if model is self._model and not self.errors:
+            try:
+                self._passive(model, data)
+            except Exception as error:
+                self.errors.append(error)
+        if self._before is not None:
+            self._before(model, data)
+
+
 @contextlib.contextmanager
 def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
     """Let MuJoCo call `passive` for `model`, and after it what it has called before.
@@ -28,24 +48,33 @@ def callback(model: mujoco.MjModel, passive: Passive) -> Iterator[None]:
     What `passive` raises is raised at the end: some versions of MuJoCo end the process otherwise.
     """
     before = mujoco.get_mjcb_passive()
-    errors: list[Exception] = []
-
-    def both(called: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if called is model and not errors:
-            try:
-                passive(called, data)
-            except Exception as error:
-                errors.append(error)
-        if before is not None:
-            before(called, data)
-
-    mujoco.set_mjcb_passive(both)
+    hook = _Hook(model, passive, before)
+    mujoco.set_mjcb_passive(hook)
     try:
         yield
     finally:
         mujoco.set_mjcb_passive(before)
-    if errors:
-        raise errors[0]
+    if hook.errors:
+        raise hook.errors[0]
+
+
+def call(
+    model: mujoco.MjModel, passive: Passive, function: Callable[..., Any], *args: Any, **named: Any
+) -> Any:
+    """Return what a function of MuJoCo's returns if it calls `passive` for `model`; see `callback`.
+
+    (A generator would take longer than all else here.)
+    """
+    before = mujoco.get_mjcb_passive()
+    hook = _Hook(model, passive, before)
+    mujoco.set_mjcb_passive(hook)
+    try:
+        out = function(*args, **named)
+    finally:
+        mujoco.set_mjcb_passive(before)
+    if hook.errors:
+        raise hook.errors[0]
+    return out
 
 
 @contextlib.contextmanager
@@ -80,8 +109,7 @@ def _with_textures(function: Callable[..., Any]) -> Callable[..., Any]:
         model = named["m"] if "m" in named else args[0] if args else None
         for known, passive in reversed(_active):
             if known is model:
-                with callback(known, passive):
-                    return function(*args, **named)
+                return call(known, passive, function, *args, **named)
         return function(*args, **named)
 
     return wrapped

@@ -51,7 +51,6 @@ class Replaced:
         self._places: dict[int, Places] = {}
         self._room = plan.room() if plan.pairs else None
         self._found = found(_ROOM, len(plan.pairs))
-        self._seen = self._found.seen
         self._touched: set[int] = set()
         self._time = -math.inf
         self._calls = 0
@@ -92,13 +91,13 @@ class Replaced:
         if self._records is None:
             self._records = contact_records(model, data)
             self._templates = np.zeros(_ROOM, self._records.dtype)
+            self._taken = Taken(self._templates, self._found, self._plan.tables)
         records, tables = self._records, self._plan.tables
-        self._seen[:] = False
-        kept, taken = self._take(records, count, tables, self._templates, self._found)
+        kept, taken, near = self._take(records, count, tables, self._templates, self._found)
         if kept < 0:
             return
-        pairs = np.flatnonzero(self._seen).tolist() if taken else []
-        if self._touched:
+        pairs = self._found.near[:near].tolist()
+        if self._touched and self._touched != set(pairs):
             self._leave(set(pairs), dt)
         self.first, self.count = kept, 0
         if not taken:
@@ -146,8 +145,7 @@ class Replaced:
         )  # fmt: skip
         count: int = self._put(
             contact.contacts, self._records, (total, kept, taken),
-            Taken(self._templates, self._found, self._plan.tables), bodies, self._places[number],
-            self.placed,
+            self._taken, bodies, self._places[number], self.placed,
         )  # fmt: skip
         return count
 

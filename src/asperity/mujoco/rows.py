@@ -78,8 +78,10 @@ class Found(NamedTuple):
     """[m], (n,)"""
     pair: NDArray[np.int64]
     """Number of the pair of bodies, (n,)."""
-    seen: NDArray[np.bool_]
-    """Which pairs of bodies have some, (pairs,)."""
+    near: NDArray[np.int64]
+    """Numbers of the pairs of bodies that have some, each once; (pairs,)."""
+    is_near: NDArray[np.bool_]
+    """Whether a pair is among them, (pairs,); false between calls."""
 
 
 class PlacedContacts(NamedTuple):
@@ -123,13 +125,14 @@ def take_out(records, count, tables, templates, found):
 
     Returns
     -------
-    (int, int)
-        How many stay, and how many were taken out; (-1, 0) if the list has asperity's already.
+    (int, int, int)
+        How many stay, how many were taken out, and how many pairs these are of; (-1, 0, 0) if the
+        list has asperity's already.
     """
     for c in range(count):
         if records[c].vert[1] == MARK:
-            return -1, 0
-    kept = taken = 0
+            return -1, 0, 0
+    kept = taken = pairs = 0
     for c in range(count):
         one = records[c]
         g, h, pair = one.geom[0], one.geom[1], -1
@@ -144,13 +147,17 @@ def take_out(records, count, tables, templates, found):
             found.margins[taken], found.pair[taken] = one.includemargin, pair
             for k in range(3):
                 found.points[taken, k] = one.pos[k]
-            found.seen[pair] = True
+            if not found.is_near[pair]:
+                found.is_near[pair], found.near[pairs] = True, pair
+                pairs += 1
             taken += 1
         else:
             if kept != c:
                 copy_record(records[kept], one)
             kept += 1
-    return kept, taken
+    for i in range(pairs):
+        found.is_near[found.near[i]] = False
+    return kept, taken, pairs
 
 
 @small_kernel
@@ -247,7 +254,7 @@ def found(room: int, pairs: int) -> Found:
     """Allocate room for contacts that are taken out."""
     return Found(
         np.zeros((room, 2), np.int32), np.zeros((room, 3)), np.zeros(room), np.zeros(room),
-        np.zeros(room, np.int64), np.zeros(max(pairs, 1), bool),
+        np.zeros(room, np.int64), np.zeros(max(pairs, 1), np.int64), np.zeros(max(pairs, 1), bool),
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from asperity.contact.response.settings import ForceSettings
 from asperity.errors import AsperityError, require_choice, require_not_negative, require_positive
 from asperity.mujoco.bodies import carried_bodies
 from asperity.mujoco.changes import AttachedModel
-from asperity.mujoco.installed import callback, original, replaced_functions
+from asperity.mujoco.installed import call, callback, original, replaced_functions
 from asperity.mujoco.margins import widen
 from asperity.mujoco.memory import contact_type
 from asperity.mujoco.model_textures import textures_of_file, textures_of_model
@@ -145,20 +145,17 @@ class Surfaces:
     def step(self, data: mujoco.MjData, nstep: int = 1) -> None:
         """Advance `data` by `nstep` steps of `mujoco.mj_step`, with textures."""
         self._refuse_without_callback()
-        with callback(self.model, self._replace):
-            original("mj_step")(self.model, data, nstep)
+        call(self.model, self._replace, original("mj_step"), self.model, data, nstep)
 
     def forward(self, data: mujoco.MjData) -> None:
         """Do what `mujoco.mj_forward` does, with textures."""
         self._refuse_without_callback()
-        with callback(self.model, self._replace):
-            original("mj_forward")(self.model, data)
+        call(self.model, self._replace, original("mj_forward"), self.model, data)
 
     def inverse(self, data: mujoco.MjData) -> None:
         """Do what `mujoco.mj_inverse` does, with textures."""
         self._refuse_without_callback()
-        with callback(self.model, self._replace):
-            original("mj_inverse")(self.model, data)
+        call(self.model, self._replace, original("mj_inverse"), self.model, data)
 
     def step_all(
         self, datas: Sequence[mujoco.MjData], nstep: int = 1, threads: int | None = None
