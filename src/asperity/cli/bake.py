@@ -41,7 +41,7 @@ class BakeCommand:
     colour: str | None = None
     """What the colours of a height map mean: luminance, red, green, blue, packed-rgb, terrain-rgb,
     ... Default: refuse colours."""
-    nodata: float | None = None
+    nodata: Annotated[float | None, Range(-1e39, 1e39)] = None
     """Value of a height map that stands for a missing one."""
     picture: bool = True
     """Draw picture.png."""
