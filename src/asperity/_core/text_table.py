@@ -154,9 +154,12 @@ class TextTable:
                 ) from None
             for at, cell in enumerate(cells):
                 if (columns is None or at in columns) and not is_number(cell):
+                    shown = repr(cell.strip()[:40])
+                    if any("\x7f" <= char <= "\x9f" or char < " " for char in cell.strip()):
+                        shown = "what stands there, which is no text,"
                     raise self.error(
-                        f"{where}: {cell.strip()[:40]!r} is no number; valid: numbers, "
-                        "and nan for what is missing"
+                        f"{where}: {shown} is no number; valid: numbers, and nan for what is "
+                        "missing"
                     ) from None
         raise self.error(f"{self.path}: its numbers cannot be read; valid: rows of numbers")
 
