@@ -9,7 +9,13 @@ from asperity._core.stack import stack_array
 from asperity.contact.body_arrays import pair_friction, pair_stiffness
 from asperity.contact.broad_phase.facet_pairs import largest_displacement
 from asperity.contact.contacts import NO_ROOM
-from asperity.contact.manifold.mesh_manifold import BodyQuery, add_mesh_manifold, remember
+from asperity.contact.manifold.mesh_manifold import (
+    BodyQuery,
+    add_mesh_manifold,
+    first_limit,
+    remember,
+    texture_reach,
+)
 from asperity.contact.response.contact_forces import (
     Bristle,
     ToolFrames,
@@ -37,9 +43,7 @@ def _forget_contacts(memory):
     if missing:
         return True
     for b in range(memory.known.size):
-        memory.known[b] = 0
-        for d in range(memory.active.shape[1]):
-            memory.active[b, d] = 0
+        memory.known[b], memory.way_out[b] = 0, 0.0
     return False
 
 
@@ -58,19 +62,11 @@ def _candidate_overlap(scene, candidates, b):
 
 
 @inner_kernel
-def _is_active(memory, b):
-    """Return whether there is contact with a body in any direction."""
-    active = False
-    for d in range(memory.active.shape[1]):
-        active = active or memory.active[b, d] == 1
-    return active
-
-
-@inner_kernel
 def _fill_manifold(model, parameters, query, motion, step, memory, space, workspace):
     """Fill `space.manifold` with the patches between the tool and all bodies with facets.
 
-    `step` is the distance that the tool has moved [m].
+    Fills `space.way_out` and `space.rest` for each body. `step` is the distance that the tool has
+    moved [m].
     """
     scene = model.scene
     frame_a, frame_b = stack_array((3, 4)), stack_array((3, 4))
@@ -78,18 +74,25 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
     count = space.manifold.count[0]
     count.patches = count.dropped = 0
     for b in range(model.by_facets.size):
+        space.way_out[b] = 0.0
         if model.by_facets[b] == 0 or b == scene.tool:
             continue
         overlap = _candidate_overlap(scene, query.candidates, b)
-        if overlap == -np.inf and not _is_active(memory, b):
+        if overlap == -np.inf and not (memory.known[b] == 1 and memory.in_contact[b]):
             if query.dt > 0.0:
                 memory.known[b] = 0
             continue
         fill_relative_frame(motion.centre, scene.frames[b], frame_b)
-        body_query = BodyQuery(b, frame_a, frame_b, overlap, step)
-        add_mesh_manifold(model, parameters, body_query, memory, space, workspace)
+        raised, lowered = texture_reach(model, b)
+        body_query = BodyQuery(b, frame_a, frame_b, step, 0.0, raised, lowered)
+        limit = first_limit(memory, body_query, overlap)
+        body_query = BodyQuery(b, frame_a, frame_b, step, limit, raised, lowered)
+        first = -np.inf if memory.known[b] == 1 else overlap
+        space.way_out[b] = add_mesh_manifold(
+            model, parameters, body_query, first, memory, space, workspace, space.rest[b]
+        )
         if query.dt > 0.0:
-            remember(memory, space, b)
+            remember(memory, b, space.way_out[b])
 
 
 @inner_kernel
@@ -138,6 +141,25 @@ def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
 
 
 @inner_kernel
+def _add_rest(model, parameters, b, space, out):
+    """Add the part of the wrench with body `b` that belongs to no patch.
+
+    The force is added to that of the contact with the largest weight.
+    """
+    contacts, largest = out.contacts, -1
+    for c in range(contacts.count[0]):
+        if contacts.body[c] == b and (largest < 0 or contacts.weight[c] > contacts.weight[largest]):
+            largest = c
+    one, two = model.facets.first_surface[model.scene.tool], model.facets.first_surface[b]
+    stiffness = pair_stiffness(model.scene.geometry, one, two, parameters.stiffness)
+    for e in range(6):
+        push = -stiffness * space.way_out[b] * space.rest[b, e]
+        out.wrench[e] += push
+        if e < 3 and largest >= 0:
+            contacts.force[largest, e] += push
+
+
+@inner_kernel
 def _remember_frame(memory, frame):
     """Store the tool's frame (3, 4) for the next tick."""
     memory.has_frame[0] = 1
@@ -166,6 +188,9 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
     _fill_manifold(model, parameters, query, motion, step, memory, space, workspace)
     for p in range(manifold.count[0].patches):
         _add_contact(model, parameters, query, p, motion, memory, manifold, out)
+    for b in range(model.by_facets.size):
+        if space.way_out[b] > 0.0:
+            _add_rest(model, parameters, b, space, out)
     if query.dt > 0.0:
         _remember_frame(memory, tool_frame)
     contacts.count[1] += manifold.count[0].dropped

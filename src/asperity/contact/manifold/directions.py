@@ -1,168 +1,254 @@
-"""The six directions of contact with one body: their order, validity and share of stiffness.
+"""The directions in which the tool may leave a body: their normals, regions and depths.
 
-A plane may count for two directions, and across a convex edge the same overlap is seen from two
-sides. A direction may therefore have a twin, be accounted for by another one, or count in part;
-`mesh_manifold` searches them.
+The overlap region of the two smooth bodies is integrated for each of six directions of the body's
+frame (`overlap_region`). A direction in which there is an overlap has a normal, the mean of the
+body's facet normals weighted by the overlap, and one to four patches (`split`), whose depths
+delta_p are searched (`narrow_phase`). Its own depth is the root mean square of theirs, so that m
+patches have the stiffness k together.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from asperity._core.kernels import inner_kernel
+from asperity._core.kernels import clear, inner_kernel
+from asperity._core.records import clear_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.overlap_region import distance_to_surface
-from asperity.contact.manifold.separation import cosine
+from asperity.contact.manifold.inside import is_across_cavity
+from asperity.contact.manifold.mean_normal import fill_mean_normal
+from asperity.contact.manifold.overlap_region import (
+    add_piece,
+    clip_depth,
+    clip_pair,
+    corner_slope,
+    deepest_corner,
+)
+from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
+from asperity.contact.manifold.residual import fill_residual
+from asperity.contact.manifold.separation import LONGEST
+from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
+from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
+from asperity.contact.narrow_phase.mesh_patches import FacetQuery
+from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
-_EXPLAINED, _OWN = 1.2, 2.0
-"""A point that leaves B within the first multiple of another direction's depth is accounted for by
-that direction; one that needs more than the second is not."""
-_ON_SURFACE = 1e-6
-"""A point this deep is taken to be on the surface [m]."""
-_ALIKE, _SAME = 0.75, 0.95
-"""Cosines between two normals from which on their directions begin to share their stiffness, and
-are one direction."""
-
-
-@inner_kernel
-def reset_directions(directions):
-    """Set all directions to: not visited, no contact."""
-    for d in range(DIRECTIONS):
-        direction = directions[d]
-        direction.depth = direction.deepest = -np.inf
-        direction.first = direction.patches = 0
-        direction.share, direction.twin = 0.0, d
-        direction.explained = direction.visited = 0
+_COUNTS = 2.0
+"""Multiple of the least depth from which on a direction's depth may be left out."""
 
 
 @inner_kernel
-def next_direction(memory, b, space):
-    """Return the direction to visit next: contacts first, then by the volume of the overlap."""
-    sums, directions, first = space.region.sums, space.directions, -1
+def integrate_regions(table, query, count, reach, thin, memory, region):
+    """Fill the sums of all directions; keep the pairs of facets that may touch, return how many.
+
+    Parameters
+    ----------
+    query : BodyQuery
+    count : int
+        Number of pairs of facets that are listed.
+    reach : float
+        Height of both textures [m].
+    thin : float
+        Pieces that overlap by more than this all over may lie across a cavity [m].
+    memory : MeshMemory
+    region : OverlapRegion
+    """
+    sums, limit, kept = region.sums, query.limit, 0
     for d in range(DIRECTIONS):
-        if directions[d].visited == 1:
+        clear_record(sums[d])
+        sums[d].deepest = -np.inf
+    for i in range(count):
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        piece = clip_pair(table, f, g, reach, reach, limit, region)
+        if piece[1] < 0:
             continue
-        ahead = first < 0 or memory.active[b, d] > memory.active[b, first]
-        if ahead or (
-            memory.active[b, d] == memory.active[b, first] and sums[d].volume > sums[first].volume
-        ):
-            first = d
-    directions[first].visited = 1
+        is_piece = piece[1] >= 3
+        if is_piece and _is_deep(region, piece, thin):
+            if is_across_cavity(table, f, g, piece, query, region):
+                continue
+        region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
+        volumes = region.volumes[kept]
+        kept += 1
+        clear(volumes)
+        if not is_piece:
+            continue
+        deepest, corner = deepest_corner(region, piece)
+        if deepest > limit:
+            piece = clip_depth(region, piece, limit)
+            if piece[1] < 3:
+                continue
+            deepest, corner = deepest_corner(region, piece)
+        for d in range(DIRECTIONS):
+            share = table.shares[g, d]
+            if share == 0.0:
+                continue
+            volumes[d] = add_piece(table, g, piece, reach, share, region, sums[d])
+            if deepest > sums[d].deepest:
+                _note_deepest(table, (f, g), piece, corner, region, sums[d])
+    return kept
+
+
+@inner_kernel
+def _is_deep(region, piece, depth):
+    """Return whether a piece overlaps by more than `depth` [m] everywhere."""
+    for i in range(piece[1]):
+        if region.polygon[piece[0], i, 2] <= depth:
+            return False
+    return True
+
+
+@inner_kernel
+def _note_deepest(table, pair, piece, corner, region, sums):
+    """Note a corner of a piece as the place where the smooth bodies overlap most."""
+    f, g = pair
+    p = region.polygon[piece[0], corner]
+    sums.deepest = p[2]
+    for k in range(3):
+        place = table.origin[g, k] + p[0] * table.axes[g, 0, k] + p[1] * table.axes[g, 1, k]
+        sums.deepest_point[k] = place - p[2] * table.axes[g, 2, k]
+    corner_slope(table, f, g, piece, corner, region, sums.deepest_slope)
+
+
+@inner_kernel
+def _search_patches(model, parameters, query, d, count, memory, space, workspace):
+    """Search the patches of direction `d`, appended to the manifold; return how many there are."""
+    scene, manifold = model.scene, space.manifold
+    direction, frame = space.directions[d], workspace.frame
+    n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
+    for k in range(3):
+        n[k] = direction.normal[k]
+    # The axes turn with B, so that a region is split the same way wherever B is.
+    frame_round(n, local)
+    for i in range(2):
+        to_world(query.frame_b, local[i], frame[i])
+    to_world(query.frame_b, n, world)
+    for k in range(3):
+        frame[2, k] = world[k]
+    facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
+    start = manifold.count[0].patches
+    first = model.facets.first_surface
+    surfaces = (first[scene.tool], first[query.body])
+    tolerance = depth_tolerance(scene.textures, scene.geometry, surfaces, parameters.tolerance)
+    region = SplitRegion(
+        space.region.sums[d], local[0], local[1], parameters.patch_radius,
+        memory.guess[query.body, d],
+    )  # fmt: skip
+    patches, has_room = region_depths(
+        (scene.textures, model.facets, scene.geometry), region, facets,
+        SearchLimits(tolerance, parameters.max_nodes), workspace, space, start,
+    )  # fmt: skip
+    if not has_room:
+        manifold.count[0].dropped += 1
+    place, base = stack_array((3,)), stack_array((3,))
+    for p in range(patches):
+        patch = manifold.patches[start + p]
+        patch.body, patch.direction, patch.part, patch.weight = query.body, d, p, 0.0
+        for k in range(3):
+            patch.normal[k] = world[k]
+            place[k] = patch.base[2] * frame[2, k] - query.frame_b[k, 3]
+            place[k] += patch.base[0] * frame[0, k] + patch.base[1] * frame[1, k]
+        to_body(query.frame_b, place, base)
+        for k in range(3):
+            patch.base[k] = base[k]
+    return patches
+
+
+@inner_kernel
+def _search_direction(model, parameters, query, d, count, memory, space, workspace):
+    """Search the depth of direction `d`; return whether there was room for its patches."""
+    manifold, direction = space.manifold, space.directions[d]
+    if manifold.count[0].patches + MAX_PARTS > MAX_PATCHES:
+        manifold.count[0].dropped += 1
+        return False
+    direction.first = manifold.count[0].patches
+    direction.patches = _search_patches(
+        model, parameters, query, d, count, memory, space, workspace
+    )
+    square = 0.0
+    for p in range(direction.first, direction.first + direction.patches):
+        square += max(manifold.result[p].depth, 0.0) ** 2
+    direction.depth = math.sqrt(square / direction.patches)
+    manifold.count[0].patches += direction.patches
+    return True
+
+
+@inner_kernel
+def _next_direction(space):
+    """Return the direction with the least overlap of those not visited; -1 if none is left."""
+    sums, first = space.region.sums, -1
+    for d in range(DIRECTIONS):
+        if sums[d].volume > 0.0 and space.directions[d].visited == 0:
+            if first < 0 or sums[d].deepest < sums[first].deepest:
+                first = d
     return first
 
 
 @inner_kernel
-def is_explained(table, count, d, space):
-    """Return whether another direction accounts for one that might become a contact.
-
-    It is the rule of `validate_directions` before the search. A contact begins near B's surface,
-    so that the point where the smooth bodies overlap most is near the deepest point. And a region
-    that counts for both directions does not touch along the one if it does not along the other.
-    """
-    sums, direction = space.region.sums, space.directions[d]
+def _is_freed(table, count, d, reach, space):
+    """Return whether nothing is left of direction `d` by whichever searched one the tool leaves."""
     for c in range(DIRECTIONS):
-        other = space.directions[c]
-        if other.patches == 0 or sums[c].volume < sums[d].volume:
-            continue
-        if cosine(direction, other) > _ALIKE:
-            continue
-        depth = _EXPLAINED * max(other.depth, 0.0) + _ON_SURFACE
-        out = distance_to_surface(
-            table, count, c, other.normal, sums[d].deepest_point, space.region
-        )
-        if out <= depth:
-            return True
-    return False
+        if space.directions[c].patches > 0:
+            if space.residuals.value[d, c] != space.residuals.value[d, c]:
+                fill_residual(table, count, d, c, reach, space)
+            if space.residuals.value[d, c] > 0.0:
+                return False
+    return True
 
 
 @inner_kernel
-def _deepest_point(manifold, direction, near_b, point_out):
-    """Fill the deepest point of a direction's patches in B's frame (3,) [m]."""
-    deepest = direction.first
-    for p in range(deepest, direction.first + direction.patches):
-        if manifold.result[p].depth > manifold.result[deepest].depth:
-            deepest = p
-    found = manifold.result[deepest]
-    for i in range(3):
-        point_out[i] = 0.0
-        for k in range(3):
-            point_out[i] += near_b[k, i] * (found.point[k] - near_b[k, 3])
+def _frees_all(table, count, c, reach, space):
+    """Return whether nothing is left of any direction once the tool leaves by direction `c`."""
+    for d in range(DIRECTIONS):
+        if d != c and space.region.sums[d].volume > 0.0:
+            fill_residual(table, count, d, c, reach, space)
+            if space.residuals.value[d, c] > 0.0:
+                return False
+    return True
 
 
 @inner_kernel
-def validate_directions(table, count, near_b, space):
-    """Fill `valid` of all directions.
+def search_directions(model, parameters, query, count, memory, space, workspace):
+    """Fill depths and residuals of all directions that count; return how many there are.
 
-    Across a convex edge the same overlap is seen from two sides. A direction does not count if its
-    deepest point would be outside B once the tool were moved out along another direction, with a
-    larger region, by the depth of that direction.
+    The least overlap comes first. A direction is left out, its `patches` 0, where its depth is
+    larger than counts and nothing is left of it whichever way the tool leaves.
+
+    Parameters
+    ----------
+    model : MeshModel
+    parameters : ForceParameters
+    query : BodyQuery
+    count : int
+        Number of pairs of facets.
+    memory : MeshMemory
+        Only read.
+    space : FacetSpace
+    workspace : Workspace
     """
-    sums, point = space.region.sums, stack_array((3,))
+    table, reach, found = model.facets, query.raised, space.residuals
     for d in range(DIRECTIONS):
-        direction = space.directions[d]
-        direction.valid = 1.0
-        if direction.depth <= 0.0 or direction.patches == 0:
-            continue
-        _deepest_point(space.manifold, direction, near_b, point)
+        clear_record(space.directions[d])
         for c in range(DIRECTIONS):
-            other = space.directions[c]
-            if c == d or other.depth <= 0.0 or other.patches == 0:
-                continue
-            if sums[c].volume < sums[d].volume or (sums[c].volume == sums[d].volume and c > d):
-                continue
-            along = cosine(direction, other)
-            if along > _SAME:
-                continue  # they share their stiffness already
-            out = distance_to_surface(table, count, c, other.normal, point, space.region)
-            counts = (out / other.depth - _EXPLAINED) / (_OWN - _EXPLAINED)
-            shared = max((along - _ALIKE) / (_SAME - _ALIKE), 0.0)
-            direction.valid *= shared + (1.0 - shared) * min(max(counts, 0.0), 1.0)
-
-
-@inner_kernel
-def find_twin(space, d):
-    """Return a searched direction whose region is the same but for its share; -1 if none is."""
-    sums = space.region.sums
-    for c in range(DIRECTIONS):
-        if c == d or space.directions[c].patches == 0:
-            continue
-        same = True
-        for k in range(3):
-            normals = space.directions[c].normal[k], space.directions[d].normal[k]
-            same = same and abs(normals[0] - normals[1]) < 1e-12
-            one = sums[c].first_moment[k] / sums[c].volume
-            two = sums[d].first_moment[k] / sums[d].volume
-            same = same and abs(one - two) < 1e-12
-        if same:
-            return c
-    return -1
-
-
-@inner_kernel
-def share_stiffness(space):
-    """Fill the weights of a body's patches; see `mesh_manifold` for the rule."""
-    manifold, sums = space.manifold, space.region.sums
-    total = 0.0
-    for d in range(DIRECTIONS):
+            found.value[d, c] = np.nan
+            found.slope[d, c] = found.rate[d, c] = 0.0
+    searched, least = 0, np.inf
+    d = _next_direction(space)
+    while d >= 0:
         direction = space.directions[d]
-        if direction.depth <= 0.0:
-            continue
-        direction.valid = space.directions[direction.twin].valid
-        alike = 0.0
-        for c in range(DIRECTIONS):
-            other = space.directions[c]
-            if other.depth > 0.0:
-                along = cosine(direction, other)
-                alike += sums[c].volume * max((along - _ALIKE) / (1.0 - _ALIKE), 0.0)
-        share = direction.valid * direction.depth * sums[d].volume / alike
-        space.directions[direction.twin].share += share
-        total += share
-    if total == 0.0:
-        total = 1.0
+        direction.visited = 1
+        fill_mean_normal(table, count, d, space.region, direction.normal)
+        far = space.region.sums[d].deepest - query.lowered > _COUNTS * LONGEST * least
+        if not (far and _is_freed(table, count, d, reach, space)):
+            if _search_direction(model, parameters, query, d, count, memory, space, workspace):
+                searched += 1
+                least = min(least, direction.depth)
+                if direction.depth == 0.0 and _frees_all(table, count, d, reach, space):
+                    break
+        d = _next_direction(space)
     for d in range(DIRECTIONS):
-        direction = space.directions[d]
-        for p in range(direction.first, direction.first + direction.patches):
-            live = manifold.result[p].depth > 0.0
-            weight = direction.fade * direction.share / (total * direction.patches)
-            manifold.patches[p].weight = weight if live else 0.0
+        for c in range(DIRECTIONS if searched > 1 else 0):
+            both = space.directions[d].patches > 0 and space.directions[c].patches > 0
+            if both and c != d and found.value[d, c] != found.value[d, c]:
+                fill_residual(table, count, d, c, reach, space)
+    return searched

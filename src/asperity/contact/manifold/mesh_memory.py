@@ -17,17 +17,12 @@ from asperity.contact.manifold.records import MAX_PARTS
 
 
 class MeshMemory(NamedTuple):
-    """State of contact with each scene body in each of the six directions."""
+    """What is known of the last tick: where to look first, and how far bristles are deflected."""
 
     known: NDArray[np.int64]
     """Whether the tool was near the body in the last tick, (bodies,)."""
-    active: NDArray[np.int64]
-    """Whether there was contact, (bodies, 6)."""
-    depth: NDArray[np.float64]
-    """Mean depth of the patches [m], (bodies, 6): 0 where they did not touch, -inf where nothing
-    overlapped, inf where the overlap was too deep to be a contact."""
-    deepest: NDArray[np.float64]
-    """Depth of the deepest patch [m], (bodies, 6); -inf where nothing overlapped."""
+    way_out: NDArray[np.float64]
+    """How far the tool had to move to leave the body [m], (bodies,)."""
     guess: NDArray[np.float64]
     """Deepest point of each patch in the tool's frame [m], (bodies, 6, 4, 3); nan if unknown."""
     frame: NDArray[np.float64]
@@ -47,9 +42,7 @@ def mesh_memory(bodies: int) -> MeshMemory:
     """Allocate the memory for a scene of `bodies` bodies, with no contact in it."""
     return MeshMemory(
         known=np.zeros(bodies, np.int64),
-        active=np.zeros((bodies, DIRECTIONS), np.int64),
-        depth=np.full((bodies, DIRECTIONS), -np.inf),
-        deepest=np.full((bodies, DIRECTIONS), -np.inf),
+        way_out=np.zeros(bodies),
         guess=np.full((bodies, DIRECTIONS, MAX_PARTS, 3), np.nan),
         frame=np.zeros((3, 4)),
         has_frame=np.zeros(1, np.int64),
@@ -63,9 +56,7 @@ def forget(memory: MeshMemory) -> None:
     """Reset the memory to that of a tool that has not touched anything."""
     memory.known[:] = 0
     memory.has_frame[:] = 0
-    memory.active[:] = 0
-    memory.depth[:] = -np.inf
-    memory.deepest[:] = -np.inf
+    memory.way_out[:] = 0.0
     memory.guess[:] = np.nan
     memory.bristle[:] = 0.0
     memory.in_contact[:] = False

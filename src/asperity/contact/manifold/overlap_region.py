@@ -23,15 +23,13 @@ from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.broad_phase.facet_pairs import MAX_FACET_PAIRS, FacetPairs, facet_pairs
 from asperity.contact.manifold.records import OVERLAP_SUMS
-from asperity.contact.narrow_phase.surface_patch import FLATTEST
 
 _CORNERS = 24
-_ON = 1e-6
-"""Tolerance within which a point beyond the border of a facet is taken to be on it [m]."""
-_ASTRAY = math.cos(math.radians(20.0))
+_PARALLEL = 1e-9
+"""Sine of the angle between edges below which they are parallel."""
 
-# The fourth number of a corner: which body the side to the next corner belongs to.
-_CUT, _OF_A, _OF_B = 0.0, 1.0, 2.0
+CUT, OF_A, OF_B = 0.0, 1.0, 2.0
+"""The fourth number of a corner: which body the side to the next corner belongs to."""
 
 
 class OverlapRegion(NamedTuple):
@@ -41,11 +39,14 @@ class OverlapRegion(NamedTuple):
     polygon: NDArray[np.float64]
     """Two buffers for a piece, rows x, y, d [m] and the side's owner; (2, corners, 4)."""
     sums: NDArray[np.void]
-    """`OVERLAP_SUMS` of each direction, (6,)."""
-    limit: NDArray[np.float64]
-    """Largest overlap that counts for each direction [m], (6,)."""
+    """`OVERLAP_SUMS` of each direction, and one for scratch; (7,)."""
     volumes: NDArray[np.float64]
     """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
+    shift: NDArray[np.float64]
+    """Translation of A that pieces are cut out at, B's frame, (3,) [m]; 0 but where it is asked how
+    much overlap is left elsewhere."""
+    rates: NDArray[np.float64]
+    """Derivative of the way out by the volume of each pair's piece [1/m^2], (pairs,)."""
 
 
 def overlap_region(facets: int) -> OverlapRegion:
@@ -53,9 +54,10 @@ def overlap_region(facets: int) -> OverlapRegion:
     return OverlapRegion(
         facets=facet_pairs(facets),
         polygon=np.zeros((2, _CORNERS, 4)),
-        sums=np.zeros(DIRECTIONS, OVERLAP_SUMS),
-        limit=np.zeros(DIRECTIONS),
+        sums=np.zeros(DIRECTIONS + 1, OVERLAP_SUMS),
         volumes=np.zeros((MAX_FACET_PAIRS, DIRECTIONS)),
+        shift=np.zeros(3),
+        rates=np.zeros(MAX_FACET_PAIRS),
     )
 
 
@@ -114,17 +116,18 @@ def _project(table: FacetTable, f, g, region):
 
     A corner's coordinates are x, y in g's plane and its overlap d.
     """
-    polygon = region.polygon
+    polygon, shift = region.polygon, region.shift
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    o0, o1, o2 = o[0] - shift[0], o[1] - shift[1], o[2] - shift[2]
     count = table.sides[f]
     for c in range(count):
         # Seen from B's side the corners of A's facet run the other way round.
         p = region.facets.corners[f, count - 1 - c]
-        d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+        d0, d1, d2 = p[0] - o0, p[1] - o1, p[2] - o2
         polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
         polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
-        polygon[0, c, 3] = _OF_A
+        polygon[0, c, 3] = OF_A
     return count
 
 
@@ -152,7 +155,7 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
         return np.int64(0), np.int64(0)
     here = np.int64(0)
     if low_d < -reach:
-        here, count = _clip(polygon, here, count, (-reach, 0.0, 0.0, -1.0), _CUT)
+        here, count = _clip(polygon, here, count, (-reach, 0.0, 0.0, -1.0), CUT)
     rows = table.count_rows[g]
     for i in range(rows if rows > 0 else 4):
         if rows > 0:
@@ -163,7 +166,7 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
         # Most pieces lie wholly inside most sides.
         if k0 + max(k1 * low_x, k1 * high_x) + max(k2 * low_y, k2 * high_y) > 0.0:
-            here, count = _clip(polygon, here, count, (k0, k1, k2, 0.0), _OF_B)
+            here, count = _clip(polygon, here, count, (k0, k1, k2, 0.0), OF_B)
             if count == 0:
                 break
     return here, count
@@ -206,7 +209,7 @@ def add_piece(table: FacetTable, g, piece, reach, share, region, sums):
     here, count = piece
     p, one = region.polygon[here], (1.0, 1.0, 1.0)
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    area = volume = m_x = m_y = m_xx = m_xy = m_yy = 0.0
+    volume = m_x = m_y = m_xx = m_xy = m_yy = 0.0
     x0, y0, w0 = p[0, 0], p[0, 1], p[0, 2] + reach
     for i in range(1, count - 1):
         x1, y1, w1 = p[i, 0], p[i, 1], p[i, 2] + reach
@@ -214,14 +217,12 @@ def add_piece(table: FacetTable, g, piece, reach, share, region, sums):
         size = 0.5 * ((x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0))
         part = size / 60.0
         on_x, on_y, w = (x0, x1, x2), (y0, y1, y2), (w0, w1, w2)
-        area += size
         volume += size * (w0 + w1 + w2) / 3.0
         m_x += part * _product_integral(w, on_x, one)
         m_y += part * _product_integral(w, on_y, one)
         m_xx += part * _product_integral(w, on_x, on_x)
         m_xy += part * _product_integral(w, on_x, on_y)
         m_yy += part * _product_integral(w, on_y, on_y)
-    sums.area += share * area
     sums.volume += share * volume
     at = 0
     for i in range(3):
@@ -232,15 +233,21 @@ def add_piece(table: FacetTable, g, piece, reach, share, region, sums):
             total += m_x * (o[i] * x[k] + x[i] * o[k]) + m_y * (o[i] * y[k] + y[i] * o[k])
             sums.second_moment[at] += share * (total + m_xy * (x[i] * y[k] + y[i] * x[k]))
             at += 1
-    for i in range(count):
-        if p[i, 3] == _CUT:
-            continue
-        j = i + 1 if i + 1 < count else 0
-        out_x, out_y = p[j, 1] - p[i, 1], p[i, 0] - p[j, 0]
-        edge = sums.edge_a if p[i, 3] == _OF_A else sums.edge_b
-        for k in range(3):
-            edge[k] += share * (out_x * x[k] + out_y * y[k])
     return share * volume
+
+
+@inner_kernel
+def piece_volume(piece, reach, region):
+    """Return the integral of w = d + reach over a piece [m^3]; see `add_piece`."""
+    here, count = piece
+    p, volume = region.polygon[here], 0.0
+    for i in range(1, count - 1):
+        x1, y1, x2, y2 = (
+            p[i, 0] - p[0, 0], p[i, 1] - p[0, 1], p[i + 1, 0] - p[0, 0], p[i + 1, 1] - p[0, 1],
+        )  # fmt: skip
+        total = p[0, 2] + p[i, 2] + p[i + 1, 2] + 3.0 * reach
+        volume += (x1 * y2 - y1 * x2) * total / 6.0
+    return volume
 
 
 @inner_kernel
@@ -257,82 +264,37 @@ def deepest_corner(region, piece):
 @inner_kernel
 def clip_depth(region, piece, max_depth):
     """Clip a piece to overlaps of at most `max_depth` [m]; return its buffer, its corners."""
-    return _clip(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), _CUT)
+    return _clip(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), CUT)
 
 
 @inner_kernel
-def robust_normal(table: FacetTable, count, direction, region, n):
-    """Turn a mean normal (3,) towards the mean of those facet normals within 20 degrees of it.
+def corner_slope(table: FacetTable, f, g, piece, corner, region, m_out):
+    """Fill m (3,) of a corner of a piece: a motion v of A changes the overlap there by -m . v.
 
-    So a chamfer beside a wide face does not tilt the normal of the face. The less of the region
-    has such normals, the more the mean itself counts: between two faces that both deviate by more
-    it is all there is, and a tool that moves round the edge between them must see no jump.
+    At a corner of A it is B's normal, at one of B A's; where two edges cross it is perpendicular to
+    both.
     """
-    x = y = z = near = total = 0.0
-    for i in range(count):
-        volume = region.volumes[i, direction]
-        if volume == 0.0:
-            continue
-        f = table.axes[region.facets.pairs[i, 1], 2]
-        along = f[0] * n[0] + f[1] * n[1] + f[2] * n[2]
-        total += volume
-        volume *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
-        near += volume
-        x, y, z = x + volume * f[0], y + volume * f[1], z + volume * f[2]
-    size = math.sqrt(x * x + y * y + z * z)
-    if size > 0.0:
-        share = near / total
-        for k in range(3):
-            n[k] = (1.0 - share) * n[k] + share * (x, y, z)[k] / size
-        size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-        n[0], n[1], n[2] = n[0] / size, n[1] / size, n[2] / size
-
-
-@inner_kernel
-def sliver_thickness(sums):
-    """Return the thickness of the region between an edge of A and one of B [m]; inf if none.
-
-    Along a border that encloses a whole face of a body the outward normals cancel. Where the
-    remaining sums of A's edges and of B's are opposed, their geometric mean is the width of a
-    sliver that is about to slide off, and area over width is its thickness.
-    """
-    opposed = 0.0
+    here, count = piece
+    p, z = region.polygon[here], table.axes[g, 2]
+    before, after = (corner - 1 if corner > 0 else count - 1), (corner + 1) % count
+    owner, last = p[corner, 3], p[before, 3]
     for k in range(3):
-        opposed -= sums.edge_a[k] * sums.edge_b[k]
-    if opposed <= 0.0 or sums.area <= 0.0:
-        return np.inf
-    return sums.area / math.sqrt(opposed)
-
-
-@inner_kernel
-def distance_to_surface(table: FacetTable, count, direction, n, point, region):
-    """Return the distance along n from a point within B to B's surface [m]; inf if unknown.
-
-    The surface is made of those facets that face A and count for `direction`. `n` and `point`
-    (3,) are in B's frame.
-    """
-    nearest = np.inf
-    for i in range(count):
-        g = region.facets.pairs[i, 1]
-        if table.shares[g, direction] == 0.0:
-            continue
-        o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-        along = n[0] * z[0] + n[1] * z[1] + n[2] * z[2]
-        if along < FLATTEST:
-            continue
-        t = ((o[0] - point[0]) * z[0] + (o[1] - point[1]) * z[1] + (o[2] - point[2]) * z[2]) / along
-        if t < -_ON or t >= nearest:
-            continue
-        a = b = 0.0
-        for k in range(3):
-            off = point[k] + t * n[k] - o[k]
-            a, b = a + off * x[k], b + off * y[k]
-        if abs(a) > table.half[g, 0] + _ON or abs(b) > table.half[g, 1] + _ON:
-            continue
-        out = -np.inf
-        for r in range(table.count_rows[g]):
-            row = table.rows[g, r]
-            out = max(out, row[0] + row[1] * a + row[2] * b)
-        if out <= _ON:
-            nearest = t
-    return nearest
+        m_out[k] = z[k]
+    if owner == CUT or last == CUT or (owner == OF_A and last == OF_A):
+        return
+    normal = region.facets.placed[f].normal
+    if owner == OF_A or last == OF_A:
+        one, two = (before, corner) if last == OF_A else (corner, after)
+        e_x, e_y, e_d = p[two, 0] - p[one, 0], p[two, 1] - p[one, 1], p[two, 2] - p[one, 2]
+        one, two = (before, corner) if last == OF_B else (corner, after)
+        t_x, t_y = p[two, 0] - p[one, 0], p[two, 1] - p[one, 1]
+        # The edge of A is (e_x, e_y, -e_d) and that of B (t_x, t_y, 0), along x, y and z.
+        up = e_x * t_y - e_y * t_x
+        if abs(up) > _PARALLEL * math.sqrt((e_x * e_x + e_y * e_y) * (t_x * t_x + t_y * t_y)):
+            for k in range(3):
+                on_x, on_y = table.axes[g, 0, k], table.axes[g, 1, k]
+                m_out[k] += e_d * (t_y * on_x - t_x * on_y) / up
+            return
+    along = normal[0] * z[0] + normal[1] * z[1] + normal[2] * z[2]
+    for k in range(3):
+        m_out[k] = normal[k] / along

@@ -16,15 +16,13 @@ MAX_PATCHES = 288
 
 OVERLAP_SUMS = np.dtype(
     [
-        ("area", "f8"),  # of the region [m^2]
         ("volume", "f8"),  # integral of w = d + reach over the region [m^3]
         ("first_moment", "f8", 3),  # integral of w x, x a point on B's surface [m^4]
         ("second_moment", "f8", 6),  # integral of w x x^T: xx, xy, xz, yy, yz, zz [m^5]
         ("normal", "f8", 3),  # integral of w n [m^3]
-        ("edge_a", "f8", 3),  # outward normals of A's edges, times their length [m]
-        ("edge_b", "f8", 3),  # outward normals of B's edges, times their length [m]
         ("deepest", "f8"),  # largest overlap d of the smooth bodies [m]; -inf if none
-        ("deepest_point", "f8", 3),  # point on B's surface where it is attained [m]
+        ("deepest_point", "f8", 3),  # point of A's surface where it is attained [m]
+        ("deepest_slope", "f8", 3),  # m there: a motion v of A changes the overlap by -m . v
     ],
     align=True,
 )
@@ -33,20 +31,20 @@ OVERLAP_SUMS = np.dtype(
 DIRECTION = np.dtype(
     [
         ("normal", "f8", 3),  # unit normal of B's surface, B's frame
-        ("fade", "f8"),  # 1; less for a sliver that slides off an edge
-        ("depth", "f8"),  # mean depth of the patches [m]; -inf if not searched
-        ("deepest", "f8"),  # depth of the deepest patch [m]; -inf if not searched
+        ("depth", "f8"),  # root mean square of the patches' depths [m]; -inf if not searched
         ("first", "i8"),  # row of the first patch
-        ("patches", "i8"),  # number of patches; 0 if the direction is no contact
-        ("share", "f8"),  # share of the body's stiffness, not normalised
-        ("twin", "i8"),  # the direction whose patches count for this one: mostly itself
-        ("valid", "f8"),  # 0 if another direction accounts for the contact, 1 if none does
-        ("explained", "i8"),  # whether it was not searched because another one accounts for it
-        ("visited", "i8"),  # whether its turn has come in this tick
+        ("patches", "i8"),  # number of patches; 0 if not searched
+        ("visited", "?"),  # whether its turn has come
+        ("rate", "f8"),  # derivative of the way out by the depth
+        ("turn", "f8", 3),  # derivative of the way out by the normal [m]
+        ("world_turn", "f8", 3),  # the part of it that the patches' depths have, world axes [m]
+        ("volume_rate", "f8"),  # derivatives by the integrals of the region [1/m^2]
+        ("first_rate", "f8", 3),  # [1/m^3]
+        ("second_rate", "f8", 6),  # [1/m^4]
     ],
     align=True,
 )
-"""One of the six directions of contact with a body, in one tick."""
+"""One of the six directions in which the tool may leave a body, in one tick."""
 
 MESH_PATCH = np.dtype(
     [
@@ -54,7 +52,9 @@ MESH_PATCH = np.dtype(
         ("direction", "i8"),  # 0 to 5
         ("part", "i8"),  # part of the direction's overlap region, 0 to 3
         ("normal", "f8", 3),  # n, world axes
-        ("weight", "f8"),  # share of the body's stiffness, 0 to 1
+        ("weight", "f8"),  # share of the body's stiffness
+        ("line_rate", "f8", 2),  # derivative of the depth by the offsets of the two split lines
+        ("base", "f8", 3),  # where it is deepest, on B's smooth surface, B's frame [m]
     ],
     align=True,
 )

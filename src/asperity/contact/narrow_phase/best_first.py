@@ -72,15 +72,16 @@ def _grain(textures, patch):
 
 @small_kernel
 def _beyond_added(textures, a, b, box, added):
-    """Return whether a box lies beyond one of the last `added` borders of A's patch."""
+    """Return whether a box lies beyond one of the last `added` borders of B's patch."""
     x0, x1, y0, y1 = box
     x, y = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
     half_x, half_y = 0.5 * (x1 - x0), 0.5 * (y1 - y0)
-    first = a.border_count - added
-    if searches_a(a, b):
-        return beyond_straight_borders(a, first, x, y, half_x, half_y)
-    under = box_under(parameters_over(b, a), (x, y, half_x, half_y), 0.0)
-    return beyond_straight_borders(a, first, *under)
+    first = b.border_count - added
+    if not searches_a(a, b):
+        return beyond_straight_borders(b, first, x, y, half_x, half_y)
+    shift = pair_shift(textures, a, b) / b.lateral_min
+    under = box_under(parameters_over(a, b), (x, y, half_x, half_y), shift)
+    return beyond_straight_borders(b, first, *under)
 
 
 @inner_kernel
@@ -226,7 +227,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
     queue : NodeQueue
         Nodes that are pruned are retired there.
     added : int
-        Borders added to A's patches since the last search that added none; if there are any, the
+        Borders added to B's patches since the last search that added none; if there are any, the
         search continues from the nodes which that one retired.
     """
     search, candidates, nodes = memory.search[0], memory.candidates, queue.nodes

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.kernels import inner_kernel, kernel, small_kernel
+from asperity._core.kernels import clear, inner_kernel, kernel, small_kernel
 from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_pairs import (
@@ -21,6 +21,7 @@ from asperity.contact.manifold.split import bound_by, split_lines
 from asperity.contact.narrow_phase.best_first import ascend_in, best_first_search
 from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.incumbent import SAME_POINT, TIE, begin_search
+from asperity.contact.narrow_phase.line_rates import fill_line_rates
 from asperity.contact.narrow_phase.mesh_patches import (
     FacetQuery,
     Wanted,
@@ -124,22 +125,24 @@ def _single_deepest(memory, stride, lines):
 
 
 @small_kernel
-def _limit_to_sub_region(memory, made_a, lines, side_1, side_2, radius):
-    """Add the lines that bound a sub-region to the borders of A's patches; return how many."""
+def _limit_to_sub_region(memory, made_b, lines, side_1, side_2, radius):
+    """Add the lines that bound a sub-region to the borders of B's patches; return how many."""
     added = np.int64(0)
     for k in range(2):
         sign = side_1 if k == 0 else side_2
         if sign != 0.0:
             l_u, l_v, l_0 = sign * lines[k, 0], sign * lines[k, 1], sign * lines[k, 2]
-            for a in range(made_a):
-                bound_by(memory.patches_a[a], l_u, l_v, l_0, radius)
+            for b in range(made_b):
+                bound_by(memory.patches_b[b], l_u, l_v, l_0, radius)
             added += 1
     return added
 
 
 @inner_kernel
-def region_depths(model, region, query, limits, memory, space, results_out):
-    """Search the sub-regions of one direction; fill a `PENETRATION` record for each.
+def region_depths(model, region, query, limits, memory, space, first):
+    """Search the sub-regions of one direction; fill rows of `space.manifold` from `first` on.
+
+    Filled are a `PENETRATION` record for each, and of its `MESH_PATCH` what follows from the lines.
 
     Returns how many sub-regions there are, 1, 2 or 4, and whether there was room for all facets.
     A sub-region that does not touch has a depth of -inf.
@@ -152,15 +155,17 @@ def region_depths(model, region, query, limits, memory, space, results_out):
     limits : SearchLimits
     memory : Workspace
     space : FacetSpace
-    results_out : PENETRATION records (4,)
+    first : int
+        Row of the manifold.
     """
     (textures, _, _), (tolerance, max_nodes), lines = model, limits, space.lines
+    results_out, patches_out = space.manifold.result[first:], space.manifold.patches[first:]
     search, stride, n = memory.search[0], memory.patches_b.shape[0], query.frame[2]
     points, sides, depths = stack_array((4, 2)), stack_array((4, 2)), stack_array((4,))
     found = stack_array((4, 3))
     regions = SubRegions(points, sides, depths, found, region.radius)
-    first, second = _fill_sub_regions(region, query, lines, regions)
-    number = np.int64((2 if first else 1) * (2 if second else 1))
+    split_1, split_2 = _fill_sub_regions(region, query, lines, regions)
+    number = np.int64((2 if split_1 else 1) * (2 if split_2 else 1))
     none = np.int64(0)
     listed = list_pairs(model, query, space)
     # First the few facets over what was deepest last: how deep they are rules out most others.
@@ -182,6 +187,7 @@ def region_depths(model, region, query, limits, memory, space, results_out):
     ascend_in(textures, stride, count, found[best], memory)
     best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
+    clear(patches_out[0].line_rate)
     if number == 1 or results_out[0].depth == -math.inf:
         return 1, has_room
     single, at_1, at_2 = _single_deepest(memory, stride, lines)
@@ -189,15 +195,17 @@ def region_depths(model, region, query, limits, memory, space, results_out):
         side_1, side_2 = sides[p, 0], sides[p, 1]
         if single and side_1 * at_1 >= -region.radius and side_2 * at_2 >= -region.radius:
             copy_record(results_out[p], results_out[0])
+            clear(patches_out[p].line_rate)
             continue
-        added = _limit_to_sub_region(memory, made_a, lines, side_1, side_2, region.radius)
+        added = _limit_to_sub_region(memory, made_b, lines, side_1, side_2, region.radius)
         _begin(search, max_nodes / 2, culled)
         guess = (points[p, 0], points[p, 1])
         ascend_in(textures, stride, count, found[p], memory)
         best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
         fill_penetration(textures, stride, n, tolerance, memory, results_out[p])
-        for a in range(made_a):
-            memory.patches_a[a].border_count -= added
+        fill_line_rates(stride, sides[p], added, memory, patches_out[p])
+        for b in range(made_b):
+            memory.patches_b[b].border_count -= added
     return number, has_room
 
 

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS, FacetTable
 from asperity.contact.manifold.overlap_region import OverlapRegion, overlap_region
 from asperity.contact.manifold.records import DIRECTION, ContactManifold, contact_manifold
+from asperity.contact.manifold.residual import Residuals, residuals
 from asperity.contact.narrow_phase.node_queue import NodeQueue, node_queue
 from asperity.contact.narrow_phase.records import PATCH_SLOT
+from asperity.contact.response.mesh_way_out import MeshChoices, mesh_choices
 
 MAX_SURFACE_PATCHES = 4096
 """Most surface patches of either body in one query."""
@@ -34,6 +36,12 @@ class FacetSpace(NamedTuple):
     """Number of the last query, (1,)."""
     directions: NDArray[np.void]
     """`DIRECTION` records, (6,)."""
+    residuals: Residuals
+    choices: MeshChoices
+    way_out: NDArray[np.float64]
+    """How far the tool has to move to leave each body [m], (bodies,)."""
+    rest: NDArray[np.float64]
+    """Its gradient by the tool's motion, as far as it is not felt at the patches, (bodies, 6)."""
     queue: NodeQueue
     lines: NDArray[np.float64]
     """Lines that bound sub-regions, `l_u u + l_v v + l_0 = 0`, (2, 3)."""
@@ -52,6 +60,10 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         listed=np.zeros(MAX_CANDIDATES, np.int64),
         clock=np.zeros(1, np.int64),
         directions=np.zeros(DIRECTIONS, DIRECTION),
+        residuals=residuals(),
+        choices=mesh_choices(),
+        way_out=np.zeros(len(table.root)),
+        rest=np.zeros((len(table.root), 6)),
         queue=node_queue(),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),

@@ -86,10 +86,10 @@ def _overlap_over(textures, patch, other, u, v, search):
 def distances_from_lines(a, b, at, lines):
     """Return how far a point lies from the two lines that split an overlap region [m].
 
-    The base point on A's patch counts. `lines` (2, 3) has `l_u, l_v, l_0` in each row.
+    The base point on B's patch counts. `lines` (2, 3) has `l_u, l_v, l_0` in each row.
     """
-    x, y = (at.x, at.y) if searches_a(a, b) else (at.other_x, at.other_y)
-    u, v = place_at(a, x, y)
+    x, y = (at.other_x, at.other_y) if searches_a(a, b) else (at.x, at.y)
+    u, v = place_at(b, x, y)
     return (
         lines[0, 0] * u + lines[0, 1] * v + lines[0, 2],
         lines[1, 0] * u + lines[1, 1] * v + lines[1, 2],

@@ -86,7 +86,7 @@ def _solve(inputs, rows, active, count, out):
 
 
 @inner_kernel
-def _choose_active(inputs, rows, parts, shares):
+def choose_active(inputs, rows, parts, shares):
     """Fill the multipliers (parts,) of one choice: a non-negative least-squares problem."""
     active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
     deepest = 0
@@ -124,7 +124,7 @@ def _choose_active(inputs, rows, parts, shares):
 
 
 @inner_kernel
-def _update_choice(inputs, rows, parts, shares):
+def update_choice(inputs, rows, parts, shares):
     """Solve a choice anew for the parts that it heeds; return |tau|."""
     active, values = stack_array((MAX_PARTS,)), stack_array((MAX_PARTS,))
     count = 0
@@ -141,7 +141,7 @@ def _update_choice(inputs, rows, parts, shares):
 
 
 @inner_kernel
-def _product(inputs, ways, parts, c, d):
+def choice_product(inputs, ways, parts, c, d):
     """Return tau . tau of two choices."""
     total = 0.0
     for p in range(parts):
@@ -159,11 +159,11 @@ def update_choices(ways, parts, count):
     """Solve all choices anew for changed inputs, and fill S."""
     inputs = ways.inputs
     for c in range(count):
-        ways.length[c] = _update_choice(inputs, ways.choices[c], parts, ways.shares[c])
+        ways.length[c] = update_choice(inputs, ways.choices[c], parts, ways.shares[c])
     for c in range(count):
         ways.alike[c, c] = 1.0
         for d in range(c):
-            cosine = _product(inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
+            cosine = choice_product(inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
             ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
 
 
@@ -185,8 +185,8 @@ def fill_choices(separations, used, parts, ways):
         past[p] = float(i + 1)
         if inputs[i, 0] < inputs[rows[p], 0]:
             rows[p] = i
-    _choose_active(inputs, rows, parts, shares)
-    bound = RATIO * LONGEST * _update_choice(inputs, rows, parts, shares)
+    choose_active(inputs, rows, parts, shares)
+    bound = RATIO * LONGEST * update_choice(inputs, rows, parts, shares)
     for p in range(parts):
         at[p] = first[p]
     count = 0
@@ -198,8 +198,8 @@ def fill_choices(separations, used, parts, ways):
         if fits and count < ways.length.size:
             for p in range(parts):
                 ways.choices[count, p] = rows[p]
-            _choose_active(inputs, rows, parts, ways.shares[count])
-            length = _update_choice(inputs, rows, parts, ways.shares[count])
+            choose_active(inputs, rows, parts, ways.shares[count])
+            length = update_choice(inputs, rows, parts, ways.shares[count])
             if length < bound:
                 bound = min(bound, RATIO * LONGEST * length)
                 count += 1

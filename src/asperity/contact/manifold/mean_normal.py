@@ -1,0 +1,133 @@
+"""The mean normal of a direction of contact between meshes, and its derivative.
+
+It is the mean of B's facet normals over the overlap region, weighted by the volume of the overlap,
+and turned towards the mean of those normals within 20 degrees of it: so a chamfer beside a wide
+face does not tilt the normal of the face. The less of the region has such normals, the more the
+mean itself counts: between two faces that both deviate by more it is all there is, and a tool that
+moves round the edge between them must see no jump.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from asperity._core.kernels import inner_kernel
+from asperity._core.stack import stack_array
+
+_ASTRAY = math.cos(math.radians(20.0))
+"""Cosine to the mean from which on a facet's normal counts for the direction's."""
+
+
+class _Near(NamedTuple):
+    """Facets whose normal is near the mean."""
+
+    size: float
+    """Length of the sum of their normals, weighted [m^3]."""
+    share: float
+    """Part of the volume that they have."""
+    total: float
+    """Volume of all facets [m^3]."""
+
+
+@inner_kernel
+def _sum_near(table, count, d, region, mean, near_out):
+    """Fill the unit mean (3,) of the normals near `mean`; return a `_Near`."""
+    x = y = z = near = total = 0.0
+    for i in range(count):
+        volume = region.volumes[i, d]
+        if volume == 0.0:
+            continue
+        f = table.axes[region.facets.pairs[i, 1], 2]
+        along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
+        total += volume
+        volume *= max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        near += volume
+        x, y, z = x + volume * f[0], y + volume * f[1], z + volume * f[2]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0:
+        near_out[0], near_out[1], near_out[2] = x / size, y / size, z / size
+    return _Near(size, near / total, total)
+
+
+@inner_kernel
+def _fill_mean(normal_sum, mean_out):
+    """Fill the unit vector (3,) along a sum of normals; return the sum's length."""
+    size = math.sqrt(normal_sum[0] ** 2 + normal_sum[1] ** 2 + normal_sum[2] ** 2)
+    for k in range(3):
+        mean_out[k] = normal_sum[k] / size
+    return size
+
+
+@inner_kernel
+def fill_mean_normal(table, count, d, region, normal_out):
+    """Fill the unit normal (3,) of direction `d` in B's frame."""
+    mean, near = stack_array((3,)), stack_array((3,))
+    _fill_mean(region.sums[d].normal, mean)
+    found = _sum_near(table, count, d, region, mean, near)
+    square = 0.0
+    for k in range(3):
+        normal_out[k] = mean[k]
+        if found.size > 0.0:
+            normal_out[k] += found.share * (near[k] - mean[k])
+        square += normal_out[k] * normal_out[k]
+    for k in range(3):
+        normal_out[k] /= math.sqrt(square)
+
+
+@inner_kernel
+def add_normal_rates(table, count, d, region, turn, rates_io):
+    """Add to the derivatives by the pairs' volumes (pairs,) what follows from the mean normal.
+
+    `turn` (3,) is the derivative of some quantity by the unit normal of direction `d`; the chain of
+    `fill_mean_normal` is followed backwards.
+    """
+    mean, near, by_mean, by_near = (
+        stack_array((3,)), stack_array((3,)), stack_array((3,)), stack_array((3,)),
+    )  # fmt: skip
+    length = _fill_mean(region.sums[d].normal, mean)
+    found = _sum_near(table, count, d, region, mean, near)
+    if found.size == 0.0:
+        for k in range(3):
+            near[k] = mean[k]
+    square = along = 0.0
+    for k in range(3):
+        total = mean[k] + found.share * (near[k] - mean[k])
+        square += total * total
+        along += total * turn[k]
+    size, by_share, onto = math.sqrt(square), 0.0, 0.0
+    for k in range(3):
+        total = mean[k] + found.share * (near[k] - mean[k])
+        across = (turn[k] - total * along / square) / size
+        by_mean[k], by_near[k] = (1.0 - found.share) * across, found.share * across
+        by_share += (near[k] - mean[k]) * across
+        onto += near[k] * by_near[k]
+    for k in range(3):
+        by_near[k] = (by_near[k] - near[k] * onto) / found.size if found.size > 0.0 else 0.0
+    by_near_volume, by_total = by_share / found.total, -by_share * found.share / found.total
+    for i in range(count):
+        volume = region.volumes[i, d]
+        if volume == 0.0:
+            continue
+        f = table.axes[region.facets.pairs[i, 1], 2]
+        along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
+        if along > _ASTRAY:
+            rate = by_near_volume
+            for k in range(3):
+                rate += by_near[k] * f[k]
+            for k in range(3):
+                by_mean[k] += volume * rate * f[k] / (1.0 - _ASTRAY)
+    onto = mean[0] * by_mean[0] + mean[1] * by_mean[1] + mean[2] * by_mean[2]
+    for k in range(3):
+        by_mean[k] = (by_mean[k] - mean[k] * onto) / length
+    for i in range(count):
+        if region.volumes[i, d] == 0.0:
+            continue
+        g = region.facets.pairs[i, 1]
+        f = table.axes[g, 2]
+        along = f[0] * mean[0] + f[1] * mean[1] + f[2] * mean[2]
+        part = max((along - _ASTRAY) / (1.0 - _ASTRAY), 0.0)
+        rate = by_total + part * by_near_volume
+        for k in range(3):
+            rate += (by_mean[k] + part * by_near[k]) * f[k]
+        rates_io[i] += table.shares[g, d] * rate

@@ -1,0 +1,94 @@
+"""How the depth of a sub-region changes as the lines that bound it move.
+
+Where a sub-region is deepest on such a line, the depth's derivative by the line's offset is the
+multiplier of that limit: the gradient of the overlap is a sum of those of the limits that hold
+there, with coefficients that are not negative (Karush, Kuhn & Tucker).
+"""
+
+from __future__ import annotations
+
+from asperity._core.kernels import inner_kernel
+from asperity.contact.narrow_phase.displaced_surface import base_height_at, place_at
+from asperity.contact.narrow_phase.newton_ascent import FEASIBLE
+from asperity.contact.narrow_phase.overlap import limits_at
+from asperity.contact.narrow_phase.patch_pair import searches_a
+
+_HELD = 10.0 * FEASIBLE
+"""Distance from a limit at which it holds a point [m]."""
+_PARALLEL = 1e-9
+"""Sine of the angle between limits below which they are parallel."""
+
+
+@inner_kernel
+def _add_sides(patch, at, limits, count):
+    """Add the sides of the searched patch's rectangle to the limits; return how many there are."""
+    for side in range(4):
+        sign, is_x = (1.0 if side & 1 else -1.0), side < 2
+        limit = limits[count]
+        limit.g = sign * ((at.x if is_x else at.y) - patch.rectangle[side])
+        limit.g_x, limit.g_y = (sign, 0.0) if is_x else (0.0, sign)
+        count += 1
+    return count
+
+
+@inner_kernel
+def _multiplier(limits, count, which, f_x, f_y):
+    """Return the multiplier of limit `which` at a maximum with the gradient (f_x, f_y)."""
+    one = limits[which]
+    square = one.g_x * one.g_x + one.g_y * one.g_y
+    alone = (f_x * one.g_x + f_y * one.g_y) / square
+    left_x, left_y = f_x - alone * one.g_x, f_y - alone * one.g_y
+    best, least = max(alone, 0.0), left_x * left_x + left_y * left_y
+    for i in range(count):
+        other = limits[i]
+        if i == which or other.g < -_HELD:
+            continue
+        across = one.g_x * other.g_y - one.g_y * other.g_x
+        if across * across < _PARALLEL * square * (other.g_x * other.g_x + other.g_y * other.g_y):
+            continue
+        mine = (f_x * other.g_y - f_y * other.g_x) / across
+        its = (one.g_x * f_y - one.g_y * f_x) / across
+        if mine >= 0.0 and its >= 0.0 and least > 1e-12 * (f_x * f_x + f_y * f_y):
+            best, least = mine, 0.0
+    return best
+
+
+@inner_kernel
+def fill_line_rates(stride, sides, added, memory, patch_out):
+    """Fill `line_rate` and `base` of a `MESH_PATCH` from a finished search, but for lines without.
+
+    Parameters
+    ----------
+    stride : int
+        Of the numbers of pairs.
+    sides : (2,) array
+        Side of either line that the sub-region is on, 1 or -1; 0 where the line does not bound it.
+    added : int
+        Lines among the borders of B's patches, which come last.
+    memory : Workspace
+    patch_out : MESH_PATCH record
+        `base` is relative to the contact's origin, in the contact frame.
+    """
+    search, number = memory.search[0], memory.search[0].best.pair
+    patch_out.line_rate[0] = patch_out.line_rate[1] = 0.0
+    if number < 0:
+        return
+    at, limits = search.best, search.limits
+    a, b = memory.patches_a[number // stride], memory.patches_b[number % stride]
+    is_a = searches_a(a, b)
+    patch, other = (a, b) if is_a else (b, a)
+    x, y = (at.other_x, at.other_y) if is_a else (at.x, at.y)
+    u, v = place_at(b, x, y)
+    patch_out.base[0], patch_out.base[1], patch_out.base[2] = u, v, base_height_at(b, u, v)[0]
+    count = limits_at(patch, other, at, limits)
+    first = count - added
+    if not is_a:
+        first = patch.border_count - added + (1 if patch.bulge > 0.0 else 0)
+    if patch.bulge == 0.0:
+        count = _add_sides(patch, at, limits, count)
+    for k in range(2):
+        if sides[k] == 0.0:
+            continue
+        if limits[first].g > -_HELD:
+            patch_out.line_rate[k] = sides[k] * _multiplier(limits, count, first, at.f_x, at.f_y)
+        first += 1

@@ -1,0 +1,290 @@
+"""The way out of a body among facets: the least of the choices of directions to leave it by.
+
+Each direction has a depth delta_d, and a residual rho_dc: how much of it is left once the tool
+leaves by direction c (`manifold.residual`). A choice C of one or more directions leaves those by all
+of their depth, and every other one by what is left of it,
+
+    psi(n_d) . tau >= delta_d                                for d in C,
+    psi(n_d) . tau >= delta_d times the product of rho_dc over C     for the others,
+
+and the least |tau| is its length: see `potential` and `ways_out`, also for how the least of all
+lengths is smoothed. Round a convex edge the residuals are 0, and each side is a way out. In a groove
+they are 1, and all choices are the same one: both walls. All between is continuous.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity._core.kernels import inner_kernel
+from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
+from asperity.contact.manifold.separation import LONGEST
+from asperity.contact.response.ways_out import (
+    RATIO,
+    WaysOut,
+    choice_product,
+    choose_active,
+    update_choice,
+    ways_out,
+)
+
+_STEP = 1e-5
+"""Relative step of the central differences."""
+
+
+class MeshChoices(NamedTuple):
+    """Room for the choices among the directions of one body."""
+
+    ways: WaysOut
+    members: NDArray[np.int64]
+    """Bit i: the choice leaves by the i-th direction that counts; (choices,)."""
+    needed: NDArray[np.float64]
+    """How far a choice has to leave each of them [m], (choices, 6)."""
+    number: NDArray[np.int64]
+    """Which of the six directions the i-th one is, (6,)."""
+    depth: NDArray[np.float64]
+    """[m], (6,)"""
+    residual: NDArray[np.float64]
+    """(6, 6)"""
+
+
+def mesh_choices() -> MeshChoices:
+    """Allocate room for the choices among the directions of one body."""
+    ways = ways_out(DIRECTIONS)
+    return MeshChoices(
+        ways=ways,
+        members=np.zeros(len(ways.length), np.int64),
+        needed=np.zeros((len(ways.length), DIRECTIONS)),
+        number=np.zeros(DIRECTIONS, np.int64),
+        depth=np.zeros(DIRECTIONS),
+        residual=np.zeros((DIRECTIONS, DIRECTIONS)),
+    )
+
+
+@inner_kernel
+def _collect(space):
+    """Fill the inputs of the choices; return how many directions there are."""
+    choices, rows = space.choices, 0
+    for d in range(DIRECTIONS):
+        if space.directions[d].patches > 0:
+            choices.number[rows], choices.depth[rows] = d, space.directions[d].depth
+            for k in range(3):
+                choices.ways.inputs[rows, 3 + k] = space.directions[d].normal[k]
+            rows += 1
+    for i in range(rows):
+        for j in range(rows):
+            one, two = choices.number[i], choices.number[j]
+            choices.residual[i, j] = space.residuals.value[one, two]
+    return rows
+
+
+@inner_kernel
+def _fill_needed(choices, rows, c):
+    """Fill how far choice `c` has to leave each direction."""
+    members = choices.members[c]
+    for i in range(rows):
+        need = choices.depth[i]
+        if not members >> i & 1:
+            for j in range(rows):
+                if members >> j & 1:
+                    need *= choices.residual[i, j]
+        choices.needed[c, i] = need
+        choices.ways.inputs[i, 0] = need
+
+
+@inner_kernel
+def _is_known(choices, rows, count):
+    """Return whether choice `count` has to leave as far as one before it."""
+    for c in range(count):
+        same = True
+        for i in range(rows):
+            same = same and choices.needed[c, i] == choices.needed[count, i]
+        if same:
+            return True
+    return False
+
+
+@inner_kernel
+def _list_choices(choices, rows):
+    """Fill the choices whose length may count; return how many there are, 0 if one has none."""
+    ways, bound, count = choices.ways, np.inf, 0
+    for members in range(1, 1 << rows):
+        if count == ways.length.size:
+            break
+        choices.members[count] = members
+        _fill_needed(choices, rows, count)
+        if _is_known(choices, rows, count):
+            continue
+        most = 0.0
+        for i in range(rows):
+            ways.choices[count, i] = i
+            most = max(most, choices.needed[count, i])
+        if most == 0.0:
+            return 0
+        if most >= bound:
+            continue
+        choose_active(ways.inputs, ways.choices[count], rows, ways.shares[count])
+        length = update_choice(ways.inputs, ways.choices[count], rows, ways.shares[count])
+        if length < bound:
+            ways.length[count] = length
+            bound = min(bound, RATIO * LONGEST * length)
+            count += 1
+    return count
+
+
+@inner_kernel
+def _update(choices, rows, count):
+    """Solve all choices anew for changed inputs, and fill S."""
+    ways = choices.ways
+    for c in range(count):
+        _fill_needed(choices, rows, c)
+        ways.length[c] = update_choice(ways.inputs, ways.choices[c], rows, ways.shares[c])
+    for c in range(count):
+        ways.alike[c, c] = 1.0
+        for d in range(c):
+            cosine = choice_product(ways.inputs, ways, rows, c, d)
+            cosine /= ways.length[c] * ways.length[d]
+            ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
+
+
+@inner_kernel
+def _excess(ways, count, s):
+    """Return the sum over choices less 1, which is 0 at the soft least s."""
+    for c in range(count):
+        x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
+        ways.weight[c] = x * x
+    total = 0.0
+    for c in range(count):
+        if ways.weight[c] > 0.0:
+            below = 0.0
+            for d in range(count):
+                below += ways.alike[c, d] * ways.weight[d]
+            total += ways.weight[c] * ways.weight[c] / below
+    return total - 1.0
+
+
+@inner_kernel
+def _soft_least(ways, count):
+    """Return s, by bisection and secants."""
+    least = np.inf
+    for c in range(count):
+        least = min(least, ways.length[c])
+    if count == 1:
+        return least
+    low, high, below = least / RATIO, LONGEST * least, -1.0
+    above = _excess(ways, count, high)
+    if not above > 0.0:
+        return least
+    s = least
+    for step in range(80):
+        s = low - below * (high - low) / (above - below)
+        if step % 3 == 2 or not low < s < high:
+            s = 0.5 * (low + high)
+        value = _excess(ways, count, s)
+        if value > 0.0:
+            high, above = s, value
+        else:
+            low, below = s, value
+        if value == 0.0 or high - low < 1e-14 * least:
+            break
+    return s
+
+
+@inner_kernel
+def _keep_near(choices, rows, count, s):
+    """Keep the choices that count at s; return how many there are."""
+    ways, kept = choices.ways, 0
+    for c in range(count):
+        if ways.length[c] >= RATIO * s:
+            continue
+        if kept != c:
+            choices.members[kept], ways.length[kept] = choices.members[c], ways.length[c]
+            for i in range(rows):
+                ways.shares[kept, i] = ways.shares[c, i]
+        kept += 1
+    return kept
+
+
+@inner_kernel
+def _rise(choices, rows, count, s):
+    """Return the excess at s for changed inputs."""
+    _update(choices, rows, count)
+    return _excess(choices.ways, count, s)
+
+
+@inner_kernel
+def _fill_rates(space, rows, count, s):
+    """Fill the derivatives of the way out by depths, normals and residuals."""
+    choices, inputs = space.choices, space.choices.ways.inputs
+    step = _STEP * s
+    rise = _excess(choices.ways, count, s + step)
+    by_s = (rise - _excess(choices.ways, count, s - step)) / (2.0 * step)
+    for i in range(rows):
+        direction, depth = space.directions[choices.number[i]], choices.depth[i]
+        if depth == 0.0:
+            continue
+        choices.depth[i] = depth + step
+        rise = _rise(choices, rows, count, s)
+        choices.depth[i] = depth - step
+        direction.rate = -(rise - _rise(choices, rows, count, s)) / (2.0 * step * by_s)
+        choices.depth[i] = depth
+        for k in range(3):
+            n = inputs[i, 3 + k]
+            inputs[i, 3 + k] = n + _STEP
+            rise = _rise(choices, rows, count, s)
+            inputs[i, 3 + k] = n - _STEP
+            direction.turn[k] = -(rise - _rise(choices, rows, count, s)) / (2.0 * _STEP * by_s)
+            inputs[i, 3 + k] = n
+        for j in range(rows):
+            one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
+            if i == j or space.residuals.slope[one, two] == 0.0:
+                continue
+            choices.residual[i, j] = was + _STEP
+            rise = _rise(choices, rows, count, s)
+            choices.residual[i, j] = was - _STEP
+            rise -= _rise(choices, rows, count, s)
+            space.residuals.rate[one, two] = -rise / (2.0 * _STEP * by_s)
+            choices.residual[i, j] = was
+
+
+@inner_kernel
+def _is_one_depth(choices, rows):
+    """Return which direction is all that the first choice heeds, fully; -1 if there is none."""
+    only = -1
+    for i in range(rows):
+        if choices.ways.shares[0, i] != 0.0:
+            if only >= 0 or not choices.members[0] >> i & 1:
+                return -1
+            only = i
+    return only
+
+
+@inner_kernel
+def fill_way_out(space):
+    """Return the way out of a body [m]; fill its derivatives by all that it depends on.
+
+    `rate` and `turn` of the `space.directions` are filled, and `space.residuals.rate`.
+    """
+    choices, rows = space.choices, _collect(space)
+    if rows == 0:
+        return 0.0
+    if rows == 1:
+        direction = space.directions[choices.number[0]]
+        direction.rate = 1.0
+        return direction.depth
+    count = _list_choices(choices, rows)
+    if count == 0:
+        return 0.0
+    _update(choices, rows, count)
+    s = _soft_least(choices.ways, count)
+    count = _keep_near(choices, rows, count, s)
+    only = _is_one_depth(choices, rows) if count == 1 else -1
+    if only >= 0:
+        space.directions[choices.number[only]].rate = 1.0
+        return s
+    _update(choices, rows, count)
+    _fill_rates(space, rows, count, s)
+    return s
