@@ -195,8 +195,7 @@ def _weigh(space, way_out, rest_io):
             for k in range(2):
                 if patch.line_rate[k] != 0.0:
                     rate = part * depth * patch.line_rate[k]
-                    sums, scratch = space.region.sums[d], space.region.sums[DIRECTIONS]
-                    add_line_rates(sums, k, patch.base, rate, scratch, direction)
+                    add_line_rates(space.region.sums[d], k, patch.base, rate, direction)
         for k in range(3):
             direction.world_turn[k] = n[k]
 

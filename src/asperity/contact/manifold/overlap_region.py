@@ -39,7 +39,7 @@ class OverlapRegion(NamedTuple):
     polygon: NDArray[np.float64]
     """Two buffers for a piece, rows x, y, d [m] and the side's owner; (2, corners, 4)."""
     sums: NDArray[np.void]
-    """`OVERLAP_SUMS` of each direction, and one for scratch; (7,)."""
+    """`OVERLAP_SUMS` of each direction, (6,)."""
     volumes: NDArray[np.float64]
     """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
     shift: NDArray[np.float64]
@@ -54,7 +54,7 @@ def overlap_region(facets: int) -> OverlapRegion:
     return OverlapRegion(
         facets=facet_pairs(facets),
         polygon=np.zeros((2, _CORNERS, 4)),
-        sums=np.zeros(DIRECTIONS + 1, OVERLAP_SUMS),
+        sums=np.zeros(DIRECTIONS, OVERLAP_SUMS),
         volumes=np.zeros((MAX_FACET_PAIRS, DIRECTIONS)),
         shift=np.zeros(3),
         rates=np.zeros(MAX_FACET_PAIRS),

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 
 from asperity._core.kernels import inner_kernel
-from asperity._core.records import copy_record
 from asperity._core.stack import stack_array
 from asperity.contact.narrow_phase.geom_depth import frame_round
 from asperity.contact.narrow_phase.surface_patch import add_border
@@ -24,28 +23,47 @@ this. (An evenly loaded region ends within 1.8 standard deviations.)"""
 _LEAST_VARIANCE = 1e-12
 """Added to variances so that they can be divided by [m^2]."""
 _STEP = 1e-5
-"""Relative step of the central differences."""
+"""Step of the central differences by a covariance, relative to its least variance."""
+_TURN = 1e-7
+"""Step of the central differences by a normal."""
 
 
 @inner_kernel
-def _tangential_moments(sums, u, v):
-    """Return the centroid and covariance of a region along two axes: mu, mv, uu, uv, vv."""
-    volume = sums.volume
-    mu = mv = 0.0
+def _fill_moments(sums, mean_out, covariance_out):
+    """Fill the centroid (3,) [m] and the covariance (6,): xx, xy, xz, yy, yz, zz [m^2]."""
+    at = 0
     for i in range(3):
-        mu += u[i] * sums.first_moment[i] / volume
-        mv += v[i] * sums.first_moment[i] / volume
+        mean_out[i] = sums.first_moment[i] / sums.volume
+    for i in range(3):
+        for k in range(i, 3):
+            covariance_out[at] = sums.second_moment[at] / sums.volume - mean_out[i] * mean_out[k]
+            at += 1
+
+
+@inner_kernel
+def _along_axes(covariance, u, v):
+    """Return the covariance along two axes: uu, uv, vv [m^2]."""
     uu = uv = vv = 0.0
     at = 0
     for i in range(3):
         for k in range(i, 3):
-            s = sums.second_moment[at] / volume
+            s = covariance[at] if i == k else 2.0 * covariance[at]
             at += 1
-            twice = 1.0 if i == k else 2.0
-            uu += twice * s * u[i] * u[k]
-            vv += twice * s * v[i] * v[k]
-            uv += s * (u[i] * v[k] if i == k else u[i] * v[k] + u[k] * v[i])
-    return mu, mv, uu - mu * mu, uv - mu * mv, vv - mv * mv
+            uu += s * u[i] * u[k]
+            vv += s * v[i] * v[k]
+            uv += 0.5 * s * (u[i] * v[k] + u[k] * v[i])
+    return max(uu, 0.0) + _LEAST_VARIANCE, uv, max(vv, 0.0) + _LEAST_VARIANCE
+
+
+@inner_kernel
+def _across(uu, uv, vv, k):
+    """Return row `k` of the inverse of the symmetric square root of a covariance [1/m]."""
+    # By the theorem of Cayley and Hamilton.
+    s = math.sqrt(max(uu * vv - uv * uv, 1e-30))
+    t = math.sqrt(uu + vv + 2.0 * s)
+    a, b, c = (uu + s) / t, uv / t, (vv + s) / t
+    det = a * c - b * b
+    return (c / det, -b / det) if k == 0 else (-b / det, a / det)
 
 
 @inner_kernel
@@ -64,16 +82,16 @@ def split_lines(sums, u, v, radius, lines_out):
         `l_u, l_v, l_0`, so that the distance from a line is `l_u u + l_v v + l_0` [m], with u and
         v measured from the origin of B's frame.
     """
-    mu, mv, uu, uv, vv = _tangential_moments(sums, u, v)
-    uu, vv = max(uu, 0.0) + _LEAST_VARIANCE, max(vv, 0.0) + _LEAST_VARIANCE
-    # Inverse of the symmetric square root, by the theorem of Cayley and Hamilton.
-    s = math.sqrt(max(uu * vv - uv * uv, 1e-30))
-    t = math.sqrt(uu + vv + 2.0 * s)
-    a, b, c = (uu + s) / t, uv / t, (vv + s) / t
-    det = a * c - b * b
+    mean, covariance = stack_array((3,)), stack_array((6,))
+    _fill_moments(sums, mean, covariance)
+    uu, uv, vv = _along_axes(covariance, u, v)
+    mu, mv = (
+        u[0] * mean[0] + u[1] * mean[1] + u[2] * mean[2],
+        v[0] * mean[0] + v[1] * mean[1] + v[2] * mean[2],
+    )
     first = second = False
     for k in range(2):
-        l_u, l_v = (c / det, -b / det) if k == 0 else (-b / det, a / det)
+        l_u, l_v = _across(uu, uv, vv, k)
         size = math.sqrt(l_u * l_u + l_v * l_v)
         split = radius * size < _NARROW
         first, second = (split, second) if k == 0 else (first, split)
@@ -96,61 +114,89 @@ def bound_by(patch, l_u, l_v, l_0, radius):
 
 
 @inner_kernel
-def _offset(sums, n, k, place):
-    """Return how far a place (3,) of B's frame lies from line `k` of a region [m]."""
-    axes, lines, unit = stack_array((3, 3)), stack_array((2, 3)), stack_array((3,))
+def _offset_of(uu, uv, vv, k, u, v):
+    """Return how far (u, v), measured from the centroid, lies from line `k` [m]."""
+    l_u, l_v = _across(uu, uv, vv, k)
+    return (l_u * u + l_v * v) / math.sqrt(l_u * l_u + l_v * l_v)
+
+
+@inner_kernel
+def _offset(covariance, n, k, away):
+    """Return how far a place lies from line `k` [m]; `away` (3,) is measured from the centroid."""
+    axes, unit = stack_array((3, 3)), stack_array((3,))
     size = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
     for i in range(3):
         unit[i] = n[i] / size
     frame_round(unit, axes)
-    split_lines(sums, axes[0], axes[1], 0.0, lines)
-    off = lines[k, 2]
-    for i in range(2):
-        off += lines[k, i] * (axes[i, 0] * place[0] + axes[i, 1] * place[1] + axes[i, 2] * place[2])
-    return off
+    u, v = axes[0], axes[1]
+    uu, uv, vv = _along_axes(covariance, u, v)
+    on_u, on_v = (
+        u[0] * away[0] + u[1] * away[1] + u[2] * away[2],
+        v[0] * away[0] + v[1] * away[1] + v[2] * away[2],
+    )
+    return _offset_of(uu, uv, vv, k, on_u, on_v)
 
 
 @inner_kernel
-def add_line_rates(sums, k, place, rate, scratch, direction):
+def _covariance_rates(uu, uv, vv, k, u, v):
+    """Return the derivatives of `_offset_of` by uu, uv and vv [1/m], by central differences."""
+    half, root = 0.5 * (uu + vv), math.sqrt(0.25 * (uu - vv) ** 2 + uv * uv)
+    step = _STEP * max(half - root, 1e-9 * half)
+    by_uu = _offset_of(uu + step, uv, vv, k, u, v) - _offset_of(uu - step, uv, vv, k, u, v)
+    by_uv = _offset_of(uu, uv + step, vv, k, u, v) - _offset_of(uu, uv - step, vv, k, u, v)
+    by_vv = _offset_of(uu, uv, vv + step, k, u, v) - _offset_of(uu, uv, vv - step, k, u, v)
+    return by_uu / (2.0 * step), by_uv / (2.0 * step), by_vv / (2.0 * step)
+
+
+@inner_kernel
+def add_line_rates(sums, k, place, rate, direction):
     """Add to the derivatives of a direction by its normal and by the moments of its region.
 
     `rate` is the derivative of the way out by the distance of a place (3,) of B's frame from line
-    `k`, which is where the region's moments put it. By central differences: all is in closed form.
+    `k`, which is where the region's moments put it.
 
     Parameters
     ----------
-    sums, scratch : OVERLAP_SUMS records
-        Of the region, and one to be overwritten.
+    sums : OVERLAP_SUMS record
+        Of the region.
     direction : DIRECTION record
         Its normal is given; its rates are added to.
     """
-    copy_record(scratch, sums)
-    volume, n = sums.volume, stack_array((3,))
-    spread = 0.0
+    mean, covariance, away, n = (
+        stack_array((3,)), stack_array((6,)), stack_array((3,)), stack_array((3,)),
+    )  # fmt: skip
+    axes, volume = stack_array((3, 3)), sums.volume
+    _fill_moments(sums, mean, covariance)
     for i in range(3):
+        away[i], n[i] = place[i] - mean[i], direction.normal[i]
+    for i in range(3):
+        n[i] = direction.normal[i] + _TURN
+        by = _offset(covariance, n, k, away)
+        n[i] = direction.normal[i] - _TURN
+        direction.turn[i] += rate * (by - _offset(covariance, n, k, away)) / (2.0 * _TURN)
         n[i] = direction.normal[i]
-        at = (0, 3, 5)[i]
-        spread += sums.second_moment[at] / volume - (sums.first_moment[i] / volume) ** 2
-    length = math.sqrt(max(spread, _LEAST_VARIANCE))
-    half = 0.5 * rate
+    frame_round(n, axes)
+    u, v = axes[0], axes[1]
+    uu, uv, vv = _along_axes(covariance, u, v)
+    on_u, on_v = (
+        u[0] * away[0] + u[1] * away[1] + u[2] * away[2],
+        v[0] * away[0] + v[1] * away[1] + v[2] * away[2],
+    )
+    by_uu, by_uv, by_vv = _covariance_rates(uu, uv, vv, k, on_u, on_v)
+    l_u, l_v = _across(uu, uv, vv, k)
+    size, at = math.sqrt(l_u * l_u + l_v * l_v), 0
     for i in range(3):
-        for sign in (1.0, -1.0):
-            n[i] = direction.normal[i] + sign * _STEP
-            direction.turn[i] += sign * half / _STEP * _offset(sums, n, k, place)
-            step = _STEP * volume * length
-            scratch.first_moment[i] = sums.first_moment[i] + sign * step
-            direction.first_rate[i] += (
-                sign * half / step * _offset(scratch, direction.normal, k, place)
-            )
-        n[i], scratch.first_moment[i] = direction.normal[i], sums.first_moment[i]
-    for sign in (1.0, -1.0):
-        step = _STEP * volume
-        scratch.volume = volume + sign * step
-        direction.volume_rate += sign * half / step * _offset(scratch, direction.normal, k, place)
-        scratch.volume = volume
-        for i in range(6):
-            step = _STEP * volume * length * length
-            scratch.second_moment[i] = sums.second_moment[i] + sign * step
-            by = _offset(scratch, direction.normal, k, place)
-            direction.second_rate[i] += sign * half / step * by
-            scratch.second_moment[i] = sums.second_moment[i]
+        n[i] = -(l_u * u[i] + l_v * v[i]) / size  # now the derivative by the centroid
+    for i in range(3):
+        for j in range(i, 3):
+            by = by_uu * u[i] * u[j] + by_vv * v[i] * v[j]
+            by += 0.5 * by_uv * (u[i] * v[j] + u[j] * v[i])
+            n[i] -= 2.0 * by * mean[j] if i != j else 0.0
+            n[j] -= 2.0 * by * mean[i]
+            twice = by if i == j else 2.0 * by
+            direction.second_rate[at] += rate * twice / volume
+            direction.volume_rate -= rate * twice * sums.second_moment[at] / (volume * volume)
+            at += 1
+    for i in range(3):
+        direction.first_rate[i] += rate * n[i] / volume
+        direction.volume_rate -= rate * n[i] * mean[i] / volume
