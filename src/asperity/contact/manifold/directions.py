@@ -185,23 +185,23 @@ def _next_direction(space):
 
 
 @inner_kernel
-def _is_freed(table, count, d, reach, space):
+def _is_freed(table, query, count, d, space):
     """Return whether nothing is left of direction `d` by whichever searched one the tool leaves."""
     for c in range(DIRECTIONS):
         if space.directions[c].patches > 0:
             if space.residuals.value[d, c] != space.residuals.value[d, c]:
-                fill_residual(table, count, d, c, reach, space)
+                fill_residual(table, query, count, d, c, space)
             if space.residuals.value[d, c] > 0.0:
                 return False
     return True
 
 
 @inner_kernel
-def _frees_all(table, count, c, reach, space):
+def _frees_all(table, query, count, c, space):
     """Return whether nothing is left of any direction once the tool leaves by direction `c`."""
     for d in range(DIRECTIONS):
         if d != c and space.region.sums[d].volume > 0.0:
-            fill_residual(table, count, d, c, reach, space)
+            fill_residual(table, query, count, d, c, space)
             if space.residuals.value[d, c] > 0.0:
                 return False
     return True
@@ -226,7 +226,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     space : FacetSpace
     workspace : Workspace
     """
-    table, reach, found = model.facets, query.raised, space.residuals
+    table, found = model.facets, space.residuals
     for d in range(DIRECTIONS):
         clear_record(space.directions[d])
         for c in range(DIRECTIONS):
@@ -239,16 +239,16 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         direction.visited = 1
         fill_mean_normal(table, count, d, space.region, direction.normal)
         far = space.region.sums[d].deepest - query.lowered > _COUNTS * LONGEST * least
-        if not (far and _is_freed(table, count, d, reach, space)):
+        if not (far and _is_freed(table, query, count, d, space)):
             if _search_direction(model, parameters, query, d, count, memory, space, workspace):
                 searched += 1
                 least = min(least, direction.depth)
-                if direction.depth == 0.0 and _frees_all(table, count, d, reach, space):
+                if direction.depth == 0.0 and _frees_all(table, query, count, d, space):
                     break
         d = _next_direction(space)
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS if searched > 1 else 0):
             both = space.directions[d].patches > 0 and space.directions[c].patches > 0
             if both and c != d and found.value[d, c] != found.value[d, c]:
-                fill_residual(table, count, d, c, reach, space)
+                fill_residual(table, query, count, d, c, space)
     return searched

@@ -240,7 +240,7 @@ def _add_rest(table, query, count, space, rest_io):
         for k in range(3):
             direction.turn[k] += origin[k]
         for c in range(DIRECTIONS):
-            add_residual_gradient(table, count, (d, c), reach, centre, space, gradient)
+            add_residual_gradient(table, query, count, (d, c), centre, space, gradient)
     for i in range(count):
         rates[i] = 0.0
     for d in range(DIRECTIONS):

@@ -28,8 +28,9 @@ _CORNERS = 24
 _PARALLEL = 1e-9
 """Sine of the angle between edges below which they are parallel."""
 
-CUT, OF_A, OF_B = 0.0, 1.0, 2.0
-"""The fourth number of a corner: which body the side to the next corner belongs to."""
+CUT, OF_A, OF_B, BEHIND, WITHIN = 0.0, 1.0, 2.0, 3.0, 4.0
+"""The fourth number of a corner: which body the side to the next corner belongs to, or what it was
+cut by."""
 
 
 class OverlapRegion(NamedTuple):
@@ -42,9 +43,6 @@ class OverlapRegion(NamedTuple):
     """`OVERLAP_SUMS` of each direction, (6,)."""
     volumes: NDArray[np.float64]
     """What each pair of facets adds to the `volume` of each direction [m^3], (pairs, 6)."""
-    shift: NDArray[np.float64]
-    """Translation of A that pieces are cut out at, B's frame, (3,) [m]; 0 but where it is asked how
-    much overlap is left elsewhere."""
     rates: NDArray[np.float64]
     """Derivative of the way out by the volume of each pair's piece [1/m^2], (pairs,)."""
 
@@ -56,13 +54,12 @@ def overlap_region(facets: int) -> OverlapRegion:
         polygon=np.zeros((2, _CORNERS, 4)),
         sums=np.zeros(DIRECTIONS, OVERLAP_SUMS),
         volumes=np.zeros((MAX_FACET_PAIRS, DIRECTIONS)),
-        shift=np.zeros(3),
         rates=np.zeros(MAX_FACET_PAIRS),
     )
 
 
 @inner_kernel
-def _clip(polygon, source, count, plane, code):
+def clip_polygon(polygon, source, count, plane, code):
     """Clip a polygon to where `k0 + k1 x + k2 y + k3 d <= 0`.
 
     Parameters
@@ -116,14 +113,13 @@ def _project(table: FacetTable, f, g, region):
 
     A corner's coordinates are x, y in g's plane and its overlap d.
     """
-    polygon, shift = region.polygon, region.shift
+    polygon = region.polygon
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
-    o0, o1, o2 = o[0] - shift[0], o[1] - shift[1], o[2] - shift[2]
     count = table.sides[f]
     for c in range(count):
         # Seen from B's side the corners of A's facet run the other way round.
         p = region.facets.corners[f, count - 1 - c]
-        d0, d1, d2 = p[0] - o0, p[1] - o1, p[2] - o2
+        d0, d1, d2 = p[0] - o[0], p[1] - o[1], p[2] - o[2]
         polygon[0, c, 0] = d0 * x[0] + d1 * x[1] + d2 * x[2]
         polygon[0, c, 1] = d0 * y[0] + d1 * y[1] + d2 * y[2]
         polygon[0, c, 2] = -(d0 * z[0] + d1 * z[1] + d2 * z[2])
@@ -155,7 +151,7 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
         return np.int64(0), np.int64(0)
     here = np.int64(0)
     if low_d < -reach:
-        here, count = _clip(polygon, here, count, (-reach, 0.0, 0.0, -1.0), CUT)
+        here, count = clip_polygon(polygon, here, count, (-reach, 0.0, 0.0, -1.0), CUT)
     rows = table.count_rows[g]
     for i in range(rows if rows > 0 else 4):
         if rows > 0:
@@ -166,7 +162,7 @@ def clip_pair(table: FacetTable, f, g, reach, beside, max_depth, region):
             k1, k2 = (sign, 0.0) if i < 2 else (0.0, sign)
         # Most pieces lie wholly inside most sides.
         if k0 + max(k1 * low_x, k1 * high_x) + max(k2 * low_y, k2 * high_y) > 0.0:
-            here, count = _clip(polygon, here, count, (k0, k1, k2, 0.0), OF_B)
+            here, count = clip_polygon(polygon, here, count, (k0, k1, k2, 0.0), OF_B)
             if count == 0:
                 break
     return here, count
@@ -264,7 +260,7 @@ def deepest_corner(region, piece):
 @inner_kernel
 def clip_depth(region, piece, max_depth):
     """Clip a piece to overlaps of at most `max_depth` [m]; return its buffer, its corners."""
-    return _clip(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), CUT)
+    return clip_polygon(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), CUT)
 
 
 @inner_kernel

@@ -61,12 +61,12 @@ def _value(q, x, y):
 
 
 @inner_kernel
-def _fill_moment(table, g, sums, centre, shift, out):
+def _fill_moment(table, g, sums, centre, out):
     """Fill the mean of p - centre (3,) from the integrals of q, q x, q y and q d, over q's."""
     o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
     for k in range(3):
         out[k] = sums[1] * x[k] + sums[2] * y[k] - sums[3] * z[k]
-        out[k] += sums[0] * (o[k] - centre[k] - shift[k])
+        out[k] += sums[0] * (o[k] - centre[k])
 
 
 @inner_kernel
@@ -113,7 +113,7 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
             sums[3] += part * (d0 + s * d1 + t * d2)
     normal = region.facets.placed[f].normal
     cosine = normal[0] * z[0] + normal[1] * z[1] + normal[2] * z[2]
-    _fill_moment(table, g, sums, centre, region.shift, moment)
+    _fill_moment(table, g, sums, centre, moment)
     for k in range(3):
         one, two = (k + 1) % 3, (k + 2) % 3
         gradient_io[k] -= sums[0] * normal[k] / cosine
@@ -135,7 +135,7 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
             sums[1] += part * on_x
             sums[2] += part * on_y
             sums[3] += part * d
-        _fill_moment(table, g, sums, centre, region.shift, moment)
+        _fill_moment(table, g, sums, centre, moment)
         for k in range(3):
             along[k] = (p[j, 1] - p[i, 1]) * x[k] + (p[i, 0] - p[j, 0]) * y[k]
         for k in range(3):

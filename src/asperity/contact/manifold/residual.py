@@ -2,13 +2,18 @@
 
 Across a convex edge the same overlap is seen from two sides, and leaving by one side leaves nothing
 of the other. The walls of a groove are two contacts, and both have to be left. Which of the two it
-is follows from the geometry alone: the tool is moved out along direction c, until the bodies,
-raised by the height of their textures, are apart there, and the volume of what is then left of
-direction d is compared to what it was. The *residual* rises smoothly from 0 to 1 with that ratio.
+is follows from where the overlap seen from direction d lies with respect to the plane of direction
+c, that of its mean normal through the centroid of its region. It goes when the tool leaves by c, if
+
+- B's surface lies *behind* the plane of c, so that B is convex there, and
+- A's surface lies *within* reach of it: no deeper behind the plane than the tool is moved.
+
+The *residual* rises smoothly from 0 to 1 with the part of the region's volume that stays.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,14 +22,21 @@ from numpy.typing import NDArray
 from asperity._core.kernels import clear, inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.overlap_region import clip_pair, piece_volume
+from asperity.contact.manifold.overlap_region import (
+    BEHIND,
+    WITHIN,
+    clip_depth,
+    clip_pair,
+    clip_polygon,
+    piece_volume,
+)
 from asperity.contact.manifold.region_gradient import add_piece_gradient
 from asperity.contact.manifold.separation import smooth_step, smooth_step_slope
 
-_GONE, _STAYS = 0.05, 0.25
-"""Parts of the volume between which a residual rises from 0 to 1."""
-_ANYWHERE = 1e3
-"""Depth that no pair of facets exceeds [m]."""
+_GONE, _STAYS = 0.25, 0.75
+"""Parts of the volume that stay between which a residual rises from 0 to 1."""
+_REACH = 1.25
+"""Multiple of the overlap along c, raised by the textures, within which A's surface is left."""
 
 
 class Residuals(NamedTuple):
@@ -33,9 +45,20 @@ class Residuals(NamedTuple):
     value: NDArray[np.float64]
     """Residual of the direction of the row, given that of the column; nan if unknown; (6, 6)."""
     slope: NDArray[np.float64]
-    """Its derivative by the ratio of the volumes, (6, 6)."""
+    """Its derivative by the part of the volume that goes, (6, 6)."""
     rate: NDArray[np.float64]
     """Derivative of the way out by the residual [m], (6, 6)."""
+
+
+class Leaving(NamedTuple):
+    """The plane of the direction that the tool leaves by, B's frame."""
+
+    place: NDArray[np.float64]
+    """Centroid of its region, (3,) [m]."""
+    normal: NDArray[np.float64]
+    """(3,)"""
+    depth: float
+    """How deep behind the plane A's surface is left [m]."""
 
 
 def residuals() -> Residuals:
@@ -44,89 +67,183 @@ def residuals() -> Residuals:
 
 
 @inner_kernel
-def _fill_shift(region, direction, c, reach):
-    """Fill how far the tool moves to leave by direction `c`; return the distance [m]."""
-    away = max(region.sums[c].deepest + reach, 0.0)
+def _fill_plane(sums, reach, place_out):
+    """Fill the centroid (3,) of a region; return how deep behind it A's surface is left [m]."""
     for k in range(3):
-        region.shift[k] = away * direction.normal[k]
-    return away
+        place_out[k] = sums.first_moment[k] / sums.volume
+    return _REACH * (sums.deepest + reach)
 
 
 @inner_kernel
-def fill_residual(table, count, d, c, reach, space):
+def _part_that_goes(table, pair, query, leaving, region):
+    """Cut out the part of a piece that goes; return its buffer, its corners."""
+    f, g = pair
+    reach, polygon = query.raised, region.polygon
+    here, count = clip_pair(table, f, g, reach, reach, query.limit, region)
+    if count < 3:
+        return here, count
+    here, count = clip_depth(region, (here, count), query.limit)
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    n = leaving.normal
+    above = along_x = along_y = along_z = 0.0
+    for k in range(3):
+        above += n[k] * (o[k] - leaving.place[k])
+        along_x, along_y, along_z = (
+            along_x + n[k] * x[k],
+            along_y + n[k] * y[k],
+            along_z + n[k] * z[k],
+        )
+    if count >= 3:
+        behind = (above, along_x, along_y, 0.0)
+        here, count = clip_polygon(polygon, here, count, behind, BEHIND)
+    if count >= 3:
+        within = (-above - leaving.depth, -along_x, -along_y, along_z)
+        here, count = clip_polygon(polygon, here, count, within, WITHIN)
+    return here, count
+
+
+@inner_kernel
+def fill_residual(table, query, count, d, c, space):
     """Fill the residual of direction `d`, given that the tool leaves by direction `c`.
 
-    `count` is the number of pairs of facets, `reach` the height of both textures [m].
+    `count` is the number of pairs of facets, `query` the `BodyQuery`.
     """
-    region, found = space.region, space.residuals
-    _fill_shift(region, space.directions[c], c, reach)
-    left = 0.0
+    region, found, place, goes = space.region, space.residuals, stack_array((3,)), 0.0
+    depth = _fill_plane(region.sums[c], query.raised, place)
+    leaving = Leaving(place, space.directions[c].normal, depth)
     for i in range(count):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
-        if table.shares[g, d] == 0.0:
+        if region.volumes[i, d] == 0.0:
             continue
-        piece = clip_pair(table, f, g, reach, reach, _ANYWHERE, region)
+        piece = _part_that_goes(table, (f, g), query, leaving, region)
         if piece[1] >= 3:
-            left += table.shares[g, d] * piece_volume(piece, reach, region)
-    clear(region.shift)
-    x = (left / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
+            goes += table.shares[g, d] * piece_volume(piece, query.raised, region)
+    x = (1.0 - goes / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
     found.value[d, c] = smooth_step(x)
-    found.slope[d, c] = smooth_step_slope(x) / (_STAYS - _GONE)
+    found.slope[d, c] = -smooth_step_slope(x) / (_STAYS - _GONE)
 
 
 @inner_kernel
-def add_residual_gradient(table, count, pair, reach, centre, space, gradient_io):
+def _dot(a, b):
+    """Return the product of two vectors (3,)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inner_kernel
+def _fill_side(table, g, piece, i, reach, on_a, region, place_out):
+    """Return the integral of w over side `i` of a piece [m^2]; fill that of w times the place (3,).
+
+    The place is on A's surface if `on_a`, else on B's.
+    """
+    p, j = region.polygon[piece[0]], (i + 1) % piece[1]
+    o, x, y, z = table.origin[g], table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    length, total = math.hypot(p[j, 0] - p[i, 0], p[j, 1] - p[i, 1]), 0.0
+    clear(place_out)
+    for node in range(3):  # by Simpson's rule
+        t, weight = 0.5 * node, (4.0 if node == 1 else 1.0) / 6.0 * length
+        at_x, at_y = p[i, 0] + t * (p[j, 0] - p[i, 0]), p[i, 1] + t * (p[j, 1] - p[i, 1])
+        d = p[i, 2] + t * (p[j, 2] - p[i, 2])
+        weight *= d + reach
+        total += weight
+        for k in range(3):
+            place = o[k] + at_x * x[k] + at_y * y[k] - (d * z[k] if on_a else 0.0)
+            place_out[k] += weight * place
+    return total
+
+
+@inner_kernel
+def _add_sides(table, pair, piece, query, leaving, region, moved_io):
+    """Add how the integral of w over a piece changes as what it is cut by moves.
+
+    `moved_io` (11,) has the derivatives by the shift of the plane along its normal, by the depth,
+    by the plane's normal (3,), by the motion of A's surface (3,), and its moment (3,).
+    """
+    f, g = pair
+    (here, count), n, m = piece, leaving.normal, region.facets.placed[f].normal
+    x, y, z = table.axes[g, 0], table.axes[g, 1], table.axes[g, 2]
+    on_x, on_y, on_z, cosine = _dot(n, x), _dot(n, y), _dot(n, z), _dot(m, z)
+    place = stack_array((3,))
+    for i in range(count):
+        owner = region.polygon[here, i, 3]
+        if owner == BEHIND:
+            slope = math.hypot(on_x, on_y)
+            total = _fill_side(table, g, piece, i, query.raised, False, region, place) / slope
+            moved_io[0] += total
+            for k in range(3):
+                moved_io[2 + k] -= place[k] / slope - total * leaving.place[k]
+        elif owner == WITHIN:
+            slope = math.hypot(on_z * _dot(m, x) / cosine - on_x, on_z * _dot(m, y) / cosine - on_y)
+            total = _fill_side(table, g, piece, i, query.raised, True, region, place) / slope
+            moved_io[0] -= total
+            moved_io[1] += total
+            part = on_z / cosine
+            for k in range(3):
+                one, two = (k + 1) % 3, (k + 2) % 3
+                moved_io[2 + k] += place[k] / slope - total * leaving.place[k]
+                moved_io[5 + k] += part * total * m[k]
+                moved_io[8 + k] += part * (place[one] * m[two] - place[two] * m[one]) / slope
+
+
+@inner_kernel
+def add_residual_gradient(table, query, count, pair, centre, space, gradient_io):
     """Add how the way out changes with the tool's motion by a residual.
 
     Parameters
     ----------
+    query : BodyQuery
     count : int
         Number of pairs of facets.
     pair : tuple of int
         Directions d and c: see `fill_residual`.
-    reach : float
-        Height of both textures [m].
     centre : (3,) array
         About which the tool turns, B's frame [m].
     space : FacetSpace
-        The derivatives by the normal of direction c and by the volume of d are added to.
+        The derivatives by the normal and the moments of c, and by the volume of d, are added to.
     gradient_io : (6,) array
         By translation and rotation, B's frame.
     """
     d, c = pair
-    region, found, direction = space.region, space.residuals, space.directions[c]
-    rate = found.rate[d, c] * found.slope[d, c]
-    if rate == 0.0:
+    region, found, direction, place = (
+        space.region, space.residuals, space.directions[c], stack_array((3,)),
+    )  # fmt: skip
+    if found.rate[d, c] * found.slope[d, c] == 0.0:
         return
-    away = _fill_shift(region, direction, c, reach)
-    volume, left = region.sums[d].volume, 0.0
-    q, gradient = stack_array((6,)), stack_array((6,))
+    sums, volume, goes = region.sums[c], region.sums[d].volume, 0.0
+    rate = found.rate[d, c] * found.slope[d, c] / volume
+    leaving = Leaving(place, direction.normal, _fill_plane(sums, query.raised, place))
+    q, moved = stack_array((6,)), stack_array((11,))
     clear(q)
-    clear(gradient)
     for i in range(count):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
-        if table.shares[g, d] == 0.0:
+        if region.volumes[i, d] == 0.0:
             continue
-        piece = clip_pair(table, f, g, reach, reach, _ANYWHERE, region)
+        piece = _part_that_goes(table, (f, g), query, leaving, region)
         if piece[1] < 3:
             continue
-        left += table.shares[g, d] * piece_volume(piece, reach, region)
-        q[0] = rate * table.shares[g, d] / volume
-        add_piece_gradient(table, (f, g), piece, reach, q, centre, region, gradient)
-    clear(region.shift)
-    space.directions[d].volume_rate -= rate * left / (volume * volume)
-    for k in range(6):
-        gradient_io[k] += gradient[k]
-    by_away, sums = 0.0, region.sums[c]
-    for k in range(3):
-        direction.turn[k] += away * gradient[k]
-        by_away += direction.normal[k] * gradient[k]
-    if away == 0.0:
-        return
-    m, p = sums.deepest_slope, sums.deepest_point
+        q[0] = rate * table.shares[g, d]
+        goes += table.shares[g, d] * piece_volume(piece, query.raised, region)
+        add_piece_gradient(table, (f, g), piece, query.raised, q, centre, region, gradient_io)
+        clear(moved)
+        _add_sides(table, (f, g), piece, query, leaving, region, moved)
+        _add_moved(moved, q[0], pair, place, centre, space, gradient_io)
+    space.directions[d].volume_rate -= rate * goes / volume
+
+
+@inner_kernel
+def _add_moved(moved, rate, pair, place, centre, space, gradient_io):
+    """Add what `_add_sides` gives, times `rate`, to all that it depends on."""
+    c = pair[1]
+    direction, sums = space.directions[c], space.region.sums[c]
+    n, m, p = direction.normal, sums.deepest_slope, sums.deepest_point
+    deeper = rate * _REACH * moved[1]
     for k in range(3):
         one, two = (k + 1) % 3, (k + 2) % 3
-        gradient_io[k] -= by_away * m[k]
-        gradient_io[3 + k] -= by_away * (
+        direction.turn[k] += rate * moved[2 + k]
+        direction.first_rate[k] += rate * moved[0] * n[k] / sums.volume
+        direction.volume_rate -= rate * moved[0] * n[k] * place[k] / sums.volume
+        gradient_io[k] += rate * moved[5 + k] - deeper * m[k]
+        gradient_io[3 + k] += rate * moved[8 + k]
+        gradient_io[3 + k] -= rate * (centre[one] * moved[5 + two] - centre[two] * moved[5 + one])
+        gradient_io[3 + k] -= deeper * (
             (p[one] - centre[one]) * m[two] - (p[two] - centre[two]) * m[one]
         )

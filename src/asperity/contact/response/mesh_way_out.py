@@ -1,14 +1,14 @@
 """The way out of a body among facets: the least of the choices of directions to leave it by.
 
 Each direction has a depth delta_d, and a residual rho_dc: how much of it is left once the tool
-leaves by direction c (`manifold.residual`). A choice C of one or more directions leaves those by all
-of their depth, and every other one by what is left of it,
+leaves by direction c (`manifold.residual`). A choice C of one or more directions leaves those by
+all of their depth, and every other one by what is left of it,
 
     psi(n_d) . tau >= delta_d                                for d in C,
     psi(n_d) . tau >= delta_d times the product of rho_dc over C     for the others,
 
 and the least |tau| is its length: see `potential` and `ways_out`, also for how the least of all
-lengths is smoothed. Round a convex edge the residuals are 0, and each side is a way out. In a groove
+lengths is smoothed. Round a convex edge residuals are 0, and each side is a way out. In a groove
 they are 1, and all choices are the same one: both walls. All between is continuous.
 """
 
