@@ -38,10 +38,8 @@ from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import to_body, to_world
 
-_MARGIN = 1.1
-"""How much farther than the way out needs, facets are looked for."""
-_LEAST = 1e-6
-"""Least overlap that facets are looked for with [m]."""
+_DEEP = 0.5
+"""Overlap of facets that is looked for at first, over the smaller body's least half side."""
 _THIN = 0.05
 """Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""
 _ROUNDS = 10
@@ -132,6 +130,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
     size = half_diagonal(model.facets, model.scene.tool) + half_diagonal(model.facets, query.body)
     limit, way_out, count = query.limit, 0.0, 0
+    least = _least_limit(model, query)
     for _ in range(_ROUNDS):
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(
@@ -142,9 +141,12 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         wanted = RATIO * way_out + query.lowered
         if way_out == 0.0 and overlap > 0.0 and space.manifold.count[0].patches == first:
             wanted = 2.0 * limit if limit < size else 0.0
-        if wanted <= limit:
+        if wanted > limit:
+            limit *= 2.0
+        elif wanted <= 0.5 * limit and limit > least and way_out > 0.0:
+            limit *= 0.5
+        else:
             break
-        limit = max(_MARGIN * wanted, 2.0 * limit)
     clear(rest_out)
     if way_out == 0.0:
         return 0.0
@@ -158,13 +160,26 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
 
 
 @inner_kernel
-def first_limit(memory, query, overlap):
-    """Return how deep facets are looked for at first [m]."""
-    if memory.known[query.body] == 1:
-        least = memory.way_out[query.body] + query.step
-    else:
-        least = max(overlap, 0.0)
-    return max(_MARGIN * (RATIO * least + query.lowered), _LEAST)
+def _least_limit(model, query):
+    """Return the least depth that facets are looked for [m]: a part of the thinner body."""
+    table, least = model.facets, np.inf
+    for k in range(3):
+        least = min(least, table.reach[table.root[model.scene.tool], k])
+        least = min(least, table.reach[table.root[query.body], k])
+    return _DEEP * least + query.lowered
+
+
+@inner_kernel
+def first_limit(model, memory, query):
+    """Return how deep facets are looked for at first [m].
+
+    It is one of a fixed series, the first of which that suffices, so that the way out depends on
+    the pose alone.
+    """
+    limit = _least_limit(model, query)
+    while limit < RATIO * memory.way_out[query.body] + query.lowered:
+        limit *= 2.0
+    return limit
 
 
 @inner_kernel

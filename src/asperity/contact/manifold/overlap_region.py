@@ -28,7 +28,7 @@ _CORNERS = 24
 _PARALLEL = 1e-9
 """Sine of the angle between edges below which they are parallel."""
 
-CUT, OF_A, OF_B, BEHIND, WITHIN = 0.0, 1.0, 2.0, 3.0, 4.0
+CUT, OF_A, OF_B, BEHIND, WITHIN, DEEP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 """The fourth number of a corner: which body the side to the next corner belongs to, or what it was
 cut by."""
 
@@ -260,7 +260,7 @@ def deepest_corner(region, piece):
 @inner_kernel
 def clip_depth(region, piece, max_depth):
     """Clip a piece to overlaps of at most `max_depth` [m]; return its buffer, its corners."""
-    return clip_polygon(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), CUT)
+    return clip_polygon(region.polygon, piece[0], piece[1], (-max_depth, 0.0, 0.0, 1.0), DEEP)
 
 
 @inner_kernel
@@ -276,7 +276,8 @@ def corner_slope(table: FacetTable, f, g, piece, corner, region, m_out):
     owner, last = p[corner, 3], p[before, 3]
     for k in range(3):
         m_out[k] = z[k]
-    if owner == CUT or last == CUT or (owner == OF_A and last == OF_A):
+    is_cut = owner in (CUT, DEEP) or last in (CUT, DEEP)
+    if is_cut or (owner == OF_A and last == OF_A):
         return
     normal = region.facets.placed[f].normal
     if owner == OF_A or last == OF_A:

@@ -10,10 +10,12 @@ tool's six coordinates in one pass over the pieces, however many moments there a
 
 from __future__ import annotations
 
+import math
+
 from asperity._core.kernels import inner_kernel
 from asperity._core.stack import stack_array
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.overlap_region import OF_A
+from asperity.contact.manifold.overlap_region import DEEP, OF_A
 
 _IN, _OUT = 0.445948490915965, 0.091576213509771
 _IN_WEIGHT, _OUT_WEIGHT = 0.223381589678011, 0.109951743655322
@@ -118,9 +120,14 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
         one, two = (k + 1) % 3, (k + 2) % 3
         gradient_io[k] -= sums[0] * normal[k] / cosine
         gradient_io[3 + k] -= (moment[one] * normal[two] - moment[two] * normal[one]) / cosine
-    # The sides of A move over the facet.
+    # The sides of A move over the facet, and so does where the overlap is as deep as counts.
+    onto = math.hypot(
+        normal[0] * x[0] + normal[1] * x[1] + normal[2] * x[2],
+        normal[0] * y[0] + normal[1] * y[1] + normal[2] * y[2],
+    )
     for i in range(count):
-        if p[i, 3] != OF_A:
+        owner = p[i, 3]
+        if owner != OF_A and owner != DEEP:
             continue
         j = i + 1 if i + 1 < count else 0
         for k in range(4):
@@ -136,8 +143,12 @@ def add_piece_gradient(table, pair, piece, reach, q, centre, region, gradient_io
             sums[2] += part * on_y
             sums[3] += part * d
         _fill_moment(table, g, sums, centre, moment)
+        out_x, out_y = p[j, 1] - p[i, 1], p[i, 0] - p[j, 0]
         for k in range(3):
-            along[k] = (p[j, 1] - p[i, 1]) * x[k] + (p[i, 0] - p[j, 0]) * y[k]
+            if owner == OF_A:
+                along[k] = out_x * x[k] + out_y * y[k]
+            else:
+                along[k] = -math.hypot(out_x, out_y) * normal[k] / onto
         for k in range(3):
             one, two = (k + 1) % 3, (k + 2) % 3
             gradient_io[k] += sums[0] * along[k]

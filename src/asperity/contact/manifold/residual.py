@@ -38,6 +38,9 @@ _GONE, _STAYS = 0.25, 0.75
 _REACH = 1.25
 """Multiple of the overlap along c, raised by the textures, within which A's surface is left."""
 
+_COPLANAR = 1e-3
+"""Part of that depth by which a facet may lie before the plane: the facet may be the plane's own."""
+
 
 class Residuals(NamedTuple):
     """What is left of each direction once the tool has left by another."""
@@ -94,7 +97,7 @@ def _part_that_goes(table, pair, query, leaving, region):
             along_z + n[k] * z[k],
         )
     if count >= 3:
-        behind = (above, along_x, along_y, 0.0)
+        behind = (above - _COPLANAR * leaving.depth, along_x, along_y, 0.0)
         here, count = clip_polygon(polygon, here, count, behind, BEHIND)
     if count >= 3:
         within = (-above - leaving.depth, -along_x, -along_y, along_z)
@@ -169,6 +172,7 @@ def _add_sides(table, pair, piece, query, leaving, region, moved_io):
             slope = math.hypot(on_x, on_y)
             total = _fill_side(table, g, piece, i, query.raised, False, region, place) / slope
             moved_io[0] += total
+            moved_io[1] += _COPLANAR * total
             for k in range(3):
                 moved_io[2 + k] -= place[k] / slope - total * leaving.place[k]
         elif owner == WITHIN:
