@@ -27,15 +27,13 @@ from asperity.contact.manifold.overlap_region import (
     deepest_corner,
 )
 from asperity.contact.manifold.records import MAX_PARTS, MAX_PATCHES
-from asperity.contact.manifold.residual import fill_residual
+from asperity.contact.manifold.residual import fill_residuals
 from asperity.contact.manifold.separation import LONGEST
 from asperity.contact.narrow_phase.geom_depth import SearchLimits, frame_round
 from asperity.contact.narrow_phase.mesh_depth import SplitRegion, region_depths
 from asperity.contact.narrow_phase.mesh_patches import FacetQuery
+from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
-
-_COUNTS = 2.0
-"""Multiple of the least depth from which on a direction's depth may be left out."""
 
 
 @inner_kernel
@@ -111,8 +109,9 @@ def _note_deepest(table, pair, piece, corner, region, sums):
 
 
 @inner_kernel
-def _search_patches(model, parameters, query, d, count, memory, space, workspace):
-    """Search the patches of direction `d`, appended to the manifold; return how many there are."""
+def _search_patches(model, parameters, query, which, memory, space, workspace):
+    """Search the patches of a direction, appended to the manifold; return how many there are."""
+    d, count, ceiling = which
     scene, manifold = model.scene, space.manifold
     direction, frame = space.directions[d], workspace.frame
     n, world, local = stack_array((3,)), stack_array((3,)), stack_array((3, 3))
@@ -131,7 +130,7 @@ def _search_patches(model, parameters, query, d, count, memory, space, workspace
     surfaces = (first[scene.tool], first[query.body])
     tolerance = depth_tolerance(scene.textures, scene.geometry, surfaces, parameters.tolerance)
     region = SplitRegion(
-        space.region.sums[d], local[0], local[1], parameters.patch_radius,
+        space.region.sums[d], local[0], local[1], parameters.patch_radius, ceiling,
         memory.guess[query.body, d],
     )  # fmt: skip
     patches, has_room = region_depths(
@@ -155,20 +154,25 @@ def _search_patches(model, parameters, query, d, count, memory, space, workspace
 
 
 @inner_kernel
-def _search_direction(model, parameters, query, d, count, memory, space, workspace):
-    """Search the depth of direction `d`; return whether there was room for its patches."""
-    manifold, direction = space.manifold, space.directions[d]
+def _search_direction(model, parameters, query, which, memory, space, workspace):
+    """Search the depth of a direction; return whether it counts.
+
+    `which` has its number, the number of pairs of facets, and the depth from which on it does not
+    count [m].
+    """
+    manifold, direction = space.manifold, space.directions[which[0]]
     if manifold.count[0].patches + MAX_PARTS > MAX_PATCHES:
         manifold.count[0].dropped += 1
         return False
     direction.first = manifold.count[0].patches
-    direction.patches = _search_patches(
-        model, parameters, query, d, count, memory, space, workspace
-    )
+    direction.patches = _search_patches(model, parameters, query, which, memory, space, workspace)
     square = 0.0
     for p in range(direction.first, direction.first + direction.patches):
         square += max(manifold.result[p].depth, 0.0) ** 2
     direction.depth = math.sqrt(square / direction.patches)
+    if direction.depth > which[2]:
+        direction.patches = 0
+        return False
     manifold.count[0].patches += direction.patches
     return True
 
@@ -185,12 +189,19 @@ def _next_direction(space):
 
 
 @inner_kernel
+def _know(table, query, count, c, space):
+    """Fill the residuals given direction `c`, if they are not yet."""
+    if space.directions[c].known == 0:
+        space.directions[c].known = 1
+        fill_residuals(table, query, count, c, space)
+
+
+@inner_kernel
 def _is_freed(table, query, count, d, space):
     """Return whether nothing is left of direction `d` by whichever searched one the tool leaves."""
     for c in range(DIRECTIONS):
         if space.directions[c].patches > 0:
-            if space.residuals.value[d, c] != space.residuals.value[d, c]:
-                fill_residual(table, query, count, d, c, space)
+            _know(table, query, count, c, space)
             if space.residuals.value[d, c] > 0.0:
                 return False
     return True
@@ -199,20 +210,35 @@ def _is_freed(table, query, count, d, space):
 @inner_kernel
 def _frees_all(table, query, count, c, space):
     """Return whether nothing is left of any direction once the tool leaves by direction `c`."""
+    _know(table, query, count, c, space)
     for d in range(DIRECTIONS):
-        if d != c and space.region.sums[d].volume > 0.0:
-            fill_residual(table, query, count, d, c, space)
-            if space.residuals.value[d, c] > 0.0:
-                return False
+        if d != c and space.region.sums[d].volume > 0.0 and space.residuals.value[d, c] > 0.0:
+            return False
     return True
+
+
+@inner_kernel
+def _is_needless(table, query, count, d, space):
+    """Return whether the tool leaves all by another direction, which `d` does not replace.
+
+    Then each choice that has `d` has to leave that one too, and counts for nothing
+    (`response.mesh_way_out`).
+    """
+    for c in range(DIRECTIONS):
+        if space.directions[c].patches > 0 and _frees_all(table, query, count, c, space):
+            _know(table, query, count, d, space)
+            if space.residuals.value[c, d] == 1.0:
+                return True
+    return False
 
 
 @inner_kernel
 def search_directions(model, parameters, query, count, memory, space, workspace):
     """Fill depths and residuals of all directions that count; return how many there are.
 
-    The least overlap comes first. A direction is left out, its `patches` 0, where its depth is
-    larger than counts and nothing is left of it whichever way the tool leaves.
+    The least overlap comes first. A direction is left out, its `patches` 0, where no choice that
+    has it counts: its depth is too large, and nothing is left of it whichever way the tool leaves; or
+    the tool leaves all by another one, that has to be left anyway.
 
     Parameters
     ----------
@@ -238,17 +264,20 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         direction = space.directions[d]
         direction.visited = 1
         fill_mean_normal(table, count, d, space.region, direction.normal)
-        far = space.region.sums[d].deepest - query.lowered > _COUNTS * LONGEST * least
-        if not (far and _is_freed(table, query, count, d, space)):
-            if _search_direction(model, parameters, query, d, count, memory, space, workspace):
-                searched += 1
-                least = min(least, direction.depth)
-                if direction.depth == 0.0 and _frees_all(table, query, count, d, space):
-                    break
+        most, deepest = math.inf, space.region.sums[d].deepest
+        if searched > 0 and _is_freed(table, query, count, d, space):
+            # One that goes on beyond the limit need not be known: see `mesh_manifold`.
+            most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
+        is_near = deepest - query.lowered <= most
+        is_near = is_near and not _is_needless(table, query, count, d, space)
+        which = (d, count, most)
+        if is_near and _search_direction(model, parameters, query, which, memory, space, workspace):
+            searched += 1
+            least = min(least, direction.depth)
+            if direction.depth == 0.0 and _frees_all(table, query, count, d, space):
+                break
         d = _next_direction(space)
-    for d in range(DIRECTIONS):
-        for c in range(DIRECTIONS if searched > 1 else 0):
-            both = space.directions[d].patches > 0 and space.directions[c].patches > 0
-            if both and c != d and found.value[d, c] != found.value[d, c]:
-                fill_residual(table, query, count, d, c, space)
+    for c in range(DIRECTIONS if searched > 1 else 0):
+        if space.directions[c].patches > 0:
+            _know(table, query, count, c, space)
     return searched

@@ -38,7 +38,7 @@ from asperity.contact.response.mesh_way_out import fill_way_out
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import to_body, to_world
 
-_DEEP = 0.5
+_DEEP = 0.25
 """Overlap of facets that is looked for at first, over the smaller body's least half side."""
 _THIN = 0.05
 """Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""

@@ -35,6 +35,7 @@ DIRECTION = np.dtype(
         ("first", "i8"),  # row of the first patch
         ("patches", "i8"),  # number of patches; 0 if not searched
         ("visited", "?"),  # whether its turn has come
+        ("known", "?"),  # whether the residuals are, given that the tool leaves by it
         ("rate", "f8"),  # derivative of the way out by the depth
         ("turn", "f8", 3),  # derivative of the way out by the normal [m]
         ("world_turn", "f8", 3),  # the part of it that the patches' depths have, world axes [m]

@@ -39,7 +39,7 @@ _REACH = 1.25
 """Multiple of the overlap along c, raised by the textures, within which A's surface is left."""
 
 _COPLANAR = 1e-3
-"""Part of that depth by which a facet may lie before the plane: the facet may be the plane's own."""
+"""Part of that depth by which a facet may lie before the plane: it may be the plane's own."""
 
 
 class Residuals(NamedTuple):
@@ -106,24 +106,73 @@ def _part_that_goes(table, pair, query, leaving, region):
 
 
 @inner_kernel
-def fill_residual(table, query, count, d, c, space):
-    """Fill the residual of direction `d`, given that the tool leaves by direction `c`.
+def _share_that_goes(table, f, g, leaving, region):
+    """Return 1 or 0 where all or nothing of a pair's overlap goes, -1 where it has to be cut."""
+    n, place, depth = leaving.normal, leaving.place, leaving.depth
+    edge = _COPLANAR * depth
+    # Most facets are wholly on one side, by the circle round them.
+    middle, half = table.origin[g], table.half[g]
+    above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
+    above += n[2] * (middle[2] - place[2])
+    radius = half[0] + half[1]
+    low, high = above - radius, above + radius
+    if low < edge and high > edge:
+        low, high = np.inf, -np.inf
+        for i in range(table.sides[g]):
+            p = table.points[g, i]
+            above = n[0] * (p[0] - place[0]) + n[1] * (p[1] - place[1]) + n[2] * (p[2] - place[2])
+            low, high = min(low, above), max(high, above)
+    if low >= edge:
+        return 0
+    is_behind, middle = high <= edge, region.facets.placed[f].centre
+    above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
+    above += n[2] * (middle[2] - place[2])
+    radius = region.facets.placed[f].radius
+    low, high = above - radius, above + radius
+    if low < -depth and high > -depth:
+        low, high = np.inf, -np.inf
+        for i in range(table.sides[f]):
+            p = region.facets.corners[f, i]
+            above = n[0] * (p[0] - place[0]) + n[1] * (p[1] - place[1]) + n[2] * (p[2] - place[2])
+            low, high = min(low, above), max(high, above)
+    if high <= -depth:
+        return 0
+    return 1 if is_behind and low >= -depth else -1
+
+
+@inner_kernel
+def fill_residuals(table, query, count, c, space):
+    """Fill the residuals of all directions, given that the tool leaves by direction `c`.
 
     `count` is the number of pairs of facets, `query` the `BodyQuery`.
     """
-    region, found, place, goes = space.region, space.residuals, stack_array((3,)), 0.0
+    region, found = space.region, space.residuals
+    place, goes = stack_array((3,)), stack_array((DIRECTIONS,))
+    clear(goes)
     depth = _fill_plane(region.sums[c], query.raised, place)
     leaving = Leaving(place, space.directions[c].normal, depth)
     for i in range(count):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
-        if region.volumes[i, d] == 0.0:
+        total = 0.0
+        for d in range(DIRECTIONS):
+            if d != c:
+                total += region.volumes[i, d]
+        if total == 0.0:
             continue
-        piece = _part_that_goes(table, (f, g), query, leaving, region)
-        if piece[1] >= 3:
-            goes += table.shares[g, d] * piece_volume(piece, query.raised, region)
-    x = (1.0 - goes / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
-    found.value[d, c] = smooth_step(x)
-    found.slope[d, c] = -smooth_step_slope(x) / (_STAYS - _GONE)
+        share = _share_that_goes(table, f, g, leaving, region)
+        if share == 0:
+            continue
+        part = 1.0
+        if share < 0:
+            piece = _part_that_goes(table, (f, g), query, leaving, region)
+            part = piece_volume(piece, query.raised, region) if piece[1] >= 3 else 0.0
+        for d in range(DIRECTIONS):
+            goes[d] += part * (region.volumes[i, d] if share > 0 else table.shares[g, d])
+    for d in range(DIRECTIONS):
+        if d != c and region.sums[d].volume > 0.0:
+            x = (1.0 - goes[d] / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
+            found.value[d, c] = smooth_step(x)
+            found.slope[d, c] = -smooth_step_slope(x) / (_STAYS - _GONE)
 
 
 @inner_kernel
@@ -198,7 +247,7 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
     count : int
         Number of pairs of facets.
     pair : tuple of int
-        Directions d and c: see `fill_residual`.
+        Directions d and c: see `fill_residuals`.
     centre : (3,) array
         About which the tool turns, B's frame [m].
     space : FacetSpace

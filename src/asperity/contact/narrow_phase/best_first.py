@@ -238,7 +238,7 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
     size, used, retired = _fill_heap(textures, stride, count, memory, queue, added)
     while size > 0:
         above, number = keys[0], heap[0]
-        if above <= pruning_threshold(search):
+        if above <= pruning_threshold(search) or search.incumbent > search.ceiling:
             break
         if is_spent(search) or used + 4 > MAX_NODES:
             search.upper_bound = max(search.upper_bound, above)

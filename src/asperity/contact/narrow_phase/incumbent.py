@@ -33,7 +33,7 @@ def begin_search(search, max_nodes, floor):
     """Clear a `SEARCH`; only points deeper than `floor` [m] will count."""
     search.incumbent, search.upper_bound, search.nodes = floor, -np.inf, 0.0
     search.node_limit, search.tie_count, search.next_clock_read = max_nodes, 0, _LEAST_NODES
-    search.best.pair = -1
+    search.best.pair, search.ceiling = -1, np.inf
 
 
 @small_kernel

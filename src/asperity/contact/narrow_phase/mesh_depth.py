@@ -51,6 +51,8 @@ class SplitRegion(NamedTuple):
     axis_v: NDArray[np.float64]
     radius: float
     """How far sub-regions reach over the lines that split the region [m]."""
+    ceiling: float
+    """A direction that is deeper does not count; its search may end [m]."""
     guess: NDArray[np.float64]
     """Last deepest points of the sub-regions in A's frame, nan if unknown, (4, 3): they move with
     A's peaks."""
@@ -99,10 +101,10 @@ def _in_contact_frame(point, frame, body):
 
 
 @inner_kernel
-def _begin(search, max_nodes, culled):
+def _begin(search, max_nodes, culled, ceiling):
     """Begin a search for points that touch, where pairs up to `culled` deep were culled [m]."""
     begin_search(search, max_nodes, 0.0)
-    search.upper_bound = culled
+    search.upper_bound, search.ceiling = culled, ceiling
 
 
 @inner_kernel
@@ -182,13 +184,15 @@ def region_depths(model, region, query, limits, memory, space, first):
     has_room = has_room and had_room
     count = cull_pairs(textures, count, stride, culled, memory)
     # The deepest point of all is that of every sub-region that it lies in.
-    _begin(search, float(max_nodes), culled)
+    # If one of m patches is sqrt(m) times as deep as counts, their root mean square is too.
+    ceiling = region.ceiling * math.sqrt(float(number))
+    _begin(search, float(max_nodes), culled, ceiling)
     guess = (points[best, 0], points[best, 1])
     ascend_in(textures, stride, count, found[best], memory)
     best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, none)
     fill_penetration(textures, stride, n, tolerance, memory, results_out[0])
     clear(patches_out[0].line_rate)
-    if number == 1 or results_out[0].depth == -math.inf:
+    if number == 1 or results_out[0].depth == -math.inf or results_out[0].depth > ceiling:
         return 1, has_room
     single, at_1, at_2 = _single_deepest(memory, stride, lines)
     for p in range(number - 1, -1, -1):
@@ -198,7 +202,7 @@ def region_depths(model, region, query, limits, memory, space, first):
             clear(patches_out[p].line_rate)
             continue
         added = _limit_to_sub_region(memory, made_b, lines, side_1, side_2, region.radius)
-        _begin(search, max_nodes / 2, culled)
+        _begin(search, max_nodes / 2, culled, math.inf)
         guess = (points[p, 0], points[p, 1])
         ascend_in(textures, stride, count, found[p], memory)
         best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)

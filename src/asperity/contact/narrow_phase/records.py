@@ -221,6 +221,7 @@ MAX_SIDES = 36
 SEARCH = np.dtype(
     [
         ("incumbent", "f8"),  # largest overlap found, a lower bound of the depth [m]
+        ("ceiling", "f8"),  # a search ends once it has found a larger overlap [m]
         ("upper_bound", "f8"),  # of what has been pruned or left unsearched [m]
         ("nodes", "f8"),  # boxes evaluated; cheap ones count in part
         ("node_limit", "f8"),

@@ -10,6 +10,9 @@ all of their depth, and every other one by what is left of it,
 and the least |tau| is its length: see `potential` and `ways_out`, also for how the least of all
 lengths is smoothed. Round a convex edge residuals are 0, and each side is a way out. In a groove
 they are 1, and all choices are the same one: both walls. All between is continuous.
+
+A choice that has to leave all that a shorter one leaves, and more, is no way of its own. It counts
+less the longer it is, up to a tenth, and not at all where the shorter one leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from numpy.typing import NDArray
 
 from asperity._core.kernels import inner_kernel
 from asperity.contact.broad_phase.facet_bvh import DIRECTIONS
-from asperity.contact.manifold.separation import LONGEST
+from asperity.contact.manifold.separation import LONGEST, smooth_step
 from asperity.contact.response.ways_out import (
     RATIO,
     WaysOut,
@@ -31,6 +34,10 @@ from asperity.contact.response.ways_out import (
     ways_out,
 )
 
+_LONGER = 0.1
+"""Relative difference in length at which a choice that has more to leave does not count."""
+_AS_FAR = 0.5
+"""Part of what another choice leaves, from which on a choice begins to have it to leave too."""
 _STEP = 1e-5
 """Relative step of the central differences."""
 
@@ -43,6 +50,10 @@ class MeshChoices(NamedTuple):
     """Bit i: the choice leaves by the i-th direction that counts; (choices,)."""
     needed: NDArray[np.float64]
     """How far a choice has to leave each of them [m], (choices, 6)."""
+    share: NDArray[np.float64]
+    """How far a choice is a way of its own, (choices,)."""
+    alone: NDArray[np.float64]
+    """How far it leaves nothing behind of the directions that it does not leave by, (choices,)."""
     number: NDArray[np.int64]
     """Which of the six directions the i-th one is, (6,)."""
     depth: NDArray[np.float64]
@@ -58,6 +69,8 @@ def mesh_choices() -> MeshChoices:
         ways=ways,
         members=np.zeros(len(ways.length), np.int64),
         needed=np.zeros((len(ways.length), DIRECTIONS)),
+        share=np.zeros(len(ways.length)),
+        alone=np.zeros(len(ways.length)),
         number=np.zeros(DIRECTIONS, np.int64),
         depth=np.zeros(DIRECTIONS),
         residual=np.zeros((DIRECTIONS, DIRECTIONS)),
@@ -84,15 +97,45 @@ def _collect(space):
 @inner_kernel
 def _fill_needed(choices, rows, c):
     """Fill how far choice `c` has to leave each direction."""
-    members = choices.members[c]
+    members, alone = choices.members[c], 1.0
     for i in range(rows):
-        need = choices.depth[i]
+        left = 1.0
         if not members >> i & 1:
             for j in range(rows):
                 if members >> j & 1:
-                    need *= choices.residual[i, j]
-        choices.needed[c, i] = need
-        choices.ways.inputs[i, 0] = need
+                    left *= choices.residual[i, j]
+            alone *= 1.0 - left
+        choices.needed[c, i] = left * choices.depth[i]
+        choices.ways.inputs[i, 0] = choices.needed[c, i]
+    choices.alone[c] = alone
+
+
+@inner_kernel
+def _has_to_leave(choices, rows, c, other):
+    """Return how far choice `c` has to leave all that another one leaves."""
+    part = 1.0
+    for i in range(rows):
+        need = choices.needed[other, i]
+        if need > 0.0:
+            part *= min(choices.needed[c, i] / need, 1.0)
+    return smooth_step((part - _AS_FAR) / (1.0 - _AS_FAR))
+
+
+@inner_kernel
+def _fill_shares(choices, rows, count):
+    """Fill how far each choice is a way of its own."""
+    length = choices.ways.length
+    for c in range(count):
+        share = 1.0
+        for other in range(count):
+            if other == c or length[other] >= length[c]:
+                continue
+            more = _has_to_leave(choices, rows, c, other)
+            if more > 0.0:
+                longer = smooth_step((length[c] / length[other] - 1.0) / _LONGER)
+                alone = choices.alone[other]
+                share *= 1.0 - more * (longer + alone - longer * alone)
+        choices.share[c] = share
 
 
 @inner_kernel
@@ -142,6 +185,7 @@ def _update(choices, rows, count):
     for c in range(count):
         _fill_needed(choices, rows, c)
         ways.length[c] = update_choice(ways.inputs, ways.choices[c], rows, ways.shares[c])
+    _fill_shares(choices, rows, count)
     for c in range(count):
         ways.alike[c, c] = 1.0
         for d in range(c):
@@ -151,31 +195,33 @@ def _update(choices, rows, count):
 
 
 @inner_kernel
-def _excess(ways, count, s):
+def _excess(choices, count, s):
     """Return the sum over choices less 1, which is 0 at the soft least s."""
+    ways, share = choices.ways, choices.share
     for c in range(count):
         x = max(RATIO - ways.length[c] / s, 0.0) / (RATIO - 1.0)
         ways.weight[c] = x * x
     total = 0.0
     for c in range(count):
-        if ways.weight[c] > 0.0:
-            below = 0.0
+        if ways.weight[c] > 0.0 and share[c] > 0.0:
+            below = ways.weight[c]
             for d in range(count):
-                below += ways.alike[c, d] * ways.weight[d]
-            total += ways.weight[c] * ways.weight[c] / below
+                if d != c:
+                    below += ways.alike[c, d] * share[d] * ways.weight[d]
+            total += share[c] * ways.weight[c] * ways.weight[c] / below
     return total - 1.0
 
 
 @inner_kernel
-def _soft_least(ways, count):
+def _soft_least(choices, count):
     """Return s, by bisection and secants."""
     least = np.inf
     for c in range(count):
-        least = min(least, ways.length[c])
+        least = min(least, choices.ways.length[c])
     if count == 1:
         return least
     low, high, below = least / RATIO, LONGEST * least, -1.0
-    above = _excess(ways, count, high)
+    above = _excess(choices, count, high)
     if not above > 0.0:
         return least
     s = least
@@ -183,7 +229,7 @@ def _soft_least(ways, count):
         s = low - below * (high - low) / (above - below)
         if step % 3 == 2 or not low < s < high:
             s = 0.5 * (low + high)
-        value = _excess(ways, count, s)
+        value = _excess(choices, count, s)
         if value > 0.0:
             high, above = s, value
         else:
@@ -198,7 +244,7 @@ def _keep_near(choices, rows, count, s):
     """Keep the choices that count at s; return how many there are."""
     ways, kept = choices.ways, 0
     for c in range(count):
-        if ways.length[c] >= RATIO * s:
+        if ways.length[c] >= RATIO * s or choices.share[c] == 0.0:
             continue
         if kept != c:
             choices.members[kept], ways.length[kept] = choices.members[c], ways.length[c]
@@ -212,7 +258,7 @@ def _keep_near(choices, rows, count, s):
 def _rise(choices, rows, count, s):
     """Return the excess at s for changed inputs."""
     _update(choices, rows, count)
-    return _excess(choices.ways, count, s)
+    return _excess(choices, count, s)
 
 
 @inner_kernel
@@ -220,8 +266,8 @@ def _fill_rates(space, rows, count, s):
     """Fill the derivatives of the way out by depths, normals and residuals."""
     choices, inputs = space.choices, space.choices.ways.inputs
     step = _STEP * s
-    rise = _excess(choices.ways, count, s + step)
-    by_s = (rise - _excess(choices.ways, count, s - step)) / (2.0 * step)
+    rise = _excess(choices, count, s + step)
+    by_s = (rise - _excess(choices, count, s - step)) / (2.0 * step)
     for i in range(rows):
         direction, depth = space.directions[choices.number[i]], choices.depth[i]
         if depth == 0.0:
@@ -279,7 +325,7 @@ def fill_way_out(space):
     if count == 0:
         return 0.0
     _update(choices, rows, count)
-    s = _soft_least(choices.ways, count)
+    s = _soft_least(choices, count)
     count = _keep_near(choices, rows, count, s)
     only = _is_one_depth(choices, rows) if count == 1 else -1
     if only >= 0:
