@@ -237,7 +237,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
     """Fill depths and residuals of all directions that count; return how many there are.
 
     The least overlap comes first. A direction is left out, its `patches` 0, where no choice that
-    has it counts: its depth is too large, and nothing is left of it whichever way the tool leaves; or
+    has it counts: it is too deep, and nothing is left of it whichever way the tool leaves; or
     the tool leaves all by another one, that has to be left anyway.
 
     Parameters

@@ -128,7 +128,7 @@ def _fill_shares(choices, rows, count):
     for c in range(count):
         share = 1.0
         for other in range(count):
-            if other == c or length[other] >= length[c]:
+            if other == c:
                 continue
             more = _has_to_leave(choices, rows, c, other)
             if more > 0.0:
@@ -244,7 +244,7 @@ def _keep_near(choices, rows, count, s):
     """Keep the choices that count at s; return how many there are."""
     ways, kept = choices.ways, 0
     for c in range(count):
-        if ways.length[c] >= RATIO * s or choices.share[c] == 0.0:
+        if ways.length[c] >= RATIO * s:
             continue
         if kept != c:
             choices.members[kept], ways.length[kept] = choices.members[c], ways.length[c]
