@@ -210,8 +210,9 @@ def slide_off(yaw, half=(4e-3, 4e-3, 2e-3), thing_=brick, press=PRESS, y=1e-3, *
 def test_sliding_off_an_edge_is_continuous(yaw, half):
     found = slide_off(yaw, half)
     report(f"off an edge, yawed {yaw}, {half}", found)
-    assert found.largest_change < 0.02
-    assert found.largest_turn <= 0.05
+    # It turns sideways over the last millimetre, as deep as the tool is pressed.
+    assert found.largest_change < 4.0 * SPEED * 1e-3 / PRESS
+    assert found.largest_turn <= 4.0 * SPEED * 1e-3 / PRESS
     assert np.linalg.norm(found.wrench[-1]) == 0.0
 
 
@@ -364,17 +365,24 @@ def test_turning_on_an_edge_is_continuous():
     assert np.abs(found.wrench[:, :2]).max() < 0.1 * found.wrench[:, 2].max()
 
 
-def test_without_a_fade_the_whole_stiffness_stays_to_the_edge():
-    engine = engine_of(brick((4e-3, 4e-3, 2e-3)), slab(), edge_fade=0.0)
-    found = slide(engine, along_x(12e-3, 18.95e-3, 1e-3))
-    assert found.wrench[:, 2] == pytest.approx(np.full(len(found.count), STIFFNESS * PRESS))
+def test_over_an_edge_the_tool_is_pushed_out_the_shorter_way():
+    engine = engine_of(brick((4e-3, 4e-3, 2e-3)), slab())
+    for x in np.arange(12e-3, 18.95e-3, 1e-4):
+        wide = 19e-3 - x
+        force = touch(engine, pose(x, 0, 1e-3)).wrench[:3]
+        if wide >= 1.5 * PRESS:
+            assert force == pytest.approx([0, 0, STIFFNESS * PRESS])
+        elif wide <= PRESS / 1.6:
+            assert force == pytest.approx([STIFFNESS * wide, 0, 0])
+        least = STIFFNESS * min(wide, PRESS)
+        assert 0.5 * least < np.linalg.norm(force) < 1.1 * least
 
 
 # Which side.
 
 
-def through(kind, texture, deepest):
-    """Push a tool into a plate of 3 mm and back, 0.1 mm a tick."""
+def through(kind, texture):
+    """Push a tool into a plate of 3 mm, and from the far side back."""
     tool, lowest = {
         "tall brick": (brick((1.5e-3, 1.5e-3, 4e-3)), 4e-3),
         "capsule": (Body("tool", [Geom("capsule", (1.2e-3, 3e-3))]), 4.2e-3),
@@ -382,63 +390,56 @@ def through(kind, texture, deepest):
         "ball": (Body("tool", [Geom("sphere", (1.5e-3,))]), 1.5e-3),
     }[kind]
     engine = engine_of(tool, slab(thick=3e-3, texture=texture))
-    room = 0.0 if texture is None else 30e-6
-    for depth in np.concatenate([np.arange(1, deepest), np.arange(deepest, 0, -1)]) * 1e-4:
+    room, whole = (0.0 if texture is None else 30e-6), 3e-3 + 2.0 * lowest
+    steps = np.arange(1, int(whole * 1e4)) * 1e-4
+    for depth in np.concatenate([steps, steps[::-1]]):
         found = touch(engine, pose(1e-4, 2e-4, lowest - depth))
+        # The way out on the other side is the rest; one half as long again does not count.
+        if max(depth, whole - depth) < 1.55 * min(depth, whole - depth) + 4.0 * room:
+            continue
+        up = depth < whole - depth
+        least = depth if up else whole - depth
         assert found.weight.sum() == pytest.approx(1.0), depth
-        assert found.normal == pytest.approx(np.tile(UP, (len(found.depth), 1))), depth
-        assert found.depth == pytest.approx(np.full(len(found.depth), depth), abs=1e-9 + room)
-        assert found.wrench[2] == pytest.approx(STIFFNESS * found.mean_depth)
+        normal = UP if up else [0, 0, -1]
+        assert found.normal == pytest.approx(np.tile(normal, (len(found.depth), 1))), depth
+        assert found.depth == pytest.approx(np.full(len(found.depth), least), abs=1e-9 + room)
+        force = STIFFNESS * found.mean_depth
+        assert found.wrench[2] == pytest.approx(force if up else -force, rel=1e-3)
 
 
 @pytest.mark.parametrize("texture", [None, waves(30e-6, 1.1e-3)])
-@pytest.mark.parametrize("kind", ["tall brick", "capsule"])
-def test_a_thin_plate_does_not_let_a_tool_through(kind, texture):
-    """To 8 mm: past its middle, and out at its far side."""
-    through(kind, texture, 80)
-
-
-@pytest.mark.parametrize("texture", [None, waves(30e-6, 1.1e-3)])
-@pytest.mark.parametrize(
-    "deepest",
-    [
-        55,
-        80,
-    ],
-)
-@pytest.mark.parametrize("kind", ["brick", "ball"])
-def test_a_thin_plate_does_not_let_a_small_tool_through(kind, deepest, texture):
-    """The tool is as thick as the plate: at 6 mm it is wholly on the far side."""
-    through(kind, texture, deepest)
+@pytest.mark.parametrize("kind", ["tall brick", "capsule", "brick", "ball"])
+def test_in_a_thin_plate_the_nearer_side_counts_whatever_came_before(kind, texture):
+    through(kind, texture)
 
 
 @pytest.mark.parametrize("kind", ["brick", "geom ball"])
 def test_after_leaving_sideways_the_other_side_pushes_the_other_way(kind):
     tool = brick((1.5e-3,) * 3) if kind == "brick" else Body("tool", [Geom("sphere", (1.5e-3,))])
     engine = engine_of(tool, slab(thick=3e-3))
-    for depth in np.arange(1, 60) * 1e-4:
+    for depth in np.arange(1, 24) * 1e-4:
         assert touch(engine, pose(10e-3, 0, 1.5e-3 - depth)).wrench[2] > 0.0
     # Out over the edge at x = 15 mm, down, back below the plate, and up against it.
     for x in np.arange(10e-3, 18e-3, 1e-4):
-        touch(engine, pose(x, 0, 1.5e-3 - 5.9e-3))
-    for z in np.arange(-4.4e-3, -6e-3, -1e-4):
+        touch(engine, pose(x, 0, 1.5e-3 - 2.3e-3))
+    for z in np.arange(-0.8e-3, -6e-3, -1e-4):
         assert not touch(engine, pose(18e-3, 0, z)).wrench.any()
     for x in np.arange(18e-3, 10e-3, -1e-4):
         assert not touch(engine, pose(x, 0, -6e-3)).wrench.any()
-    for depth in np.arange(1, 30) * 1e-4:
+    for depth in np.arange(1, 23) * 1e-4:
         found = touch(engine, pose(10e-3, 0, -3e-3 - 1.5e-3 + depth))
         assert found.wrench[2] == pytest.approx(-STIFFNESS * depth)
 
 
-def test_reset_forgets_the_side_of_a_plate():
+def test_a_path_leaves_no_trace():
+    """The wrench is that of a first pose, whatever came before."""
     engine = engine_of(brick((1.5e-3,) * 3), slab(thick=3e-3))
-    for depth in np.arange(1, 26) * 1e-4:
-        assert touch(engine, pose(0, 0, 1.5e-3 - depth)).wrench[2] > 0.0
-    engine.reset()
-    assert int(engine.contacts.count[0]) == 0
-    for z in (-7e-3, -4.6e-3):
-        assert not touch(engine, pose(0, 0, z)).wrench.any()
-    assert touch(engine, pose(0, 0, -4.4e-3)).wrench[2] == pytest.approx(-STIFFNESS * 1e-4)
+    rng = np.random.default_rng(1)
+    places = rng.uniform([-16e-3, -16e-3, -5e-3], [16e-3, 16e-3, 2e-3], (200, 3))
+    after = [touch(engine, pose(*place)).wrench for place in places]
+    for place, wrench in zip(places, after, strict=True):
+        engine.reset()
+        assert touch(engine, pose(*place)).wrench == pytest.approx(wrench, abs=1e-9)
 
 
 # What is hollow.
@@ -468,12 +469,12 @@ def test_a_peg_feels_the_hole_and_not_the_hull(kind):
         assert found.normal == pytest.approx(np.tile([-1.0, 0, 0], (len(found.depth), 1)))
         expected = [-STIFFNESS * push, 0, 0]
         assert found.wrench[:3] == pytest.approx(expected, abs=1e-6 * STIFFNESS * push)
-    # Into a corner: two walls share the stiffness by how deep they are.
+    # Into a corner: each of two walls at a right angle has the whole stiffness.
     for push in np.linspace(0, 2e-4, 5):
         found = touch(engine, pose(room + push, room + push, -2e-3))
     if kind == "brick":
         assert found.wrench[:3] == pytest.approx(
-            [-STIFFNESS * 1e-4, -STIFFNESS * 1e-4, 0], rel=0.01
+            [-STIFFNESS * 2e-4, -STIFFNESS * 2e-4, 0], rel=1e-6
         )
 
 
@@ -584,8 +585,8 @@ def test_a_closed_path_over_one_patch_does_no_work():
     assert abs(net) < 1e-6 * gross
 
 
-def test_work_round_a_whole_scene_is_bounded():
-    """n and patches change: the wrench is no gradient. What a path gains or loses, measured."""
+def test_work_round_a_whole_scene_is_nothing():
+    """n and patches change, and the tool slides off an edge and on again."""
     engine = engine_of(brick((4e-3, 3e-3, 2e-3)), slab(texture=waves(15e-6, 4e-3)), friction=0.0)
     net = gross = 0.0
     count = 1500
@@ -601,8 +602,8 @@ def test_work_round_a_whole_scene_is_bounded():
             work = mean[:3] @ (at[:3] - last[0][:3]) + mean[3:] @ turned
             net, gross = net + work, gross + abs(work)
         last = at, wrench
-    print(f"net over gross work of a slide off and on an edge: {net / gross:.3f}")
-    assert abs(net) < 0.2 * gross
+    print(f"net over gross work of a slide off and on an edge: {net / gross:.1e}")
+    assert abs(net) < 1e-3 * gross
 
 
 # Too much.
