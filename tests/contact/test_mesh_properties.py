@@ -135,7 +135,6 @@ usual = st.fixed_dictionaries({
     "max_nodes": st.sampled_from([100, 1000]),
     "tolerance": st.sampled_from([None, 1e-15, 1e-3]),
     "patch_radius": st.sampled_from([1e-5, 2.5e-3, 1.0]),
-    "edge_fade": st.sampled_from([0.0, 2.5e-3, 1.0]),
 })  # fmt: skip
 
 

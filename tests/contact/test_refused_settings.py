@@ -121,7 +121,7 @@ POSITIVE = (
     "stiffness", "object_stiffness", "bristle_stiffness", "step", "lever", "window", "softness",
     "soft_area", "ho_gain", "noise_bandwidth", "tolerance",
 )  # fmt: skip
-ANY_NUMBER = (*POSITIVE, "friction", "dissipation", "noise_level", "patch_radius", "edge_fade")
+ANY_NUMBER = (*POSITIVE, "friction", "dissipation", "noise_level", "patch_radius")
 WHOLE = ("grid", "max_nodes", "seed")
 
 

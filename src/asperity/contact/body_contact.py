@@ -283,6 +283,13 @@ class BodyContact:
         """Whether the time limit ended a search of the last pose."""
         return bool(self._is_cut_short[0])
 
+    @property
+    def energy(self) -> float:
+        """Energy U of the last pose [J], whose negative gradient is the wrench without friction."""
+        way_out = float(self._memory.state["way_out"][0]) if self._by_geoms else 0.0
+        energy = 0.5 * self.settings.stiffness * way_out * way_out
+        return energy + (0.0 if self._mesh is None else float(self._mesh.space.energy.sum()))
+
     def stiffness(self) -> NDArray[np.float64]:
         """Return the negative derivative of the last wrench by the tool's motion.
 
@@ -367,7 +374,6 @@ def _parameters(settings: ForceSettings) -> ForceParameters:
         max_nodes=int(settings.max_nodes),
         tolerance=-1.0 if settings.tolerance is None else float(settings.tolerance),
         patch_radius=float(settings.patch_radius),
-        edge_fade=float(settings.edge_fade),
     )
 
 

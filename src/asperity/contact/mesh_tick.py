@@ -74,7 +74,7 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
     count = space.manifold.count[0]
     count.patches = count.dropped = 0
     for b in range(model.by_facets.size):
-        space.way_out[b] = 0.0
+        space.way_out[b] = space.energy[b] = 0.0
         if model.by_facets[b] == 0 or b == scene.tool:
             continue
         overlap = _candidate_overlap(scene, query.candidates, b)
@@ -152,6 +152,7 @@ def _add_rest(model, parameters, b, space, out):
             largest = c
     one, two = model.facets.first_surface[model.scene.tool], model.facets.first_surface[b]
     stiffness = pair_stiffness(model.scene.geometry, one, two, parameters.stiffness)
+    space.energy[b] = 0.5 * stiffness * space.way_out[b] ** 2
     for e in range(6):
         push = -stiffness * space.way_out[b] * space.rest[b, e]
         out.wrench[e] += push

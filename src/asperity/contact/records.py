@@ -64,8 +64,6 @@ class ForceParameters(NamedTuple):
     """Gap of a depth that counts as certified [m]; negative: derived from the textures."""
     patch_radius: float
     """How far the parts of an overlap region reach over the lines that split it [m]."""
-    edge_fade: float
-    """Thickness of a sliver below which its stiffness fades [m]."""
 
 
 class GridMethod(NamedTuple):

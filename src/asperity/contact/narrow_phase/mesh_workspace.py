@@ -37,11 +37,15 @@ class FacetSpace(NamedTuple):
     directions: NDArray[np.void]
     """`DIRECTION` records, (6,)."""
     residuals: Residuals
+    """What is left of each direction once the tool has left by another."""
     choices: MeshChoices
+    """Choices of directions to leave by."""
     way_out: NDArray[np.float64]
     """How far the tool has to move to leave each body [m], (bodies,)."""
     rest: NDArray[np.float64]
     """Its gradient by the tool's motion, as far as it is not felt at the patches, (bodies, 6)."""
+    energy: NDArray[np.float64]
+    """Energy of contact with each body [J], (bodies,)."""
     queue: NodeQueue
     lines: NDArray[np.float64]
     """Lines that bound sub-regions, `l_u u + l_v v + l_0 = 0`, (2, 3)."""
@@ -64,6 +68,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         choices=mesh_choices(),
         way_out=np.zeros(len(table.root)),
         rest=np.zeros((len(table.root), 6)),
+        energy=np.zeros(len(table.root)),
         queue=node_queue(),
         lines=np.zeros((2, 3)),
         frames=np.zeros((8, 3, 4)),

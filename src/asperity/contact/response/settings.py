@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 from asperity.errors import (
@@ -100,9 +101,8 @@ class ForceSettings:
     patch_radius : float
         For meshes: how far the parts into which a wide contact is split reach over its centroid
         [m]. Contacts with a standard deviation of at most a third of it have one part.
-    edge_fade : float
-        For meshes: thickness of the overlap [m] below which the force of a tool that slides off an
-        edge decreases in proportion. 0: the force ends abruptly.
+    edge_fade : float, optional
+        Without effect, and deprecated: at an edge the tool is pushed out the shorter way.
 
     Raises
     ------
@@ -129,10 +129,14 @@ class ForceSettings:
     max_nodes: int = 4000
     tolerance: float | None = None
     patch_radius: float = 2.5e-3
-    edge_fade: float = 2.6e-3
+    edge_fade: float | None = None
     object_stiffness: float | None = None
 
     def __post_init__(self) -> None:
+        if self.edge_fade is not None:
+            warnings.warn(
+                "force.edge_fade is without effect: leave it out", DeprecationWarning, stacklevel=3
+            )
         require_choice("law", self.law, LAWS)
         require_choice("gradient", self.gradient, GRADIENTS)
         for name, (low, high, unit) in _RANGES.items():
