@@ -62,9 +62,9 @@ def integrate_regions(table, query, count, reach, thin, memory, region):
         if piece[1] < 0:
             continue
         is_piece = piece[1] >= 3
-        if is_piece and _is_deep(region, piece, thin):
-            if is_across_cavity(table, f, g, piece, query, region):
-                continue
+        is_deep = is_piece and _is_deep(region, piece, thin)
+        if is_deep and is_across_cavity(table, f, g, piece, query, region):
+            continue
         region.facets.pairs[kept, 0], region.facets.pairs[kept, 1] = f, g
         volumes = region.volumes[kept]
         kept += 1
@@ -90,10 +90,10 @@ def integrate_regions(table, query, count, reach, thin, memory, region):
 @inner_kernel
 def _is_deep(region, piece, depth):
     """Return whether a piece overlaps by more than `depth` [m] everywhere."""
+    least = np.inf
     for i in range(piece[1]):
-        if region.polygon[piece[0], i, 2] <= depth:
-            return False
-    return True
+        least = min(least, region.polygon[piece[0], i, 2])
+    return least > depth
 
 
 @inner_kernel
@@ -178,13 +178,15 @@ def _search_direction(model, parameters, query, which, memory, space, workspace)
 
 
 @inner_kernel
-def _next_direction(space):
-    """Return the direction with the least overlap of those not visited; -1 if none is left."""
-    sums, first = space.region.sums, -1
+def _next_direction(reach, space):
+    """Return the widest and shallowest direction of those not visited; -1 if none is left."""
+    first, most = -1, 0.0
     for d in range(DIRECTIONS):
-        if sums[d].volume > 0.0 and space.directions[d].visited == 0:
-            if first < 0 or sums[d].deepest < sums[first].deepest:
-                first = d
+        sums = space.region.sums[d]
+        if sums.volume > 0.0 and not space.directions[d].visited:
+            size = sums.volume / (sums.deepest + reach) ** 2
+            if size > most:
+                first, most = d, size
     return first
 
 
@@ -236,9 +238,9 @@ def _is_needless(table, query, count, d, space):
 def search_directions(model, parameters, query, count, memory, space, workspace):
     """Fill depths and residuals of all directions that count; return how many there are.
 
-    The least overlap comes first. A direction is left out, its `patches` 0, where no choice that
-    has it counts: it is too deep, and nothing is left of it whichever way the tool leaves; or
-    the tool leaves all by another one, that has to be left anyway.
+    The widest and shallowest overlap comes first. A direction is left out, its `patches` 0, where
+    no choice that has it counts: it is too deep, and nothing is left of it whichever way the tool
+    leaves; or the tool leaves all by another one, that has to be left anyway.
 
     Parameters
     ----------
@@ -259,7 +261,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
             found.value[d, c] = np.nan
             found.slope[d, c] = found.rate[d, c] = 0.0
     searched, least = 0, np.inf
-    d = _next_direction(space)
+    d = _next_direction(query.raised, space)
     while d >= 0:
         direction = space.directions[d]
         direction.visited = 1
@@ -276,7 +278,7 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
             least = min(least, direction.depth)
             if direction.depth == 0.0 and _frees_all(table, query, count, d, space):
                 break
-        d = _next_direction(space)
+        d = _next_direction(query.raised, space)
     for c in range(DIRECTIONS if searched > 1 else 0):
         if space.directions[c].patches > 0:
             _know(table, query, count, c, space)

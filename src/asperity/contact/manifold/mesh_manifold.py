@@ -112,8 +112,8 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     query : BodyQuery
         Its limit is the first one.
     overlap : float
-        Overlap that MuJoCo finds [m]; where it is above 0 and nothing is known of the last tick,
-        facets are looked for deeper until some are found.
+        Overlap that MuJoCo finds, if nothing is known of the last tick [m]: facets are looked for
+        so deep at least, unless a way out is found before.
     memory : MeshMemory
         Only read, but for the neighbour lists.
     space : FacetSpace
@@ -139,8 +139,8 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         )  # fmt: skip
         way_out, count = _look(model, parameters, here, memory, space, workspace)
         wanted = RATIO * way_out + query.lowered
-        if way_out == 0.0 and overlap > 0.0 and space.manifold.count[0].patches == first:
-            wanted = 2.0 * limit if limit < size else 0.0
+        if way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
+            wanted = 2.0 * limit
         if wanted > limit:
             limit *= 2.0
         elif wanted <= 0.5 * limit and limit > least and way_out > 0.0:
@@ -176,8 +176,8 @@ def first_limit(model, memory, query):
     It is one of a fixed series, the first of which that suffices, so that the way out depends on
     the pose alone.
     """
-    limit = _least_limit(model, query)
-    while limit < RATIO * memory.way_out[query.body] + query.lowered:
+    limit, farthest = _least_limit(model, query), memory.way_out[query.body] + query.step
+    while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
     return limit
 
