@@ -85,7 +85,7 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
         fill_relative_frame(motion.centre, scene.frames[b], frame_b)
         raised, lowered = texture_reach(model, b)
         body_query = BodyQuery(b, frame_a, frame_b, step, 0.0, raised, lowered)
-        limit = first_limit(model, memory, body_query)
+        limit = first_limit(model, memory, body_query, overlap)
         body_query = BodyQuery(b, frame_a, frame_b, step, limit, raised, lowered)
         first = -np.inf if memory.known[b] == 1 else overlap
         space.way_out[b] = add_mesh_manifold(

@@ -259,19 +259,20 @@ def search_directions(model, parameters, query, count, memory, space, workspace)
         clear_record(space.directions[d])
         for c in range(DIRECTIONS):
             found.value[d, c] = np.nan
-            found.slope[d, c] = found.rate[d, c] = 0.0
+            found.slope[d, c] = found.rate[d, c] = found.whole[d, c] = 0.0
     searched, least = 0, np.inf
     d = _next_direction(query.raised, space)
     while d >= 0:
         direction = space.directions[d]
         direction.visited = 1
-        fill_mean_normal(table, count, d, space.region, direction.normal)
         most, deepest = math.inf, space.region.sums[d].deepest
         if searched > 0 and _is_freed(table, query, count, d, space):
             # One that goes on beyond the limit need not be known: see `mesh_manifold`.
             most = RATIO * (LONGEST if deepest < query.limit else 1.0) * least
         is_near = deepest - query.lowered <= most
-        is_near = is_near and not _is_needless(table, query, count, d, space)
+        if is_near:
+            fill_mean_normal(table, count, d, space.region, direction.normal)
+            is_near = not _is_needless(table, query, count, d, space)
         which = (d, count, most)
         if is_near and _search_direction(model, parameters, query, which, memory, space, workspace):
             searched += 1

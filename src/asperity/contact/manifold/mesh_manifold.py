@@ -170,13 +170,15 @@ def _least_limit(model, query):
 
 
 @inner_kernel
-def first_limit(model, memory, query):
-    """Return how deep facets are looked for at first [m].
+def first_limit(model, memory, query, overlap):
+    """Return how deep facets are looked for at first [m]; `overlap` is what MuJoCo finds.
 
     It is one of a fixed series, the first of which that suffices, so that the way out depends on
     the pose alone.
     """
     limit, farthest = _least_limit(model, query), memory.way_out[query.body] + query.step
+    if memory.known[query.body] == 0:
+        farthest = overlap
     while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
     return limit

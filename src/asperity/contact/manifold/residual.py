@@ -8,7 +8,9 @@ c, that of its mean normal through the centroid of its region. It goes when the 
 - B's surface lies *behind* the plane of c, so that B is convex there, and
 - A's surface lies *within* reach of it: no deeper behind the plane than the tool is moved.
 
-The *residual* rises smoothly from 0 to 1 with the part of the region's volume that stays.
+The *residual* rises smoothly from 0 to 1 with the part of the region's volume that stays. A region
+much narrower than it is deep counts less, and not at all as its area vanishes, so that none comes or
+goes at once.
 """
 
 from __future__ import annotations
@@ -41,6 +43,9 @@ _REACH = 1.25
 _COPLANAR = 1e-3
 """Part of that depth by which a facet may lie before the plane: it may be the plane's own."""
 
+_NARROW, _WIDE = 0.003, 0.03
+"""Volumes of a region, over the third power of its depth, between which it begins to count."""
+
 
 class Residuals(NamedTuple):
     """What is left of each direction once the tool has left by another."""
@@ -49,6 +54,8 @@ class Residuals(NamedTuple):
     """Residual of the direction of the row, given that of the column; nan if unknown; (6, 6)."""
     slope: NDArray[np.float64]
     """Its derivative by the part of the volume that goes, (6, 6)."""
+    whole: NDArray[np.float64]
+    """What it would be if the region were wide, (6, 6)."""
     rate: NDArray[np.float64]
     """Derivative of the way out by the residual [m], (6, 6)."""
 
@@ -66,7 +73,7 @@ class Leaving(NamedTuple):
 
 def residuals() -> Residuals:
     """Allocate memory for the residuals of one body."""
-    return Residuals(*(np.zeros((DIRECTIONS, DIRECTIONS)) for _ in range(3)))
+    return Residuals(*(np.zeros((DIRECTIONS, DIRECTIONS)) for _ in range(4)))
 
 
 @inner_kernel
@@ -141,6 +148,12 @@ def _share_that_goes(table, f, g, leaving, region):
 
 
 @inner_kernel
+def _width(sums, reach):
+    """Return how wide a region is for its depth: 0 and less is narrow, 1 and more is wide."""
+    return (sums.volume / (sums.deepest + reach) ** 3 - _NARROW) / (_WIDE - _NARROW)
+
+
+@inner_kernel
 def fill_residuals(table, query, count, c, space):
     """Fill the residuals of all directions, given that the tool leaves by direction `c`.
 
@@ -171,8 +184,10 @@ def fill_residuals(table, query, count, c, space):
     for d in range(DIRECTIONS):
         if d != c and region.sums[d].volume > 0.0:
             x = (1.0 - goes[d] / region.sums[d].volume - _GONE) / (_STAYS - _GONE)
-            found.value[d, c] = smooth_step(x)
-            found.slope[d, c] = -smooth_step_slope(x) / (_STAYS - _GONE)
+            wide = smooth_step(_width(region.sums[d], query.raised))
+            found.whole[d, c] = smooth_step(x)
+            found.value[d, c] = wide * found.whole[d, c]
+            found.slope[d, c] = -wide * smooth_step_slope(x) / (_STAYS - _GONE)
 
 
 @inner_kernel
@@ -259,7 +274,17 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
     region, found, direction, place = (
         space.region, space.residuals, space.directions[c], stack_array((3,)),
     )  # fmt: skip
-    if found.rate[d, c] * found.slope[d, c] == 0.0:
+    if found.rate[d, c] == 0.0:
+        return
+    _add_width(
+        region.sums[d],
+        query.raised,
+        found.rate[d, c] * found.whole[d, c],
+        centre,
+        space.directions[d],
+        gradient_io,
+    )
+    if found.slope[d, c] == 0.0:
         return
     sums, volume, goes = region.sums[c], region.sums[d].volume, 0.0
     rate = found.rate[d, c] * found.slope[d, c] / volume
@@ -280,6 +305,23 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
         _add_sides(table, (f, g), piece, query, leaving, region, moved)
         _add_moved(moved, q[0], pair, place, centre, space, gradient_io)
     space.directions[d].volume_rate -= rate * goes / volume
+
+
+@inner_kernel
+def _add_width(sums, reach, rate, centre, direction, gradient_io):
+    """Add how the width of a region changes, times `rate`."""
+    rate *= smooth_step_slope(_width(sums, reach)) / (_WIDE - _NARROW)
+    if rate == 0.0:
+        return
+    depth, m, p = sums.deepest + reach, sums.deepest_slope, sums.deepest_point
+    direction.volume_rate += rate / depth**3
+    deeper = -3.0 * rate * sums.volume / depth**4
+    for k in range(3):
+        one, two = (k + 1) % 3, (k + 2) % 3
+        gradient_io[k] -= deeper * m[k]
+        gradient_io[3 + k] -= deeper * (
+            (p[one] - centre[one]) * m[two] - (p[two] - centre[two]) * m[one]
+        )
 
 
 @inner_kernel

@@ -286,8 +286,8 @@ def _fill_rates(space, rows, count, s):
             inputs[i, 3 + k] = n
         for j in range(rows):
             one, two, was = choices.number[i], choices.number[j], choices.residual[i, j]
-            if i == j or space.residuals.slope[one, two] == 0.0:
-                continue
+            if i == j or space.residuals.whole[one, two] == 0.0:
+                continue  # its slope is 0 too
             choices.residual[i, j] = was + _STEP
             rise = _rise(choices, rows, count, s)
             choices.residual[i, j] = was - _STEP
