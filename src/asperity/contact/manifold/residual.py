@@ -9,8 +9,8 @@ c, that of its mean normal through the centroid of its region. It goes when the 
 - A's surface lies *within* reach of it: no deeper behind the plane than the tool is moved.
 
 The *residual* rises smoothly from 0 to 1 with the part of the region's volume that stays. A region
-much narrower than it is deep counts less, and not at all as its area vanishes, so that none comes or
-goes at once.
+much narrower than it is deep counts less, and not at all as its area vanishes, so that none comes
+or goes at once.
 """
 
 from __future__ import annotations

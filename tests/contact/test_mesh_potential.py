@@ -1,0 +1,219 @@
+"""Contact between meshes has one potential: its gradient, its size, its work round closed paths."""
+
+import math
+
+import numpy as np
+import pytest
+from naive_engine import pose, waves
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.scene.builtin import load_scene
+from asperity.simulation.tool_contact import ToolContact
+from contact.naive_meshes import (
+    STIFFNESS,
+    ball_mesh,
+    blocks,
+    box_corners,
+    brick,
+    engine_of,
+    holed_plate,
+    slab,
+    thing,
+    touch,
+)
+
+STEP, LEVER = 2e-8, 5e-3
+
+
+def turned(at, by):
+    """Return a pose moved by six coordinates: translation, and rotation about its origin."""
+    q = Rotation.from_rotvec(by[3:]) * Rotation.from_quat(np.roll(at[3:], -1))
+    return np.append(at[:3] + by[:3], np.roll(q.as_quat(), 1))
+
+
+def first_pose(engine, at):
+    engine.reset()
+    return engine.wrench(at, 0.0).copy()
+
+
+def gradient_error(engine, at):
+    """Return how far the wrench is from differences of the energy, over its size, and its size."""
+    wrench, falls = first_pose(engine, at), np.zeros(6)
+    for k in range(6):
+        by = np.zeros(6)
+        by[k] = STEP if k < 3 else STEP / LEVER
+        for sign in (1.0, -1.0):
+            first_pose(engine, turned(at, sign * by))
+            falls[k] -= sign * engine.energy / (2.0 * by[k])
+    scale = np.array([1.0] * 3 + [1.0 / LEVER] * 3)
+    size = np.linalg.norm(wrench * scale)
+    return np.abs((wrench - falls) * scale).max() / max(size, 1e-12), np.linalg.norm(wrench[:3])
+
+
+def anywhere(rng, angle):
+    return np.roll(Rotation.from_rotvec(angle * rng.normal(size=3)).as_quat(), 1)
+
+
+CASES = {
+    "off an edge": (
+        lambda: engine_of(brick((4e-3, 3e-3, 2e-3)), slab()),
+        lambda rng: ([rng.uniform(11e-3, 19e-3), 0, 2e-3 - rng.uniform(0, 2e-4)], 0.02),
+    ),
+    "waves, off an edge": (
+        lambda: engine_of(brick((4e-3, 3e-3, 2e-3)), slab(texture=waves(15e-6, 4e-3))),
+        lambda rng: ([rng.uniform(11e-3, 19e-3), 0, 2e-3 - rng.uniform(0, 2e-4)], 0.02),
+    ),
+    "a corner over a corner": (
+        lambda: engine_of(brick((2e-3,) * 3), slab(half=5e-3)),
+        lambda rng: (np.array([5e-3, 5e-3, 2.6e-3]) + rng.uniform(-2e-3, 2e-3, 3) * [1, 1, 0.25],
+                     1.0),
+    ),
+    "a brick in a hole": (
+        lambda: engine_of(brick((3e-3,) * 3), holed_plate(3e-3)),
+        lambda rng: (rng.uniform([-1e-4, -1e-4, -3e-3], [1e-4, 1e-4, -1e-3]), 0.01),
+    ),
+    "a ball on a ball": (
+        lambda: engine_of(thing("tool", ball_mesh(2e-3, 2)), thing("plate", ball_mesh(6e-3, 3))),
+        lambda rng: (7.9e-3 * (lambda v: v / np.linalg.norm(v))(rng.normal(size=3)), 3.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_wrench_is_the_gradient_of_the_energy(name):
+    """But at kinks, which few poses lie within a step of."""
+    make, place = CASES[name]
+    engine, rng, errors = make(), np.random.default_rng(0), []
+    while len(errors) < 25:
+        where, angle = place(rng)
+        error, size = gradient_error(engine, np.append(where, anywhere(rng, angle)))
+        if size > 0.0:
+            errors.append(error)
+    print(f"{name}: median {np.median(errors):.1e}, largest {max(errors):.1e}")
+    assert np.quantile(errors, 0.9) < 1e-6
+
+
+def hull_mesh(points):
+    """Return the convex hull of points as a mesh."""
+    hull = ConvexHull(points)
+    used = points[hull.vertices]
+    number = {old: new for new, old in enumerate(hull.vertices)}
+    faces = np.array([[number[i] for i in face] for face in hull.simplices])
+    for face, plane in zip(faces, hull.equations, strict=True):
+        a, b, c = used[face]
+        if np.cross(b - a, c - a) @ plane[:3] < 0.0:
+            face[[1, 2]] = face[[2, 1]]
+    return mesh_from_arrays(used, faces, hard_angle=20.0)
+
+
+def least_way_out(one, two, at):
+    """Return the least translation that separates two convex polyhedra, points (n, 3) [m].
+
+    Over the normals of faces of both, and the cross products of their edges.
+    """
+    rotation = Rotation.from_quat(np.roll(at[3:], -1)).as_matrix()
+    hulls = ConvexHull(one @ rotation.T + at[:3]), ConvexHull(two)
+    edges = []
+    for hull in hulls:
+        x = hull.points[hull.simplices]
+        edges.append((x - np.roll(x, 1, axis=1)).reshape(-1, 3))
+    across = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
+    size = np.linalg.norm(across, axis=1)
+    across = across[size > 1e-9] / size[size > 1e-9, None]
+    n = np.vstack([hulls[1].equations[:, :3], -hulls[0].equations[:, :3], across, -across])
+    return ((hulls[1].points @ n.T).max(0) - (hulls[0].points @ n.T).min(0)).min()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_polyhedra_are_pushed_about_as_far_as_frees_them(seed):
+    """Where B's corner meets a flat of the tool it is more: see the known limits."""
+    rng, ways, forces, errors = np.random.default_rng(seed), [], [], []
+    for _ in range(3):
+        one, two = (3e-3 * (lambda p: p / np.linalg.norm(p, axis=1)[:, None])(
+            rng.normal(size=(rng.integers(8, 40), 3))) for _ in range(2))  # fmt: skip
+        engine = engine_of(thing("tool", hull_mesh(one)), thing("plate", hull_mesh(two)))
+        for _ in range(8):
+            along, q = rng.normal(size=3), anywhere(rng, 3.0)
+            along, depth, low, high = (
+                along / np.linalg.norm(along),
+                rng.uniform(5e-5, 3e-4),
+                0,
+                7e-3,
+            )
+            for _ in range(40):
+                middle = 0.5 * (low + high)
+                is_deep = least_way_out(one, two, np.append(along * middle, q)) > depth
+                low, high = (middle, high) if is_deep else (low, middle)
+            at = np.append(along * low, q)
+            error, size = gradient_error(engine, at)
+            first_pose(engine, at)
+            errors.append(error)
+            ways.append(math.sqrt(2.0 * engine.energy / STIFFNESS) / depth)
+            forces.append(size / (STIFFNESS * depth))
+    print(f"way out {min(ways):.2f} to {max(ways):.2f} of the least, median {np.median(ways):.3f}, "
+          f"force {min(forces):.2f} to {max(forces):.2f}")  # fmt: skip
+    assert min(ways) > 0.8
+    assert max(ways) < 1.65
+    assert np.median(ways) == pytest.approx(1.0, abs=0.05)
+    assert min(forces) > 0.5
+    assert np.quantile(errors, 0.85) < 1e-6
+
+
+def test_a_corner_on_an_edge_is_felt():
+    """A tetrahedron's corner in a cube's edge: about k times the least way out, not nothing."""
+    corner = np.array([(0, 0, 0), (1, 0.6, 2), (-1, 0.6, 2), (0, -1, 2)]) * 2e-3
+    block = np.array(list(np.ndindex(2, 2, 2))) * 6e-3 - [3e-3, 3e-3, 6e-3]
+    engine = engine_of(thing("tool", hull_mesh(corner)), thing("plate", hull_mesh(block)))
+    for x in np.linspace(2e-3, 3e-3, 21):
+        at = pose(x, 0.3e-3, -1.5e-4)
+        least = least_way_out(corner, block, at)
+        size = np.linalg.norm(first_pose(engine, at)[:3])
+        if least > 0.0:
+            assert 0.5 * STIFFNESS * least < size < 1.5 * STIFFNESS * least
+
+
+@pytest.mark.parametrize("name", ["hammer-blocks", "file-cad"])
+def test_a_tilting_loop_on_a_built_in_scene_does_no_work(name):
+    scene = load_scene(name).changed(force={"anti_alias": "off", "friction": 0.0})
+    engine = ToolContact(scene).engine
+    start = scene.start.copy()
+    high, low = start[2], start[2] - 8e-3
+    for _ in range(40):
+        start[2] = 0.5 * (high + low)
+        touches = first_pose(engine, start)[2] > 0.05
+        high, low = (high, start[2]) if touches else (start[2], low)
+    turned_by = Rotation.from_quat(np.roll(start[3:], -1))
+    net = gross = 0.0
+    last = None
+    for p in np.linspace(0.0, 2.0 * math.pi, 1501):
+        lean = [0.02 * math.sin(p), 0.014 * math.sin(2 * p), 0.006 * math.cos(p)]
+        q = Rotation.from_rotvec(lean) * turned_by
+        by = np.array([1e-3 * math.sin(p), 1e-3 * (1 - math.cos(p)), 1e-4 * math.sin(2 * p)])
+        place = start[:3] + by
+        wrench = touch(engine, np.append(place, np.roll(q.as_quat(), 1))).wrench
+        middle = place + q.apply(engine.centre)
+        if last is not None:
+            mean = 0.5 * (wrench + last[0])
+            work = mean[:3] @ (middle - last[1]) + mean[3:] @ (q * last[2].inv()).as_rotvec()
+            net, gross = net + work, gross + abs(work)
+        last = wrench, middle, q
+    print(f"{name}: net over gross work {net / gross:.1e}")
+    assert gross > 1e-5
+    assert abs(net) < 1e-3 * gross
+
+
+def test_a_groove_is_as_stiff_as_its_two_walls():
+    """A ball between the floor and the wall of a step, at a right angle: they have k each."""
+    lines = [-6e-3, 0.0, 6e-3]
+    mesh = blocks(lines, [-8e-3, 8e-3], lines, empty=[(1, 0, 1)])
+    pieces = [
+        box_corners((-6e-3, -8e-3, -6e-3), (0, 8e-3, 6e-3)),
+        box_corners((0, -8e-3, -6e-3), (6e-3, 8e-3, 0)),
+    ]
+    step = thing("plate", mesh, pieces=pieces)
+    radius, depth = 2e-3, 1e-4
+    engine = engine_of(thing("tool", ball_mesh(radius, 4)), step)
+    wrench = first_pose(engine, pose(radius - depth, 0, radius - depth))
+    assert wrench[[0, 2]] == pytest.approx([STIFFNESS * depth] * 2, rel=0.02)
