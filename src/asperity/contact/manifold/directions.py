@@ -35,6 +35,9 @@ from asperity.contact.narrow_phase.mesh_patches import FacetQuery
 from asperity.contact.response.ways_out import RATIO
 from asperity.geometry.frames import depth_tolerance, to_body, to_world
 
+_SEARCHES, _LEAST = 2.0, 0.05
+"""Budget of all directions of a body, and of the last ones when it is spent, in `max_nodes`."""
+
 
 @inner_kernel
 def integrate_regions(table, query, count, reach, thin, memory, region):
@@ -133,10 +136,15 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
         space.region.sums[d], local[0], local[1], parameters.patch_radius, ceiling,
         memory.guess[query.body, d],
     )  # fmt: skip
+    # A deep pose has many directions to search: together they get twice the budget of one.
+    left = max(_SEARCHES * parameters.max_nodes - space.spent[0], _LEAST * parameters.max_nodes)
+    limits = SearchLimits(tolerance, min(float(parameters.max_nodes), left))
     patches, has_room = region_depths(
-        (scene.textures, model.facets, scene.geometry), region, facets,
-        SearchLimits(tolerance, parameters.max_nodes), workspace, space, start,
+        (scene.textures, model.facets, scene.geometry), region, facets, limits, workspace, space,
+        start,
     )  # fmt: skip
+    for p in range(start, start + patches):
+        space.spent[0] += manifold.result[p].nodes
     if not has_room:
         manifold.count[0].dropped += 1
     place, base = stack_array((3,)), stack_array((3,))

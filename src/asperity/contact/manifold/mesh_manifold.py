@@ -130,7 +130,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
     size = half_diagonal(model.facets, model.scene.tool) + half_diagonal(model.facets, query.body)
     limit, way_out, count = query.limit, 0.0, 0
-    least = _least_limit(model, query)
+    least, space.spent[0] = _least_limit(model, query), 0.0
     for _ in range(_ROUNDS):
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(

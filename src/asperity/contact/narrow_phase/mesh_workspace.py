@@ -44,6 +44,8 @@ class FacetSpace(NamedTuple):
     """How far the tool has to move to leave each body [m], (bodies,)."""
     rest: NDArray[np.float64]
     """Its gradient by the tool's motion, as far as it is not felt at the patches, (bodies, 6)."""
+    spent: NDArray[np.float64]
+    """Boxes that the searches of the present body have evaluated, (1,)."""
     energy: NDArray[np.float64]
     """Energy of contact with each body [J], (bodies,)."""
     queue: NodeQueue
@@ -68,6 +70,7 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         choices=mesh_choices(),
         way_out=np.zeros(len(table.root)),
         rest=np.zeros((len(table.root), 6)),
+        spent=np.zeros(1),
         energy=np.zeros(len(table.root)),
         queue=node_queue(),
         lines=np.zeros((2, 3)),
