@@ -96,8 +96,7 @@ class BodyContact:
         Numbers of the bodies that it may touch. They do not move against each other.
     settings : ForceSettings
     room : SearchRoom, optional
-        Memory of the search, which solvers that work one after the other may share; by default
-        its own.
+        Memory of the search, which solvers that work in turn may share; by default new.
 
     Attributes
     ----------
@@ -157,8 +156,7 @@ class BodyContact:
         Parameters
         ----------
         settings : ForceSettings
-            Its `stiffness`, `friction`, `dissipation` and `bristle_stiffness` are used; all else
-            stays.
+            Its `stiffness`, `friction`, `dissipation` and `bristle_stiffness` are used.
         """
         self.settings = replace(
             self.settings, stiffness=settings.stiffness, friction=settings.friction,
@@ -286,9 +284,9 @@ class BodyContact:
     @property
     def energy(self) -> float:
         """Energy U of the last pose [J], whose negative gradient is the wrench without friction."""
-        way_out = float(self._memory.state["way_out"][0]) if self._by_geoms else 0.0
-        energy = 0.5 * self.settings.stiffness * way_out * way_out
-        return energy + (0.0 if self._mesh is None else float(self._mesh.space.energy.sum()))
+        way_out = self._memory.state["way_out"][0] if self._by_geoms else 0.0
+        of_meshes = 0.0 if self._mesh is None else self._mesh.space.energy.sum()
+        return float(0.5 * self.settings.stiffness * way_out * way_out + of_meshes)
 
     def stiffness(self) -> NDArray[np.float64]:
         """Return the negative derivative of the last wrench by the tool's motion.
@@ -297,8 +295,7 @@ class BodyContact:
         -------
         (6, 6) array
             About the tool's centre of mass, world axes [N/m, N/rad; N, N m/rad]; symmetric and
-            positive semidefinite but for friction. Without the term that grows with the depth
-            (see `response.stiffness`).
+            positive semidefinite but for friction; see `response.stiffness`.
         """
         return self.derivatives().stiffness
 

@@ -1,9 +1,9 @@
 """The contact manifold between a tool and one body, of which at least one is a mesh.
 
 From the pairs of facets that are near each other follow the directions in which the tool may leave
-the body (`directions`), what is left of each once it leaves by another (`residual`), and the way
-out s (`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: what is
-remembered of the last tick says where to look first, and how deep.
+the body (`directions`), how much of each remains once it leaves by another (`residual`), and the
+way out s (`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: memory of
+the last tick only chooses where to look first, and how deep.
 
 The gradient of s has two parts. That by the depths is felt at the patches: with delta_p the depths
 of the m patches of a direction and delta the root of their mean square, a patch has the weight

@@ -1,4 +1,4 @@
-"""What is left of the overlap of one direction once the tool has left by another.
+"""How much of the overlap of one direction remains once the tool has left by another.
 
 Across a convex edge the same overlap is seen from two sides, and leaving by one side leaves nothing
 of the other. The walls of a groove are two contacts, and both have to be left. Which of the two it
@@ -48,7 +48,7 @@ _NARROW, _WIDE = 0.003, 0.03
 
 
 class Residuals(NamedTuple):
-    """What is left of each direction once the tool has left by another."""
+    """How much of each direction remains once the tool has left by another."""
 
     value: NDArray[np.float64]
     """Residual of the direction of the row, given that of the column; nan if unknown; (6, 6)."""

@@ -37,7 +37,7 @@ class FacetSpace(NamedTuple):
     directions: NDArray[np.void]
     """`DIRECTION` records, (6,)."""
     residuals: Residuals
-    """What is left of each direction once the tool has left by another."""
+    """How much of each direction remains once the tool has left by another."""
     choices: MeshChoices
     """Choices of directions to leave by."""
     way_out: NDArray[np.float64]

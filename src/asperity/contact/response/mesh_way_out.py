@@ -2,7 +2,7 @@
 
 Each direction has a depth delta_d, and a residual rho_dc: how much of it is left once the tool
 leaves by direction c (`manifold.residual`). A choice C of one or more directions leaves those by
-all of their depth, and every other one by what is left of it,
+all of their depth, and every other one by what remains of it,
 
     psi(n_d) . tau >= delta_d                                for d in C,
     psi(n_d) . tau >= delta_d times the product of rho_dc over C     for the others,
@@ -11,7 +11,7 @@ and the least |tau| is its length: see `potential` and `ways_out`, also for how 
 lengths is smoothed. Round a convex edge residuals are 0, and each side is a way out. In a groove
 they are 1, and all choices are the same one: both walls. All between is continuous.
 
-A choice that has to leave all that a shorter one leaves, and more, is no way of its own. It counts
+A choice that has to leave all that a shorter one leaves, and more, is no separate way. It counts
 less the longer it is, up to a tenth, and not at all where the shorter one leaves nothing behind.
 """
 
@@ -51,7 +51,7 @@ class MeshChoices(NamedTuple):
     needed: NDArray[np.float64]
     """How far a choice has to leave each of them [m], (choices, 6)."""
     share: NDArray[np.float64]
-    """How far a choice is a way of its own, (choices,)."""
+    """How far a choice is a separate way, (choices,)."""
     alone: NDArray[np.float64]
     """How far it leaves nothing behind of the directions that it does not leave by, (choices,)."""
     number: NDArray[np.int64]
@@ -123,7 +123,7 @@ def _has_to_leave(choices, rows, c, other):
 
 @inner_kernel
 def _fill_shares(choices, rows, count):
-    """Fill how far each choice is a way of its own."""
+    """Fill how far each choice is a separate way."""
     length = choices.ways.length
     for c in range(count):
         share = 1.0
