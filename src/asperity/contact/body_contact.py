@@ -284,9 +284,9 @@ class BodyContact:
     @property
     def energy(self) -> float:
         """Energy U of the last pose [J], whose negative gradient is the wrench without friction."""
-        way_out = self._memory.state["way_out"][0] if self._by_geoms else 0.0
-        of_meshes = 0.0 if self._mesh is None else self._mesh.space.energy.sum()
-        return float(0.5 * self.settings.stiffness * way_out * way_out + of_meshes)
+        energy = 0.5 * self.settings.stiffness * self._memory.state["way_out"][0] ** 2
+        energy += 0.0 if self._mesh is None else self._mesh.space.energy.sum()
+        return float(energy) if self.contacts.count[0] > 0 else 0.0
 
     def stiffness(self) -> NDArray[np.float64]:
         """Return the negative derivative of the last wrench by the tool's motion.
