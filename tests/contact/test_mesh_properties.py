@@ -121,8 +121,9 @@ def check(found):
     assert np.all(found.weight > 0.0)
     for body in set(found.body):
         total = found.weight[found.body == body].sum()
-        # Less than 1 where a tool slides off an edge, or some patches of a wide one are free.
-        assert total <= 1.0 + 1e-9
+        # Less than 1 where a tool slides off an edge, or some patches of a wide one are free; more
+        # between walls, each of which has the whole stiffness.
+        assert total <= 6.0
     scale = max(np.abs(found.force).sum(), 1e-12)
     assert found.wrench[:3] == pytest.approx(found.force.sum(axis=0), abs=1e-9 * scale)
     if len(found.depth) == 0:

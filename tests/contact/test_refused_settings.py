@@ -127,7 +127,12 @@ WHOLE = ("grid", "max_nodes", "seed")
 
 def test_every_setting_is_in_the_lists_above():
     names = {field.name for field in dataclasses.fields(ForceSettings)}
-    assert names == {*ANY_NUMBER, *WHOLE, "law", "gradient"}
+    assert names == {*ANY_NUMBER, *WHOLE, "law", "gradient", "edge_fade"}
+
+
+def test_the_fade_at_edges_is_without_effect():
+    with pytest.warns(DeprecationWarning, match="without effect"):
+        ForceSettings(edge_fade=1e-3)
 
 
 @pytest.mark.parametrize("name", ANY_NUMBER)

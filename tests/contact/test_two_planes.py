@@ -47,7 +47,7 @@ def _evaluate(textures, memory, number, box, threshold, bounds, highest):
 
 
 @pytest.mark.parametrize(
-    ("name", "tilt"), [("file-cad", 8.0), ("file-cad", 30.0), ("hammer-blocks", 12.0)]
+    ("name", "tilt"), [("file-cad", 4.0), ("file-cad", 6.0), ("hammer-blocks", 12.0)]
 )
 def test_no_place_of_a_quarter_is_deeper_than_its_bound(name, tilt):
     """At any pruning threshold; where a facet leans, a threshold makes the bounds sharper."""
