@@ -79,8 +79,9 @@ def test_a_hand_that_pushes_far_into_an_object_leaves_the_tool_on_it(name, mode)
         stretch = np.linalg.norm(displacement(tool.pose, pose, tool.body.centre)[:3])
         assert force == pytest.approx(min(10.0, tool.gains.stiffness * stretch), rel=0.02)
         assert force > 5.0
-        # The static coupling hardly comes to rest on a wide contact of meshes.
-        assert np.ptp(wrenches[-100:, 2]) < (4.0 if mode == "static" else 0.5)
+        # A wide contact of meshes is slow to come to rest, and slowest on the static coupling.
+        still = 0.5 if name != "file-cad" else (4.0 if mode == "static" else 1.0)
+        assert np.ptp(wrenches[-100:, 2]) < still
 
 
 @pytest.mark.parametrize("mode", COUPLED)
