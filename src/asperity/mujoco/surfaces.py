@@ -71,7 +71,7 @@ def attach(
         whose stiffness the step bounds (`passive`); they are no contacts to sensors.
     settings : ForceSettings, optional
         Of the search: `max_nodes` (by default 100 here, with which the deepest place is found but
-        seldom proved to be it), `tolerance`, `patch_radius`, `edge_fade`. Its stiffness, friction
+        seldom proved to be it), `tolerance`, `patch_radius`. Its stiffness, friction
         and dissipation are not used.
 
     Returns
@@ -242,5 +242,5 @@ def _settings(settings: ForceSettings | None, stiffness: float) -> ForceSettings
     require_choice("law", old.law, ("otaduy-lin",))
     return ForceSettings(
         stiffness=stiffness, max_nodes=old.max_nodes, tolerance=old.tolerance,
-        patch_radius=old.patch_radius, edge_fade=old.edge_fade,
+        patch_radius=old.patch_radius,
     )  # fmt: skip
