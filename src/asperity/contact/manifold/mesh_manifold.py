@@ -2,8 +2,8 @@
 
 From the pairs of facets that are near each other follow the directions in which the tool may leave
 the body (`directions`), how much of each remains once it leaves by another (`residual`), and the
-way out s (`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: memory of
-the last tick only chooses where to look first, and how deep.
+way out s (`response.mesh_way_out`). The energy is k s^2 / 2, a function of the pose alone: memory
+of the last tick only chooses where to look first, and how deep.
 
 The gradient of s has two parts. That by the depths is felt at the patches: with delta_p the depths
 of the m patches of a direction and delta the root of their mean square, a patch has the weight
