@@ -66,7 +66,7 @@ def test_slip_is_the_velocity_across_the_contact():
     data.qvel[:] = 0.02, 0.01, 0.0, 0.0, 0.0, 0.0
     surfaces.forward(data)
     found = surfaces.contacts(data)
-    assert found.rows.tolist() == [0]
+    assert found.numbers.tolist() == [0]
     sign = 1.0 if data.contact.geom[0, 1] == model.geom("tip").id else -1.0
     across = np.array([0.02, 0.01, 0.0])
     normal = data.contact.frame[0, :3]

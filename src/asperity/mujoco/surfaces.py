@@ -92,7 +92,7 @@ def attach(
 class TexturedContacts(NamedTuple):
     """Textured contacts of one `MjData`."""
 
-    rows: NDArray[np.int64]
+    numbers: NDArray[np.int64]
     """Which of `data.contact` they are, (n,)."""
     slip: NDArray[np.float64]
     """Velocity of the second geom against the first, across the normal [m/s], world axes (n, 3)."""
@@ -175,18 +175,18 @@ class Surfaces:
     def contacts(self, data: mujoco.MjData) -> TexturedContacts:
         """Return the textured contacts of the last step of `data`.
 
-        In mode "passive" they are not among `data.contact`, and `rows` is empty.
+        In mode "passive" they are not among `data.contact`, and `numbers` is empty.
         """
         state = self._states.get(data)
         count = 0 if state is None else state.count
-        rows = np.arange(count) + (0 if state is None else state.first)
+        numbers = np.arange(count) + (0 if state is None else state.first)
         if state is None:
-            return TexturedContacts(rows, np.zeros((0, 3)), np.zeros(0))
+            return TexturedContacts(numbers, np.zeros((0, 3)), np.zeros(0))
         if self.mode == "passive":
-            rows = rows[:0]
+            numbers = numbers[:0]
         sign = np.where(state.placed.is_second[:count], 1.0, -1.0)[:, None]
         return TexturedContacts(
-            rows, sign * state.placed.slip[:count], state.placed.push[:count].copy()
+            numbers, sign * state.placed.slip[:count], state.placed.push[:count].copy()
         )
 
     @contextlib.contextmanager
