@@ -40,7 +40,7 @@ _SEARCHES, _LEAST = 2.0, 0.05
 
 
 @inner_kernel
-def integrate_regions(table, query, count, reach, thin, memory, region):
+def integrate_regions(table, query, count, thin, region):
     """Fill the sums of all directions; keep the pairs of facets that may touch, return how many.
 
     Parameters
@@ -48,14 +48,11 @@ def integrate_regions(table, query, count, reach, thin, memory, region):
     query : BodyQuery
     count : int
         Number of pairs of facets that are listed.
-    reach : float
-        Height of both textures [m].
     thin : float
         Pieces that overlap by more than this all over may lie across a cavity [m].
-    memory : MeshMemory
     region : OverlapRegion
     """
-    sums, limit, kept = region.sums, query.limit, 0
+    sums, limit, reach, kept = region.sums, query.limit, query.raised, 0
     for d in range(DIRECTIONS):
         clear_record(sums[d])
         sums[d].deepest = -np.inf

@@ -32,7 +32,7 @@ class _Near(NamedTuple):
 
 @inner_kernel
 def _sum_near(table, count, d, region, mean, near_out):
-    """Fill the unit mean (3,) of the normals near `mean`; return a `_Near`."""
+    """Fill the unit mean (3,) of the normals near `mean`, itself if none is; return a `_Near`."""
     x = y = z = near = total = 0.0
     for i in range(count):
         volume = region.volumes[i, d]
@@ -45,8 +45,8 @@ def _sum_near(table, count, d, region, mean, near_out):
         near += volume
         x, y, z = x + volume * f[0], y + volume * f[1], z + volume * f[2]
     size = math.sqrt(x * x + y * y + z * z)
-    if size > 0.0:
-        near_out[0], near_out[1], near_out[2] = x / size, y / size, z / size
+    for k in range(3):
+        near_out[k] = (x, y, z)[k] / size if size > 0.0 else mean[k]
     return _Near(size, near / total, total)
 
 
@@ -67,9 +67,7 @@ def fill_mean_normal(table, count, d, region, normal_out):
     found = _sum_near(table, count, d, region, mean, near)
     square = 0.0
     for k in range(3):
-        normal_out[k] = mean[k]
-        if found.size > 0.0:
-            normal_out[k] += found.share * (near[k] - mean[k])
+        normal_out[k] = mean[k] + found.share * (near[k] - mean[k])
         square += normal_out[k] * normal_out[k]
     for k in range(3):
         normal_out[k] /= math.sqrt(square)
@@ -87,9 +85,6 @@ def add_normal_rates(table, count, d, region, turn, rates_io):
     )  # fmt: skip
     length = _fill_mean(region.sums[d].normal, mean)
     found = _sum_near(table, count, d, region, mean, near)
-    if found.size == 0.0:
-        for k in range(3):
-            near[k] = mean[k]
     square = along = 0.0
     for k in range(3):
         total = mean[k] + found.share * (near[k] - mean[k])

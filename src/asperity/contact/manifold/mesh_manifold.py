@@ -94,9 +94,8 @@ def _look(model, parameters, query, memory, space, workspace):
     table = model.facets
     size = min(half_diagonal(table, model.scene.tool), half_diagonal(table, query.body))
     count = _listed_pairs(model, query, memory, space)
-    count = integrate_regions(
-        table, query, count, query.raised, max(_THIN * size, query.raised), memory, space.region
-    )
+    thin = max(_THIN * size, query.raised)
+    count = integrate_regions(table, query, count, thin, space.region)
     searched = search_directions(model, parameters, query, count, memory, space, workspace)
     return fill_way_out(space) if searched > 0 else 0.0, count
 
@@ -129,7 +128,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     """
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
     size = half_diagonal(model.facets, model.scene.tool) + half_diagonal(model.facets, query.body)
-    limit, way_out, count = query.limit, 0.0, 0
+    here, limit, way_out, count = query, query.limit, 0.0, 0
     least, space.spent[0] = _least_limit(model, query), 0.0
     for _ in range(_ROUNDS):
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
@@ -150,10 +149,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     clear(rest_out)
     if way_out == 0.0:
         return 0.0
-    here = BodyQuery(
-        query.body, query.frame_a, query.frame_b, query.step, limit, query.raised, query.lowered
-    )
-    _weigh(space, way_out, rest_out)
+    _weigh(here, space, way_out, rest_out)
     if _moves(space):
         _add_rest(model.facets, here, count, space, rest_out)
     return way_out
@@ -185,12 +181,12 @@ def first_limit(model, memory, query, overlap):
 
 
 @inner_kernel
-def _weigh(space, way_out, rest_io):
+def _weigh(query, space, way_out, rest_io):
     """Fill the weights of the patches, and the rates by what their depths depend on.
 
     A patch that the way out gets shorter by is no contact: what it adds is part of the rest.
     """
-    manifold, n = space.manifold, stack_array((3,))
+    manifold, n, turn = space.manifold, stack_array((3,)), stack_array((3,))
     for d in range(DIRECTIONS):
         direction = space.directions[d]
         if direction.patches == 0 or direction.depth == 0.0 or direction.rate == 0.0:
@@ -213,8 +209,9 @@ def _weigh(space, way_out, rest_io):
                 if patch.line_rate[k] != 0.0:
                     rate = part * depth * patch.line_rate[k]
                     add_line_rates(space.region.sums[d], k, patch.base, rate, direction)
+        to_body(query.frame_b, n, turn)
         for k in range(3):
-            direction.world_turn[k] = n[k]
+            direction.turn[k] += turn[k]
 
 
 @inner_kernel
@@ -252,10 +249,6 @@ def _add_rest(table, query, count, space, rest_io):
     to_body(query.frame_b, origin, centre)
     clear(gradient)
     for d in range(DIRECTIONS):
-        direction = space.directions[d]
-        to_body(query.frame_b, direction.world_turn, origin)
-        for k in range(3):
-            direction.turn[k] += origin[k]
         for c in range(DIRECTIONS):
             add_residual_gradient(table, query, count, (d, c), centre, space, gradient)
     for i in range(count):

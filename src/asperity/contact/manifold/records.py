@@ -38,7 +38,6 @@ DIRECTION = np.dtype(
         ("known", "?"),  # whether the residuals are, given that the tool leaves by it
         ("rate", "f8"),  # derivative of the way out by the depth
         ("turn", "f8", 3),  # derivative of the way out by the normal [m]
-        ("world_turn", "f8", 3),  # the part of it that the patches' depths have, world axes [m]
         ("volume_rate", "f8"),  # derivatives by the integrals of the region [1/m^2]
         ("first_rate", "f8", 3),  # [1/m^3]
         ("second_rate", "f8", 6),  # [1/m^4]

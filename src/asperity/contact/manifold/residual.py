@@ -34,6 +34,7 @@ from asperity.contact.manifold.overlap_region import (
 )
 from asperity.contact.manifold.region_gradient import add_piece_gradient
 from asperity.contact.manifold.separation import smooth_step, smooth_step_slope
+from asperity.contact.response.contact_forces import add_at_point
 
 _GONE, _STAYS = 0.25, 0.75
 """Parts of the volume that stay between which a residual rises from 0 to 1."""
@@ -308,37 +309,37 @@ def add_residual_gradient(table, query, count, pair, centre, space, gradient_io)
 
 
 @inner_kernel
+def _add_deeper(sums, rate, centre, gradient_io):
+    """Add how the largest overlap of a region changes, times `rate`."""
+    arm, force = stack_array((3,)), stack_array((3,))
+    for k in range(3):
+        arm[k] = sums.deepest_point[k] - centre[k]
+        force[k] = -rate * sums.deepest_slope[k]
+    add_at_point(gradient_io, arm, force)
+
+
+@inner_kernel
 def _add_width(sums, reach, rate, centre, direction, gradient_io):
     """Add how the width of a region changes, times `rate`."""
     rate *= smooth_step_slope(_width(sums, reach)) / (_WIDE - _NARROW)
     if rate == 0.0:
         return
-    depth, m, p = sums.deepest + reach, sums.deepest_slope, sums.deepest_point
+    depth = sums.deepest + reach
     direction.volume_rate += rate / depth**3
-    deeper = -3.0 * rate * sums.volume / depth**4
-    for k in range(3):
-        one, two = (k + 1) % 3, (k + 2) % 3
-        gradient_io[k] -= deeper * m[k]
-        gradient_io[3 + k] -= deeper * (
-            (p[one] - centre[one]) * m[two] - (p[two] - centre[two]) * m[one]
-        )
+    _add_deeper(sums, -3.0 * rate * sums.volume / depth**4, centre, gradient_io)
 
 
 @inner_kernel
 def _add_moved(moved, rate, pair, place, centre, space, gradient_io):
     """Add what `_add_sides` gives, times `rate`, to all that it depends on."""
-    c = pair[1]
-    direction, sums = space.directions[c], space.region.sums[c]
-    n, m, p = direction.normal, sums.deepest_slope, sums.deepest_point
-    deeper = rate * _REACH * moved[1]
+    direction, sums = space.directions[pair[1]], space.region.sums[pair[1]]
+    n = direction.normal
     for k in range(3):
         one, two = (k + 1) % 3, (k + 2) % 3
         direction.turn[k] += rate * moved[2 + k]
         direction.first_rate[k] += rate * moved[0] * n[k] / sums.volume
         direction.volume_rate -= rate * moved[0] * n[k] * place[k] / sums.volume
-        gradient_io[k] += rate * moved[5 + k] - deeper * m[k]
+        gradient_io[k] += rate * moved[5 + k]
         gradient_io[3 + k] += rate * moved[8 + k]
         gradient_io[3 + k] -= rate * (centre[one] * moved[5 + two] - centre[two] * moved[5 + one])
-        gradient_io[3 + k] -= deeper * (
-            (p[one] - centre[one]) * m[two] - (p[two] - centre[two]) * m[one]
-        )
+    _add_deeper(sums, rate * _REACH * moved[1], centre, gradient_io)

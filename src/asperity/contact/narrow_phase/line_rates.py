@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from asperity._core.kernels import inner_kernel
 from asperity.contact.narrow_phase.displaced_surface import base_height_at, place_at
-from asperity.contact.narrow_phase.newton_ascent import FEASIBLE
 from asperity.contact.narrow_phase.overlap import limits_at
 from asperity.contact.narrow_phase.patch_pair import searches_a
+from asperity.contact.narrow_phase.slope_normal import ON_EDGE
 
-_HELD = 10.0 * FEASIBLE
-"""Distance from a limit at which it holds a point [m]."""
 _PARALLEL = 1e-9
 """Sine of the angle between limits below which they are parallel."""
 
@@ -41,7 +39,7 @@ def _multiplier(limits, count, which, f_x, f_y):
     best, least = max(alone, 0.0), left_x * left_x + left_y * left_y
     for i in range(count):
         other = limits[i]
-        if i == which or other.g < -_HELD:
+        if i == which or other.g < -ON_EDGE:
             continue
         across = one.g_x * other.g_y - one.g_y * other.g_x
         if across * across < _PARALLEL * square * (other.g_x * other.g_x + other.g_y * other.g_y):
@@ -89,6 +87,6 @@ def fill_line_rates(stride, sides, added, memory, patch_out):
     for k in range(2):
         if sides[k] == 0.0:
             continue
-        if limits[first].g > -_HELD:
+        if limits[first].g > -ON_EDGE:
             patch_out.line_rate[k] = sides[k] * _multiplier(limits, count, first, at.f_x, at.f_y)
         first += 1

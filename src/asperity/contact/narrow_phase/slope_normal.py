@@ -16,7 +16,7 @@ from asperity.contact.narrow_phase.overlap import limits_at
 from asperity.contact.narrow_phase.patch_pair import searches_a
 from asperity.contact.narrow_phase.surface_patch import entries
 
-_ON_EDGE = 10.0 * FEASIBLE
+ON_EDGE = 10.0 * FEASIBLE
 """Distance from an edge at which a point is on it [m]."""
 _PARALLEL = 1e-6
 """Sine of the angle between edges below which they are parallel."""
@@ -26,7 +26,7 @@ _PARALLEL = 1e-6
 def _edge_of(limits, count, owner):
     """Return whether a point lies on an edge of a body, and the direction across it."""
     for i in range(count):
-        if limits[i].owner == owner and limits[i].g > -_ON_EDGE:
+        if limits[i].owner == owner and limits[i].g > -ON_EDGE:
             return True, limits[i].g_x, limits[i].g_y
     return False, 0.0, 0.0
 
@@ -37,8 +37,8 @@ def _edge_of_rectangle(patch, x, y):
     for axis in range(2 if patch.rectangle_is_edge else 0):
         place = x if axis == 0 else y
         low, high = patch.rectangle[2 * axis], patch.rectangle[2 * axis + 1]
-        if place < low + _ON_EDGE or place > high - _ON_EDGE:
-            sign = 1.0 if place > high - _ON_EDGE else -1.0
+        if place < low + ON_EDGE or place > high - ON_EDGE:
+            sign = 1.0 if place > high - ON_EDGE else -1.0
             return True, (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0)
     return False, 0.0, 0.0
 

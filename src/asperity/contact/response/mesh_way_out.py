@@ -28,8 +28,8 @@ from asperity.contact.manifold.separation import LONGEST, smooth_step
 from asperity.contact.response.ways_out import (
     RATIO,
     WaysOut,
-    choice_product,
     choose_active,
+    fill_alike,
     update_choice,
     ways_out,
 )
@@ -186,12 +186,7 @@ def _update(choices, rows, count):
         _fill_needed(choices, rows, c)
         ways.length[c] = update_choice(ways.inputs, ways.choices[c], rows, ways.shares[c])
     _fill_shares(choices, rows, count)
-    for c in range(count):
-        ways.alike[c, c] = 1.0
-        for d in range(c):
-            cosine = choice_product(ways.inputs, ways, rows, c, d)
-            cosine /= ways.length[c] * ways.length[d]
-            ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
+    fill_alike(ways, rows, count)
 
 
 @inner_kernel

@@ -141,7 +141,7 @@ def update_choice(inputs, rows, parts, shares):
 
 
 @inner_kernel
-def choice_product(inputs, ways, parts, c, d):
+def _product(inputs, ways, parts, c, d):
     """Return tau . tau of two choices."""
     total = 0.0
     for p in range(parts):
@@ -155,16 +155,22 @@ def choice_product(inputs, ways, parts, c, d):
 
 
 @inner_kernel
+def fill_alike(ways, parts, count):
+    """Fill S of all choices, whose lengths are known."""
+    for c in range(count):
+        ways.alike[c, c] = 1.0
+        for d in range(c):
+            cosine = _product(ways.inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
+            ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
+
+
+@inner_kernel
 def update_choices(ways, parts, count):
     """Solve all choices anew for changed inputs, and fill S."""
     inputs = ways.inputs
     for c in range(count):
         ways.length[c] = update_choice(inputs, ways.choices[c], parts, ways.shares[c])
-    for c in range(count):
-        ways.alike[c, c] = 1.0
-        for d in range(c):
-            cosine = choice_product(inputs, ways, parts, c, d) / (ways.length[c] * ways.length[d])
-            ways.alike[c, d] = ways.alike[d, c] = max(cosine, 0.0) ** 4
+    fill_alike(ways, parts, count)
 
 
 @inner_kernel
