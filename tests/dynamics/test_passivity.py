@@ -95,6 +95,49 @@ def test_nothing_is_gained_from_a_plate_that_is_late():
     assert keep.interventions > 0
 
 
+def test_energy_follows_what_the_contacts_store():
+    """Sampling uses up what the hand has paid; without a reference, all of it goes."""
+    simulation = Simulation(probe_plate())
+    motion = ScriptedMotion("slide", seconds=6.0)
+    controller, lacking = PassivityController(DT), []
+
+    def look(_, __):
+        lacking.append(simulation.stage.energy - controller.energy)
+
+    out = simulation.rollout(
+        motion, hand=simulation.hand(motion), controller=controller, on_tick=look
+    )
+    stored = simulation.stage.energy
+    assert max(lacking) < 0.2 * stored
+    assert np.ptp(out.tool_pose[1000:, 2]) < 1e-4
+    pushed = out.device_wrench[:, :3] - out.contact_wrench[:, :3]
+    assert np.sqrt(np.mean(pushed**2)) < 0.02
+
+
+def test_what_limits_keep_from_the_hand_is_not_owed_to_it():
+    """Pressed with half of its force, a spring may give back half of its energy."""
+    controller, wrench, twist = PassivityController(DT, active=False), np.zeros(6), np.zeros(6)
+    twist[2] = -1e-5 / DT
+    for depth in np.linspace(1e-5, 1e-3, 100):
+        wrench[2] = 400.0 * depth
+        controller.correct(wrench, twist, stored=200.0 * depth**2)
+        controller.sent(0.5 * wrench)
+    assert float(controller._account["owed"]) == pytest.approx(0.5 * 200.0 * 1e-6, rel=0.03)
+    assert controller.energy == pytest.approx(0.5 * 200.0 * 1e-6, rel=0.03)
+
+
+def test_a_contact_that_is_faded_in_is_granted_its_energy():
+    controller = PassivityController(DT)
+    wrench, rest = np.array([0, 0, 0.6, 0, 0, 0]), np.zeros(6)
+    controller.correct(wrench, rest, stored=4e-4)
+    controller.grant(4e-4)
+    controller.grant(4e-4)
+    assert controller.energy == controller.summary()["granted_j"] == 4e-4
+    controller.grant(np.nan)
+    assert controller.energy == 4e-4
+    np.testing.assert_array_equal(controller.correct(wrench, rest, stored=4e-4), wrench)
+
+
 def test_a_correction_never_adds_to_what_pushes_and_stays_finite():
     rng, controller = np.random.default_rng(7), PassivityController(DT)
     for _ in range(300):

@@ -116,7 +116,6 @@ def write_scene(
         "tool": {"body": "probe"},
         "bodies": {OBJECT: {"mesh": table, "texture": heights}},
         "force": {"stiffness": STIFFNESS, "anti_alias": "tick", "max_nodes": MAX_NODES},
-        "coupling": {"mode": "direct"},
         "trajectory": trajectory,
     }
     (folder / "scene.toml").write_text(write_toml(document), "utf-8")

@@ -33,3 +33,5 @@ class LinearContact(NamedTuple):
     """The part of the wrench that is due to the velocity (6,)."""
     energy: float = 0.0
     """U, stored in the contacts at that pose [J]."""
+    is_gradient: bool = True
+    """Whether the wrench, without friction and damping, is minus the gradient of U."""

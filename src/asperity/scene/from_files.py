@@ -143,7 +143,6 @@ def make_scene(
         "tool": {"body": "tool"},
         "bodies": {key: part.table for key, part in parts.items()},
         "force": {"stiffness": stiffness, "anti_alias": "tick"},
-        "coupling": {"mode": "direct"},
         "trajectory": slide,
     }
     place[2] -= fall(compiled(_xml(name, parts, place)))

@@ -229,7 +229,7 @@ class Simulation:
             if controller is not None:
                 if i == 0:
                     controller.reset(self.stage.energy + self.tool.energy)
-                wrench = controller.correct(wrench, self.port_twist)
+                wrench = controller.correct(wrench, self.port_twist, stored=self.tool.potential)
             out.tick_seconds[i] = time.perf_counter() - start
             if hand is not None:
                 hand.advance(wrench)

@@ -138,9 +138,15 @@ class ToolContact:
     @property
     def energy(self) -> float:
         """U of Eq. 1: the energy stored in the contacts at the last pose [J]."""
+        if self._is_gradient:
+            return float(self.engine.energy)
         contacts, n = self.engine.contacts, self.contact_count
         depths = contacts.weight[:n] @ contacts.depth[:n] ** 2
         return float(0.5 * self.scene.force.stiffness * depths)
+
+    @property
+    def _is_gradient(self) -> bool:
+        return self.scene.force.law == "otaduy-lin"
 
     def evaluate(
         self,
@@ -187,8 +193,9 @@ class ToolContact:
         if self._takes_damping_apart:
             wrench += damped
         return LinearContact(
-            pose, wrench, stiffness, self.contact_count, self._flags, damping, damped, self.energy
-        )
+            pose, wrench, stiffness, self.contact_count, self._flags, damping, damped, self.energy,
+            self._is_gradient,
+        )  # fmt: skip
 
     def _has_jumped(self, last: Array, pose: Array) -> bool:
         """Return whether the tool has been placed elsewhere."""

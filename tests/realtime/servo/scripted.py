@@ -163,6 +163,9 @@ class Bench:
 
     def run(self, ticks: int, **options) -> None:
         self.loop.begin(None)
+        # Of those in which the tool was put at rest, the last one is there for the first tick.
+        del self.contacts.submitted[:-1]
+        self.contacts.rests = 0
         self.device.begin = self.clock.time
         self.loop.run(ticks=ticks, **options)
 

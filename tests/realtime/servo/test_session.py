@@ -44,7 +44,8 @@ def test_five_seconds_in_a_simulated_hand_and_once_more(tmp_path, capsys):
     assert summary["recorder"] == {"ticks": len(recording.time), "error": "", "ticks_lost": 0}
     assert summary["ended"] == "its time was over"
     assert summary["trajectory"]["device"] == "simulated"
-    assert summary["contacts"]["ticks_in_contact"] > 0.8 * summary["ticks"]
+    # At 83 mm/s a stiff tool hops over the waves.
+    assert summary["contacts"]["ticks_in_contact"] > 0.6 * summary["ticks"]
     assert summary["tick_us"]["median"] > 0.0
     assert set(timing["stages_us"]) >= {"read", "tool", "write", "publish", "tick"}
     force = np.linalg.norm(recording.device_wrench[:, :3], axis=1)
@@ -92,9 +93,13 @@ def test_twenty_seconds_of_each_scene_in_a_simulated_hand(name, tmp_path):
     touching = np.count_nonzero(recording.contact_count)
     assert touching > 0.8 * timing["ticks"]
     # The hand does not lean on a device whose force is still coming up.
-    pressed = np.abs(recording.contact_wrench[:, 2])
-    begun, later = pressed[recording.time < 0.3], pressed[recording.time > 5.0]
-    assert begun.max() < 1.2 * later.max()
+    height = recording.handle_pose[:, 2]
+    begun, later = height[recording.time < 0.3], height[recording.time > 0.3]
+    assert begun.min() > later.min() - 1e-4
+    # Pressed at rest, the tool stays where it is, and the hand feels all of the force.
+    rest = recording.time > 10.0
+    assert np.ptp(height[rest]) < 1e-5
+    np.testing.assert_allclose(recording.device_wrench[rest, 2], 0.58, atol=0.02)
 
 
 def test_two_thousand_ticks_a_second_are_there_on_request(tmp_path):

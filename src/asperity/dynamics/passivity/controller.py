@@ -18,8 +18,15 @@ variable dampers `-alpha v`, one for translation and one for rotation, are added
 implementation looks one tick ahead, at `E - w . v dt`, with v the largest velocity to be expected
 by then; if that is negative, alpha is the smallest value that makes it zero. So only the component
 of the wrench along v is reduced, by the energy that is lacking, and nothing is ever added to the
-wrench. If E becomes negative nevertheless, because the hand moved otherwise than predicted, damping
-of at most `max_damping` pays the debt back.
+wrench.
+
+*Reference.* E >= 0 alone is not enough. A contact that is pressed stores the energy U, and sampling
+uses up what the hand has paid for it, little by little. Once E is zero, motion out of the contact
+is opposed and motion into it is not, so a tool that slides over texture sinks in. So E follows the
+reference U (Ryu, Preusche, Hannaford & Hirzinger, *Time domain passivity control with reference
+energy following*, 2005): whatever E is short of U is paid back by damping of at most `max_damping`,
+in the next tick, while it is small. Of U only the rendered part counts: forces above a limit of the
+device, and torques that it cannot show, have not been paid for either.
 """
 
 from __future__ import annotations
@@ -31,7 +38,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
-from asperity.dynamics.passivity.step import ACCOUNT, Terms, passive_step
+from asperity.dynamics.passivity.step import ACCOUNT, Motion, Terms, passive_step
 from asperity.errors import require_between, require_not_negative, require_positive
 
 MOST_DAMPING = 10.0
@@ -104,11 +111,13 @@ class PassivityController:
     def reset(self, stored: float = 0.0) -> None:
         """Start a new account with the energy [J] that is already stored in the scene."""
         self._state[:] = np.zeros(1, ACCOUNT)
-        self._account["work"][0] = self._account["energy"] = stored
+        for name in ("granted", "energy", "owed"):
+            self._account[name] = stored
+        self._account["stored"] = np.nan
 
     @property
     def energy(self) -> float:
-        """E: energy that the hand has put in and not received back [J]."""
+        """E: energy that was granted or put in by the hand, less what it has received [J]."""
         return float(self._account["energy"])
 
     @property
@@ -133,6 +142,7 @@ class PassivityController:
             "energy_j": self.energy,
             "put_in_j": self.put_in.tolist(),
             "got_out_j": self.got_out.tolist(),
+            "granted_j": float(self._account["granted"]),
             "gained_j": self.gained,
             "interventions": self.interventions,
             "dissipated_j": self.dissipated,
@@ -160,7 +170,14 @@ class PassivityController:
         """Energy that the corrections took out of the hand's motion [J]."""
         return float(self._account["dissipated"])
 
-    def correct(self, wrench: Array, twist: Array, dt: float | None = None) -> Array:
+    def correct(
+        self,
+        wrench: Array,
+        twist: Array,
+        dt: float | None = None,
+        *,
+        stored: float = float("nan"),
+    ) -> Array:
         """Account for the tick that has passed; return the wrench to hold over the next one.
 
         Parameters
@@ -172,6 +189,10 @@ class PassivityController:
             velocity [rad/s]. See `CoupledTool.port_twist`.
         dt : float, optional
             Time since the last call [s]; by default one tick.
+        stored : float, optional
+            Potential energy of the contacts whose negative gradient `wrench` is [J], without
+            friction and damping; by default there is none, and E is only kept from becoming
+            negative.
 
         Returns
         -------
@@ -179,14 +200,30 @@ class PassivityController:
             The same array at every call.
         """
         self._wrench[:], self._twist[:] = wrench, twist
+        motion = Motion(self._twist, float(self.dt if dt is None else dt), float(stored))
         self._step(
-            self._wrench, self._twist, float(self.dt if dt is None else dt), float(self.dt),
-            self.active, self._terms, self._state, self._out,
-        )  # fmt: skip
+            self._wrench, motion, float(self.dt), self.active, self._terms, self._state, self._out
+        )
         return self._out
+
+    def grant(self, stored: float) -> None:
+        """Count the potential [J] of contacts as put in, where their wrench has been faded in.
+
+        Whoever presses on a contact while its wrench rises from zero does no work for what is
+        stored in it. Without this, the account would never cover it. NaN: there is no potential.
+        """
+        account = self._account
+        lacking = stored - float(account["energy"])
+        if lacking > 0.0:
+            account["granted"] += lacking
+            account["energy"] += lacking
+        if stored >= 0.0:
+            account["owed"] = account["stored"] = stored
+        account["unsent"][:] = 0.0
 
     def sent(self, wrench: Array) -> None:
         """Report the wrench (6,) that was written, where limits changed what `correct` returned."""
         held, added = self._account["held"], self._account["added"]
         added += wrench - held
+        self._account["unsent"][:] = held - wrench
         held[:] = wrench

@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from asperity._core.arrays import Array
 from asperity._core.kernels import clear, inner_kernel, kernel
 
 ACCOUNT = np.dtype(
     [
         ("work", "f8", (2,)),  # net work of the hand by translations and by rotations [J]
-        ("energy", "f8"),  # E, the sum of `work` [J]
+        ("granted", "f8"),  # energy that was there without work of the hand [J]
+        ("energy", "f8"),  # E, the sum of `work` and `granted` [J]
         ("deficit", "f8"),  # largest -E so far, 0 if the port has been passive [J]
         ("dissipated", "f8"),  # energy that the corrections took from the hand's motion [J]
         ("interventions", "i8"),  # ticks in which the wrench was corrected
@@ -21,6 +23,10 @@ ACCOUNT = np.dtype(
         ("added", "f8", (6,)),  # the controller's part of it [N, N m]
         ("last_twist", "f8", (6,)),  # velocity over the tick before the last [m/s, rad/s]
         ("predicted", "f8", (6,)),  # velocity assumed for the coming tick [m/s, rad/s]
+        ("stored", "f8"),  # potential of the contacts at the last tick [J]; NaN: not known
+        ("owed", "f8"),  # the part of it that the port may give back [J]
+        ("unsent", "f8", (6,)),  # the last wrench less what limits made of it [N, N m]
+        ("last_way", "f8", (6,)),  # displacement over the tick before the last [m, rad]
     ],
     align=True,
 )
@@ -29,6 +35,17 @@ _REST, _ANGULAR_REST = 1e-6, 1e-5
 """Speeds below these count as rest: [m/s], [rad/s]."""
 _IMPLAUSIBLE = 1e6
 """Sum of magnitudes, or speed, from which on an input is rejected."""
+
+
+class Motion(NamedTuple):
+    """What has happened since the last call."""
+
+    twist: Array
+    """Mean velocity (6,) [m/s, rad/s]."""
+    passed: float
+    """Time [s]."""
+    stored: float
+    """Potential of the contacts now [J]; NaN: not known."""
 
 
 class Terms(NamedTuple):
@@ -49,17 +66,14 @@ class Terms(NamedTuple):
 
 
 @kernel
-def passive_step(wrench, twist, passed, dt, is_active, terms, state, wrench_out):
+def passive_step(wrench, motion, dt, is_active, terms, state, wrench_out):
     """Update the energy account and fill the wrench (6,) to hold over the coming tick.
 
     Parameters
     ----------
     wrench : (6,) array
         Wrench wanted on the hand [N, N m].
-    twist : (6,) array
-        Mean velocity since the last call [m/s, rad/s].
-    passed : float
-        Time since the last call [s].
+    motion : Motion
     dt : float
         Length of the coming tick [s].
     is_active : bool
@@ -69,6 +83,7 @@ def passive_step(wrench, twist, passed, dt, is_active, terms, state, wrench_out)
     wrench_out : (6,) array
     """
     account = state[0]
+    twist, passed = motion.twist, motion.passed
     total = 0.0
     for i in range(6):
         wrench_out[i] = wrench[i]
@@ -88,8 +103,9 @@ def passive_step(wrench, twist, passed, dt, is_active, terms, state, wrench_out)
     for i in range(6):
         account.dissipated -= account.added[i] * twist[i] * passed
     account.work[0] += terms.damping * _dot(twist, twist, 0) * passed
-    account.energy = account.work[0] + account.work[1]
+    account.energy = account.granted + account.work[0] + account.work[1]
     account.deficit = max(account.deficit, -account.energy)
+    _follow_potential(motion, account)
     if is_active:
         _correct(twist, dt, terms, account, wrench_out)
     for i in range(6):
@@ -99,8 +115,28 @@ def passive_step(wrench, twist, passed, dt, is_active, terms, state, wrench_out)
 
 
 @inner_kernel
+def _follow_potential(motion, account):
+    """Update `owed` by the change of the potential, less the part that limits did not render.
+
+    The unrendered work is integrated by the trapezoidal rule, half a tick late.
+    """
+    change = 0.0
+    if abs(motion.stored) < _IMPLAUSIBLE and abs(account.stored) < _IMPLAUSIBLE:
+        change = motion.stored - account.stored
+    for i in range(6):
+        way = motion.twist[i] * motion.passed
+        change += 0.5 * account.unsent[i] * (way + account.last_way[i])
+        account.last_way[i] = way
+        account.unsent[i] = 0.0
+    account.stored = motion.stored
+    # Comparisons with NaN are false: without a potential nothing is owed.
+    owed = account.owed + change
+    account.owed = min(max(owed, 0.0), motion.stored) if motion.stored > 0.0 else 0.0
+
+
+@inner_kernel
 def _correct(twist, dt, terms, account, wrench_out):
-    """Damp the wrench so that the account stays in credit, and pay back a debt by damping."""
+    """Damp the wrench so that the account stays in credit, and follows the potential."""
     predicted = account.predicted
     last, energy = account.last_twist, account.energy
     power, square = _predict(twist, last, wrench_out, dt / terms.mass, 0, _REST, predicted)
@@ -109,20 +145,30 @@ def _correct(twist, dt, terms, account, wrench_out):
     )
     output = max(power, 0.0) + max(angular_power, 0.0)
     excess = power + angular_power - max(energy - terms.reserve, 0.0) / dt
-    share = min(excess / output, 1.0) if output > 0.0 and excess > 0.0 else 0.0
+    debt = account.owed - energy
+    if output > 0.0 and excess > 0.0:
+        share = min(excess / output, 1.0)
+        alpha = share * max(power, 0.0) / square
+        beta = share * max(angular_power, 0.0) / angular_square
+        for i in range(3):
+            wrench_out[i] -= alpha * predicted[i]
+            wrench_out[3 + i] -= beta * predicted[3 + i]
+        account.interventions += 1
+    elif debt > 0.0:
+        account.interventions += 1
+    if debt > 0.0:
+        _pay_back(debt, twist, dt, terms, wrench_out)
+
+
+@inner_kernel
+def _pay_back(debt, twist, dt, terms, wrench_out):
+    """Pay a debt [J] by damping, bounded."""
     paid = terms.max_damping * _square_speed(twist, 0, _REST)
     angular_paid = terms.max_rotational_damping * _square_speed(twist, 3, _ANGULAR_REST)
-    pace = 0.0
-    if energy < 0.0 and paid + angular_paid > 0.0:
-        pace = min(-energy / (dt * (paid + angular_paid)), 1.0)
-    if share == 0.0 and pace == 0.0:
+    if paid + angular_paid == 0.0:
         return
-    account.interventions += 1
-    alpha = share * max(power, 0.0) / square
-    beta = share * max(angular_power, 0.0) / angular_square
+    pace = min(debt / (dt * (paid + angular_paid)), 1.0)
     for i in range(3):
-        wrench_out[i] -= alpha * predicted[i]
-        wrench_out[3 + i] -= beta * predicted[3 + i]
         if paid > 0.0:
             wrench_out[i] -= pace * terms.max_damping * twist[i]
         if angular_paid > 0.0:

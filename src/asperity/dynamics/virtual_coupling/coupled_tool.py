@@ -15,6 +15,7 @@ pose, and its wrench is the wrench on the hand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -112,6 +113,7 @@ class CoupledTool:
         self._known: LinearContact | None = None
         self._workspace = workspace()
         self._wrench, self._twist = np.zeros(6), np.zeros(6)
+        self._potential = math.nan
         self.pose: Array = self._motion.pose
         """Pose of the tool's frame (7,); changed in place."""
         self._compile()
@@ -191,6 +193,14 @@ class CoupledTool:
         return contact
 
     @property
+    def potential(self) -> float:
+        """Potential that the wrench on the hand is minus the gradient of [J]; NaN if there is none.
+
+        It is the contacts' in the direct mode. A coupling is passive by itself.
+        """
+        return self._potential
+
+    @property
     def energy(self) -> float:
         """Energy stored in the coupling's spring at the last tick [J]."""
         if self.is_direct:
@@ -220,11 +230,13 @@ class CoupledTool:
         if self._step is None:
             self.pose[:] = handle_pose
             self._motion.velocity[:] = handle_twist
+            energy = contact.energy
             if np.array_equal(contact.pose, handle_pose):
                 self._wrench[:] = contact.wrench
             else:
                 self._copy(contact)
-                self._fill_contact_wrench()
+                energy = self._fill_contact_wrench()
+            self._potential = energy if contact.is_gradient else math.nan
             return self._wrench
         self._take(contact)
         self._handle.pose[:], self._handle.twist[:] = handle_pose, handle_twist
@@ -238,10 +250,12 @@ class CoupledTool:
             self._wrench[:] = 0.0
         return self._wrench
 
-    def _fill_contact_wrench(self) -> None:
-        """Fill the wrench with the last contact's, extrapolated to the tool's pose."""
-        self._extrapolate_wrench(
-            self.pose, self.body.centre, self._wall, self._workspace, self._wrench
+    def _fill_contact_wrench(self) -> float:
+        """Fill the wrench with the last contact's at the tool's pose, to first order; return U."""
+        return float(
+            self._extrapolate_wrench(
+                self.pose, self.body.centre, self._wall, self._workspace, self._wrench
+            )
         )
 
     def _take(self, contact: LinearContact) -> None:

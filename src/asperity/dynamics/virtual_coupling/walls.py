@@ -107,7 +107,9 @@ def _copy(wall, wall_out):
 
 @kernel
 def extrapolate_wrench(pose, centre, wall, workspace, wrench_out):
-    """Fill the wrench (6,) of a wall, to first order, with the tool at `pose` (7,)."""
-    fill_load(pose, centre, wall, True, workspace, workspace.latest)
+    """Fill the wrench (6,) of a wall, to first order, with the tool at `pose`; return U [J]."""
+    latest = workspace.latest
+    fill_load(pose, centre, wall, True, workspace, latest)
     for i in range(6):
-        wrench_out[i] = workspace.latest.wrench[i] if workspace.latest.acts[0] else 0.0
+        wrench_out[i] = latest.wrench[i] if latest.acts[0] else 0.0
+    return max(latest.energy[0], 0.0) if latest.acts[0] else 0.0

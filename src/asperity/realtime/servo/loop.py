@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import Repeated
+from asperity.dynamics.linear_contact import LinearContact
 from asperity.dynamics.passivity.controller import PassivityController
 from asperity.dynamics.virtual_coupling.coupled_tool import CoupledTool
 from asperity.errors import AsperityError, require_between
@@ -143,15 +144,20 @@ class ServoLoop:
         if start is not None:
             self.mapping.begin_at(device.reading, start)
         pose, _ = self.mapping.to_scene(device.reading)
-        self.tool.reset(pose)
+        # Where coupling and contact balance: a handle that starts in the target does not throw it.
+        self.tool.settle(pose, self._first_contact)
         self._handle[:] = pose
-        self.contacts.submit(self.tool.pose, clock.now())
-        if not self.contacts.wait(FIRST_READING):
-            raise AsperityError(f"no contact was computed within {FIRST_READING:g} s")
         # The first contact may have taken long; what the device did meanwhile is discarded.
         device.read(clock.now())
         device.begin(clock.now())
         self.pace.restart()
+
+    def _first_contact(self, pose: NDArray[np.float64]) -> LinearContact:
+        """Return the contact at a pose, before the loop runs."""
+        self.contacts.submit(pose, self._clock.now(), jumped=True)
+        if not self.contacts.wait(FIRST_READING):
+            raise AsperityError(f"no contact was computed within {FIRST_READING:g} s")
+        return self.contacts.latest.linear
 
     def run(self, *, ticks: int | None = None, between: Callable[[], bool] = lambda: False) -> None:
         """Tick until `ticks` were due, or `between`, called after each tick, returns true.
@@ -274,7 +280,9 @@ class ServoLoop:
             port /= passed
         self._handle[:] = pose
         before = self.passivity.interventions
-        self._felt[:] = self.passivity.correct(wrench, port, passed * self.dt)
+        self._felt[:] = self.passivity.correct(
+            wrench, port, passed * self.dt, stored=self.tool.potential
+        )
         self._corrected = self.passivity.interventions > before
         self.stats.passivity += self._corrected
         return self._felt
@@ -285,6 +293,8 @@ class ServoLoop:
         np.matmul(self._to_scene, self.device.sent, out=sent)
         self._shift_wrench(sent, -reach, sent)
         self.passivity.sent(sent)
+        if self.device.is_rising:
+            self.passivity.grant(self.tool.potential)
 
     def _publish(self, pose: NDArray[np.float64], twist: NDArray[np.float64], flags: int) -> None:
         record, stats, contact = self._tick_record, self.stats, self.contacts.latest

@@ -185,6 +185,11 @@ class SafeDevice:
         """Return whether the device has given nothing new for longer than `silent_after`."""
         return now - self._measured > self.settings.silent_after
 
+    @property
+    def is_rising(self) -> bool:
+        """Whether the wrench is zero or rises softly."""
+        return self._gain < 1.0
+
     def soften(self) -> None:
         """Let the wrench rise from zero again, over `soft_start`."""
         self._gain, self._gain_step = 0.0, _step(self._dt, self._soft)

@@ -87,7 +87,6 @@ def file_cad() -> Scene:
             "file": {"mesh": meshes["file"], "texture": {**TEETH, "mapping": "uv"}},
         },
         "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 1000},
-        "coupling": {"mode": "direct"},
         "trajectory": {
             "kind": "slide", "seconds": 2.0, "speed": 0.08, "length": STROKE, "direction": YAW,
         },

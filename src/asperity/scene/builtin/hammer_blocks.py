@@ -117,7 +117,6 @@ def hammer_blocks() -> Scene:
         "tool": {"body": "hammer"},
         "bodies": bodies,
         "force": {"stiffness": 400.0, "anti_alias": "tick", "max_nodes": 2000},
-        "coupling": {"mode": "direct"},
         "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.05, "length": 0.5 * length},
     }
     return scene_of(xml, document, name="hammer-blocks")

@@ -69,7 +69,6 @@ def probe_plate(texture: str | Mapping[str, Any] = "sinusoid", *, diameter: floa
         "tool": {"body": "probe"},
         "bodies": {"plate": {"texture": dict(table)}},
         "force": {"stiffness": 400.0, "anti_alias": "tick"},
-        "coupling": {"mode": "direct"},
         "trajectory": {"kind": "slide", "seconds": 2.0, "speed": 0.083, "length": 0.06},
     }
     ending = {"sinusoid": "", "jittered_dots": "-dots"}.get(str(table.get("kind")))
