@@ -38,7 +38,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.kernels import Repeated
-from asperity.dynamics.passivity.step import ACCOUNT, Motion, Terms, passive_step
+from asperity.dynamics.passivity.step import ACCOUNT, PortMotion, Terms, passive_step
 from asperity.errors import require_between, require_not_negative, require_positive
 
 MOST_DAMPING = 10.0
@@ -200,7 +200,7 @@ class PassivityController:
             The same array at every call.
         """
         self._wrench[:], self._twist[:] = wrench, twist
-        motion = Motion(self._twist, float(self.dt if dt is None else dt), float(stored))
+        motion = PortMotion(self._twist, float(self.dt if dt is None else dt), float(stored))
         self._step(
             self._wrench, motion, float(self.dt), self.active, self._terms, self._state, self._out
         )

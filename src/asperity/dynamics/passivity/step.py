@@ -37,7 +37,7 @@ _IMPLAUSIBLE = 1e6
 """Sum of magnitudes, or speed, from which on an input is rejected."""
 
 
-class Motion(NamedTuple):
+class PortMotion(NamedTuple):
     """What has happened since the last call."""
 
     twist: Array
@@ -73,7 +73,7 @@ def passive_step(wrench, motion, dt, is_active, terms, state, wrench_out):
     ----------
     wrench : (6,) array
         Wrench wanted on the hand [N, N m].
-    motion : Motion
+    motion : PortMotion
     dt : float
         Length of the coming tick [s].
     is_active : bool
