@@ -79,13 +79,13 @@ def test_a_ball_that_rolls_and_jumps():
 
 @kernel
 def _listed(table, tool, transform, limits, step, lists, facets):
-    pose = RelativePose(tool, 1 - tool, transform, half_diagonal(table, tool), step)
+    pose = RelativePose(tool, 1 - tool, 1 - tool, transform, half_diagonal(table, tool), step)
     return neighbour_pairs(table, pose, pair_limits(*limits), lists, facets)
 
 
 @kernel
 def _traversed(table, tool, transform, limits, lists, facets):
-    pose = RelativePose(tool, 1 - tool, transform, half_diagonal(table, tool), 0.0)
+    pose = RelativePose(tool, 1 - tool, 1 - tool, transform, half_diagonal(table, tool), 0.0)
     return _rebuild_from_bvh(table, pose, pair_limits(*limits), lists, facets)
 
 

@@ -12,7 +12,7 @@ from asperity.contact.contacts import NO_ROOM
 from asperity.contact.manifold.mesh_manifold import (
     BodyQuery,
     add_mesh_manifold,
-    first_limit,
+    in_order,
     remember,
     texture_reach,
 )
@@ -24,7 +24,7 @@ from asperity.contact.response.contact_forces import (
     damped_push,
     write_contact,
 )
-from asperity.geometry.frames import fill_relative_frame, fill_tool_frame, to_body
+from asperity.geometry.frames import fill_relative_frame, fill_tool_frame
 
 _JUMP = 1e-2
 """A tool that moves farther than this in one tick has been placed elsewhere [m]."""
@@ -70,7 +70,6 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
     """
     scene = model.scene
     frame_a, frame_b = stack_array((3, 4)), stack_array((3, 4))
-    fill_relative_frame(motion.centre, motion.frame, frame_a)
     count = space.manifold.count[0]
     count.patches = count.dropped = 0
     for b in range(model.by_facets.size):
@@ -82,14 +81,13 @@ def _fill_manifold(model, parameters, query, motion, step, memory, space, worksp
             if query.dt > 0.0:
                 memory.known[b] = 0
             continue
-        fill_relative_frame(motion.centre, scene.frames[b], frame_b)
+        one, two = in_order(model.facets, scene.tool, b)
+        fill_relative_frame(motion.centre, scene.frames[one], frame_a)
+        fill_relative_frame(motion.centre, scene.frames[two], frame_b)
         raised, lowered = texture_reach(model, b)
-        body_query = BodyQuery(b, frame_a, frame_b, step, 0.0, raised, lowered)
-        limit = first_limit(model, memory, body_query, overlap)
-        body_query = BodyQuery(b, frame_a, frame_b, step, limit, raised, lowered)
-        first = -np.inf if memory.known[b] == 1 else overlap
+        pair = BodyQuery(b, one, two, frame_a, frame_b, step, 0.0, raised, lowered)
         space.way_out[b] = add_mesh_manifold(
-            model, parameters, body_query, first, memory, space, workspace, space.rest[b]
+            model, parameters, pair, overlap, memory, space, workspace, space.rest[b]
         )
         if query.dt > 0.0:
             remember(memory, b, space.way_out[b])
@@ -127,17 +125,16 @@ def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
         contacts.normal[c, k] = patch.normal[k]
     push = parameters.stiffness * weight * result.depth
     add_texture_force(out, c, damped_push(push, parameters.dissipation, result, motion), result)
-    deflection, offset = stack_array((3,)), stack_array((3,))
+    deflection = stack_array((3,))
     for k in range(3):
         deflection[k] = memory.bristle[b, d, part, k]
-        offset[k] = contacts.point[c, k] - motion.frame[k, 3]
     stiffness = parameters.bristle_stiffness * weight
     bristle = Bristle(deflection, stiffness, friction)
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
         for k in range(3):
             memory.bristle[b, d, part, k] = deflection[k]
-        to_body(motion.frame, offset, memory.guess[b, d, part])
+            memory.guess[b, d, part, k] = patch.guess[k]
 
 
 @inner_kernel

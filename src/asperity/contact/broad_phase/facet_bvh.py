@@ -38,6 +38,11 @@ _EVERYWHERE = 1e9
 Array = NDArray[np.float64]
 
 
+_SAME_PLANE, _OFF_ROUND_NUMBERS = 1e-3, 0.2137
+"""Width of the bins of normals and of offsets over a body's size, and their shift, in bins: round
+numbers do not lie on the border of two."""
+
+
 class FacetTable(NamedTuple):
     """All facets of a scene. Rows are facets, in the order of the trees, unless stated otherwise.
 
@@ -106,6 +111,8 @@ class FacetTable(NamedTuple):
     """One past the last facet in a box, (nodes,)."""
     root: NDArray[np.int64]
     """Root of the tree of each body, (bodies,)."""
+    flat_area: Array
+    """Mean area of a body's plane faces, weighted by their areas [m^2], (bodies,)."""
 
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
@@ -147,7 +154,27 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
+        flat_area=np.array([_flat_area(part) for part in sets]),
     )  # fmt: skip
+
+
+def _flat_area(facets: Facets) -> float:
+    """Return the mean area of plane faces, weighted by their areas [m^2], however they are cut.
+
+    Facets are of one face if their normals and offsets fall into the same bins.
+    """
+    x, y = facets.corners[..., 0], facets.corners[..., 1]
+    rows, corner = np.arange(len(facets))[:, None], np.arange(facets.corners.shape[1])
+    after = np.where(corner + 1 < facets.sides[:, None], corner + 1, 0)
+    is_corner = corner < facets.sides[:, None]
+    area = 0.5 * np.sum((x * y[rows, after] - x[rows, after] * y) * is_corner, axis=1)
+    normal, origin = facets.axes[:, 2], facets.origin
+    size = max(float(np.linalg.norm(np.ptp(origin, axis=0))), 1e-9)
+    offset = np.einsum("ij,ij->i", normal, origin - origin.mean(axis=0)) / size
+    bins = np.floor(np.column_stack([normal, offset]) / _SAME_PLANE + _OFF_ROUND_NUMBERS)
+    _, face = np.unique(bins, axis=0, return_inverse=True)
+    areas = np.bincount(face.ravel(), np.abs(area))
+    return float((areas**2).sum() / max(areas.sum(), 1e-30))
 
 
 def _body_facets(

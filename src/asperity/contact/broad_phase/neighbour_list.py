@@ -57,16 +57,18 @@ _PENDING_TICKS = 4.0
 
 
 class RelativePose(NamedTuple):
-    """Where the tool is in the frame of a body of the scene."""
+    """Where body A is in the frame of body B."""
 
-    tool: int
-    """Number of the tool among the bodies."""
-    body: int
-    """Number of the body."""
+    first: int
+    """Number of A among the bodies."""
+    second: int
+    """Number of B."""
+    row: int
+    """Row of the lists: the number of the one that is not the tool."""
     transform: NDArray[np.float64]
-    """Rotation and translation [m] from the tool's frame to the body's, (3, 4)."""
+    """Rotation and translation [m] from A's frame to B's, (3, 4)."""
     size: float
-    """Half the diagonal of the tool's bounding box [m]."""
+    """Half the diagonal of A's bounding box [m]."""
     step: float
     """Distance that the tool has moved since the last tick [m]."""
 
@@ -143,7 +145,7 @@ def _rebuild_from_outer(table: FacetTable, pose, limits, lists, facets):
     """Fill the inner list with pairs of the outer one; return the number of pairs wanted."""
     facets.state[0].tick += 1
     facets.state[0].dropped = 0
-    b, outer = pose.body, lists.outer
+    b, outer = pose.row, lists.outer
     travelled, count = lists.travelled[b], np.int64(0)
     for i in range(outer.state[b].count):
         if travelled < outer.needed_at[b, i]:
@@ -161,19 +163,19 @@ def _rebuild_from_outer(table: FacetTable, pose, limits, lists, facets):
 @inner_kernel
 def _rebuild_from_bvh(table: FacetTable, pose, limits, lists, facets):
     """Fill the inner list by a full BVH traversal; return the number of pairs wanted."""
-    found = overlapping_facet_pairs(table, pose.tool, pose.body, pose.transform, limits, facets)
+    found = overlapping_facet_pairs(table, pose.first, pose.second, pose.transform, limits, facets)
     count = np.int64(0)
     for i in range(found):
         f, g = facets.pairs[i, 0], facets.pairs[i, 1]
         if _separation(table, f, g, limits, facets) <= 0.0:
-            count = append_pair(lists.inner.pairs, pose.body, count, f, g)
+            count = append_pair(lists.inner.pairs, pose.row, count, f, g)
     return count
 
 
 @inner_kernel
 def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
     """Rebuild the inner list for `limits` widened by `skin` [m]."""
-    b = pose.body
+    b = pose.row
     inner, outer = lists.inner.state[b], lists.outer.state[b]
     max_depth, reach = limits.max_depth + skin, limits.reach + skin
     wide = pair_limits(max_depth, reach, FLATTEST - skin / pose.size)
@@ -181,11 +183,11 @@ def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
     # tool has moved, and the limits have widened, by that distance together.
     wider = max(max_depth - inner.max_depth, reach - inner.reach, skin - inner.skin, 0.0)
     lists.travelled[b] += (
-        largest_displacement(table, pose.tool, inner.transform, pose.transform) + wider
+        largest_displacement(table, pose.first, inner.transform, pose.transform) + wider
     )
     inner.max_depth, inner.reach, inner.skin = max_depth, reach, skin
     copy_transform(pose.transform, inner.transform)
-    moved = largest_displacement(table, pose.tool, outer.transform, pose.transform)
+    moved = largest_displacement(table, pose.first, outer.transform, pose.transform)
     if (
         outer.count >= 0
         and moved + skin <= outer.skin
@@ -202,12 +204,12 @@ def _rebuild_inner(table: FacetTable, pose, limits, skin, lists, facets):
 @inner_kernel
 def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
     """Fill `needed_at` of the pending pairs from `first` to `last`."""
-    b = pose.body
+    b = pose.row
     inner, pending = lists.inner.state[b], lists.pending
     limits = pair_limits(inner.max_depth, inner.reach, FLATTEST - inner.skin / pose.size)
     # By the triangle inequality: from here to the next rebuild the tool moves at most as far as
     # from here back to the last rebuild and from there to the next.
-    moved = largest_displacement(table, pose.tool, inner.transform, pose.transform)
+    moved = largest_displacement(table, pose.first, inner.transform, pose.transform)
     travelled = lists.travelled[b] - moved
     for i in range(first, last):
         f, g = pending.pairs[b, i, 0], pending.pairs[b, i, 1]
@@ -218,8 +220,8 @@ def _measure_pending(table: FacetTable, pose, first, last, lists, facets):
 @inner_kernel
 def _outer_will_last(table: FacetTable, pose, limits, skin, lists):
     """Return whether the outer list will be valid for some more rebuilds of the inner list."""
-    outer = lists.outer.state[pose.body]
-    moved = largest_displacement(table, pose.tool, outer.transform, pose.transform)
+    outer = lists.outer.state[pose.row]
+    moved = largest_displacement(table, pose.first, outer.transform, pose.transform)
     return (
         outer.count >= 0
         and moved <= _WORN * outer.skin
@@ -231,7 +233,7 @@ def _outer_will_last(table: FacetTable, pose, limits, skin, lists):
 @inner_kernel
 def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
     """Visit some boxes for the pending list, if the outer list will not last much longer."""
-    b = pose.body
+    b = pose.row
     pending, progress = lists.pending.state[b], lists.pending_state[b]
     if progress.stack_size == OVERFLOWED or skin == 0.0:
         return
@@ -242,11 +244,11 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
         pending.max_depth = limits.max_depth + pending.skin
         pending.reach = limits.reach + pending.skin
         pending.count, progress.stack_size, progress.visits = 0, 1, 0
-        lists.stack[b, 0, 0], lists.stack[b, 0, 1] = table.root[pose.tool], table.root[b]
+        lists.stack[b, 0, 0], lists.stack[b, 0, 1] = table.root[pose.first], table.root[pose.second]
         copy_transform(pose.transform, pending.transform)
     # The list is to hold what may be within its limits while the tool is within the skin of where
     # the list was begun; as seen from the present pose, the limits are wider by the motion since.
-    moved = largest_displacement(table, pose.tool, pending.transform, pose.transform)
+    moved = largest_displacement(table, pose.first, pending.transform, pose.transform)
     if moved > pending.skin:
         progress.stack_size, progress.expected_visits = EMPTY, 2.0 * progress.expected_visits
         return
@@ -273,7 +275,7 @@ def _advance_pending(table: FacetTable, pose, limits, skin, lists, facets):
 @inner_kernel
 def _facing_pairs(table: FacetTable, pose, lists, facets):
     """Fill `facets.pairs` with the pairs of the inner list that face each other; count them."""
-    b, inner, count = pose.body, lists.inner, np.int64(0)
+    b, inner, count = pose.row, lists.inner, np.int64(0)
     for i in range(inner.state[b].count):
         f, g = inner.pairs[b, i, 0], inner.pairs[b, i, 1]
         if facets.placed[f].tick != facets.state[0].tick:
@@ -304,8 +306,8 @@ def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     int
         Number of pairs.
     """
-    inner, before = lists.inner.state[pose.body], facets.state[0].tick
-    moved = largest_displacement(table, pose.tool, inner.transform, pose.transform)
+    inner, before = lists.inner.state[pose.row], facets.state[0].tick
+    moved = largest_displacement(table, pose.first, inner.transform, pose.transform)
     skin = min(_LEAST_SKIN + _TICKS * pose.step, _MOST_SKIN)
     if skin < 2.0 * pose.step:
         skin = 0.0  # no list would stay valid for a tick
@@ -317,7 +319,7 @@ def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     ):
         _rebuild_inner(table, pose, limits, skin, lists, facets)
     if inner.count == OVERFLOWED:
-        return overlapping_facet_pairs(table, pose.tool, pose.body, pose.transform, limits, facets)
+        return overlapping_facet_pairs(table, pose.first, pose.second, pose.transform, limits, facets)
     if facets.state[0].tick == before:
         # The inner list is still valid, so that there is time for the pending one.
         facets.state[0].tick += 1

@@ -127,7 +127,7 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     facets = FacetQuery(np.int64(count), np.int64(d), n, frame, query.frame_a, query.frame_b)
     start = manifold.count[0].patches
     first = model.facets.first_surface
-    surfaces = (first[scene.tool], first[query.body])
+    surfaces = (first[query.first], first[query.second])
     tolerance = depth_tolerance(scene.textures, scene.geometry, surfaces, parameters.tolerance)
     region = SplitRegion(
         space.region.sums[d], local[0], local[1], parameters.patch_radius, ceiling,
@@ -148,6 +148,9 @@ def _search_patches(model, parameters, query, which, memory, space, workspace):
     for p in range(patches):
         patch = manifold.patches[start + p]
         patch.body, patch.direction, patch.part, patch.weight = query.body, d, p, 0.0
+        for k in range(3):
+            place[k] = manifold.result[start + p].point[k] - query.frame_a[k, 3]
+        to_body(query.frame_a, place, patch.guess)
         for k in range(3):
             patch.normal[k] = world[k]
             place[k] = patch.base[2] * frame[2, k] - query.frame_b[k, 3]
@@ -175,7 +178,9 @@ def _search_direction(model, parameters, query, which, memory, space, workspace)
     for p in range(direction.first, direction.first + direction.patches):
         square += max(manifold.result[p].depth, 0.0) ** 2
     direction.depth = math.sqrt(square / direction.patches)
-    if direction.depth > which[2]:
+    # Facets that overlap along their own normals may lie beside each other along the mean one.
+    is_none = square == 0.0 and space.region.sums[which[0]].deepest > query.lowered
+    if is_none or direction.depth > which[2]:
         direction.patches = 0
         return False
     manifold.count[0].patches += direction.patches

@@ -47,14 +47,22 @@ _ROUNDS = 10
 
 
 class BodyQuery(NamedTuple):
-    """The tool and one scene body at one pose; positions are relative to the tool's centre."""
+    """The tool and one scene body at one pose; positions are relative to the tool's centre.
+
+    B, whose normals give the directions, is the one with larger plane faces, be it the tool or
+    not: so the energy does not depend on which of two bodies is called the tool.
+    """
 
     body: int
     """Number of the scene body."""
+    first: int
+    """Number of A, the tool or the body."""
+    second: int
+    """Number of B, the other one."""
     frame_a: NDArray[np.float64]
-    """The tool's frame, (3, 4) [m]."""
+    """A's frame, (3, 4) [m]."""
     frame_b: NDArray[np.float64]
-    """The body's frame, (3, 4) [m]."""
+    """B's frame, (3, 4) [m]."""
     step: float
     """Distance that the tool has moved since the last tick [m]."""
     limit: float
@@ -75,12 +83,20 @@ def texture_reach(model, b):
 
 
 @inner_kernel
+def in_order(table, tool, b):
+    """Return which of the tool and body `b` is A, and which B: the one with larger plane faces."""
+    if table.flat_area[tool] > table.flat_area[b]:
+        return b, tool
+    return tool, b
+
+
+@inner_kernel
 def _listed_pairs(model, query, memory, space):
     """Fill `region.facets.pairs` with the facets that may touch; return how many pairs."""
-    table, tool, facets = model.facets, model.scene.tool, space.region.facets
-    transform = stack_array((3, 4))
+    table, facets, transform = model.facets, space.region.facets, stack_array((3, 4))
     relative_transform(query.frame_a, query.frame_b, transform)
-    pose = RelativePose(tool, query.body, transform, half_diagonal(table, tool), query.step)
+    size = half_diagonal(table, query.first)
+    pose = RelativePose(query.first, query.second, query.body, transform, size, query.step)
     limits = pair_limits(query.limit, query.raised, FLATTEST)
     count = neighbour_pairs(table, pose, limits, memory.lists, facets)
     if facets.state[0].dropped > 0:
@@ -92,7 +108,7 @@ def _listed_pairs(model, query, memory, space):
 def _look(model, parameters, query, memory, space, workspace):
     """Return the way out of the facets within the limit [m], and the number of their pairs."""
     table = model.facets
-    size = min(half_diagonal(table, model.scene.tool), half_diagonal(table, query.body))
+    size = min(half_diagonal(table, query.first), half_diagonal(table, query.second))
     count = _listed_pairs(model, query, memory, space)
     thin = max(_THIN * size, query.raised)
     count = integrate_regions(table, query, count, thin, space.region)
@@ -109,9 +125,9 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     model : MeshModel
     parameters : ForceParameters
     query : BodyQuery
-        Its limit is the first one.
+        Without a limit.
     overlap : float
-        Overlap that MuJoCo finds, if nothing is known of the last tick [m]: facets are looked for
+        Overlap that MuJoCo finds [m]: if nothing is known of the last tick, facets are looked for
         so deep at least, unless a way out is found before.
     memory : MeshMemory
         Only read, but for the neighbour lists.
@@ -127,18 +143,19 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
         The way out [m]; 0 where there is no contact.
     """
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
-    size = half_diagonal(model.facets, model.scene.tool) + half_diagonal(model.facets, query.body)
-    here, limit, way_out, count = query, query.limit, 0.0, 0
-    least, space.spent[0] = _least_limit(model, query), 0.0
+    size = half_diagonal(model.facets, query.first) + half_diagonal(model.facets, query.second)
+    limit, way_out, count = _first_limit(model, memory, query, overlap), 0.0, 0
+    here, least, space.spent[0] = query, _least_limit(model, query), 0.0
     for _ in range(_ROUNDS):
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(
-            query.body, query.frame_a, query.frame_b, query.step, limit, query.raised,
-            query.lowered,
+            query.body, query.first, query.second, query.frame_a, query.frame_b, query.step,
+            limit, query.raised, query.lowered,
         )  # fmt: skip
         way_out, count = _look(model, parameters, here, memory, space, workspace)
         wanted = RATIO * way_out + query.lowered
-        if way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
+        is_new = memory.known[query.body] == 0
+        if is_new and way_out == 0.0 and limit < min(RATIO * overlap + query.lowered, size):
             wanted = 2.0 * limit
         if wanted > limit:
             limit *= 2.0
@@ -152,7 +169,22 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     _weigh(here, space, way_out, rest_out)
     if _moves(space):
         _add_rest(model.facets, here, count, space, rest_out)
+    if query.first == query.body:
+        _turn_round(space.manifold, first, rest_out)
     return way_out
+
+
+@inner_kernel
+def _turn_round(manifold, first, rest_io):
+    """Turn what pushes A out of B, from patch `first` on, into what pushes B out of A."""
+    for p in range(first, manifold.count[0].patches):
+        patch, result = manifold.patches[p], manifold.result[p]
+        for k in range(3):
+            patch.normal[k] = -patch.normal[k]
+            result.slope_normal[k] = -result.slope_normal[k]
+            result.moment[k] = -result.moment[k]
+    for k in range(6):
+        rest_io[k] = -rest_io[k]
 
 
 @inner_kernel
@@ -160,21 +192,21 @@ def _least_limit(model, query):
     """Return the least depth that facets are looked for [m]: a part of the thinner body."""
     table, least = model.facets, np.inf
     for k in range(3):
-        least = min(least, table.reach[table.root[model.scene.tool], k])
-        least = min(least, table.reach[table.root[query.body], k])
+        least = min(least, table.reach[table.root[query.first], k])
+        least = min(least, table.reach[table.root[query.second], k])
     return _DEEP * least + query.lowered
 
 
 @inner_kernel
-def first_limit(model, memory, query, overlap):
+def _first_limit(model, memory, query, overlap):
     """Return how deep facets are looked for at first [m]; `overlap` is what MuJoCo finds.
 
     It is one of a fixed series, the first of which that suffices, so that the way out depends on
     the pose alone.
     """
-    limit, farthest = _least_limit(model, query), memory.way_out[query.body] + query.step
-    if memory.known[query.body] == 0:
-        farthest = overlap
+    limit, farthest = _least_limit(model, query), overlap
+    if memory.known[query.body] == 1:
+        farthest = memory.way_out[query.body] + query.step
     while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
     return limit

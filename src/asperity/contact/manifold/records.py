@@ -55,6 +55,7 @@ MESH_PATCH = np.dtype(
         ("weight", "f8"),  # share of the body's stiffness
         ("line_rate", "f8", 2),  # derivative of the depth by the offsets of the two split lines
         ("base", "f8", 3),  # where it is deepest, on B's smooth surface, B's frame [m]
+        ("guess", "f8", 3),  # the same on A's surface, A's frame: where to look in the next tick
     ],
     align=True,
 )
