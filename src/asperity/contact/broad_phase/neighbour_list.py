@@ -319,7 +319,9 @@ def neighbour_pairs(table: FacetTable, pose, limits, lists, facets):
     ):
         _rebuild_inner(table, pose, limits, skin, lists, facets)
     if inner.count == OVERFLOWED:
-        return overlapping_facet_pairs(table, pose.first, pose.second, pose.transform, limits, facets)
+        return overlapping_facet_pairs(
+            table, pose.first, pose.second, pose.transform, limits, facets
+        )
     if facets.state[0].tick == before:
         # The inner list is still valid, so that there is time for the pending one.
         facets.state[0].tick += 1
