@@ -67,7 +67,8 @@ for height in (1e-5, 5e-5, 2e-4):
     shaking = np.linalg.norm(acceleration - acceleration.mean(axis=0), axis=1)
     print(
         f"ridges of 2 mm, {1e3 * height:.2f} mm high: "
-        f"pressed with {abs(force[:, 2]).mean():.2f} N, sideways {np.linalg.norm(force[:, :2], axis=1).mean():.2f} N; "
+        f"pressed with {abs(force[:, 2]).mean():.2f} N, "
+        f"sideways {np.linalg.norm(force[:, :2], axis=1).mean():.2f} N; "
         f"the force varies by {force.std(axis=0).round(2)} N, "
         f"vibration {np.sqrt(np.mean(shaking**2)):.1f} m/s^2 rms"
     )
