@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FIRST = "probe-plate"
 """Scene that is shown first by default."""
+LOCAL = "127.0.0.1"
 _PICTURES = (".png", ".jpg", ".jpeg")
 
 
@@ -26,7 +27,7 @@ class ViewCommand:
     """Open a page in the browser on a running simulation: view it, move the tool, change settings.
 
     Without a device, the mouse moves the tool. By default only this computer can open the page.
-    Ends with Ctrl-C.
+    With --simulate a MuJoCo model moves by itself. Ends with Ctrl-C.
     """
 
     scene: Annotated[Positional[str | None], arg(metavar="SCENE")] = None
@@ -35,7 +36,7 @@ class ViewCommand:
     """mouse, haply, touch, ...: see `asperity devices`."""
     port: Annotated[int, Range(0, 65535)] = 8080
     """Port of the page; 0: any free port. If it is in use, the next free one is taken."""
-    host: str = "127.0.0.1"
+    host: str = LOCAL
     """Network address of the page. Any other lets other computers open it, with a token; a warning
     lists what that exposes."""
     out: Path = Path("out/view")
@@ -54,6 +55,9 @@ class ViewCommand:
     implicit."""
     seed: Annotated[int | None, Range(0, 2**31 - 1)] = None
     """Seed of random textures. Default: the scene's."""
+    simulate: bool = False
+    """SCENE is the file of a MuJoCo model, which runs by its own dynamics with the textures that it
+    carries, or that textures.toml beside it gives it."""
 
     def run(self) -> None:
         """Serve the page until the end."""
@@ -62,6 +66,9 @@ class ViewCommand:
         from asperity.viewer.server.server import require_viser
 
         require_viser()
+        if self.simulate:
+            self._simulate()
+            return
         config = self._config()
         from asperity.simulation.tool_contact import announce_compiling
         from asperity.viewer.app import live_page
@@ -84,6 +91,18 @@ class ViewCommand:
                 page.wait(self.seconds)
             except KeyboardInterrupt:
                 print("ended")
+
+    def _simulate(self) -> None:
+        """Show a MuJoCo model that runs in real time."""
+        from asperity.mujoco.page import simulate_file
+
+        if self.scene is None or self.host != LOCAL or self.screenshot is not None:
+            raise AsperityError("--simulate needs a model file, without --host and --screenshot")
+        for note in simulate_file(
+            Path(self.scene), port=self.port, triangles=self.triangles, seconds=self.seconds,
+            opened=not self.no_open,
+        ):  # fmt: skip
+            print(note, flush=True)
 
     def _take_picture(self, config: SessionConfig, picture: Path) -> None:
         """Write a picture of the page; an interruption reports whether it was written."""

@@ -108,6 +108,8 @@ class Surfaces:
     model : mujoco.MjModel
     notes : tuple of str
         What was chosen and left out, one line each.
+    bodies : tuple of Carried
+        The bodies with a texture, and those that they may touch.
     """
 
     def __init__(
@@ -131,7 +133,7 @@ class Surfaces:
         elif isinstance(textures, str | os.PathLike):
             textures = textures_of_file(textures)
         carried = carried_bodies(model, textures)
-        self.notes = carried.notes
+        self.notes, self.bodies = carried.notes, carried.bodies
         for note in self.notes:
             _logger.info("%s", note)
         self._plan = PairPlan(model, carried, chosen)

@@ -7,6 +7,7 @@ lines between others are omitted first, so ridges are drawn much finer than dots
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,23 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
     views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
+    return shapes_of_parts(parts, views, radius, triangles)
+
+
+def shapes_of_parts(
+    parts: Sequence[Part], views: Sequence[ViewBall], radius: float, triangles: int = TRIANGLES
+) -> list[Drawable]:
+    """Return the surfaces of parts, as `shapes_of`.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    views : sequence of ViewBall
+        Where each is drawn finely.
+    radius : float
+        Of all bounded parts together [m].
+    triangles : int
+    """
     spacing = radius / 100.0
     best: list[Drawable] = []
     fewest: list[Drawable] = []

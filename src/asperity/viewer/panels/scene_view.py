@@ -65,21 +65,7 @@ class SceneView(Panel):
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Set up light and camera, and show the scene."""
         self._server, self._servo = server, servo
-        scene = server.scene
-        scene.set_up_direction("+z")
-        scene.world_axes.visible = False
-        scene.set_background_image(_backdrop(), format="png")
-        scene.configure_default_lights(False)
-        scene.configure_environment_map("studio", environment_intensity=0.2)
-        scene.add_light_hemisphere(
-            "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.55
-        )
-        scene.add_light_directional(
-            "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
-        )
-        scene.add_light_directional(
-            "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
-        )
+        set_up_lights(server)
         self._show(servo.config.scene)
 
     def update(self, frame: Frame) -> None:
@@ -90,8 +76,8 @@ class SceneView(Panel):
         snapshot = frame.snapshot
         if snapshot is None:
             return
-        _place(self._tool, snapshot.tool_pose)
-        _place(self._ghost, snapshot.handle_pose)
+        place(self._tool, snapshot.tool_pose)
+        place(self._ghost, snapshot.handle_pose)
         self._show_stretch(snapshot)
         self._show_contacts(snapshot)
         self._show_wrench(snapshot)
@@ -120,12 +106,7 @@ class SceneView(Panel):
         self._set_camera(scene, tool)
 
     def _add(self, shape: Drawable, parent: str) -> None:
-        data = glb(
-            UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
-            places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
-            roughness=0.45 if shape.is_tool else 0.65, metallic=0.25 if shape.is_tool else 0.0,
-        )  # fmt: skip
-        self._nodes.append(self._server.scene.add_glb(f"{parent}/{shape.name}", data))
+        self._nodes.append(add_shape(self._server, shape, parent))
 
     def _add_ghost(self, scene: Scene) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
@@ -245,7 +226,37 @@ class SceneView(Panel):
         return np.stack([at[shown], ends], axis=1).astype(np.float32)
 
 
-def _place(node: Any, pose: Array) -> None:
+def set_up_lights(server: ViserServer) -> None:
+    """Set up light and background of a view whose z axis points upwards."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.world_axes.visible = False
+    scene.set_background_image(_backdrop(), format="png")
+    scene.configure_default_lights(False)
+    scene.configure_environment_map("studio", environment_intensity=0.2)
+    scene.add_light_hemisphere(
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.55
+    )
+    scene.add_light_directional(
+        "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
+    )
+    scene.add_light_directional(
+        "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
+    )
+
+
+def add_shape(server: ViserServer, shape: Drawable, parent: str) -> Any:
+    """Add a shape under the node `parent`; return its node."""
+    data = glb(
+        UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
+        places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
+        roughness=0.45 if shape.is_tool else 0.65, metallic=0.25 if shape.is_tool else 0.0,
+    )  # fmt: skip
+    return server.scene.add_glb(f"{parent}/{shape.name}", data)
+
+
+def place(node: Any, pose: Array) -> None:
+    """Move a node to a pose (7,)."""
     node.position = tuple((UNITS * pose[:3]).tolist())
     node.wxyz = tuple(pose[3:].tolist())
 

@@ -1,0 +1,251 @@
+"""A page in the browser on a running MuJoCo model: displaced textures, forces of contacts."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import time
+import webbrowser
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.drawing.renderer.parts import Part
+from asperity.errors import AsperityError, require_between
+from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.displaced.view import ViewBall
+from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.geometry.mesh.normals import HARD_ANGLE
+from asperity.geometry.poses import rotation_of
+from asperity.mujoco.names import geom_name
+from asperity.mujoco.surfaces import Surfaces, attach
+from asperity.scene.mjcf import GEOMS, model_mesh
+from asperity.viewer.drawables.colours import CONTACT
+from asperity.viewer.drawables.shapes import FEWEST, MOST, Drawable, shapes_of_parts
+from asperity.viewer.panels.scene_view import UNITS, add_shape, place, set_up_lights
+from asperity.viewer.server.access import guarded, own_origin, require_address
+from asperity.viewer.server.server import LOCAL, UPDATE_RATE, require_viser
+
+Array = NDArray[np.float64]
+_HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+_MOST_GROUP = 2
+"""Geoms of higher groups are not shown, as in MuJoCo's own viewer."""
+_LONGEST = 0.4
+"""Length of the arrow of the largest force of late, over the model's extent."""
+_FADING = 0.9
+"""Part of the largest force that is left at the next picture."""
+_FINE = 200_000
+"""Triangles by default: a model has more textured geoms than a scene."""
+_BEHIND, _MOST_STEPS = 0.5, 20
+"""Delay from which on a model no longer catches up with real time [s], and most steps at once."""
+
+
+class ModelPage:
+    """A page that shows one `MjData` of a model with textures, on this computer only.
+
+    MuJoCo's own viewer may run beside it.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    port : int
+        0: any that is free.
+    triangles : int
+        Largest number of triangles of all textured geoms together.
+    now : callable
+        Returns the time [s].
+
+    Raises
+    ------
+    AsperityError
+        viser is not installed, or a value is out of range.
+
+    Examples
+    --------
+    >>> with ModelPage(surfaces) as page:
+    ...     print(page.url)
+    ...     while running:
+    ...         surfaces.step(data)
+    ...         page.show(data)
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        *,
+        port: int = 8080,
+        triangles: int = _FINE,
+        now: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        viser = require_viser()
+        require_address(LOCAL, port)
+        require_between("triangles", triangles, FEWEST, MOST, "")
+        self._model, self._now, self._shown = surfaces.model, now, -np.inf
+        with guarded(own_origin), contextlib.redirect_stdout(io.StringIO()):
+            self.server: Any = viser.ViserServer(
+                host=LOCAL, port=port, label="asperity: MuJoCo model", verbose=False
+            )
+        set_up_lights(self.server)
+        self._frames = [
+            self.server.scene.add_frame(f"/model/{b}", show_axes=False)
+            for b in range(self._model.nbody)
+        ]
+        for body, shape in _shapes(surfaces, triangles):
+            add_shape(self.server, shape, f"/model/{body}")
+        self._most = 1e-9
+        self._size = UNITS * float(self._model.stat.extent)
+        self._arrows = self.server.scene.add_arrows(
+            "/forces", np.zeros((0, 2, 3), np.float32), CONTACT, shaft_radius=0.004 * self._size,
+            head_radius=0.01 * self._size, head_length=0.025 * self._size,
+        )  # fmt: skip
+        middle = UNITS * np.asarray(self._model.stat.center)
+        first = self.server.initial_camera
+        first.position = tuple(middle + self._size * np.array([0.6, -0.8, 0.5]))
+        first.look_at, first.up = tuple(middle), (0.0, 0.0, 1.0)
+        first.near, first.far = 0.01 * self._size, 100.0 * self._size
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def show(self, data: mujoco.MjData) -> bool:
+        """Show bodies and forces of the last step, at most 30 times a second.
+
+        Returns whether they were shown: so this may be called in every step.
+        """
+        if self._now() - self._shown < 1.0 / UPDATE_RATE:
+            return False
+        self._shown = self._now()
+        points, forces = contact_forces(self._model, data)
+        size = np.linalg.norm(forces, axis=1)
+        self._most = max(_FADING * self._most, float(size.max(initial=0.0)))
+        ends = UNITS * points + _LONGEST * self._size / self._most * forces
+        with self.server.atomic():
+            for b, frame in enumerate(self._frames):
+                place(frame, np.append(data.xpos[b], data.xquat[b]))
+            self._arrows.points = np.stack([UNITS * points, ends], axis=1).astype(np.float32)
+        return True
+
+    def close(self) -> None:
+        """Take the page down."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def __enter__(self) -> ModelPage:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def simulate_file(
+    path: Path,
+    *,
+    port: int = 8080,
+    triangles: int = _FINE,
+    seconds: float | None = None,
+    opened: bool = False,
+) -> Iterator[str]:
+    """Run a model in real time on a page; yield the lines to print.
+
+    Parameters
+    ----------
+    path : Path
+        MJCF or URDF. `textures.toml` beside it gives the textures, else its `<custom>` texts.
+    port, triangles
+        See `ModelPage`.
+    seconds : float, optional
+        Duration; by default until Ctrl-C.
+    opened : bool
+        Whether a browser is opened.
+    """
+    if not path.is_file():
+        raise AsperityError(f"no model file {path}")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise AsperityError(f"{path}: {str(error).splitlines()[0]}") from None
+    beside = path.with_name("textures.toml")
+    surfaces, data = attach(model, beside if beside.is_file() else None), mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    yield from surfaces.notes
+    with ModelPage(surfaces, port=port, triangles=triangles) as page:
+        yield f"{page.url}  ({path.name}; Ctrl-C ends it)"
+        if opened:
+            webbrowser.open(page.url)
+        begun, dt = time.perf_counter(), model.opt.timestep
+        with contextlib.suppress(KeyboardInterrupt):
+            while seconds is None or time.perf_counter() - begun < seconds:
+                late = time.perf_counter() - begun - data.time
+                if late < 0.0:
+                    time.sleep(-late)
+                elif late > _BEHIND:
+                    begun += late  # too slow for real time: it runs as fast as it can
+                surfaces.step(data, max(1, min(int(late / dt), _MOST_STEPS)))
+                page.show(data)
+    yield f"ended after {data.time:.2f} s of the model's time"
+
+
+def contact_forces(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
+    """Return places (n, 3) [m] and forces (n, 3) on the second geoms [N] of all contacts."""
+    points, forces, force = np.zeros((data.ncon, 3)), np.zeros((data.ncon, 3)), np.zeros(6)
+    for i in range(data.ncon):
+        mujoco.mj_contactForce(model, data, i, force)
+        points[i] = data.contact[i].pos
+        forces[i] = data.contact[i].frame.reshape(3, 3).T @ force[:3]
+    return points, forces
+
+
+def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
+    """Return what is shown, each with the number of the body that carries it, in its frame."""
+    model = surfaces.model
+    textured = [one for one in surfaces.bodies if one.is_textured]
+    covered = {geom for one in textured for geom in one.geoms}
+    shown = [(one.carrier, one.local, one.body, one.geoms[0]) for one in textured]
+    for geom in range(model.ngeom):
+        is_seen = model.geom_group[geom] <= _MOST_GROUP and _colour(model, geom)[3] > 0.0
+        body = _plain(model, geom) if is_seen and geom not in covered else None
+        if body is not None:
+            frame = np.column_stack([rotation_of(model.geom_quat[geom]), model.geom_pos[geom]])
+            shown.append((int(model.geom_bodyid[geom]), frame, body, geom))
+    whole = [
+        (carrier, frame, Part(one, None, _colour(model, geom)[:3], _HERE, False))
+        for carrier, frame, body, geom in shown
+        for one in body.parts
+    ]
+    radius = float(model.stat.extent)
+    views = [ViewBall(np.zeros(3), radius, 100) for _ in whole]
+    shapes = shapes_of_parts([part for _, _, part in whole], views, 0.5 * radius, triangles)
+    return [
+        (carrier, replace(
+            shape, vertices=shape.vertices @ frame[:, :3].T + frame[:, 3],
+            normals=shape.normals @ frame[:, :3].T,
+        ))
+        for (carrier, frame, _), shape in zip(whole, shapes, strict=True)
+        if len(shape.faces)
+    ]  # fmt: skip
+
+
+def _plain(model: mujoco.MjModel, geom: int) -> Body | None:
+    """Return a geom without a texture as a body in its own frame; None for a height field."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    name = geom_name(model, geom)
+    if kind != mujoco.mjtGeom.mjGEOM_MESH:
+        is_simple = kind in GEOMS
+        return Body(name, [Geom(GEOMS[kind], model.geom_size[geom])]) if is_simple else None
+    mesh = mesh_from_arrays(*model_mesh(model, int(model.geom_dataid[geom])), hard_angle=HARD_ANGLE)
+    return Body(name, [Geom("mesh", np.ptp(mesh.vertices, axis=0) / 2 + 1e-9)], mesh=mesh)
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
+    """Return red, green, blue and opacity of a geom."""
+    material = int(model.geom_matid[geom])
+    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+    return tuple(float(value) for value in rgba)

@@ -1,0 +1,63 @@
+"""A running MuJoCo model on a page in the browser."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import asperity.mujoco as textured
+from asperity.cli.main import main
+from asperity.errors import AsperityError
+
+pytest.importorskip("viser")
+from asperity.mujoco.page import ModelPage, contact_forces
+
+XML = """<mujoco><option timestep="0.001" cone="elliptic"/>
+  <custom><text name="texture:table" data="knurl:2mm"/></custom>
+  <worldbody>
+    <geom name="table" type="box" size=".02 .02 .005" pos="0 0 -.005"/>
+    <geom type="mesh" mesh="wedge" pos=".05 0 0"/>
+    <body name="ball" pos="0 0 .0051"><freejoint/><geom size=".005" mass=".02"/></body>
+  </worldbody>
+  <asset><mesh name="wedge" vertex="0 0 0 .01 0 0 0 .01 0 0 0 .01"/></asset>
+</mujoco>"""
+
+
+def test_bodies_and_forces_are_where_the_model_has_them():
+    model = mujoco.MjModel.from_xml_string(XML)
+    data, time = mujoco.MjData(model), [0.0]
+    surfaces = textured.attach(model)
+    surfaces.step(data, 400)
+    with ModelPage(surfaces, port=0, triangles=5000, now=lambda: time[0]) as page:
+        assert page.show(data)
+        ball = page._frames[model.body("ball").id]
+        np.testing.assert_allclose(ball.position, 100.0 * data.body("ball").xpos, rtol=1e-6)
+        points, forces = contact_forces(model, data)
+        np.testing.assert_allclose(forces.sum(axis=0), -data.qfrc_constraint[:3], atol=1e-9)
+        assert forces[:, 2].sum() < -0.01  # on the table, which comes second
+        arrows = np.asarray(page._arrows.points)
+        np.testing.assert_allclose(arrows[:, 0], 100.0 * points, atol=1e-4)
+        along = arrows[:, 1] - arrows[:, 0]
+        np.testing.assert_allclose(np.cross(along, forces), 0.0, atol=1e-4)
+        # No more pictures than a page shows, however often it is asked to.
+        time[0] = 0.01
+        assert not page.show(data)
+        time[0] = 0.05
+        assert page.show(data)
+
+
+def test_what_cannot_be_shown_is_refused():
+    surfaces = textured.attach(mujoco.MjModel.from_xml_string(XML))
+    with pytest.raises(AsperityError, match="triangles must lie between"):
+        ModelPage(surfaces, port=0, triangles=3)
+
+
+def test_a_model_file_runs_on_a_page(tmp_path, capsys):
+    file = tmp_path / "model.xml"
+    file.write_text(XML, "utf-8")
+    options = ["--simulate", "--no-open", "--port", "0", "--seconds", "0.5"]
+    assert main(["view", str(file), *options]) == 0
+    printed = capsys.readouterr().out
+    assert "http://127.0.0.1:" in printed
+    assert float(printed.split("ended after ")[1].split()[0]) > 0.1
+    assert main(["view", str(tmp_path / "none.xml"), *options]) == 2
+    assert "no model file" in capsys.readouterr().err
