@@ -256,7 +256,8 @@ class ToolContact:
             return self._query(pose, self.dt)
         if self._last is None:
             self._last_wrench = self._query(pose, self.dt)
-        wanted = max(1, math.ceil(min(PER_WAVE * waves, BUDGET + 1)))
+        # Up to half a wave a tick is not too fast for the tick itself.
+        wanted = 1 if waves <= 0.5 else math.ceil(min(PER_WAVE * waves, BUDGET + 1))
         if wanted == 1 and self._is_coupled:
             # No wave to average over, and the mean's delay would shake a tool on stiff contact.
             self._last_wrench = self._timed_query(pose, self.dt)
