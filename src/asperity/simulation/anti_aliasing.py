@@ -5,12 +5,12 @@ where the probe drops from one ridge to the next, and the harmonics of a jump de
 once a tick, those above half the tick rate alias to tones that are not multiples of 84 Hz.
 
 The idea: between two ticks the tool moves at constant velocity. The wrench is evaluated at
-sub-poses on this path, at least four for the shortest wavelength if more than half of it passes, and around each jump by repeated
-bisection until the jump's position is accurate enough. A change that continues that of the ticks
-before is not a jump. The wrench, linear between sub-poses, is averaged over time by a window: the
-tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB over the last five ticks (`"band"`),
-which passes hardly anything above half the tick rate. The windows are integrated exactly over the
-linear pieces, so sub-poses may be unevenly spaced.
+sub-poses on this path, at least four for the shortest wavelength if more than half of it passes,
+and around each jump by repeated bisection until the jump's position is accurate enough. A change
+that continues that of the ticks before is not a jump. The wrench, linear between sub-poses, is
+averaged over time by a window: the tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB
+over the last five ticks (`"band"`), which passes hardly anything above half the tick rate. The
+windows are integrated exactly over the linear pieces, so sub-poses may be unevenly spaced.
 
 The cost is delay: half a tick for "tick", two and a half ticks for "band". If a tick has a
 deadline, the number of sub-poses is limited by the time: fewer sub-poses let some aliases through,
