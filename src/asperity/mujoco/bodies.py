@@ -186,7 +186,7 @@ def _carried(
         if kind == _MESH:
             return _of_meshes(model, key, geoms, surfaces.get(first), is_textured)
         whole = key[0] != "geom"
-        local = np.eye(3, 4) if whole else _frame(model.geom_pos[first], model.geom_quat[first])
+        local = np.eye(3, 4) if whole else frame_of(model.geom_pos[first], model.geom_quat[first])
         simple = [
             _simple(model, geom, surfaces.get(geom) if is_textured else None, whole)
             for geom in geoms
@@ -215,7 +215,7 @@ def _simple(model: mujoco.MjModel, geom: int, surface: Surface | None, whole: bo
     return Geom(kind, size, model.geom_pos[geom], model.geom_quat[geom], surface)
 
 
-def _frame(position: NDArray[Any], quaternion: NDArray[Any]) -> NDArray[np.float64]:
+def frame_of(position: NDArray[Any], quaternion: NDArray[Any]) -> NDArray[np.float64]:
     """Return the frame (3, 4) of a position and a quaternion."""
     return np.column_stack([rotation_of(quaternion), position])
 
@@ -230,7 +230,7 @@ def _of_meshes(
     if key[0] == "body":
         local = np.eye(3, 4)
     else:
-        local = _frame(model.geom_pos[first], model.geom_quat[first])
+        local = frame_of(model.geom_pos[first], model.geom_quat[first])
         number = int(model.geom_dataid[first])
         turn = rotation_of(model.mesh_quat[number]).T
         # Out of MuJoCo's frame, that of the inertia, into that of the file.
@@ -303,6 +303,6 @@ def _terrain(
     terrain = terrain_surface(model, int(model.geom_dataid[geom]), surface)
     size = model.hfield_size[int(model.geom_dataid[geom])]
     body = Body(geom_name(model, geom), [Geom("plane", (*size[:2], 0.0), surface=terrain)])
-    local = _frame(model.geom_pos[geom], model.geom_quat[geom])
+    local = frame_of(model.geom_pos[geom], model.geom_quat[geom])
     # Its heights are too large for patches that assume a flat base.
     return Carried(body, int(model.geom_bodyid[geom]), local, (geom,), False, is_textured)

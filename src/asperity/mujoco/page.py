@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
@@ -15,21 +14,20 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.drawing.renderer.parts import Part
+from asperity.drawing.renderer.parts import Part, geom_rgba
 from asperity.errors import AsperityError, require_between
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.geometry.mesh.normals import HARD_ANGLE
-from asperity.geometry.poses import rotation_of
+from asperity.mujoco.bodies import frame_of
 from asperity.mujoco.names import geom_name
 from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.scene.mjcf import GEOMS, model_mesh
 from asperity.viewer.drawables.colours import CONTACT
 from asperity.viewer.drawables.shapes import FEWEST, MOST, Drawable, shapes_of_parts
 from asperity.viewer.panels.scene_view import UNITS, add_shape, place, set_up_lights
-from asperity.viewer.server.access import guarded, own_origin, require_address
-from asperity.viewer.server.server import LOCAL, UPDATE_RATE, require_viser
+from asperity.viewer.server.server import LOCAL, UPDATE_RATE, start_server, stop_server
 
 Array = NDArray[np.float64]
 _HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -82,14 +80,9 @@ class ModelPage:
         triangles: int = _FINE,
         now: Callable[[], float] = time.perf_counter,
     ) -> None:
-        viser = require_viser()
-        require_address(LOCAL, port)
         require_between("triangles", triangles, FEWEST, MOST, "")
         self._model, self._now, self._shown = surfaces.model, now, -np.inf
-        with guarded(own_origin), contextlib.redirect_stdout(io.StringIO()):
-            self.server: Any = viser.ViserServer(
-                host=LOCAL, port=port, label="asperity: MuJoCo model", verbose=False
-            )
+        self.server: Any = start_server(LOCAL, port, "asperity: MuJoCo model")
         set_up_lights(self.server)
         self._frames = [
             self.server.scene.add_frame(f"/model/{b}", show_axes=False)
@@ -134,8 +127,7 @@ class ModelPage:
 
     def close(self) -> None:
         """Take the page down."""
-        with contextlib.redirect_stdout(io.StringIO()):
-            self.server.stop()
+        stop_server(self.server)
 
     def __enter__(self) -> ModelPage:
         return self
@@ -210,13 +202,13 @@ def _shapes(surfaces: Surfaces, triangles: int) -> list[tuple[int, Drawable]]:
     covered = {geom for one in textured for geom in one.geoms}
     shown = [(one.carrier, one.local, one.body, one.geoms[0]) for one in textured]
     for geom in range(model.ngeom):
-        is_seen = model.geom_group[geom] <= _MOST_GROUP and _colour(model, geom)[3] > 0.0
+        is_seen = model.geom_group[geom] <= _MOST_GROUP and geom_rgba(model, geom)[3] > 0.0
         body = _plain(model, geom) if is_seen and geom not in covered else None
         if body is not None:
-            frame = np.column_stack([rotation_of(model.geom_quat[geom]), model.geom_pos[geom]])
+            frame = frame_of(model.geom_pos[geom], model.geom_quat[geom])
             shown.append((int(model.geom_bodyid[geom]), frame, body, geom))
     whole = [
-        (carrier, frame, Part(one, None, _colour(model, geom)[:3], _HERE, False))
+        (carrier, frame, Part(one, None, geom_rgba(model, geom)[:3], _HERE, False))
         for carrier, frame, body, geom in shown
         for one in body.parts
     ]
@@ -242,10 +234,3 @@ def _plain(model: mujoco.MjModel, geom: int) -> Body | None:
         return Body(name, [Geom(GEOMS[kind], model.geom_size[geom])]) if is_simple else None
     mesh = mesh_from_arrays(*model_mesh(model, int(model.geom_dataid[geom])), hard_angle=HARD_ANGLE)
     return Body(name, [Geom("mesh", np.ptp(mesh.vertices, axis=0) / 2 + 1e-9)], mesh=mesh)
-
-
-def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
-    """Return red, green, blue and opacity of a geom."""
-    material = int(model.geom_matid[geom])
-    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    return tuple(float(value) for value in rgba)

@@ -64,10 +64,15 @@ def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
 
 def _colour(model: mujoco.MjModel, geom: int, is_tool: bool) -> tuple[float, ...]:
     """Return the colour of a geom, or a default where the scene gives none."""
+    colour = tuple(round(value, 4) for value in geom_rgba(model, geom)[:3])
+    return colour if colour != _MUJOCO_DEFAULT else _TOOL if is_tool else _GROUND
+
+
+def geom_rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
+    """Return red, green, blue and opacity of a geom, or of its material if it has one."""
     material = int(model.geom_matid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    colour = tuple(round(float(value), 4) for value in rgba[:3])
-    return colour if colour != _MUJOCO_DEFAULT else _TOOL if is_tool else _GROUND
+    return tuple(float(value) for value in rgba)
 
 
 def _nearest_geom(body: Body) -> NDArray[np.int64]:

@@ -146,33 +146,32 @@ def _correct(twist, dt, terms, account, wrench_out):
     output = max(power, 0.0) + max(angular_power, 0.0)
     excess = power + angular_power - max(energy - terms.reserve, 0.0) / dt
     debt = account.owed - energy
-    if output > 0.0 and excess > 0.0:
-        share = min(excess / output, 1.0)
+    share = min(excess / output, 1.0) if output > 0.0 and excess > 0.0 else 0.0
+    if share > 0.0:
         alpha = share * max(power, 0.0) / square
         beta = share * max(angular_power, 0.0) / angular_square
         for i in range(3):
             wrench_out[i] -= alpha * predicted[i]
             wrench_out[3 + i] -= beta * predicted[3 + i]
+    pays = debt > 0.0 and _pay_back(debt, twist, dt, terms, wrench_out)
+    if share > 0.0 or pays:
         account.interventions += 1
-    elif debt > 0.0:
-        account.interventions += 1
-    if debt > 0.0:
-        _pay_back(debt, twist, dt, terms, wrench_out)
 
 
 @inner_kernel
 def _pay_back(debt, twist, dt, terms, wrench_out):
-    """Pay a debt [J] by damping, bounded."""
+    """Pay a debt [J] by bounded damping; return whether the hand moves, so that there is any."""
     paid = terms.max_damping * _square_speed(twist, 0, _REST)
     angular_paid = terms.max_rotational_damping * _square_speed(twist, 3, _ANGULAR_REST)
     if paid + angular_paid == 0.0:
-        return
+        return False
     pace = min(debt / (dt * (paid + angular_paid)), 1.0)
     for i in range(3):
         if paid > 0.0:
             wrench_out[i] -= pace * terms.max_damping * twist[i]
         if angular_paid > 0.0:
             wrench_out[3 + i] -= pace * terms.max_rotational_damping * twist[3 + i]
+    return True
 
 
 @inner_kernel

@@ -34,6 +34,30 @@ def require_viser() -> Any:
     return viser
 
 
+def start_server(
+    host: str, port: int, label: str, gate: TokenGate | None = None
+) -> viser.ViserServer:
+    """Start and return viser, guarded; see `Page` for the arguments and what is raised."""
+    viser = require_viser()
+    require_address(host, port)
+    guard = guarded(gate, **gate.limits) if gate else guarded(own_origin)
+    # viser prints to standard output, which belongs to the command.
+    with guard, contextlib.redirect_stdout(io.StringIO()):
+        server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+    bound_uploads(server)
+    server.gui.configure_theme(
+        control_width="medium", show_logo=False, show_share_button=False,
+        brand_color=(0, 114, 178),
+    )  # fmt: skip
+    return server
+
+
+def stop_server(server: viser.ViserServer) -> None:
+    """Stop viser, which would print that it has."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
 class Page:
     """A server with panels for a servo client.
 
@@ -64,7 +88,7 @@ class Page:
     ) -> None:
         self.servo, self.panels = servo, list(panels)
         self._gate = None if is_local(host) else TokenGate()
-        self.server = self._served(host, port, label)
+        self.server = start_server(host, port, label, self._gate)
         self.updates = 0
         """Number of updates of the panels."""
         self._view_model = ViewModel(servo)
@@ -100,28 +124,13 @@ class Page:
             self._thread.join(2.0)
         for panel in self.panels:
             panel.close()
-        with contextlib.redirect_stdout(io.StringIO()):
-            self.server.stop()
+        stop_server(self.server)
 
     def __enter__(self) -> Page:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _served(self, host: str, port: int, label: str) -> viser.ViserServer:
-        viser = require_viser()
-        require_address(host, port)
-        guard = guarded(self._gate, **self._gate.limits) if self._gate else guarded(own_origin)
-        # viser prints to standard output, which belongs to the command.
-        with guard, contextlib.redirect_stdout(io.StringIO()):
-            server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
-        bound_uploads(server)
-        server.gui.configure_theme(
-            control_width="medium", show_logo=False, show_share_button=False,
-            brand_color=(0, 114, 178),
-        )  # fmt: skip
-        return server
 
     def _build(self) -> None:
         gui = self.server.gui
