@@ -114,38 +114,40 @@ def _part_that_goes(table, pair, query, leaving, region):
 
 
 @inner_kernel
+def _span(leaving, middle, radius, corners, count, level):
+    """Return between which heights over the plane a facet lies [m].
+
+    By the circle round it, unless that does not tell on which side of `level` it is.
+    """
+    n, place = leaving.normal, leaving.place
+    above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
+    above += n[2] * (middle[2] - place[2])
+    low, high = above - radius, above + radius
+    if low < level and high > level:
+        low, high = np.inf, -np.inf
+        for i in range(count):
+            p = corners[i]
+            above = n[0] * (p[0] - place[0]) + n[1] * (p[1] - place[1]) + n[2] * (p[2] - place[2])
+            low, high = min(low, above), max(high, above)
+    return low, high
+
+
+@inner_kernel
 def _share_that_goes(table, f, g, leaving, region):
     """Return 1 or 0 where all or nothing of a pair's overlap goes, -1 where it has to be cut."""
-    n, place, depth = leaving.normal, leaving.place, leaving.depth
-    edge = _COPLANAR * depth
-    # Most facets are wholly on one side, by the circle round them.
-    middle, half = table.origin[g], table.half[g]
-    above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
-    above += n[2] * (middle[2] - place[2])
-    radius = half[0] + half[1]
-    low, high = above - radius, above + radius
-    if low < edge and high > edge:
-        low, high = np.inf, -np.inf
-        for i in range(table.sides[g]):
-            p = table.points[g, i]
-            above = n[0] * (p[0] - place[0]) + n[1] * (p[1] - place[1]) + n[2] * (p[2] - place[2])
-            low, high = min(low, above), max(high, above)
+    edge, deep, half = _COPLANAR * leaving.depth, -leaving.depth, table.half[g]
+    low, high = _span(
+        leaving, table.origin[g], half[0] + half[1], table.points[g], table.sides[g], edge
+    )
     if low >= edge:
         return 0
-    is_behind, middle = high <= edge, region.facets.placed[f].centre
-    above = n[0] * (middle[0] - place[0]) + n[1] * (middle[1] - place[1])
-    above += n[2] * (middle[2] - place[2])
-    radius = region.facets.placed[f].radius
-    low, high = above - radius, above + radius
-    if low < -depth and high > -depth:
-        low, high = np.inf, -np.inf
-        for i in range(table.sides[f]):
-            p = region.facets.corners[f, i]
-            above = n[0] * (p[0] - place[0]) + n[1] * (p[1] - place[1]) + n[2] * (p[2] - place[2])
-            low, high = min(low, above), max(high, above)
-    if high <= -depth:
+    is_behind, facet = high <= edge, region.facets.placed[f]
+    low, high = _span(
+        leaving, facet.centre, facet.radius, region.facets.corners[f], table.sides[f], deep
+    )
+    if high <= deep:
         return 0
-    return 1 if is_behind and low >= -depth else -1
+    return 1 if is_behind and low >= deep else -1
 
 
 @inner_kernel

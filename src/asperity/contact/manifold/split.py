@@ -41,6 +41,15 @@ def _fill_moments(sums, mean_out, covariance_out):
 
 
 @inner_kernel
+def _on_axes(u, v, place):
+    """Return the coordinates of a place (3,) along two axes."""
+    return (
+        u[0] * place[0] + u[1] * place[1] + u[2] * place[2],
+        v[0] * place[0] + v[1] * place[1] + v[2] * place[2],
+    )
+
+
+@inner_kernel
 def _along_axes(covariance, u, v):
     """Return the covariance along two axes: uu, uv, vv [m^2]."""
     uu = uv = vv = 0.0
@@ -85,10 +94,7 @@ def split_lines(sums, u, v, radius, lines_out):
     mean, covariance = stack_array((3,)), stack_array((6,))
     _fill_moments(sums, mean, covariance)
     uu, uv, vv = _along_axes(covariance, u, v)
-    mu, mv = (
-        u[0] * mean[0] + u[1] * mean[1] + u[2] * mean[2],
-        v[0] * mean[0] + v[1] * mean[1] + v[2] * mean[2],
-    )
+    mu, mv = _on_axes(u, v, mean)
     first = second = False
     for k in range(2):
         l_u, l_v = _across(uu, uv, vv, k)
@@ -130,10 +136,7 @@ def _offset(covariance, n, k, away):
     frame_round(unit, axes)
     u, v = axes[0], axes[1]
     uu, uv, vv = _along_axes(covariance, u, v)
-    on_u, on_v = (
-        u[0] * away[0] + u[1] * away[1] + u[2] * away[2],
-        v[0] * away[0] + v[1] * away[1] + v[2] * away[2],
-    )
+    on_u, on_v = _on_axes(u, v, away)
     return _offset_of(uu, uv, vv, k, on_u, on_v)
 
 
@@ -178,10 +181,7 @@ def add_line_rates(sums, k, place, rate, direction):
     frame_round(n, axes)
     u, v = axes[0], axes[1]
     uu, uv, vv = _along_axes(covariance, u, v)
-    on_u, on_v = (
-        u[0] * away[0] + u[1] * away[1] + u[2] * away[2],
-        v[0] * away[0] + v[1] * away[1] + v[2] * away[2],
-    )
+    on_u, on_v = _on_axes(u, v, away)
     by_uu, by_uv, by_vv = _covariance_rates(uu, uv, vv, k, on_u, on_v)
     l_u, l_v = _across(uu, uv, vv, k)
     size, at = math.sqrt(l_u * l_u + l_v * l_v), 0
