@@ -14,7 +14,17 @@ from asperity.psychophysics.design import read_design
         (CHOICE, {"schema": 2}, "schema must be 1, got 2"),
         (CHOICE, {"stimulas": {}}, "unknown key stimulas (did you mean stimulus?)"),
         (CHOICE, {"method": "2ifc"}, "unknown method '2ifc'"),
-        (CHOICE, {"name": ""}, "name is missing"),
+        (CHOICE, {"method": ""}, "method is missing"),
+        (
+            CHOICE,
+            {"forced_choice": {"low": -0.6, "high": -0.1, "scale": "linear"}},
+            "lie below the standard",
+        ),
+        (
+            CHOICE,
+            {"forced_choice": {"low": -0.6, "scale": "linear", "direction": "down"}},
+            'have direction = "up"',
+        ),
         (CHOICE, {"seed": -1}, "seed must be a whole number"),
         (CHOICE, {"forced_choice": {"standart": 1}}, "did you mean forced-choice.standard?"),
         (CHOICE, {"forced_choice": {"low": 2.0}}, "low (2) must be below high (1)"),

@@ -1,5 +1,7 @@
 """Magnitude estimates: normalised, averaged and fitted."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fakes import MAGNITUDE, design
@@ -79,3 +81,11 @@ def test_levels_are_sorted_and_names_need_no_value():
     )
     assert list(found.values) == LEVELS
     assert list(found.mean) == sorted(found.mean, reverse=True)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_session_that_was_broken_off_warns_of_nothing():
+    whole = session("A", lambda x: x, noise=0.1)
+    found = analyse_magnitudes([dataclasses.replace(whole, answers=whole.answers[:3])], samples=50)
+    assert np.count_nonzero(np.isfinite(found.mean)) == 3
+    assert np.array_equal(np.isfinite(found.low), np.isfinite(found.mean))

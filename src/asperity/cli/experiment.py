@@ -248,6 +248,11 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
         for session in analysis["sessions"]
         if not session["complete"]
     ]
+    lines += [
+        f"{session['name']}: a machine answered (--simulate), no person"
+        for session in analysis["sessions"]
+        if session["simulated"]
+    ]
     for one in analysis.get("forced-choice", ()):
         fit = one.get("psychometric")
         if fit is None:

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from asperity.errors import AsperityError, require_between, require_choice, require_positive
+from asperity.errors import AsperityError, require_between, require_choice
 from asperity.psychophysics.interfaces.simulated_participants import SimulatedSettings
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import StaircaseSettings
+from asperity.psychophysics.settings import (
+    ADAPTIVE,
+    ConstantSettings,
+    ForcedChoiceSettings,
+    MagnitudeSettings,
+    PairsSettings,
+    Presentation,
+    RankingSettings,
+)
 from asperity.psychophysics.stimuli import Stimuli, Stimulus, check_scene, read_stimuli
 from asperity.scene.document import Table, arguments, at, read_toml, require_keys, require_table
 
 SCHEMA = 1
 METHODS = ("magnitude", "forced-choice", "pairs", "ranking")
-ADAPTIVE = ("staircase", "quest+", "constant")
 _TEXTS = ("name", "method", "instructions", "question")
 _TABLES = ("stimulus", "stimuli", "levels", "presentation", *METHODS, *ADAPTIVE, "simulated")
 SECTIONS = ("schema", "seed", *_TEXTS, *_TABLES)
@@ -29,186 +36,6 @@ _QUESTIONS = {
     "pairs": "Which felt rougher, 1 or 2?",
     "ranking": "Put them in order, the roughest first.",
 }
-
-
-@dataclass(frozen=True)
-class Presentation:
-    """How stimuli are presented.
-
-    Parameters
-    ----------
-    seconds : float
-        Duration of an interval [s]; the longest one if `self_paced`.
-    pause : float
-        Between two intervals of a trial [s].
-    self_paced : bool
-        Whether the participant may end an interval early.
-    show : bool
-        Whether the page shows texture and plots to the participant.
-    hand : bool
-        Whether, without a device, a compliant simulated hand holds the tool.
-    """
-
-    seconds: float = 3.0
-    pause: float = 0.5
-    self_paced: bool = False
-    show: bool = False
-    hand: bool = False
-
-    def __post_init__(self) -> None:
-        require_between("seconds", self.seconds, 0.05, 600.0, "s")
-        require_between("pause", self.pause, 0.0, 60.0, "s")
-
-
-@dataclass(frozen=True)
-class MagnitudeSettings:
-    """Magnitude estimation, with a free modulus: any number above 0, in proportion.
-
-    Parameters
-    ----------
-    blocks : int
-        Number of blocks; each presents every stimulus once in a random order.
-    practice : int
-        Trials before the first block that are not analysed.
-    """
-
-    blocks: int = 3
-    practice: int = 0
-
-    def __post_init__(self) -> None:
-        require_between("blocks", self.blocks, 1, 1000)
-        require_between("practice", self.practice, 0, 1000)
-
-
-@dataclass(frozen=True)
-class ForcedChoiceSettings:
-    """Two intervals, a standard and a comparison: which has more of the attribute in question.
-
-    Parameters
-    ----------
-    standard : float
-        Value of the levels' key.
-    low, high : float
-        Smallest and largest level.
-    level : {"weber", "difference", "value"}
-        What a level is: the comparison is `standard (1 + level)`, `standard + level`, or `level`.
-    direction : {"up", "down"}
-        With "down" the comparison is `standard (1 - level)` or `standard - level`.
-    more : {"larger", "smaller"}
-        Whether the larger or the smaller value has more of the attribute.
-    scale : {"log", "linear"}
-        Of the levels: steps are factors, or differences.
-    adaptive : {"staircase", "quest+", "constant"}
-    practice : int
-        Trials at the highest level, before the others, that are not analysed.
-    feedback : bool
-        Whether the participant learns if the answer was right.
-    """
-
-    standard: float
-    low: float
-    high: float
-    level: str = "weber"
-    direction: str = "up"
-    more: str = "larger"
-    scale: str = "log"
-    adaptive: str = "staircase"
-    practice: int = 0
-    feedback: bool = False
-
-    def __post_init__(self) -> None:
-        require_choice("level", self.level, ("weber", "difference", "value"))
-        require_choice("direction", self.direction, ("up", "down"))
-        require_choice("more", self.more, ("larger", "smaller"))
-        require_choice("scale", self.scale, ("log", "linear"))
-        require_choice("adaptive", self.adaptive, ADAPTIVE)
-        require_between("practice", self.practice, 0, 1000)
-        if not self.low < self.high:
-            raise AsperityError(f"low ({self.low:g}) must be below high ({self.high:g})")
-        if self.scale == "log":
-            require_positive("low", self.low)
-
-    def intensity(self, level: float) -> float:
-        """Return the intensity of a level: its decimal logarithm on a logarithmic scale."""
-        return math.log10(level) if self.scale == "log" else level
-
-    def level_of(self, intensity: float) -> float:
-        """Return the level of an intensity, clipped to `low` and `high`."""
-        # Limited against overflow; the result is clipped to `high` anyway.
-        level = 10.0 ** min(intensity, 300.0) if self.scale == "log" else intensity
-        return float(f"{min(max(level, self.low), self.high):.9g}")
-
-    def comparison(self, level: float) -> float:
-        """Return the value of the comparison at a level."""
-        if self.level == "value":
-            return level
-        apart = level * self.standard if self.level == "weber" else level
-        return self.standard + (apart if self.direction == "up" else -apart)
-
-    @property
-    def comparison_is_right(self) -> bool:
-        """Whether the comparison is the right answer."""
-        larger = self.direction == "up"
-        if self.level == "value":
-            larger = self.comparison(self.high) > self.standard
-        return larger == (self.more == "larger")
-
-
-@dataclass(frozen=True)
-class ConstantSettings:
-    """The method of constant stimuli: each level `repeats` times, in random order."""
-
-    levels: tuple[float, ...]
-    repeats: int = 20
-
-    def __post_init__(self) -> None:
-        if len(self.levels) < 2:
-            raise AsperityError(f"levels must hold at least two values, got {len(self.levels)}")
-        require_between("repeats", self.repeats, 1, 10000)
-
-    @property
-    def most(self) -> int:
-        """Number of trials."""
-        return self.repeats * len(self.levels)
-
-
-@dataclass(frozen=True)
-class PairsSettings:
-    """Paired comparison: every pair of stimuli, in both orders.
-
-    Parameters
-    ----------
-    repeats : int
-        Presentations of each pair; even numbers balance the two orders.
-    practice : int
-        Trials before the others that are not analysed.
-    """
-
-    repeats: int = 2
-    practice: int = 0
-
-    def __post_init__(self) -> None:
-        require_between("repeats", self.repeats, 1, 1000)
-        require_between("practice", self.practice, 0, 1000)
-
-
-@dataclass(frozen=True)
-class RankingSettings:
-    """Ranking: all stimuli in each trial, put in order.
-
-    Parameters
-    ----------
-    repeats : int
-    practice : int
-        Trials before the others that are not analysed.
-    """
-
-    repeats: int = 3
-    practice: int = 0
-
-    def __post_init__(self) -> None:
-        require_between("repeats", self.repeats, 1, 1000)
-        require_between("practice", self.practice, 0, 1000)
 
 
 Settings = MagnitudeSettings | ForcedChoiceSettings | PairsSettings | RankingSettings
@@ -292,24 +119,30 @@ def read_design(path: Path) -> ExperimentDesign:
     if not path.is_file():
         raise AsperityError(f"no such file: {path}; give the TOML file of an experiment")
     document = read_toml(path)
-    design: ExperimentDesign = at(str(path), lambda: parse_design(document, path.resolve().parent))
+    design: ExperimentDesign = at(
+        str(path), lambda: parse_design(document, path.resolve().parent, path.stem)
+    )
     return design
 
 
-def parse_design(document: dict[str, Any], folder: Path | None = None) -> ExperimentDesign:
-    """Return the experiment that a document describes; relative scenes are searched in `folder`."""
+def parse_design(
+    document: dict[str, Any], folder: Path | None = None, name: str = "experiment"
+) -> ExperimentDesign:
+    """Return the experiment that a document describes.
+
+    Relative scenes are searched in `folder`; `name` is that of a document without one.
+    """
     require_keys(document, "", SECTIONS)
     schema = document.get("schema")
     if schema != SCHEMA or isinstance(schema, bool):
         raise AsperityError(f"schema must be {SCHEMA}, got {schema!r}")
-    for name in _TEXTS:
-        if name in document and not isinstance(document[name], str):
-            raise AsperityError(f"{name} must be a text, got {document[name]!r}")
-    for name in _TABLES:
-        require_table(document.get(name, {}), name)
-    for name in ("name", "method"):
-        if not document.get(name):
-            raise AsperityError(f"{name} is missing")
+    for key in _TEXTS:
+        if key in document and not isinstance(document[key], str):
+            raise AsperityError(f"{key} must be a text, got {document[key]!r}")
+    for key in _TABLES:
+        require_table(document.get(key, {}), key)
+    if not document.get("method"):
+        raise AsperityError("method is missing")
     method = require_choice("method", document["method"], METHODS)
     seed = document.get("seed", 0)
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**31:
@@ -320,7 +153,7 @@ def parse_design(document: dict[str, Any], folder: Path | None = None) -> Experi
     settings = _made(document.get(method, {}), method, _MAKES[method])
     adaptive = _adaptive(document, method, settings)
     design = ExperimentDesign(
-        document["name"], method, document.get("instructions", ""),
+        document.get("name") or name, method, document.get("instructions", ""),
         document.get("question", _QUESTIONS[method]), seed, read_stimuli(document, folder),
         _values(document, method),
         _made(document.get("presentation", {}), "presentation", Presentation),

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asperity._core.arrays import Array, Indices
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, OutputError
+from asperity.runs.recording_file import RecordingFile
 from asperity.simulation.simulation import Rollout
 from asperity.simulation.tool_contact import FLAGS
 
@@ -81,6 +82,11 @@ class RecordingWriter:
         Texts and numbers to keep with it: scene, tick, and the like.
     clock : callable
         Monotonic time [s], which determines when to flush.
+
+    Raises
+    ------
+    OutputError
+        The file exists or, now or later, cannot be written: the disk is full.
     """
 
     def __init__(
@@ -90,13 +96,19 @@ class RecordingWriter:
         import h5py
 
         self._clock = clock
-        self._file = h5py.File(path, "x")
+        self._disk = RecordingFile(path)
+        self._file = h5py.File(self._disk, "w")
         _lay_out(self._file, h5py)
         for key, value in {**(attributes or {}), "schema": SCHEMA}.items():
             self._file.attrs[key] = value
         self._waiting: dict[str, list[Any]] = {"time": [], **{name: [] for name in _VARIABLES}}
         self._flushed = clock()
         self._file.flush()
+        try:
+            self._disk.check()
+        except OutputError:
+            self._close()
+            raise
 
     def add(self, **row: ArrayLike) -> None:
         """Add one tick: `time` and every variable; without `penetration_depth` it is NaN."""
@@ -118,8 +130,15 @@ class RecordingWriter:
     def close(self) -> None:
         """Write the remaining rows and close the file."""
         if self._file:
-            self._write()
-            self._file.close()
+            try:
+                self._write()
+            finally:
+                self._close()
+            self._disk.check()
+
+    def _close(self) -> None:
+        self._file.close()
+        self._disk.close()
 
     def _write(self) -> None:
         if self._waiting["time"]:
@@ -135,9 +154,11 @@ class RecordingWriter:
             self._file[name].resize(new, axis=0)
             known = name in rows or name not in _LATER
             self._file[name][old:new] = rows[name] if known else np.nan
+        self._disk.check()
 
     def _flush(self) -> None:
         self._file.flush()
+        self._disk.check()
         self._flushed = self._clock()
 
     def __enter__(self) -> RecordingWriter:

@@ -270,3 +270,13 @@ def test_blocks_cover_everything_once_with_consecutive_numbers(shape, most):
         assert all(s.start % c == 0 for s, c in zip(block.slices, chunk, strict=True))
         found += list(part.ravel())
     assert found == list(range(numbers.size))
+
+
+def test_repeats_need_no_more_words_than_a_number():
+    for spec in (5, {"from": 0, "to": 4}, {"from": 0, "to": 4, "count": 5}, [0, 1, 2, 3, 4]):
+        study = read_study({"schema": 1, "vary": {"speed": [0.05], "repeat": spec}})
+        assert study.design.columns(range(5))["repeat"] == [0, 1, 2, 3, 4]
+    sampled = {"kind": "latin-hypercube", "count": 8}
+    vary = {"stimulus": {"seed": {"from": 0, "to": 999}}}
+    study = read_study({"schema": 1, "design": sampled, "vary": vary})
+    assert all(type(v) is int for v in study.design.columns(range(8))["stimulus.seed"])

@@ -49,7 +49,7 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
     """Return the psychometric function of a session, and the adaptive method's own estimate."""
     settings, adaptive = result.design.forced_choice, result.design.adaptive
     x = [i for answered in result.answers if (i := answered.trial.intensity) is not None]
-    right = [bool(answered.right) for answered in result.answers]
+    right = [bool(answered.hit) for answered in result.answers]
     summary: dict[str, Any] = {
         "session": result.name, "complete": result.complete, "simulated": result.simulated,
         "trials": len(x), "right": float(np.mean(right)), "scale": settings.scale,
@@ -57,7 +57,7 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
     fit = None
     try:
         fit = fit_psychometric(
-            x, right, function=options.function, samples=options.samples,
+            x, right, guess=settings.guess, function=options.function, samples=options.samples,
             confidence=options.confidence, seed=options.seed,
         )  # fmt: skip
     except AsperityError as error:
@@ -78,7 +78,7 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
         tracks = staircases(result.design)
         for answered in result.answers:
             assert answered.trial.track is not None
-            tracks[answered.trial.track - 1].answer(bool(answered.right))
+            tracks[answered.trial.track - 1].answer(bool(answered.hit))
         summary["staircase"] = {
             "target": adaptive.target,
             "tracks": [

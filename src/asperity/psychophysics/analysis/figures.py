@@ -102,7 +102,8 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
     log = design.forced_choice.scale == "log"
     factor, label = _level_axis(design)
     x = np.array([answered.trial.intensity for answered in result.answers])
-    right = np.array([bool(answered.right) for answered in result.answers])
+    right = np.array([bool(answered.hit) for answered in result.answers])
+    signed = design.forced_choice.signed
     places, inverse = np.unique(np.round(x, 9), return_inverse=True)
     count = np.bincount(inverse)
     part = np.bincount(inverse, weights=right) / count
@@ -134,13 +135,14 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
             _log_range(axes, float(shown(fine[0])), float(shown(fine[-1])), "x")
         else:
             axes.set_xlim(float(shown(fine[0])), float(shown(fine[-1])))
-        axes.set_ylim(min(0.4, float(part.min()) - 0.06), 1.04)
+        axes.set_ylim(-0.04 if signed else min(0.4, float(part.min()) - 0.06), 1.04)
         axes.set_xlabel(label)
-        axes.set_ylabel("proportion right (area: trials)")
+        kind = "larger" if signed else "right"
+        axes.set_ylabel(f"proportion {kind} (area: trials)")
         axes.set_title(
             f"{result.name}: threshold {at:.3g} "
             f"({shown(fit.threshold.low):.3g} to {shown(fit.threshold.high):.3g}), "
-            f"{len(x)} trials"
+            f"{len(x)} trials" + ("; simulated" if result.simulated else "")
         )
         figure.tight_layout()
     return figure

@@ -67,8 +67,11 @@ def analyse_magnitudes(
     table = _table(logs)
     again = np.array([_session_mean(_drawn(logs, rng)) for _ in range(samples)])
     tails = [50.0 * (1.0 - confidence), 100.0 - 50.0 * (1.0 - confidence)]
-    low, high = np.nanpercentile(again, tails, axis=0)
-    mean = np.nanmean(table, axis=0)
+    mean = _session_mean(logs)
+    low, high = np.full((2, len(names)), np.nan)
+    known = np.isfinite(mean)
+    # A stimulus that only one of several sessions reached may lack in a sample.
+    low[known], high[known] = np.nanpercentile(again[:, known], tails, axis=0)
     usable = np.isfinite(values) & (values > 0.0) & np.isfinite(mean)
     fit, peak, exponent = None, None, None
     if np.count_nonzero(usable) >= LEAST_LEVELS:

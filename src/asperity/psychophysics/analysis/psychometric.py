@@ -44,21 +44,23 @@ class Psychometric:
         From F = 0.05 to F = 0.95, above 0.
     lapse : float
         How often an answer is wrong whatever the stimulus, 0 to 0.5.
-    guess : float
-        How often it is right whatever the stimulus; 0.5 of two intervals.
+    guess : float or None
+        How often it is right whatever the stimulus; 0.5 of two intervals. None: as often as it
+        lapses, so that psi = lapse + (1 - 2 lapse) F, where levels lie on both sides.
     function : {"logistic", "normal", "weibull"}
     """
 
     threshold: float
     width: float
     lapse: float = 0.0
-    guess: float = 0.5
+    guess: float | None = 0.5
     function: str = "weibull"
 
     def __post_init__(self) -> None:
         require_positive("width", self.width)
         require_between("lapse", self.lapse, 0.0, 0.5)
-        require_between("guess", self.guess, 0.0, 1.0)
+        if self.guess is not None:
+            require_between("guess", self.guess, 0.0, 1.0)
         require_choice("function", self.function, FUNCTIONS)
 
     def __call__(self, intensity: ArrayLike) -> Array:
@@ -69,7 +71,8 @@ class Psychometric:
 
     def at(self, right: float) -> float:
         """Return the intensity at which so many answers are right; NaN where there is none."""
-        part = (right - self.guess) / (1.0 - self.guess - self.lapse)
+        guess = self.lapse if self.guess is None else self.guess
+        part = (right - guess) / (1.0 - guess - self.lapse)
         if not 0.0 < part < 1.0:
             return float("nan")
         if self.function == "logistic":
@@ -86,7 +89,7 @@ def probability(
     threshold: ArrayLike,
     width: ArrayLike,
     lapse: ArrayLike,
-    guess: float,
+    guess: float | None,
     function: str,
 ) -> Array:
     """Return psi(x) of arrays that broadcast against each other."""
@@ -99,4 +102,6 @@ def probability(
         rising = np.asarray(ndtr(_NORMAL * z))
     else:
         rising = np.asarray(-np.expm1(-math.log(2.0) * np.exp(np.minimum(_WEIBULL * z, 300.0))))
-    return np.asarray(guess + (1.0 - guess - np.asarray(lapse, dtype=np.float64)) * rising)
+    lapses = np.asarray(lapse, dtype=np.float64)
+    chance = lapses if guess is None else guess
+    return np.asarray(chance + (1.0 - chance - lapses) * rising)

@@ -58,7 +58,7 @@ def fit_psychometric(
     intensities: ArrayLike,
     right: ArrayLike,
     *,
-    guess: float = 0.5,
+    guess: float | None = 0.5,
     function: str = "weibull",
     lapse: float | None = None,
     samples: int = 1000,
@@ -73,7 +73,8 @@ def fit_psychometric(
         Of each trial.
     right : (n,) array of bool
         Whether the answer was right.
-    guess : float
+    guess : float or None
+        As of `Psychometric`.
     function : str
         A key of `FUNCTIONS`.
     lapse : float, optional

@@ -43,7 +43,7 @@ class LikelihoodSearch:
     """
 
     def __init__(
-        self, x: Array, count: Array, guess: float, function: str, lapse: float | None
+        self, x: Array, count: Array, guess: float | None, function: str, lapse: float | None
     ) -> None:
         self._x, self._count, self._guess, self._function = x, count, guess, function
         span = float(x[-1] - x[0])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign, parse_design
+from asperity.psychophysics.interfaces.protocol import SIMULATED
 from asperity.psychophysics.session.journal import FILE, read_journal
 from asperity.psychophysics.session.trials import Answer, Trial
 
@@ -21,6 +22,11 @@ class AnsweredTrial:
     seconds: float
     measures: tuple[dict[str, float], ...]
     """Measures of the exploration of each interval."""
+
+    @property
+    def hit(self) -> bool | None:
+        """Whether the answer is the trial's target; None where there is none."""
+        return self.trial.is_target(self.answer)
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,8 @@ class SessionResult:
 
 def read_results(folder: Path) -> list[SessionResult]:
     """Return the sessions in a folder, or in folders below it, all of one experiment.
+
+    Sessions that a machine answered are left out where there are people's.
 
     Raises
     ------
@@ -68,6 +76,9 @@ def read_results(folder: Path) -> list[SessionResult]:
                 f"{place} belongs to another experiment, or another version of it, than "
                 f"{places[0]}; analyse them separately"
             )
+    people = [result for result in results if not result.simulated]
+    # What a machine answered never counts as data of people.
+    results = people if any(result.answers for result in people) else results
     answered = [result for result in results if result.answers]
     if not answered:
         raise AsperityError(f"{folder} has no answered trials other than practice")
@@ -91,5 +102,5 @@ def _result(folder: Path) -> SessionResult:
     return SessionResult(
         begin["participant"], begin["session"], parse_design(begin["document"], folder),
         begin["design"], tuple(a for a in answers if not a.trial.practice),
-        events[-1]["event"] == "end", any(event["by"] == "simulated" for event in given),
+        events[-1]["event"] == "end", any(event["by"] == SIMULATED for event in given),
     )  # fmt: skip

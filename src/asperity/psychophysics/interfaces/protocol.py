@@ -13,6 +13,8 @@ from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.procedures.procedures import seeds
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 
+SIMULATED = "simulated"
+"""Kind of interface of a machine that answers; all others are of persons."""
 _STREAM = 0x5EED
 """Separates the random numbers of the simulated participant from those of the procedure."""
 
@@ -84,14 +86,15 @@ class SimulatedInterface(ParticipantInterface):
     Random numbers depend only on the seeds and the number of the trial.
     """
 
-    kind = "simulated"
+    kind = SIMULATED
 
     def __init__(self, design: ExperimentDesign, participant: str = "", session: int = 1) -> None:
         self.settings = s = design.simulated
-        threshold = 0.0
+        threshold, guess = 0.0, None
         if design.method == "forced-choice":
             threshold = design.forced_choice.intensity(s.threshold)
-        self.truth = Psychometric(threshold, s.width, s.lapse, 0.5, s.function)
+            guess = design.forced_choice.guess
+        self.truth = Psychometric(threshold, s.width, s.lapse, guess, s.function)
         self._seed = [s.seed, _STREAM, *seeds(design, participant, session)]
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
@@ -113,9 +116,9 @@ class SimulatedInterface(ParticipantInterface):
         """
         rng = np.random.default_rng([*self._seed, trial.number])
         by_parameter = self.settings.rates == "parameter"
-        if by_parameter and trial.intensity is not None and trial.right is not None:
-            right = rng.random() < float(self.truth(trial.intensity))
-            return trial.right if right else 3 - trial.right
+        if by_parameter and trial.intensity is not None and trial.target is not None:
+            hit = rng.random() < float(self.truth(trial.intensity))
+            return trial.target if hit else 3 - trial.target
         magnitudes = [self._magnitude(trial, i, felt, rng) for i in range(len(trial.stimuli))]
         if trial.kind == "number":
             return float(f"{10.0 ** magnitudes[0]:.3g}")

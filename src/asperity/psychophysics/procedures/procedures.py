@@ -13,20 +13,20 @@ from collections.abc import Generator, Iterable
 
 import numpy as np
 
-from asperity.psychophysics.design import (
+from asperity.psychophysics.design import ExperimentDesign
+from asperity.psychophysics.procedures.questplus import QuestPlus, QuestPlusSettings
+from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
+from asperity.psychophysics.session.trials import Answer, Trial
+from asperity.psychophysics.settings import (
     ConstantSettings,
-    ExperimentDesign,
     MagnitudeSettings,
     PairsSettings,
     RankingSettings,
 )
-from asperity.psychophysics.procedures.questplus import QuestPlus, QuestPlusSettings
-from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
-from asperity.psychophysics.session.trials import Answer, Trial
 from asperity.psychophysics.stimuli import Stimulus
 
 Trials = Generator[Trial, bool | None, None]
-"""Yields trials; is sent whether the answer to each was right."""
+"""Yields trials; is sent whether the answer to each was its target."""
 
 
 class Procedure:
@@ -37,7 +37,7 @@ class Procedure:
     most : int
         Largest number of trials.
     trials : generator of Trial
-        Is sent whether the answer to each trial was right.
+        Is sent whether the answer to each trial was its target.
     """
 
     def __init__(self, most: int, trials: Trials) -> None:
@@ -51,7 +51,7 @@ class Procedure:
     def answer(self, trial: Trial, answer: Answer) -> None:
         """Record the answer to that trial."""
         try:
-            self._next = self._trials.send(trial.is_right(answer))
+            self._next = self._trials.send(trial.is_target(answer))
         except StopIteration:
             self._next = None
 
@@ -181,14 +181,18 @@ def _forced_choice(
     rng: np.random.Generator,
 ) -> Trial:  # fmt: skip
     settings, stimuli = design.forced_choice, design.stimuli
-    pair = [stimuli.level(settings.standard), stimuli.level(settings.comparison(level))]
+    values = [settings.standard, settings.comparison(level)]
     # The comparison is the second interval, or the first if the order is reversed.
-    right = 2 if settings.comparison_is_right else 1
+    compared = 2
     if rng.random() < 0.5:
-        pair, right = pair[::-1], 3 - right
+        values, compared = values[::-1], 1
+    more = settings.has_more(*values)
+    right = None if more is None else 1 if more else 2
+    target = compared if settings.comparison_is_target else 3 - compared
     return Trial(
-        number, "choice", tuple(pair), block, level, settings.intensity(level), right, track
-    )
+        number, "choice", tuple(map(stimuli.level, values)), block, level,
+        settings.intensity(level), right, track, target,
+    )  # fmt: skip
 
 
 def staircases(design: ExperimentDesign) -> list[Staircase]:
@@ -213,5 +217,5 @@ def quest_plus(design: ExperimentDesign) -> QuestPlus:
     low, high = settings.intensity(settings.low), settings.intensity(settings.high)
     return QuestPlus(
         np.linspace(low, high, adaptive.levels), np.linspace(low, high, adaptive.thresholds),
-        np.array(adaptive.widths), np.array(adaptive.lapses), 0.5, adaptive.function,
+        np.array(adaptive.widths), np.array(adaptive.lapses), settings.guess, adaptive.function,
     )  # fmt: skip

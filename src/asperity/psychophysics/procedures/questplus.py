@@ -80,7 +80,8 @@ class QuestPlus:
         Intensities to choose from.
     thresholds, widths, lapses : array
         Values of the parameters; the grid is their product.
-    guess : float
+    guess : float or None
+        None: equal to the lapse rate.
     function : str
     prior : (thresholds, widths, lapses) array, optional
         Default: uniform.
@@ -90,7 +91,7 @@ class QuestPlus:
     thresholds: Array
     widths: Array
     lapses: Array
-    guess: float = 0.5
+    guess: float | None = 0.5
     function: str = "weibull"
     prior: Array | None = None
     posterior: Array = field(init=False)

@@ -22,6 +22,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+from asperity._core.lock import lock_file
 from asperity.errors import AsperityError, OutputError
 
 FILE = "journal.jsonl"
@@ -106,16 +107,10 @@ class Journal:
 
     def _lock(self) -> None:
         """Lock the file against other processes, where the system supports it."""
-        try:
-            import fcntl
-        except ImportError:  # Windows
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        if lock_file(self._file) is False:
             raise OutputError(
                 f"{self.path} is in use by another process, in which the session is running"
-            ) from None
+            )
 
     def _recovered(self) -> tuple[list[dict[str, Any]], int]:
         """Return the events so far and the size; put aside what is torn."""

@@ -27,13 +27,19 @@ from asperity import __version__
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError, OutputError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Paused, Progress
+from asperity.psychophysics.interfaces.protocol import (
+    SIMULATED,
+    ParticipantInterface,
+    Paused,
+    Progress,
+)
 from asperity.psychophysics.procedures.procedures import Procedure, procedure
 from asperity.psychophysics.session.journal import Journal
 from asperity.psychophysics.session.presenters import Presenter, private_files
 from asperity.psychophysics.session.tables import write_tables
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.scene.document import write_toml
+from asperity.studies.sweeps.batch import machine
 
 SCHEMA = 1
 RECORDINGS = "recordings"
@@ -117,7 +123,6 @@ class Session:
         events = self.journal.events
         if events:
             self._resume(list(events), digests)
-            self.journal.append("resume", time=self._time(), version=__version__)
         else:
             self.journal.append(
                 "begin", schema=SCHEMA, time=self._time(), version=__version__, **digests,
@@ -172,14 +177,24 @@ class Session:
         sleep : callable
             Waits between intervals [s].
         """
+        trial = self.procedure.next()
+        if trial is not None:
+            self._refuse_mixed(interface)
         with private_files():
             try:
-                trial = self.procedure.next()
                 if trial is not None:
+                    self.journal.append(
+                        "run", time=self._time(), version=__version__, by=interface.kind,
+                        machine=machine(),
+                    )  # fmt: skip
                     interface.welcome(self.design, self.progress)
                 while trial is not None:
                     self.do(trial, presenter, interface, sleep)
                     trial = self.procedure.next()
+            except OutputError as error:
+                raise OutputError(
+                    f"{error}; all {self.answers} answers are kept, and the same command resumes"
+                ) from None
             except Paused:
                 self.journal.append("pause", time=self._time())
                 return SessionOutcome(self.folder, self.answers, self.procedure.most, False)
@@ -189,6 +204,18 @@ class Session:
             self.journal.append("end", time=self._time(), answers=self.answers)
         interface.over(f"That was the last of {self.answers} trials. Thank you.")
         return SessionOutcome(self.folder, self.answers, self.answers, True)
+
+    def _refuse_mixed(self, interface: ParticipantInterface) -> None:
+        """Raise if a person is to go on with a machine's session, or the other way round."""
+        for event in self.journal.events:
+            if event["event"] in ("run", "answer") and (
+                (event["by"] == SIMULATED) != (interface.kind == SIMULATED)
+            ):
+                one, other = ("a machine", "a person")[:: 1 if event["by"] == SIMULATED else -1]
+                raise AsperityError(
+                    f"{self.folder} is a session of {one}, in which {other} cannot answer; "
+                    "give another --participant, such as TEST for --simulate, or --session"
+                )
 
     def do(
         self, trial: Trial, presenter: Presenter, interface: ParticipantInterface,

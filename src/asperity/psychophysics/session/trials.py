@@ -31,9 +31,13 @@ class Trial:
     level, intensity : float, optional
         In a forced choice, the level of the comparison, and the same on the intensity scale.
     right : int, optional
-        The interval, from 1, that is the correct answer.
+        The interval, from 1, that is the correct answer, by the physical stimuli; None where they
+        are equal, or where there is none.
     track : int, optional
         Interleaved staircase to which it belongs, from 1.
+    target : int, optional
+        The answer that gets more frequent as the level rises: the right one, or where levels lie on
+        both sides of the standard the choice of the comparison as larger.
     """
 
     number: int
@@ -44,6 +48,7 @@ class Trial:
     intensity: float | None = None
     right: int | None = None
     track: int | None = None
+    target: int | None = None
 
     @property
     def practice(self) -> bool:
@@ -92,6 +97,10 @@ class Trial:
     def is_right(self, answer: Answer) -> bool | None:
         """Return whether an answer is right, or None if there is no right answer."""
         return None if self.right is None else answer == self.right
+
+    def is_target(self, answer: Answer) -> bool | None:
+        """Return whether an answer is the target, or None if there is none."""
+        return None if self.target is None else answer == self.target
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from asperity.studies.sweeps.store import require_packages
 
 _PATIENCE = 60.0
 """Longest wait for a scheduler and its first worker [s]."""
+_SILENT = logging.CRITICAL + 1
 _LEAN = {
     "distributed.worker.profile.enabled": False,
     "distributed.scheduler.active-memory-manager.start": False,
@@ -103,15 +104,18 @@ def _quiet() -> Iterator[None]:
     """Silence Dask's log messages about workers that come and go."""
     # Tornado's messages about closed connections help nobody; they stay silenced.
     logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
-    loud = logging.getLogger("distributed")
-    before = loud.level
-    loud.setLevel(logging.CRITICAL)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        loud.setLevel(before)
+    # Dask gives some of its loggers levels of their own.
+    names = [n for n in logging.root.manager.loggerDict if n.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(_SILENT)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+    # After an error they stay silenced: a client whose scheduler went away prints tracebacks of
+    # its connections until the process ends.
+    for name, level in before.items():
+        logging.getLogger(name).setLevel(level)
 
 
 def count_cores(client: Any) -> int:

@@ -107,7 +107,7 @@ class SweepDesign:
         }
 
 
-def read_variation(key: str, spec: Any, folder: Path) -> Variation:
+def read_variation(key: str, spec: Any, folder: Path, whole: bool = False) -> Variation:
     """Read and check how one parameter varies.
 
     Parameters
@@ -119,8 +119,12 @@ def read_variation(key: str, spec: Any, folder: Path) -> Variation:
         `values`; `choose`; `folder` with `pattern`.
     folder : Path
         Folder to which relative paths refer.
+    whole : bool
+        Whether the parameter takes whole numbers only; then a number n stands for 0 to n - 1.
     """
     where = f"vary.{key}"
+    if whole and type(spec) is int and 1 <= spec <= MOST:
+        spec = {"from": 0, "to": spec - 1, "count": spec} if spec > 1 else [0]
     if isinstance(spec, list):
         spec = {"values": spec}
     if not isinstance(spec, Mapping):
@@ -138,7 +142,7 @@ def read_variation(key: str, spec: Any, folder: Path) -> Variation:
         if name != form and name not in goes_with:
             raise AsperityError(f"{where}.{name} does not go with {where}.{form}")
     if form == "from":
-        return _range(key, spec, where)
+        return _range(key, {"whole": whole} | dict(spec), where)
     values = _files(where, spec, folder) if form == "folder" else spec[form]
     if not isinstance(values, list) or not values:
         raise AsperityError(f"{where}.{form} must be a list of at least one value, got {values!r}")
@@ -236,6 +240,8 @@ def read_design(
         raise AsperityError(
             f"design.count is for sampled designs; the values determine that of a {kind}"
         )
+    if kind in ("grid", "list"):
+        variations = [_every(v) for v in variations]
     drawn = [v for v in variations if v.drawn]
     fixed = [v for v in variations if not v.drawn]
     fixed.sort(key=lambda v: v.key.startswith(tuple(inner)))
@@ -254,6 +260,14 @@ def read_design(
     if design.size > MOST:
         raise AsperityError(f"the study has {design.size} combinations; valid: {MOST} at most")
     return design
+
+
+def _every(variation: Variation) -> Variation:
+    """Return a range of whole numbers as all of them, and others as they are."""
+    if not (variation.drawn and variation.whole) or variation.high - variation.low >= MOST:
+        return variation
+    values = list(range(int(variation.low), int(variation.high) + 1))
+    return variation._replace(values=values, drawn=False)
 
 
 def _together(axes: Sequence[Axis]) -> Axis:

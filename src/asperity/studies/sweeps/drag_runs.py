@@ -38,6 +38,7 @@ _RANDOM = ("dots", "self-affine")
 """Surfaces that have a seed."""
 INNER = ("normal_force", "speed", "hand.", "band")
 """Prefixes of parameters that leave the slope table as it is, so that neighbours share it."""
+WHOLE = ("repeat", "stimulus.seed")
 BATCH = (16, 1024)
 """Least and largest number of combinations in a block; each takes about a millisecond."""
 _UNITS = {"band": "Hz", "repeat": "1", "stimulus.seed": "1"}

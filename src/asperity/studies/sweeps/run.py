@@ -138,9 +138,8 @@ def run_sweep(
             results.sessions.append(session_facts() | {"where": where, "ended": None})
             results.write_sessions()
             begun = time.perf_counter()
-            machines = _write_outcomes(results, outcomes, states, progress)
-            facts = {"ended": now(), "computed": computed, "machines": sorted(machines)}
-            results.sessions[-1] |= facts
+            _write_outcomes(results, outcomes, states, progress)
+            results.sessions[-1] |= {"ended": now(), "computed": computed}
             results.write_sessions()
         seconds = time.perf_counter() - begun
         counts = _progress_of(states)
@@ -179,8 +178,8 @@ def _write_outcomes(
     outcomes: Iterator[tuple[Job, BatchOutcome]],
     states: NDArray[np.int8],
     progress: ReportProgress,
-) -> set[str]:
-    """Write each block as soon as it is complete, and note it in `states`; return the machines.
+) -> None:
+    """Write each block as soon as it is complete, and note it in `states`.
 
     A block in which only some combinations waited keeps its other results.
     """
@@ -190,7 +189,11 @@ def _write_outcomes(
     before = int(np.count_nonzero(states))
     for job, outcome in outcomes:
         block = job.block
-        machines.add(outcome.machine)
+        if outcome.machine not in machines:
+            # Kept at once: a sweep that is broken off has them too.
+            machines.add(outcome.machine)
+            store.sessions[-1]["machines"] = sorted(machines)
+            store.write_sessions()
         results = incomplete.pop(block.first, None)
         if results is None and states[block.places].any():
             results = store.read(block)
@@ -212,7 +215,6 @@ def _write_outcomes(
                 "%d of %d combinations, %d failed; %.3g per second, %.0f s to go",
                 known, current.total, current.failed, rate, (current.total - known) / rate,
             )  # fmt: skip
-    return machines
 
 
 def _progress_of(states: NDArray[np.int8], note: str = "") -> SweepProgress:

@@ -26,6 +26,7 @@ from asperity.studies.sweeps.study import Runner
 
 INNER = ("trajectory.", "force.", "coupling.", "hand", "dt")
 """Prefixes of parameters that leave the bodies of the scene as they are."""
+WHOLE = ("repeat",)
 BATCH = (1, 4)
 """Least and largest number of combinations in a block; each takes seconds."""
 SEEDS = ("scene", "content")

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity._core.lock import locked
 from asperity._core.output import output_errors
 from asperity.errors import AsperityError, OutputError
 from asperity.studies.sweeps.batch import (
@@ -211,23 +212,21 @@ def open_store(
     """
     require_packages("zarr")
     path = Path(os.path.realpath(path))
-    if path.exists() and not is_store(path):
-        if not path.is_dir() or any(path.iterdir()):
-            raise OutputError(f"{path} is no store of a sweep; give another one with --out")
-        path.rmdir()
-    with output_errors(path), ExitStack() as stack:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.exists():
-            create_store(path, study, block_size)
-        elif overwrite:
-            with _locked(path):
+    taken = f"another sweep writes to {path}; wait for it, or give another store with --out"
+    with ExitStack() as stack:
+        with output_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            # Locked before it is made: of sweeps that begin at once, one goes on.
+            stack.enter_context(locked(path, taken))
+            if path.exists() and not is_store(path):
+                if not path.is_dir() or any(path.iterdir()):
+                    raise OutputError(f"{path} is no store of a sweep; give another one with --out")
+                path.rmdir()
+            if overwrite or not path.exists():
                 create_store(path, study, block_size)
-        stack.enter_context(_locked(path))
-        _check_origin(path, study, any_version)
-        store = SweepStore(path, study)
-        lock = stack.pop_all()
-    # An OSError of the caller's block is not one of the store.
-    with lock:
+            _check_origin(path, study, any_version)
+            store = SweepStore(path, study)
+        # An OSError of the caller's block is not one of the store.
         yield store
 
 
@@ -257,29 +256,6 @@ def _check_origin(path: Path, study: SweepStudy, any_version: bool) -> None:
             f"{path} was begun by {found['program']}; this is {program()}: give --any-version "
             "to mix them, or --overwrite to begin anew"
         )
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Lock a store against a second writer. The operating system releases it with the process."""
-    try:
-        import fcntl
-    except ImportError:  # Windows: a second writer is not detected
-        yield
-        return
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(
-                f"another sweep writes to {path}; wait for it, or give another store with --out"
-            ) from None
-        except OSError:
-            pass  # some network file systems have no locks
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def open_sweep(path: str | Path) -> xr.Dataset:

@@ -71,6 +71,8 @@ class StudyKind(Protocol):
     NUMBERS: dict[str, tuple[str, str]]
     """What can be kept of a combination: name -> (unit, label)."""
     DEFAULT_KEEP: tuple[str, ...]
+    WHOLE: tuple[str, ...]
+    """Parameters that are whole numbers."""
 
     def checked(self, values: Mapping[str, Any], where: str, folder: Path) -> dict[str, Any]:
         """Return values with dotted keys in the types of their parameters; refuse invalid ones."""
@@ -207,7 +209,8 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
             raise AsperityError(f"{key} is under fixed and under vary; remove one of them")
     require_keys(varied, "vary", [*of.KEYS, *(k for k in varied if k.startswith("bodies."))])
     variations = [
-        _checked(read_variation(key, spec, folder), of, folder) for key, spec in varied.items()
+        _checked(read_variation(key, spec, folder, key in of.WHOLE), of, folder)
+        for key, spec in varied.items()
     ]
     of.check_together(keep, fixed, {v.key: v.extremes for v in variations}, folder)
     design = read_design(document.get("design", {}), variations, of.INNER)
