@@ -25,7 +25,7 @@ def test_a_study_leaves_figures_data_and_claims(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["--amplitude-mm", "0.05", "--hand.mass-kg", "0.1", "--metric", "band_rms"]
     assert main(["study", "diameter", *QUICK, *options, "--out", str(out)]) == 0
-    names = {path.name for path in out.iterdir()}
+    names = {path.name for path in out.glob("[!.]*")}
     assert names == {
         "diameter.png", "diameter.svg", "diameter_metrics.png", "diameter_metrics.svg",
         "diameter.nc", "claims.json",

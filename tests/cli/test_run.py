@@ -21,7 +21,7 @@ def test_a_run_leaves_numbers_a_recording_and_figures(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["--speed-mm-s", "120", "--force-n", "0.4", "--anti-alias", "band"]
     assert main(["run", "probe-plate", *QUICK, *options, "--out", str(out)]) == 0
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.glob("[!.]*")} == FILES
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     recording = read_recording(out / "recording.h5")
     assert summary["ticks"] == len(recording.time) == 201
@@ -150,7 +150,7 @@ def test_a_run_straight_from_meshes_and_an_image(meshes, tmp_path, capsys):
     assert summary["contacts"]["ticks_in_contact"] > 25
     assert any("no size for rough.png" in note for note in summary["notes"])
     assert "no size for rough.png" in capsys.readouterr().out
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.glob("[!.]*")} == FILES
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,76 @@
 
 import pytest
 
-from asperity._core.output import result_folder, write_whole
+from asperity._core.output import growing_folder, result_folder, write_page, write_whole
 from asperity.errors import OutputError
 
 
 def entries(folder):
-    return sorted(path.name for path in folder.iterdir())
+    return sorted(path.name for path in folder.glob("[!.]*"))
+
+
+def write(folder, overwrite=False, **files):
+    with result_folder(folder, overwrite=overwrite) as fresh:
+        for name, text in files.items():
+            (fresh / name).write_text(text)
+
+
+def test_results_are_replaced_by_those_of_the_same_command_again(tmp_path):
+    write(tmp_path / "out", a="1", b="1")
+    write(tmp_path / "out", a="2", c="2")
+    assert entries(tmp_path / "out") == ["a", "c"]
+    assert (tmp_path / "out" / "a").read_text() == "2"
+    write(tmp_path / "out", a="3")
+    assert entries(tmp_path / "out") == ["a"]
+    assert entries(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("name", ["a", "mine"])
+def test_what_somebody_changed_or_added_is_not_replaced(tmp_path, name):
+    write(tmp_path / "out", a="1")
+    (tmp_path / "out" / name).write_text("mine")
+    words = "was changed since" if name == "a" else "was not written by asperity"
+    with pytest.raises(OutputError, match=f"not empty, and {name} in it {words}"):
+        write(tmp_path / "out", a="2", c="2")
+    assert (tmp_path / "out" / name).read_text() == "mine"
+    assert "c" not in entries(tmp_path / "out")
+
+
+def test_a_changed_file_outlives_overwriting_others(tmp_path):
+    write(tmp_path / "out", a="1", b="1")
+    (tmp_path / "out" / "b").write_text("mine, and longer")
+    write(tmp_path / "out", overwrite=True, c="2")
+    assert entries(tmp_path / "out") == ["b", "c"]
+    assert (tmp_path / "out" / "b").read_text() == "mine, and longer"
+
+
+def test_folders_in_results_are_replaced_too(tmp_path):
+    for text in ("1", "2"):
+        with result_folder(tmp_path / "out") as fresh:
+            (fresh / f"in{text}").mkdir()
+            (fresh / f"in{text}" / "x").write_text(text)
+    assert entries(tmp_path / "out") == ["in2"]
+
+
+def test_recordings_are_never_replaced_unasked(tmp_path):
+    names = []
+    for _ in range(3):
+        folder = growing_folder(tmp_path / "out")
+        (folder / "recording.h5").write_text("felt")
+        names.append(folder.name)
+    assert names == ["out", "out-2", "out-3"]
+    assert growing_folder(tmp_path / "out", overwrite=True).name == "out"
+
+
+def test_a_page_is_replaced_if_it_is_asperitys(tmp_path):
+    page = tmp_path / "report.html"
+    write_page(page, "one")
+    write_page(page, "two")
+    page.write_text("somebody's")
+    with pytest.raises(OutputError, match="exists; give --overwrite"):
+        write_page(page, "three")
+    write_page(page, "three", overwrite=True)
+    assert page.read_text() == "three"
 
 
 def test_a_good_block_leaves_its_files_and_nothing_else(tmp_path):
@@ -37,7 +101,7 @@ def test_nothing_is_overwritten_unasked(tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("1")
     with (
-        pytest.raises(OutputError, match="not empty; give --overwrite"),
+        pytest.raises(OutputError, match="not empty, and mine in it was not written by asperity; give --overwrite"),
         result_folder(tmp_path / "out"),
     ):
         pass

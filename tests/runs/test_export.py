@@ -137,7 +137,7 @@ def test_the_command_leaves_all_files(recording, tmp_path, capsys):
         main(["export", str(recording), "--start", "1", "--seconds", "2", "--out", str(out)]) == 0
     )
     told = capsys.readouterr().out
-    assert {file.name for file in out.iterdir()} == {
+    assert {file.name for file in out.glob("[!.]*")} == {
         "recording.csv", "acceleration.wav", "traces.png", "spectrum.png",
     }  # fmt: skip
     assert "2000 ticks" in told

@@ -274,7 +274,7 @@ class TestFromFiles:
             1e3 * 8e-3 * 8e-3 * 30e-3, rel=1e-4
         )
         scene.save(tmp_path / "saved")
-        assert {p.name for p in (tmp_path / "saved").iterdir()} == {
+        assert {p.name for p in (tmp_path / "saved").glob("[!.]*")} == {
             "scene.xml", "scene.toml", "bar.obj", "slab.obj", "rough.png",
         }  # fmt: skip
         again = load_scene(tmp_path / "saved")

@@ -13,22 +13,26 @@ from typing import Any
 
 from asperity.errors import OutputError
 
+_LIST = ".asperity.json"
+"""File in a result folder that lists the files that asperity wrote there."""
+
 
 @contextmanager
 def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Give a fresh folder to write files into; they come to stand in `folder` when all went well.
 
-    If the block raises or is interrupted, nothing new is left behind. With `overwrite`, files of
-    the same names are replaced; whatever else stands in `folder` stays.
+    If the block raises or is interrupted, nothing new is left behind. Files that a former call
+    wrote, and nobody changed since, are replaced. With `overwrite`, all files of the same names
+    are; whatever else stands in `folder` stays.
 
     Raises
     ------
     OutputError
-        `folder` is no folder, holds something and `overwrite` is false, or cannot be written.
+        `folder` is no folder, holds something else and `overwrite` is false, or cannot be written.
     """
     folder = Path(os.path.realpath(folder))
     with output_errors(folder), ExitStack() as undo:
-        _refuse_taken(folder, overwrite)
+        _refuse_foreign(folder, overwrite)
         for parent in reversed(folder.parents):
             if not parent.exists():
                 parent.mkdir()
@@ -43,13 +47,33 @@ def result_folder(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
 def growing_folder(folder: Path, *, overwrite: bool = False) -> Path:
     """Return a folder for results that are worth having before they are whole: recordings.
 
-    It is made if need be. Otherwise as `result_folder`.
+    It is made if need be. What a person has felt is not replaced unasked: if the folder holds
+    something, and not `overwrite`, it is the next free one, `folder-2` and so on.
     """
     folder = Path(os.path.realpath(folder))
     with output_errors(folder):
-        _refuse_taken(folder, overwrite)
+        _refuse_file(folder)
+        name = folder.name
+        tries = (folder.with_name(f"{name}-{n}") for n in range(2, 10**6))
+        while not overwrite and folder.exists() and (folder.is_file() or any(folder.iterdir())):
+            folder = next(tries)
         folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def write_page(page: Path, text: str, *, overwrite: bool = False) -> None:
+    """Write a page into a folder of other things, as `result_folder` writes files."""
+    refuse_foreign_page(page, overwrite=overwrite)
+    write_whole(page, text)
+    files = _written_files(page.parent) | {page.name: _state(page)}
+    write_whole(page.parent / _LIST, json.dumps({"files": files}) + "\n")
+
+
+def refuse_foreign_page(page: Path, *, overwrite: bool = False) -> None:
+    """Raise `OutputError` if a page exists that asperity did not write, or that was changed."""
+    if page.exists() and not overwrite:
+        if _written_files(page.parent).get(page.name) != _state(page):
+            raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
 
 
 @contextmanager
@@ -61,14 +85,49 @@ def output_errors(path: Path) -> Iterator[None]:
         raise OutputError(f"cannot write to {path}: {error.strerror or error}") from None
 
 
-def _refuse_taken(folder: Path, overwrite: bool) -> None:
+def _refuse_file(folder: Path) -> None:
     nearest = next(path for path in (folder, *folder.parents) if path.exists())
     if not nearest.is_dir():
         raise OutputError(
             f"cannot write to {folder}: {nearest} is a file; give a folder with --out"
         )
-    if nearest == folder and any(folder.iterdir()) and not overwrite:
-        raise OutputError(f"{folder} is not empty; give --overwrite, or another folder with --out")
+
+
+def _refuse_foreign(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that holds anything but unchanged results of asperity's."""
+    _refuse_file(folder)
+    if overwrite or not folder.is_dir():
+        return
+    written = _written_files(folder)
+    for path in sorted(_files_in(folder)):
+        state = written.get(path)
+        if state != _state(folder / path):
+            what = "was not written by asperity" if state is None else "was changed since"
+            raise OutputError(
+                f"{folder} is not empty, and {path} in it {what}; give --overwrite, or another "
+                "folder with --out"
+            )
+
+
+def _files_in(folder: Path) -> list[str]:
+    """Return the files in a folder and below, relative to it, without the list of them."""
+    paths = (path.relative_to(folder) for path in folder.rglob("*") if not path.is_dir())
+    return [path.as_posix() for path in paths if path.as_posix() != _LIST]
+
+
+def _written_files(folder: Path) -> dict[str, list[int]]:
+    """Return the files that asperity wrote into a folder, and the state they were left in."""
+    try:
+        files = json.loads((folder / _LIST).read_text("utf-8"))["files"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}
+    return files if isinstance(files, dict) else {}
+
+
+def _state(file: Path) -> list[int]:
+    """Return size and time of change of a file; a changed file has another."""
+    state = file.lstat()
+    return [state.st_size, state.st_mtime_ns]
 
 
 def _remove_if_empty(folder: Path) -> None:
@@ -77,16 +136,31 @@ def _remove_if_empty(folder: Path) -> None:
 
 
 def _move_in(fresh: Path, folder: Path) -> None:
-    """Give `fresh` the name `folder`, or, where that stands already, move its files there."""
+    """Move the files in `fresh` into `folder`, and remove those of the last time."""
+    new = _files_in(fresh)
+    for name in new:
+        if (folder / name).is_dir():
+            raise OutputError(f"{folder / name} is a folder in the way of a file")
+    old = _written_files(folder)
+    states = {name: _state(fresh / name) for name in new}
+    # A file of the last time that was changed since is the user's.
+    gone = [name for name in old if name not in states and _is_unchanged(folder / name, old[name])]
+    kept = {name: state for name, state in old.items() if name not in gone}
+    (fresh / _LIST).write_text(json.dumps({"files": kept | states}) + "\n", "utf-8")
     if not folder.exists():
         fresh.rename(folder)
         return
-    files = list(fresh.iterdir())
-    for file in files:
-        if (folder / file.name).is_dir():
-            raise OutputError(f"{folder / file.name} is a folder in the way of a file")
-    for file in files:
-        file.replace(folder / file.name)
+    for name in [*new, _LIST]:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (fresh / name).replace(folder / name)
+    for name in gone:
+        (folder / name).unlink()
+        if (folder / name).parent != folder:
+            _remove_if_empty((folder / name).parent)
+
+
+def _is_unchanged(file: Path, state: list[int]) -> bool:
+    return file.exists() and _state(file) == state
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from asperity.cli.options import command
-from asperity.errors import OutputError
 
 
 @command
@@ -30,7 +29,7 @@ class DemoCommand:
         import time
 
         start = time.perf_counter()
-        from asperity._core.output import result_folder, write_whole
+        from asperity._core.output import refuse_foreign_page, result_folder, write_page
         from asperity.cli.data_files import measured_folder
         from asperity.cli.demo_pipeline import run_demo, steps
         from asperity.cli.progress import compile_notice, progress_bars
@@ -39,8 +38,7 @@ class DemoCommand:
         from asperity.studies.otaduy_lin_2004.studies import StudySettings
 
         page = self.out / "report.html"
-        if page.exists() and not self.overwrite:
-            raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
+        refuse_foreign_page(page, overwrite=self.overwrite)
         data, settings = measured_folder(self.data), StudySettings()
         loading = time.perf_counter() - start
         drags, rubs, ticks = steps(settings)
@@ -61,7 +59,7 @@ class DemoCommand:
                 "loading the libraries": loading, **results.seconds,
                 "all": time.perf_counter() - start,
             }  # fmt: skip
-            write_whole(page, report_page(results))
+            write_page(page, report_page(results), overwrite=self.overwrite)
         held = sum(claim["holds"] for claim in results.claims)
         print(
             f"{page}: {held} of {len(results.claims)} claims hold; "

@@ -113,10 +113,12 @@ def run_on_device(
     spec: ServoSpec, out: Path, *, source: str, figures: bool, overwrite: bool
 ) -> dict[str, Any]:
     """Run a session with a progress line; print and return its summary."""
+    from asperity._core.output import growing_folder
     from asperity.cli.progress import progress_bars
     from asperity.realtime.servo.session import run_session
 
     scene = spec.scene
+    out = out.with_name(growing_folder(out, overwrite=overwrite).name)
     with progress_bars() as bars:
         task = bars.add_task(f"{scene.name}: starting", total=spec.seconds)
 
@@ -133,7 +135,7 @@ def run_on_device(
             bars.update(task, description=f"{scene.name}: {ready['device']}")
 
         summary = run_session(
-            spec, out, source=source, figures=figures, overwrite=overwrite,
+            spec, out, source=source, figures=figures, overwrite=True,
             on_moment=show, on_start=begun,
         )  # fmt: skip
     print_session(summary, out)

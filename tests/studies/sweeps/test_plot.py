@@ -95,7 +95,7 @@ def test_noise_explains_nothing():
 def test_the_command_writes_what_it_says(grid, tmp_path, capsys):
     path = grid[0]
     assert main(["plot", str(path), "--out", str(tmp_path / "p"), "--view", "effects"]) == 0
-    assert {f.name for f in (tmp_path / "p").iterdir()} == {
+    assert {f.name for f in (tmp_path / "p").glob("[!.]*")} == {
         "band_rms_effects.png", "band_rms_effects.svg",
     }  # fmt: skip
     assert "band_rms effects" in capsys.readouterr().out
