@@ -71,9 +71,10 @@ def write_page(page: Path, text: str, *, overwrite: bool = False) -> None:
 
 def refuse_foreign_page(page: Path, *, overwrite: bool = False) -> None:
     """Raise `OutputError` if a page exists that asperity did not write, or that was changed."""
-    if page.exists() and not overwrite:
-        if _written_files(page.parent).get(page.name) != _state(page):
-            raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
+    if not page.exists() or overwrite:
+        return
+    if _written_files(page.parent).get(page.name) != _state(page):
+        raise OutputError(f"{page} exists; give --overwrite, or another folder with --out")
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
 
 
 @command
@@ -70,10 +71,9 @@ class BakeCommand:
         report = baked.report
         columns, rows = report["texture_size"]
         error = report["error_um"]
-        print(
+        line = (
             f"{self.out}: {report['full_faces']:,} triangles reduced to {report['faces']:,} and "
             f"{columns} x {rows} heights in {report['seconds']:.1f} s; error {error['rms']:.3g} "
             f"um rms, at most {error['max']:.4g} um; coverage {100 * report['coverage']:.4g} %"
         )
-        for note in report["notes"]:
-            print(f"  {note}")
+        print_result([line, *(f"  {note}" for note in report["notes"])], report)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from asperity.cli.options import command
+from asperity.cli.result import print_result
 
 
 @command
@@ -61,7 +62,8 @@ class DemoCommand:
             }  # fmt: skip
             write_page(page, report_page(results), overwrite=self.overwrite)
         held = sum(claim["holds"] for claim in results.claims)
-        print(
+        print_result(
             f"{page}: {held} of {len(results.claims)} claims hold; "
-            f"took {time.perf_counter() - start:.1f} s"
+            f"took {time.perf_counter() - start:.1f} s",
+            {"report": page, "claims": results.claims, "seconds": results.seconds},
         )

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import textwrap
 from dataclasses import dataclass
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import command
+from asperity.cli.result import print_result
 from asperity.errors import AsperityError, require_choice
+
+_WIDTHS = (17, 11, 20, 32)
+"""Of the columns of the table of devices."""
 
 
 @command
@@ -40,21 +46,26 @@ class DevicesCommand:
     def _list(self) -> None:
         from asperity.realtime.devices.catalogue import backend_statuses, is_calibrated
 
-        print(f"{'NAME':17}{'INSTALLED':11}{'ATTACHED':20}WHAT IT IS")
-        found = backend_statuses()
-        for finding in found:
-            entry = finding.entry
-            installed = "yes" if finding.installed else "no"
-            print(
-                f"{entry.name:17}{installed:11}{finding.attached[:19]:20}{entry.description[:32]}"
-            )
-        print()
-        for finding in found:
-            if finding.advice:
-                print(f"{finding.entry.name}: {finding.advice}")
-        calibrated = [f.entry.name for f in found if is_calibrated(f.entry.name)]
+        found = [
+            {
+                "name": status.entry.name,
+                "installed": status.installed,
+                "attached": status.attached,
+                "what": status.entry.description,
+                "advice": status.advice,
+                "calibrated": is_calibrated(status.entry.name),
+            }
+            for status in backend_statuses()
+        ]
+        lines = _row("NAME", "INSTALLED", "ATTACHED", "WHAT IT IS")
+        for one in found:
+            installed = "yes" if one["installed"] else "no"
+            lines += _row(str(one["name"]), installed, str(one["attached"]), str(one["what"]))
+        lines += ["", *(f"{one['name']}: {one['advice']}" for one in found if one["advice"])]
+        calibrated = [str(one["name"]) for one in found if one["calibrated"]]
         if calibrated:
-            print(f"calibrated: {', '.join(calibrated)}")
+            lines.append(f"calibrated: {', '.join(calibrated)}")
+        print_result(lines, found)
 
     def _check(self) -> None:
         from asperity.realtime.devices.calibration import save_calibration
@@ -76,6 +87,15 @@ class DevicesCommand:
             return
         path = save_calibration(self.name, outcome.calibration)
         print(f"saved {path}")
+
+
+def _row(*cells: str) -> list[str]:
+    """Return a row of the table, 80 columns wide, as lines: what is longer goes on below."""
+    wrapped = [textwrap.wrap(cell, width - 1) for cell, width in zip(cells, _WIDTHS, strict=True)]
+    return [
+        "".join(f"{part:{width}}" for part, width in zip(line, _WIDTHS, strict=True)).rstrip()
+        for line in itertools.zip_longest(*wrapped, fillvalue="")
+    ]
 
 
 def _ask(request: str) -> None:

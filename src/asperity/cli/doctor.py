@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from asperity import __version__
+from asperity.cli.result import print_result
 
 _PACKAGES = (
     "mujoco", "numba", "numpy", "scipy", "xarray", "h5netcdf", "h5py", "matplotlib", "tyro", "rich",
@@ -27,8 +28,8 @@ class DoctorCommand:
 
     def run(self) -> None:
         """Print the report."""
-        for subject, finding in report():
-            print(f"{subject + ':':16}{finding}")
+        found = report()
+        print_result([f"{subject + ':':16}{finding}" for subject, finding in found], dict(found))
 
 
 def report() -> list[tuple[str, str]]:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command
+from asperity.cli.result import print_result
 
 
 @command
@@ -58,9 +59,10 @@ class ExportCommand:
                         figure.savefig(folder / f"{name}.png")
                         written.append(f"{name}.png")
                 prescribed = traces is not None and export.is_prescribed(data)
-        print(f"{self.out}: {', '.join(written)}")
+        lines = [f"{self.out}: {', '.join(written)}"]
         if prescribed:
-            print(
+            lines.append(
                 "  the tool followed a prescribed motion and could not yield, so its acceleration "
                 "and the sound contain no texture; record with asperity run SCENE --hand"
             )
+        print_result(lines, {"out": self.out, "files": written, "prescribed": prescribed})

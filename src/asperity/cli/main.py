@@ -34,6 +34,7 @@ from asperity.cli.options import check_ranges
 from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
 from asperity.cli.record import RecordCommand, ReplayCommand
+from asperity.cli.result import set_json
 from asperity.cli.run import RunCommand
 from asperity.cli.sound import SoundCommand
 from asperity.cli.stability import StabilityCommand
@@ -79,6 +80,8 @@ class Arguments:
     command: Annotated[COMMANDS, tyro.conf.arg(name="")]
     log_level: LogLevel = "warning"
     """Least severe messages that are printed on stderr."""
+    json: bool = False
+    """Print the result as JSON, in SI units."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -116,6 +119,7 @@ def _run(arguments: list[str]) -> int:
         return parsed
     logging.basicConfig(format="asperity: %(message)s")
     logging.getLogger("asperity").setLevel(parsed.log_level.upper())
+    set_json(parsed.json)
     check_ranges(parsed.command)
     parsed.command.run()
     return 0
@@ -177,7 +181,9 @@ def _parse(arguments: list[str]) -> Arguments | int:
 
 
 def _global_first(arguments: list[str]) -> list[str]:
-    """Return the arguments with --log-level moved in front of the command."""
+    """Return the arguments with --log-level and --json moved in front of the command."""
+    if "--json" in arguments:
+        return ["--json", *_global_first([word for word in arguments if word != "--json"])]
     for at, word in enumerate(arguments):
         name, equals, _ = word.partition("=")
         if name == "--log-level":

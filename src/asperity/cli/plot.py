@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import command
+from asperity.cli.result import print_result
 
 
 @command
@@ -57,4 +58,5 @@ class PlotCommand:
             + (f" and {view.y}" if view.y else "") + (f", {view.colour}" * bool(view.colour))
             for view in views
         )  # fmt: skip
-        print(f"{self.out}: {drawn}")
+        figures = [f"{view.metric}_{view.kind}" for view in views]
+        print_result(f"{self.out}: {drawn}", {"out": self.out, "figures": figures})

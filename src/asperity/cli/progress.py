@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -9,10 +11,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+FIRST_LINE, LINES = 2.0, 10.0
+"""Without a terminal: time until the first line, and between lines [s]."""
+
 
 @contextmanager
 def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
-    """Give a display to which tasks are added; it shows nothing if stderr is not a terminal.
+    """Give a display to which tasks are added, bars on a terminal, and else a line now and then.
 
     With `remaining` it also estimates the remaining time.
     """
@@ -37,7 +42,36 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
         columns += [TextColumn("left"), TimeRemainingColumn()]
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=not console.is_terminal) as display:
-        yield display
+        if console.is_terminal:
+            yield display
+            return
+        with _lines(display):
+            yield display
+
+
+@contextmanager
+def _lines(display: Progress) -> Iterator[None]:
+    """Print the state of the newest unfinished task on stderr, from a thread, until the end."""
+    ended = threading.Event()
+
+    def tell() -> None:
+        wait = FIRST_LINE
+        while not ended.wait(wait):
+            wait = LINES
+            open_tasks = [task for task in list(display.tasks) if not task.finished]
+            if open_tasks:
+                task = open_tasks[-1]
+                share = f", {task.percentage:.0f} %" if task.total else ""
+                what = " ".join(task.description.split())
+                print(f"asperity: {what}{share}", file=sys.stderr, flush=True)
+
+    thread = threading.Thread(target=tell, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def compile_notice(what: str, module: str, function: str) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from asperity.cli.options import Range, command
+from asperity.cli.result import print_result
 from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def run_on_device(
 def print_session(summary: dict[str, Any], out: Path) -> None:
     """Print the summary of a session in a few lines."""
     timing, safety, recorder = summary["timing"], summary["safety"], summary["recorder"]
-    print(
+    line = (
         f"{out}: {summary['trajectory']['seconds']:.1f} s on {summary['trajectory']['device']}, "
         f"{timing['ticks']} ticks, {timing['misses']} missed ({timing['misses_percent']:.2g} %), "
         f"{timing['fallbacks']} fallbacks ({timing['fallbacks_percent']:.2g} %), "
@@ -154,14 +155,11 @@ def print_session(summary: dict[str, Any], out: Path) -> None:
         f"{summary['passivity']['interventions']}, clamped forces {safety['clamped_force']}, "
         f"silences {safety['silences']}; ended: {summary['ended']}"
     )
-    for error in (safety["last_error"], recorder["error"]):
-        if error:
-            print(f"  {error}")
-    for request, answer in summary["real_time"].items():
-        if answer.startswith("refused"):
-            print(f"  {request}: {answer}")
-    for note in summary["notes"]:
-        print(f"  {note}")
+    refused = summary["real_time"].items()
+    more = [error for error in (safety["last_error"], recorder["error"]) if error]
+    more += [f"{asked}: {answer}" for asked, answer in refused if answer.startswith("refused")]
+    more += summary["notes"]
+    print_result([line, *(f"  {one}" for one in more)], summary)
 
 
 def with_coupling(scene: Scene, mode: str | None) -> Scene:

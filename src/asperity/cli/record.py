@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
+from asperity.cli.result import print_result
 
 
 @command
@@ -120,11 +121,12 @@ class ReplayCommand:
             write_figures(done, take_pictures(done, scene), folder)
         difference = done.summary["replay"]
         device, contact = difference["device_wrench"], difference["contact_wrench"]
-        print(
+        print_result(
             f"{out}: {difference['ticks']} ticks of {file} in {scene.name}; the device force "
             f"differs by at most {device['largest_force_n']:.3g} N (at {device['at_s']:.3f} s), "
             f"{device['rms_force_n']:.3g} N rms, and by at most "
             f"{device['largest_force_untouched_n']:.3g} N in the {difference['ticks_untouched']} "
             f"ticks without passivity correction or limit; the contact force differs by at most "
-            f"{contact['largest_force_n']:.3g} N"
+            f"{contact['largest_force_n']:.3g} N",
+            difference,
         )

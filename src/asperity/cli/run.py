@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from asperity.cli.motion import motion_of
 from asperity.cli.options import Range, command, in_si
 from asperity.cli.realtime_run import DeviceOptions
+from asperity.cli.result import print_result
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
@@ -251,9 +252,6 @@ class RunCommand:
         active = (
             f"; texture anti-aliased ({aliasing['mode']}) in {aliasing['ticks_active']} ticks"
             if aliasing["ticks_active"]
-            else "; texture too fast for the tick rate in "
-            f"{aliasing['ticks_too_fast_and_off']} ticks: see --anti-alias"
-            if aliasing["ticks_too_fast_and_off"]
             else ""
         )
         hand = summary["hand"]
@@ -263,11 +261,10 @@ class RunCommand:
             if hand
             else ""
         )
-        print(
+        line = (
             f"{self.out}: {summary['ticks']} ticks, median {us['median']:.0f} us, "
             f"p99 {us['p99']:.0f} us; at most {summary['largest_force_n']:.3g} N and "
             f"{summary['largest_torque_n_m'] * 1e3:.3g} mN m; {status['certified']} of {contacts} "
             f"depths certified{active}{held}"
         )
-        for note in summary["notes"]:
-            print(f"  {note}")
+        print_result([line, *(f"  {note}" for note in summary["notes"])], summary)

@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
 
 
 @command
@@ -49,7 +50,8 @@ class SoundCommand:
                 "seconds": sound.samples.size / sound.rate, "full_scale_m_per_s2": sound.gain,
             }  # fmt: skip
             write_json(folder / "sound.json", facts)
-        print(
+        print_result(
             f"{self.out / 'sound.wav'}: {sound.source}; full scale is {sound.gain:.3g} m/s², "
-            f"{facts['seconds']:.2f} s at {sound.rate} Hz"
+            f"{facts['seconds']:.2f} s at {sound.rate} Hz",
+            facts,
         )

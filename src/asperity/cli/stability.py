@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
+
+if TYPE_CHECKING:
+    from asperity.scene.scene import Scene
+    from asperity.studies.stability.measure import Stability
+
+_USUAL = 1000.0
+"""Rate that the answer is about, or the measured one that is nearest [Hz]."""
 
 
 @command
@@ -64,9 +72,30 @@ class StabilityCommand:
         smooth = result.plain / result.bound
         textured = result.textured / result.bound
         symptoms = result.symptoms[scene.coupling.mode]
-        print(
+        details = (
             f"{self.out}: largest stable stiffness {smooth.min():.2f} to {smooth.max():.2f} of "
             f"2 b / T without texture, at least {textured.min():.2g} with; contact stiffness up to "
             f"{result.raised.max():.3g} k; {scene.coupling.mode} coupling: buzzing "
             f"{symptoms.buzzing * 1e3:.3g} mN, aliveness {symptoms.aliveness * 1e3:.3g} mN"
         )
+        print_result([verdict(result, scene), details], summary(result, scene))
+
+
+def verdict(result: Stability, scene: Scene) -> str:
+    """Return in one sentence which stiffness is safe, and whether that of the scene is."""
+    settings, own = result.settings, scene.force.stiffness
+    row = min(range(len(settings.rates)), key=lambda i: abs(settings.rates[i] - _USUAL))
+    limits = dict(zip(settings.dampings, result.textured[row], strict=True))
+    safe = [damping for damping, limit in limits.items() if own <= limit]
+    if len(safe) == len(limits):
+        answer = "is below that for all of these dampings"
+    elif safe:
+        answer = f"is below that from a damping of {min(safe):g} N s/m on, and unstable with less"
+    else:
+        answer = "is above that for all of these dampings, so it would be unstable"
+    stable = ", ".join(f"{limit:.3g}" for limit in limits.values())
+    dampings = ", ".join(f"{damping:g}" for damping in limits)
+    return (
+        f"{scene.name} at {1e-3 * settings.rates[row]:g} kHz is stable up to {stable} N/m with a "
+        f"damping of {dampings} N s/m; the scene's {own:.4g} N/m {answer}"
+    )

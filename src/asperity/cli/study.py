@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
 from asperity.errors import require_choice
 
 if TYPE_CHECKING:
@@ -122,4 +123,7 @@ class StudyCommand:
                 }
             claims = write_studies(results, self.metric, folder)
         held = sum(claim["holds"] for claim in claims)
-        print(f"{out}: {', '.join(names)}; {held} of {len(claims)} claims hold (see claims.json)")
+        print_result(
+            f"{out}: {', '.join(names)}; {held} of {len(claims)} claims hold (see claims.json)",
+            {"out": out, "studies": list(names), "claims": claims},
+        )

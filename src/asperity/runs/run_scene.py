@@ -26,6 +26,8 @@ from asperity.simulation.tool_contact import BUDGET_SPENT, CUT_SHORT, SUB_POSES,
 
 _CERTIFIED = 0.99
 """Share of certified depths below which a run has a note."""
+_LATE = 0.01
+"""Share of ticks longer than the period from which on a run has a note."""
 _ROWS = 256
 """Ticks that go into the recording at once."""
 _LINE = {"radius", "turning"}
@@ -204,11 +206,38 @@ def summary_of(scene: Scene, trajectory: dict[str, Any], rollout: Rollout) -> di
             "ticks_beyond_budget": flagged(BUDGET_SPENT),
             "ticks_too_fast_and_off": flagged(TOO_FAST),
         },
-        "notes": [*scene.notes, *_doubts(scene, rollout)],
+        "notes": [*scene.notes, *_doubts(scene, rollout, dt)],
     }
 
 
-def _doubts(scene: Scene, rollout: Rollout) -> list[str]:
+def _doubts(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
+    """Return what lowers the worth of a run, each with what helps."""
+    late = int(np.count_nonzero(rollout.tick_seconds > dt))
+    notes = [*_uncertified(scene, rollout), *_too_fast(scene, rollout, dt)]
+    if late > _LATE * len(rollout.time):
+        notes.append(
+            f"{late} of {len(rollout.time)} ticks took longer than a tick lasts, {1e3 * dt:.3g} "
+            "ms: a device would not be served in time; take a coarser texture or mesh, or a lower "
+            "rate"
+        )
+    return notes
+
+
+def _too_fast(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
+    """Return a note if texture passes too fast for the tick, and is not anti-aliased."""
+    ticks = int(np.count_nonzero(rollout.flags & TOO_FAST))
+    if ticks == 0:
+        return []
+    moved = np.linalg.norm(np.diff(rollout.tool_pose[:, :3], axis=0), axis=1)
+    fastest = f" at up to {1e3 * moved.max() / dt:.3g} mm/s" if moved.size else ""
+    return [
+        f"in {ticks} ticks the texture, whose shortest wave is "
+        f"{1e3 * scene.shortest_wavelength:.3g} mm, passed{fastest}, more than half a wave in a "
+        f"tick at {1.0 / dt:.4g} Hz: see --anti-alias"
+    ]
+
+
+def _uncertified(scene: Scene, rollout: Rollout) -> list[str]:
     """Return a note if less than 99 % of the depths are certified."""
     certified, total = int(rollout.statuses[0]), int(rollout.statuses.sum())
     if certified >= _CERTIFIED * total:

@@ -1,0 +1,48 @@
+"""The result of a command on stdout: a few lines for people, or JSON with `--json`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+_as_json = False
+
+
+def set_json(wanted: bool) -> None:
+    """Set whether `print_result` prints JSON."""
+    global _as_json
+    _as_json = wanted
+
+
+def print_result(lines: str | Iterable[str], data: Any) -> None:
+    """Print the result of a command: its lines, or its data as one JSON document.
+
+    Parameters
+    ----------
+    lines : str or iterable of str
+    data : dict or list
+        Of numbers, texts and arrays, in SI units; NaN and infinite numbers become null.
+    """
+    if _as_json:
+        print(json.dumps(_plain(data), indent=2, ensure_ascii=False))
+        return
+    for line in [lines] if isinstance(lines, str) else lines:
+        print(line)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON can hold it."""
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(one) for one in value]
+    if hasattr(value, "tolist"):  # arrays and scalars of NumPy, which is slow to import
+        return _plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
