@@ -31,3 +31,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             continue
         if item.path.relative_to(here).as_posix().startswith(_WAITING):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.fixture(autouse=True)
+def no_lines_of_progress(monkeypatch):
+    """Keep progress off stderr: how long a test takes depends on the machine."""
+    monkeypatch.setattr("asperity.cli.progress.FIRST_LINE", 1e6)

@@ -32,8 +32,12 @@ def test_a_scan_is_baked_and_run(tmp_path, capsys):
     with Image.open(out / "picture.png") as picture:
         assert min(picture.size) > 800
         assert len(np.unique(np.asarray(picture.convert("L")))) > 100
+    # The same again replaces its own, but nothing that was added.
+    (out / "notes.txt").write_text("mine")
     assert main(arguments) == 2
-    assert "not empty; give --overwrite" in capsys.readouterr().err
+    assert "notes.txt in it was not written by asperity" in capsys.readouterr().err
+    (out / "notes.txt").unlink()
+    assert main(arguments) == 0
     run = ["run", str(out), "--seconds", "0.05", "--out", str(tmp_path / "run")]
     assert main(run) == 0
     summary = json.loads((tmp_path / "run" / "summary.json").read_text("utf-8"))

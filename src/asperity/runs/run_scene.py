@@ -213,14 +213,14 @@ def summary_of(scene: Scene, trajectory: dict[str, Any], rollout: Rollout) -> di
 def _doubts(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
     """Return what lowers the worth of a run, each with what helps."""
     late = int(np.count_nonzero(rollout.tick_seconds > dt))
-    notes = [*_uncertified(scene, rollout), *_too_fast(scene, rollout, dt)]
+    notes = _too_fast(scene, rollout, dt)
     if late > _LATE * len(rollout.time):
         notes.append(
             f"{late} of {len(rollout.time)} ticks took longer than a tick lasts, {1e3 * dt:.3g} "
             "ms: a device would not be served in time; take a coarser texture or mesh, or a lower "
             "rate"
         )
-    return notes
+    return notes + _uncertified(scene, rollout)
 
 
 def _too_fast(scene: Scene, rollout: Rollout, dt: float) -> list[str]:
