@@ -101,7 +101,7 @@ def test_nothing_is_overwritten_unasked(tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("1")
     with (
-        pytest.raises(OutputError, match="not empty, and mine in it was not written by asperity; give --overwrite"),
+        pytest.raises(OutputError, match="mine in it was not written by asperity; give --"),
         result_folder(tmp_path / "out"),
     ):
         pass
