@@ -157,7 +157,7 @@ def print_session(summary: dict[str, Any], out: Path) -> None:
     )
     refused = summary["real_time"].items()
     more = [error for error in (safety["last_error"], recorder["error"]) if error]
-    more += [f"{asked}: {answer}" for asked, answer in refused if answer.startswith("refused")]
+    more += [f"{request}: {answer}" for request, answer in refused if answer.startswith("refused")]
     more += summary["notes"]
     print_result([line, *(f"  {one}" for one in more)], summary)
 
