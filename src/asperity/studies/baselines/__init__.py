@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from asperity.errors import require_choice
 from asperity.studies.baselines import (
     asperity_laws,
+    choi_tan,
     contact_levels,
     convex_pieces,
     full_meshes,
     local_minimum_distances,
     offset_sphere,
+    point_methods,
     recorded_vibration,
     voxmap,
 )
@@ -21,9 +23,12 @@ METHODS: dict[str, Method] = {
     method.name: method
     for method in (
         asperity_laws.ASPERITY,
-        asperity_laws.MINSKY,
-        asperity_laws.HO,
-        asperity_laws.SIIRA_PAI,
+        point_methods.MINSKY,
+        point_methods.HO,
+        point_methods.SIIRA_PAI,
+        choi_tan.FIXED,
+        choi_tan.NORMAL,
+        choi_tan.GOD_OBJECT,
         voxmap.FULL,
         voxmap.LOW,
         contact_levels.CONTACT_LEVELS,

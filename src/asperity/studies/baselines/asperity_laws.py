@@ -81,26 +81,3 @@ ASPERITY = SolverMethod(
     "central differences by the exact gradient.",
     "otaduy-lin",
 )
-MINSKY = SolverMethod(
-    "minsky",
-    "Minsky",
-    "Minsky 1995",
-    "Her lateral force acts in a plane, without a normal force; here the depth times the stiffness "
-    "is its gain.",
-    "minsky",
-)
-HO = SolverMethod(
-    "ho",
-    "Ho et al.",
-    "Ho, Basdogan & Srinivasan 1999",
-    "Without their haptic interaction point's path along the surface (a god object with friction); "
-    "the formula is recalled, not read in the source.",
-    "ho",
-)
-SIIRA_PAI = SolverMethod(
-    "siira-pai",
-    "Siira & Pai",
-    "Siira & Pai 1996",
-    "The noise has one deviation over the normal force; theirs is fitted to a measured surface.",
-    "siira-pai",
-)
