@@ -65,8 +65,10 @@ def test_over_the_relief_nothing_is_felt_also_below_the_crests():
 
 def nearest(x, z, start):
     """Return the place of the wave nearest to (x, z), descending from `start`."""
+
     def away(u):
         return (u[0] - x) ** 2 * 1e8 + (height(u[0]) - z) ** 2 * 1e8
+
     found = optimize.minimize(away, [start], method="Nelder-Mead",
                               options={"xatol": 1e-11, "fatol": 1e-16})  # fmt: skip
     return float(found.x[0])
@@ -98,7 +100,9 @@ def test_the_god_objects_force_is_the_gradient_of_an_energy_and_the_fixed_one_is
     work = {}
     for method in (FIXED, GOD_OBJECT):
         renderer = method.prepare(scene)
-        force = np.array([renderer.wrench(pose_at(scene, *at)).force for at in zip(x, z)])
+        force = np.array(
+            [renderer.wrench(pose_at(scene, *at)).force for at in zip(x, z, strict=True)]
+        )
         work[method.law] = float(np.sum(force[:, [0, 2]] * step))
     # Green: the integral of -dFz/dx = -K h' over the ellipse.
     area = np.pi * 1e-4 * 5e-5

@@ -121,8 +121,8 @@ def test_flat_contact_is_a_spring(name):
     for scene in (stimuli.ball_on_plate().smooth(), stimuli.foot_on_plate().smooth(),
                   load_scene("probe-plate").smooth()):  # fmt: skip
         renderer = METHODS[name].prepare(scene)
-        pose = scene.start.copy()
-        poses = [pose + [0.0, 0.0, -down, 0.0, 0.0, 0.0, 0.0] for down in (0.0, 4e-4, 5e-4)]
+        poses = np.tile(scene.start, (3, 1))
+        poses[:, 2] -= [0.0, 4e-4, 5e-4]
         above, one, two = (renderer.wrench(at) for at in poses)
         assert above.contacts == 0
         rise = (two.force - one.force) / (two.depth - one.depth)

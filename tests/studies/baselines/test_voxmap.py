@@ -11,9 +11,11 @@ from scipy import ndimage
 
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.studies.baselines import voxmap
-from asperity.studies.baselines.displaced_surfaces import area, displaced_surface
+from asperity.studies.baselines.displaced_surfaces import area, displaced_surface, spacing_for
 from asperity.studies.baselines.placement import Standing
+from asperity.studies.baselines.voxels import fill_layers
 from asperity.studies.baselines.voxmap import Pointshell, Voxmap, VoxmapRenderer
 from asperity.studies.comparison import stimuli
 from asperity.texture.patterns.patterns import sinusoid
@@ -150,3 +152,79 @@ def test_a_sheet_without_inside_and_a_textured_plane_without_end_are_refused():
         voxmap.build_voxmap(Body("thin", [Geom("box", (5e-3, 5e-3, 1e-4))]), 5e-3)
     plane = Body("ground", [Geom("plane", (0.0, 0.0))], sinusoid(wavelength=2e-3, amplitude=1e-4))
     assert "textured unbounded plane" in str(voxmap.finite_reason(plane))
+
+
+def test_layers_are_the_nearest_integers_of_exact_distances():
+    inside = np.random.default_rng(5).random((23, 17, 40)) < 0.97
+    inside[[0, -1]] = inside[:, [0, -1]] = inside[:, :, [0, -1]] = False
+    codes = np.zeros(inside.shape, np.uint8)
+    fill_layers(inside, np.empty(inside.shape, np.int32), codes)
+    exact = ndimage.distance_transform_edt(inside)
+    assert exact.max() > 3.0
+    np.testing.assert_array_equal(codes, inside * (1 + np.floor(exact + 0.5)))
+
+
+HALF = tuple(0.5 * side for side in stimuli.PLATE)
+
+
+def plate_of_cells(n):
+    """Return the plate as a mesh whose faces have n x n cells, or n along its thickness."""
+    points, faces = [], []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        lines = [np.linspace(-HALF[i], HALF[i], n + 1) for i in (u, v)]
+        for sign in (-1.0, 1.0):
+            first = sum(map(len, points))
+            face = np.empty((n + 1, n + 1, 3))
+            face[..., axis] = sign * HALF[axis]
+            face[..., u], face[..., v] = np.meshgrid(*lines, indexing="ij")
+            points.append(face.reshape(-1, 3))
+            i, j = (k.ravel() + 0 for k in np.meshgrid(range(n), range(n), indexing="ij"))
+            a = first + i * (n + 1) + j
+            b, c, d = a + n + 1, a + n + 2, a + 1
+            both = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+            faces.append(both if sign > 0.0 else both[:, ::-1])
+    vertices, number = np.unique(np.round(np.concatenate(points), 12), axis=0, return_inverse=True)
+    mesh = mesh_from_arrays(vertices, number.ravel()[np.concatenate(faces)])
+    return Body("plate", [Geom("mesh", HALF)], mesh=mesh)
+
+
+def plate_of_boxes(boxes):
+    bodies = stimuli.ball_on_plate(boxes=boxes).smooth().bodies
+    return next(body for body in bodies if body.name == "plate")
+
+
+PLATES = {f"{n}x{n} cells": (plate_of_cells, n) for n in (1, 2, 4, 8, 16, 32)}
+PLATES |= {f"{n} boxes": (plate_of_boxes, n) for n in (1, 4)}
+
+
+@pytest.mark.parametrize("plate", PLATES)
+@pytest.mark.parametrize("size", [1e-4, 2.5e-4])
+def test_a_flat_foot_feels_the_law_in_its_middle_however_the_plate_is_made(plate, size):
+    make, parts = PLATES[plate]
+    body = make(parts)
+    grid = voxmap.build_voxmap(body, size)
+    foot = next(b for b in stimuli.foot_on_plate().smooth().bodies if b.name == "probe")
+    # The middle of the voxels in which the top lies.
+    middle = grid.corner[2] + (math.floor((HALF[2] - grid.corner[2]) / size) + 0.5) * size
+    for points in (500, 1000, 2000, 4000):
+        pitch = spacing_for(foot, points)
+        shell = voxmap.build_pointshell(displaced_surface(foot, 0.5 * pitch, smooth=True), pitch)
+        there = Standing(body, np.eye(3), np.zeros(3))
+        one = VoxmapRenderer(shell, [(grid, there)], np.zeros(3), K)
+        sole = np.count_nonzero(shell.normals[:, 2] < -0.99)
+        for depth in (1.5e-4, 3e-4):
+            felt = one.wrench(at(0.0, 0.0, HALF[2] + stimuli.FOOT[2] - depth))
+            # Points of the sides touch too and push inwards: they count in N, not in the force.
+            law = K * sole * (middle - HALF[2] + depth) * 10.0 / felt.contacts
+            assert felt.force[2] == pytest.approx(law, rel=0.05)
+            centre = np.array([-felt.torque[1], felt.torque[0]]) / felt.force[2]
+            assert np.abs(centre).max() < 5e-5
+            # Opposite sides cancel but for where their points lie in the voxels.
+            assert np.abs(felt.force[:2]).max() < 0.1 * felt.force[2]
+
+
+def test_the_plates_voxels_do_not_depend_on_its_cells():
+    codes = [voxmap.build_voxmap(plate_of_cells(n), 1e-4).codes for n in (1, 8, 32)]
+    for other in codes[1:]:
+        np.testing.assert_array_equal(codes[0], other)

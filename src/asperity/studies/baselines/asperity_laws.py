@@ -1,12 +1,10 @@
-"""Asperity's own model and the point laws of its contact solver, as methods.
+"""Asperity's own model, and any other force law of its contact solver, as methods.
 
 *asperity*: Otaduy & Lin (2004), `F = k w delta m` at the deepest place of the two textured
-surfaces, by certified depths and exact gradients; see `contact.response`.
+surfaces, by certified depths and exact gradients; see `contact.response`. The point methods with
+their authors' own contact are in `point_methods` and `choi_tan`.
 
-*Minsky* (1995), *Ho, Basdogan & Srinivasan* (1999) and *Siira & Pai* (1996) take the texture at the
-one point where the smooth tool is deepest; see `contact.response` for their formulas.
-
-All four run without anti-aliasing: they return the wrench at the pose, not a mean over the tick.
+It runs without anti-aliasing: it returns the wrench at the pose, not a mean over the tick.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from asperity.errors import require_choice
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.point_methods import PointMethod
-from asperity.studies.baselines.point_probe import PointProbe, Touch
+from asperity.studies.baselines.point_probe import PointProbe, PointTouch
 from asperity.studies.baselines.protocol import NOTHING, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ class ChoiTanRenderer(Renderer):
             direction = direction / np.linalg.norm(direction)
         return self.probe.wrench(pose, touch, touch.stiffness * depth * direction, depth)
 
-    def _follow(self, touch: Touch) -> Array:
+    def _follow(self, touch: PointTouch) -> Array:
         """Return the place of the textured surface nearest to p, from where it was before."""
         foot, low = touch.foot, -touch.depth
         at = np.zeros(2) if self.god_object is None else touch.tangents @ (self.god_object - foot)
@@ -99,9 +99,9 @@ class ChoiTanRenderer(Renderer):
             gradient = at + over * relief.gradient
             bend = np.eye(2) + np.outer(relief.gradient, relief.gradient) + over * relief.hessian
             # Newton's step where the distance is convex, else down its gradient.
-            step = -gradient
+            step: Array = -gradient
             if bend[0, 0] > 0.0 and np.linalg.det(bend) > 0.0:
-                step = -np.linalg.solve(bend, gradient)
+                step = np.asarray(-np.linalg.solve(bend, gradient), np.float64)
             length = float(np.linalg.norm(step))
             if length > stride:
                 step *= stride / length

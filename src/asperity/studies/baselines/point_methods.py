@@ -10,8 +10,8 @@ the contact's stiffness k. h is the texture's height and grad h its slope at the
 She has no normal force; here it is that of the smooth contact, k d n, and has no part in the
 lateral force. K is a force [N] per unit slope.
 
-*Ho, Basdogan & Srinivasan* (1999). A god object, their ideal haptic interface point (IHIP), follows p
-along the smooth surface. The force is a spring from p to it, whose part along n is perturbed:
+*Ho, Basdogan & Srinivasan* (1999). A god object, their ideal haptic interface point (IHIP), follows
+p along the smooth surface. The force is a spring from p to it, whose part along n is perturbed:
 
     M = (n - grad h) / |n - grad h|
     F_n = k ((d - K h) n + K h M)  if d >= K h,  else  k d M
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from asperity.geometry.bodies import Body
 from asperity.scene.scene import Scene
-from asperity.studies.baselines.point_probe import PointProbe, Touch, point_reason
+from asperity.studies.baselines.point_probe import PointProbe, PointTouch, point_reason
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class IdealPoint:
         self.place: Array | None = None
         """Where it is [m], world axes, (3,); None without contact."""
 
-    def lag(self, touch: Touch) -> Array:
+    def lag(self, touch: PointTouch) -> Array:
         """Move it after p; return the vector (3,) from the foot of p to it [m], at most mu d."""
         if touch.depth <= 0.0:
             self.place = None
@@ -86,7 +86,7 @@ class PointRenderer(Renderer):
         """Forget all previous poses."""
         self.probe.reset()
         self.ideal = IdealPoint()
-        self._last: Touch | None = None
+        self._last: PointTouch | None = None
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
@@ -103,7 +103,7 @@ class PointRenderer(Renderer):
         return self.probe.wrench(pose, touch, self.force(touch, moved), touch.depth)
 
     @abstractmethod
-    def force(self, touch: Touch, moved: Array) -> Array:
+    def force(self, touch: PointTouch, moved: Array) -> Array:
         """Return the force (3,) [N], p having `moved` (3,) [m] along the surface in this tick."""
 
 
@@ -114,7 +114,7 @@ class MinskyRenderer(PointRenderer):
         super().__init__(scene, dt)
         self._gain, self._damping = gain, damping
 
-    def force(self, touch: Touch, moved: Array) -> Array:
+    def force(self, touch: PointTouch, moved: Array) -> Array:
         """Return the force (3,) [N]."""
         slope = touch.relief(touch.foot).gradient @ touch.tangents
         push = touch.stiffness * touch.depth * touch.normal
@@ -128,7 +128,7 @@ class HoRenderer(PointRenderer):
         super().__init__(scene, dt)
         self._gain = scene.force.ho_gain
 
-    def force(self, touch: Touch, moved: Array) -> Array:
+    def force(self, touch: PointTouch, moved: Array) -> Array:
         """Return the force (3,) [N]."""
         lag, field = self.ideal.lag(touch), touch.there.body.texture
         relief = touch.relief(touch.foot)
@@ -154,7 +154,7 @@ class SiiraPaiRenderer(PointRenderer):
         super().reset()
         self._random = np.random.default_rng(self.seed)
 
-    def force(self, touch: Touch, moved: Array) -> Array:
+    def force(self, touch: PointTouch, moved: Array) -> Array:
         """Return the force (3,) [N]."""
         push, pull = touch.stiffness * touch.depth, touch.stiffness * self.ideal.lag(touch)
         length = float(np.linalg.norm(moved))

@@ -47,7 +47,7 @@ class Relief(NamedTuple):
     """Of h along the two tangents [1/m], (2, 2)."""
 
 
-class Touch(NamedTuple):
+class PointTouch(NamedTuple):
     """The point p at a pose. Vectors are in world axes."""
 
     there: Standing
@@ -92,7 +92,7 @@ def point_reason(scene: Scene) -> str | None:
     """Return why a point-based method cannot render a scene, or None."""
     for body in scene.bodies:
         if body.mesh is not None:
-            return f"made for a point on simple solids, and {body.name} is a mesh"
+            return f"a law of one point on simple solids, and {body.name} is a mesh"
     _, others = tool_and_others(scene)
     for body in others:
         if body.texture is not None and body.mapping != "planar":
@@ -133,7 +133,7 @@ class PointProbe:
         self._stiffness = force.stiffness
         self._solver = ContactSolver(model, bodies, scene.tool, force)
 
-    def touch(self, pose: Array) -> Touch | None:
+    def touch(self, pose: Array) -> PointTouch | None:
         """Return p at a pose (7,), None if it is nowhere near."""
         self._solver.wrench(pose, 0.0)
         contacts = self._solver.contacts
@@ -143,7 +143,7 @@ class PointProbe:
         i = int(np.argmax(contacts.depth[:count]))
         number = int(contacts.body[i])
         normal = contacts.normal[i].copy()
-        return Touch(
+        return PointTouch(
             self._standing[self._names[number]],
             contacts.point[i].copy(),
             normal,
@@ -153,7 +153,7 @@ class PointProbe:
             float(contacts.friction[i]),
         )
 
-    def wrench(self, pose: Array, touch: Touch, force: Array, depth: float) -> MethodWrench:
+    def wrench(self, pose: Array, touch: PointTouch, force: Array, depth: float) -> MethodWrench:
         """Return a force (3,) [N] at p as a wrench; nothing if its depth [m] is not above 0."""
         if depth <= 0.0:
             return NOTHING
@@ -171,7 +171,7 @@ def _raised(body: Body, by: float) -> Body:
     for geom in body.geoms:
         if geom.kind == "plane":
             up = rotation_of(geom.quaternion)[:, 2]
-            geoms.append(replace(geom, position=np.asarray(geom.position) + by * up))
+            geoms.append(replace(geom, position=(geom.position + by * up).tolist()))
         else:
             size = [side + by if side > 0.0 else side for side in geom.size]
             # The half length of a capsule is that of its axis.

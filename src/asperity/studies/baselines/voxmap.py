@@ -41,11 +41,11 @@ from asperity.studies.baselines.displaced_surfaces import (
     displaced_surface,
     finite_reason,
     is_unbounded,
-    points_between,
     spacing_for,
 )
 from asperity.studies.baselines.placement import Standing, place_bodies
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
+from asperity.studies.baselines.voxels import fill_layers, mark_triangles
 
 Array = NDArray[np.float64]
 SUMMED = 10
@@ -99,12 +99,12 @@ def build_voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
     """
     if is_unbounded(body):
         return Voxmap(np.zeros((0, 0, 0), np.uint8), np.zeros(3), size)
-    points = points_between(displaced_surface(body, 0.5 * size, smooth=smooth), 0.5 * size)
+    surface = displaced_surface(body, size, smooth=smooth)
     # An odd fraction of a voxel, so that flat faces do not lie between two layers.
-    corner = points.min(axis=0) - (_EDGE + 0.37) * size
-    at = ((points - corner) / size).astype(np.int64)
-    shell = np.zeros(at.max(axis=0) + 2 + _EDGE, bool)
-    shell[tuple(at.T)] = True
+    corner = surface.points.min(axis=0) - (_EDGE + 0.37) * size
+    shape = ((surface.points.max(axis=0) - corner) / size).astype(np.int64) + 2 + _EDGE
+    shell = np.zeros(shape, bool)
+    mark_triangles(surface.points, surface.faces, corner, size, shell)
     free, _ = ndimage.label(~shell)
     inside = ~shell & (free != free[0, 0, 0])
     if not inside.any():
@@ -112,9 +112,9 @@ def build_voxmap(body: Body, size: float, *, smooth: bool = False) -> Voxmap:
             f"body {body.name!r} encloses no voxel of {1e3 * size:.3g} mm: its surface is open, or "
             "thinner than that"
         )
-    layers = np.rint(ndimage.distance_transform_edt(inside))
-    codes = shell + inside * np.minimum(1.0 + layers, 255.0)
-    return Voxmap(codes.astype(np.uint8), corner, size)
+    codes = shell.astype(np.uint8)
+    fill_layers(inside, np.empty(shape, np.int32), codes)
+    return Voxmap(codes, corner, size)
 
 
 def build_pointshell(surface: DisplacedSurface, size: float) -> Pointshell:
@@ -260,7 +260,7 @@ class VoxmapMethod(Method):
         return None if self.smooth else finite_reason(*scene.bodies)
 
     def renderer(self, scene: Scene, dt: float) -> VoxmapRenderer:
-        """Return a renderer of a scene; takes up to a minute at full detail."""
+        """Return a renderer of a scene; takes some seconds at full detail."""
         bodies = place_bodies(scene)
         size = self.voxel_size(scene)
         maps = [

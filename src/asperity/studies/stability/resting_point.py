@@ -7,9 +7,9 @@ A simulated hand presses the tool onto a texture. Choi & Tan name three instabil
   passive. A hand is never still: its target drifts here by some tens of micrometres;
 - *ridge instability*: a hand that rests on a ridge is pushed into a valley.
 
-The force is held between ticks, as a device holds it, and its spectrum is that of the held force: at
-a low rate the steps themselves are high frequencies. The force of a method must be proportional to
-its stiffness; then one renderer serves all stiffnesses. The hand, its drift and the limits are
+The force is held between ticks, as a device holds it, and its spectrum is that of the held force:
+at a low rate the steps themselves are high frequencies. The force of a method must be proportional
+to its stiffness; then one renderer serves all stiffnesses. The hand, its drift and the limits are
 asperity's: a simulated hand has no resonant device, so trends can be compared with theirs, numbers
 cannot.
 """
