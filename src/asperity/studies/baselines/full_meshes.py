@@ -8,10 +8,11 @@ computed from its definition, as the least translation along n that separates th
 
     delta = least t >= 0 with  (tool + t n)  free of the body,    F = k delta m,    T = r x F,
 
-by bisection, starting from the depth of the last tick. n is the mean normal of the crossing
-triangles of the *smooth* meshes; m is the common normal of the triangles that touch last, scaled to
-m . n = 1, and r is the lever arm of the place where they do, moved back by delta. This is
-asperity's force (see `contact.response`) computed in another way, with one contact for each body.
+by bisection, starting from the depth of the last tick. n is the mean normal, weighted by area, of
+the part of the body's *smooth* surface that is inside the tool (see `crossing_curve`); m is the
+common normal of the triangles that touch last, scaled to m . n = 1, and r is the lever arm of the
+middle of where they do, moved back by delta. This is asperity's force (see `contact.response`)
+computed in another way, with one contact for each body.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from asperity.geometry.bodies import Body
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
+from asperity.studies.baselines.crossing_curve import crossing_segments, middle_of, vector_area
 from asperity.studies.baselines.displaced_surfaces import (
     DisplacedSurface,
     displaced_surface,
@@ -45,7 +47,7 @@ _FIRST = 2e-5
 _DEEPEST = 1e-2
 """Largest depth that is searched [m]."""
 _LAST = 10_000
-"""Largest number of pairs of triangles requested; the mean over only some would be biased."""
+"""Largest number of pairs of triangles requested; only some of them would be a curve with gaps."""
 _FACING = 0.2
 """Least cosine to n of the normal of a touching triangle that is not a side wall."""
 
@@ -58,6 +60,8 @@ class Meshes:
         self.normals = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
         """Means of the normals at each triangle's corners, (m, 3)."""
         self.object, self.smooth = _object(full), _object(smooth)
+        self._corners = {id(self.object): full.points[full.faces]}
+        self._corners[id(self.smooth)] = smooth.points[smooth.faces]
 
     def place(self, rotation: Array, position: Array) -> None:
         """Set the pose of both meshes."""
@@ -65,6 +69,11 @@ class Meshes:
 
         for mesh in (self.object, self.smooth):
             mesh.setTransform(fcl.Transform(rotation, position))
+
+    def triangles(self, mesh: Any, which: list[int]) -> Array:
+        """Return the corners (k, 3, 3) of triangles of `object` or `smooth` in the world [m]."""
+        corners = self._corners[id(mesh)][which]
+        return np.asarray(corners @ mesh.getRotation().T + mesh.getTranslation())
 
 
 def _object(surface: DisplacedSurface) -> Any:
@@ -135,18 +144,27 @@ class FullMeshRenderer(Renderer):
 
     def _direction(self, i: int, other: Meshes) -> Array | None:
         """Return n: from the smooth meshes if they cross, otherwise that of the last tick."""
-        found = self._collide(self.tool.smooth, other.smooth, _LAST)
-        if found:
-            mean = -np.sum([contact.normal for contact in found], axis=0)
-            size = float(np.linalg.norm(mean))
-            if size > 0.0:
-                self._normals[i] = mean / size
-        if self._normals[i] is None:
+        found = self._curve(other, self.tool.smooth, other.smooth)
+        if not found.any() and self._normals[i] is None:
             # Only asperities touch: use their triangles.
-            found = self._collide(self.tool.object, other.object, _LAST)
-            mean = -np.sum([contact.normal for contact in found], axis=0)
-            self._normals[i] = mean / max(float(np.linalg.norm(mean)), 1e-12)
+            found = self._curve(other, self.tool.object, other.object)
+        size = float(np.linalg.norm(found))
+        if size > 0.0:
+            self._normals[i] = found / size
         return self._normals[i]
+
+    def _curve(self, other: Meshes, one: Any, two: Any) -> Array:
+        """Return the vector area of `two` inside `one`, (3,) [m^2]; zero without contact."""
+        found = self._collide(one, two, _LAST)
+        return vector_area(self._segments(other, one, two, found))
+
+    def _segments(self, other: Meshes, one: Any, two: Any, found: list[Any]) -> Array:
+        """Return the segments (k, 2, 3) along which pairs of triangles cross."""
+        pairs = sorted({(contact.b1, contact.b2) for contact in found})
+        return crossing_segments(
+            self.tool.triangles(one, [i for i, _ in pairs]),
+            other.triangles(two, [j for _, j in pairs]),
+        )
 
     def _separate(
         self, other: Meshes, rotation: Array, position: Array, n: Array, guess: float
@@ -179,7 +197,9 @@ class FullMeshRenderer(Renderer):
         """Return m and the place where the meshes touch."""
         if not found:
             return n, self.tool.object.getTranslation()
-        place = np.mean([contact.pos for contact in found], axis=0)
+        curve = self._segments(other, self.tool.object, other.object, found).reshape(-1, 3)
+        points = curve if len(curve) else np.array([contact.pos for contact in found])
+        place = middle_of(points, n)
         of_tool = self.tool.normals[[contact.b1 for contact in found]] @ rotation.T
         of_other = other.normals[[contact.b2 for contact in found]] @ there.rotation.T
         # Side walls that end at the contact do not count; all triangles may be such walls.
