@@ -13,6 +13,7 @@ from asperity.studies.baselines import (
     full_meshes,
     local_minimum_distances,
     offset_sphere,
+    otaduy_lin_2004,
     point_methods,
     recorded_vibration,
     voxmap,
@@ -23,6 +24,7 @@ METHODS: dict[str, Method] = {
     method.name: method
     for method in (
         asperity_laws.ASPERITY,
+        otaduy_lin_2004.PUBLISHED,
         point_methods.MINSKY,
         point_methods.HO,
         point_methods.SIIRA_PAI,
