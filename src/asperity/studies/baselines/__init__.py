@@ -8,6 +8,7 @@ from asperity.errors import require_choice
 from asperity.studies.baselines import (
     asperity_laws,
     choi_tan,
+    constraint,
     contact_levels,
     convex_pieces,
     full_meshes,
@@ -35,6 +36,7 @@ METHODS: dict[str, Method] = {
         voxmap.LOW,
         contact_levels.CONTACT_LEVELS,
         contact_levels.LOW_RESOLUTION,
+        constraint.CONSTRAINT,
         full_meshes.FULL_MESHES,
         offset_sphere.OFFSET_SPHERE,
         convex_pieces.CONVEX_PIECES,
