@@ -172,6 +172,7 @@ class ExperimentCommand:
 
     def _check(self, design: ExperimentDesign) -> None:
         """Make every stimulus, and print what a session would contain."""
+        from asperity.psychophysics.expected import expected_interval
         from asperity.psychophysics.procedures.procedures import procedure
 
         digests = design.check_scenes()
@@ -188,6 +189,12 @@ class ExperimentCommand:
             f"{seconds / 60.0:.3g} min of exploration"
             + (f"; the staircase converges to {100.0 * target:.1f} % correct" if target else "")
         )
+        expected = expected_interval(design)
+        if expected is not None:
+            print(
+                f"  a threshold of {design.simulated.threshold:.3g} would be known to lie from "
+                f"{expected[0]:.3g} to {expected[1]:.3g} (95 %, median of 12 simulated sessions)"
+            )
 
     def _print(self, outcome: SessionOutcome) -> None:
         if outcome.complete:

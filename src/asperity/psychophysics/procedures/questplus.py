@@ -43,7 +43,7 @@ class QuestPlusSettings:
         [intensity]. Default 0: never.
     """
 
-    trials: int = 60
+    trials: int = 160
     levels: int = 41
     thresholds: int = 61
     widths: tuple[float, ...] = (0.25, 0.4, 0.63, 1.0, 1.6)

@@ -36,17 +36,18 @@ class StaircaseSettings:
     up_ratio : float
         Size of a step up relative to a step down.
     reversals : int
-        Number of reversals after which a track ends.
+        Number of reversals after which a track ends; 0: no matter how many.
     trials : int
-        Number of trials after which a track ends, whichever comes first.
+        Number of trials after which a track ends, whichever comes first. The default, in one track
+        or in all together, is what intervals of the threshold need to be as wide as they say.
     """
 
     start: tuple[float, ...]
     steps: tuple[float, ...]
-    down: int = 2
-    up_ratio: float = 1.0
-    reversals: int = 12
-    trials: int = 100
+    down: int = 1
+    up_ratio: float = 3.0
+    reversals: int = 0
+    trials: int = 160
 
     def __post_init__(self) -> None:
         if not self.start or not self.steps:
@@ -55,7 +56,7 @@ class StaircaseSettings:
             require_positive("steps", value)
         require_between("down", self.down, 1, 8)
         require_positive("up_ratio", self.up_ratio)
-        require_between("reversals", self.reversals, 1, 1000)
+        require_between("reversals", self.reversals, 0, 1000)
         require_between("trials", self.trials, 1, 10000)
 
     @property
@@ -109,7 +110,7 @@ class Staircase:
     @property
     def is_over(self) -> bool:
         """Whether the track has ended."""
-        return len(self.reversal_intensities) >= self.reversals or self.done >= self.trials
+        return (0 < self.reversals <= len(self.reversal_intensities)) or self.done >= self.trials
 
     def answer(self, right: bool) -> None:
         """Update the track with the answer at `intensity`."""
