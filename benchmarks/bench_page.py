@@ -23,9 +23,10 @@ import numpy as np
 from asperity.scene.builtin import load_scene
 from asperity.viewer.app import live_panels
 from asperity.viewer.changes import on_coupling
+from asperity.viewer.drawables.stage import UNITS
 from asperity.viewer.motions import CannedMotion
-from asperity.viewer.panels.scene_view import UNITS
-from asperity.viewer.server.server import UPDATE_RATE, Page, serve
+from asperity.viewer.server.pace import UPDATE_RATE
+from asperity.viewer.server.server import Page, serve
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
 from page_client import ScriptedTab

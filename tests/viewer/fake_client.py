@@ -57,6 +57,9 @@ class FakeServoClient:
         return ticks
 
     def latest(self):
+        return self.live()
+
+    def live(self):
         ticks, _ = self.history.since(self.history.count - 1)
         if not len(ticks):
             return None

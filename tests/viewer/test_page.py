@@ -3,6 +3,7 @@
 import io
 import json
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ from websockets.sync.client import connect
 from asperity.runs.recording import read_attributes, read_recording
 from asperity.viewer import changes
 from asperity.viewer.changes import texture_of
+from asperity.viewer.drawables.stage import UNITS
 from asperity.viewer.panels.panel import ViewModel
 from asperity.viewer.panels.record import RecordPanel
-from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.timeline import Timeline
 from page_client import ScriptedTab
 
@@ -104,7 +105,8 @@ def test_motions_start_and_stop(servo, tab, until, panel):
     until(round_and_pressed)
     tab.press(mouse._stop)
     until(lambda: not mouse.is_moving)
-    tab.press(mouse._home)
+    mouse.holder.take(None, -1e9)
+    mouse.lift_off(SimpleNamespace(client_id=None, client=None))
     until(lambda: servo.latest().contact_count == 0)
 
 

@@ -26,8 +26,9 @@ from asperity.mujoco.surfaces import Surfaces, attach
 from asperity.scene.mjcf import GEOMS, model_mesh
 from asperity.viewer.drawables.colours import CONTACT
 from asperity.viewer.drawables.shapes import FEWEST, MOST, Drawable, shapes_of_parts
-from asperity.viewer.panels.scene_view import UNITS, add_shape, place, set_up_lights
-from asperity.viewer.server.server import LOCAL, UPDATE_RATE, start_server, stop_server
+from asperity.viewer.drawables.stage import UNITS, add_shape, place, set_up_lights
+from asperity.viewer.server.pace import UPDATE_RATE
+from asperity.viewer.server.server import LOCAL, start_server, stop_server
 
 Array = NDArray[np.float64]
 _HERE = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
@@ -89,7 +90,8 @@ class ModelPage:
             for b in range(self._model.nbody)
         ]
         for body, shape in _shapes(surfaces, triangles):
-            add_shape(self.server, shape, f"/model/{body}")
+            image = shape.atlas.image() if shape.atlas is not None else None
+            add_shape(self.server, shape, f"/model/{body}", image=image)
         self._most = 1e-9
         self._size = UNITS * float(self._model.stat.extent)
         self._arrows = self.server.scene.add_arrows(

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from asperity.viewer.drawables.shapes import TRIANGLES
+from asperity.viewer.link import LinkRequests
+from asperity.viewer.panels.actions import ActionsPanel
 from asperity.viewer.panels.controls import ControlsPanel
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Panel
@@ -44,13 +46,25 @@ def live_page(
     """
     client, panels = instrument_panels(servo, folder)
     shown: Any = client  # has all attributes of a ServoClient
-    with serve(shown, lambda: [*live_panels(triangles), *panels], host=host, port=port) as page:
+    timeline, links = client.timeline, LinkRequests()
+
+    def made() -> list[Panel]:
+        first = live_panels(triangles, timeline=timeline, links=links, folder=folder)
+        return [*first, *panels]
+
+    with serve(shown, made, host=host, port=port, links=links) as page:
         if page.notice:
             print(page.notice, flush=True)
         yield page
 
 
-def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
+def live_panels(
+    triangles: int = TRIANGLES,
+    *,
+    timeline: Timeline | None = None,
+    links: LinkRequests | None = None,
+    folder: Path = Path("out/view"),
+) -> list[Panel]:
     """Return the panels that control a running loop, in the order of their tabs.
 
     The scene comes last: showing another scene takes a while, which the controls need not wait for.
@@ -59,8 +73,18 @@ def live_panels(triangles: int = TRIANGLES) -> list[Panel]:
     ----------
     triangles : int
         Largest number of triangles shown.
+    timeline : Timeline, optional
+        That can be paused.
+    links : LinkRequests, optional
+        Links that browsers open.
+    folder : Path
+        Where scenes are saved.
     """
-    return [StatusPanel(), MousePanel(), ControlsPanel(), TexturesPanel(), SceneView(triangles)]
+    mouse, view = MousePanel(), SceneView(triangles)
+    return [
+        StatusPanel(timeline), ActionsPanel(mouse, view, timeline, links, folder), mouse,
+        ControlsPanel(), TexturesPanel(view), view,
+    ]  # fmt: skip
 
 
 def instrument_panels(servo: ServoClient, folder: Path) -> tuple[TimelineClient, list[Panel]]:

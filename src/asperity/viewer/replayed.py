@@ -45,6 +45,10 @@ class RecordingClient:
         """Return the snapshot at the instant shown."""
         return self._timeline.snapshot()
 
+    def live(self) -> Snapshot | None:
+        """Return None: no loop runs."""
+        return None
+
     def ticks_since(self, number: int) -> tuple[Ticks, int]:
         """Return no ticks: none arrive."""
         return np.empty(0, TICK), number

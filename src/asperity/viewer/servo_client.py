@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from asperity.realtime.servo.parameters import LiveParameters
 from asperity.realtime.servo.running import Servo
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.realtime.shared_file import shared_folder
+from asperity.viewer.change_history import ChangeHistory, State, changed_parameters
 from asperity.viewer.motions import CannedMotion, motion_table
 from asperity.viewer.session_config import SessionConfig
 from asperity.viewer.tick_buffer import TickBuffer
@@ -80,6 +82,9 @@ class ServoClient:
         self._subscribers: list[Callable[[Ticks], None]] = []
         self._shift = 0.0
         self._kept: dict[str, Any] = {}
+        self.changes = ChangeHistory()
+        """States before the user's changes, which `undo` returns to."""
+        self._first = config
         self._restarting = ThreadPoolExecutor(1, "asperity-restart")
         self._closing = threading.Event()
         self._reader = threading.Thread(target=self._read, name="asperity-ticks", daemon=True)
@@ -87,7 +92,11 @@ class ServoClient:
     # -- reading -------------------------------------------------------------------------------
 
     def latest(self) -> Snapshot | None:
-        """Return the latest snapshot, or None before the first."""
+        """Return the snapshot to be shown: the loop's latest, or None before the first."""
+        return self.live()
+
+    def live(self) -> Snapshot | None:
+        """Return the loop's latest snapshot, or None before the first."""
         servo = self._servo
         if servo is None or self.generation == 0:
             return None
@@ -154,7 +163,9 @@ class ServoClient:
         servo = self._servo
         if servo is None or not self.is_alive:
             raise AsperityError("no servo loop is running; restart it")
+        before = self._state(", ".join(changes))
         servo.set(**changes)
+        self.changes.note(before, time.monotonic())
         self._kept |= changes
         if "stiffness" in self._kept:  # another may act with another coupling
             self._kept["stiffness"] = servo.parameters.stiffness
@@ -165,7 +176,49 @@ class ServoClient:
         If the new one cannot begin, the present one continues; the future holds the error, and
         `message` shows it.
         """
-        return self._restarting.submit(self._replace_or_report, config or self.config)
+        before = self._state("")
+        future = self._restarting.submit(self._replace_or_report, config or self.config)
+        if config is not None:
+            future.add_done_callback(
+                lambda done: None if done.exception() else self.changes.note(before)
+            )
+        return future
+
+    def undo(self) -> str:
+        """Return to the state before the last change; return its name.
+
+        Raises
+        ------
+        AsperityError
+            There is nothing to undo, or the loop could not begin.
+        """
+        state = self.changes.pop()
+        self._go_to(state)
+        return state.before
+
+    def reset(self) -> None:
+        """Return to the settings with which the scene was opened; the device stays."""
+        first, now = self._first, self.config
+        if (first.device, first.options) != (now.device, now.options):
+            first = replace(first, device=now.device, options=now.options)
+        before = self._state("reset")
+        self._go_to(State("", first, LiveParameters.of(first.scene, first.rate)))
+        self.changes.note(before)
+
+    def _state(self, before: str) -> State:
+        return State(before, self.config, self.parameters)
+
+    def _go_to(self, state: State) -> None:
+        wanted = state.parameters
+        if state.config is self.config:
+            if self._servo is None or not self.is_alive:
+                raise AsperityError("no servo loop is running; restart it")
+            self._servo.set(**changed_parameters(self.parameters, wanted))
+        else:
+            job = self._restarting.submit(self._replace_or_report, state.config, wanted)
+            job.result()
+        own = LiveParameters.of(state.config.scene, state.config.rate)
+        self._kept = changed_parameters(own, wanted)
 
     def move(self, motion: CannedMotion, press: float | None = None) -> None:
         """Repeat a canned motion from the present target, pressing with a force [N] if given."""
@@ -207,10 +260,12 @@ class ServoClient:
 
     # -- inside --------------------------------------------------------------------------------
 
-    def _replace_or_report(self, config: SessionConfig) -> None:
+    def _replace_or_report(
+        self, config: SessionConfig, parameters: LiveParameters | None = None
+    ) -> None:
         before, was_alive = self.config, self.is_alive
         try:
-            self._replace(config)
+            self._replace(config, parameters)
         except AsperityError as error:
             if was_alive and self.state == "ended":
                 # The device could be opened only after the old loop had released it: start that
@@ -220,14 +275,14 @@ class ServoClient:
             self.message = str(error)
             raise
 
-    def _replace(self, config: SessionConfig) -> None:
+    def _replace(self, config: SessionConfig, parameters: LiveParameters | None = None) -> None:
         old = self._servo
         self.state = "changing" if old is not None and old.is_alive else "starting"
         new: Servo | None = None
         try:
             new = Servo(config.spec(self._folder / "pointed", self._start_of(config)), rows=True)
             new.start()
-            self._swap(old, new, config)
+            self._swap(old, new, config, parameters)
         except BaseException:
             if new is not None:
                 self._end(new)
@@ -244,16 +299,23 @@ class ServoClient:
             return None
         return snapshot.handle_pose.copy()
 
-    def _swap(self, old: Servo | None, new: Servo, config: SessionConfig) -> None:
-        """End the old loop and let the new one begin."""
+    def _swap(
+        self, old: Servo | None, new: Servo, config: SessionConfig,
+        parameters: LiveParameters | None = None,
+    ) -> None:  # fmt: skip
+        """End the old loop and let the new one begin, with its own parameters or those given."""
         with self._lock:
             if self._closing.is_set():
                 raise AsperityError("the page is being closed")
             if config.scene.xml != self.config.scene.xml:
                 self.point(config.first_pose)
                 self._kept.clear()
+                self._first = config
             elif config.rate != self.config.rate:
                 self._kept.pop("rate", None)
+            if parameters is not None:
+                own = LiveParameters.of(config.scene, config.rate)
+                self._kept = changed_parameters(own, parameters)
             if old is not None:
                 old.stop()
                 old.wait(2.0)

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 HELD_SECONDS = 20.0
 """How much of the past is kept when the page is held [s]."""
 _MAX_SNAPSHOTS = 900
+_SAME = 0.04
+"""Contacts of a snapshot are shown with ticks at most this far from it [s]."""
 
 
 class Timeline:
@@ -89,11 +91,16 @@ class Timeline:
         if not len(ticks):
             return
         first, seen = count - len(ticks), tuple(self._snapshots)
+        none = np.zeros((0, 3))
 
         def snapshot_at(i: int) -> Snapshot | None:
             # Ticks have no contacts: show those of the nearest snapshot that was taken.
             near = min(seen, key=lambda one: abs(one[0] - first - i - 1), default=None)
-            return near[1] if near is not None else None
+            if near is None:
+                return None
+            if abs(near[0] - first - i - 1) > _SAME * self.rate:
+                return near[1]._replace(point=none, normal=none, force=none)
+            return near[1]
 
         self.show(TicksInMemory(ticks), snapshot_at, "the last seconds", at=np.inf)
 
@@ -193,12 +200,12 @@ class TimelineClient:
     """A servo client whose latest snapshot is the timeline's; otherwise the client itself."""
 
     def __init__(self, servo: ServoClient, timeline: Timeline) -> None:
-        self._servo, self._timeline = servo, timeline
+        self._servo, self.timeline = servo, timeline
 
     def latest(self) -> Snapshot | None:
         """Return the snapshot to be shown."""
-        shown = self._timeline.snapshot()
-        return self._servo.latest() if shown is None else shown
+        shown = self.timeline.snapshot()
+        return self._servo.live() if shown is None else shown
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._servo, name)

@@ -18,7 +18,8 @@ from asperity.scene.mjcf import touchable_geoms
 from asperity.scene.scene import Scene
 
 Array = NDArray[np.float64]
-_GROUND, _TOOL = (0.80, 0.74, 0.63), (0.42, 0.55, 0.72)
+GROUND_COLOUR, TOOL_COLOUR = (0.80, 0.74, 0.63), (0.42, 0.55, 0.72)
+"""Colours of bodies for which the scene gives none."""
 _MUJOCO_DEFAULT = (0.5, 0.5, 0.5)
 """MuJoCo's colour of a geom for which the scene gives none."""
 
@@ -65,7 +66,7 @@ def scene_parts(scene: Scene, tool_pose: Array) -> list[Part]:
 def _colour(model: mujoco.MjModel, geom: int, is_tool: bool) -> tuple[float, ...]:
     """Return the colour of a geom, or a default where the scene gives none."""
     colour = tuple(round(value, 4) for value in geom_rgba(model, geom)[:3])
-    return colour if colour != _MUJOCO_DEFAULT else _TOOL if is_tool else _GROUND
+    return colour if colour != _MUJOCO_DEFAULT else TOOL_COLOUR if is_tool else GROUND_COLOUR
 
 
 def geom_rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:

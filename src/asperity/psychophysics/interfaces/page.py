@@ -21,9 +21,11 @@ from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
 from asperity.scene.scene import Scene
+from asperity.viewer.drawables.stage import UNITS
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Frame, Panel
-from asperity.viewer.panels.scene_view import UNITS, SceneView
+from asperity.viewer.panels.scene_view import SceneView
+from asperity.viewer.server.script import hide_settings_menu
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
 
@@ -116,6 +118,7 @@ class ParticipantPanel:
     def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
         """Make all controls; `show` makes those of a stage visible."""
         gui: Any = server.gui
+        hide_settings_menu(server)
         self._title = gui.add_markdown(f"## {self.design.name}")
         self._text = gui.add_markdown(self.design.instructions)
         self._bar = gui.add_progress_bar(0.0)

@@ -44,6 +44,9 @@ class Presenter:
         self._stimuli = stimuli
         self._scene = lru_cache(_KEPT)(stimuli.scene)
 
+    def check(self, stimulus: Stimulus) -> None:
+        """Raise AsperityError if what presents a stimulus is not there."""
+
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
         """Prepare the next stimuli and their recordings in the background."""
 
@@ -126,6 +129,14 @@ class DevicePresenter(Presenter):
         self._make_spec, self._on_servo = make_spec, on_servo
         self._making = ThreadPoolExecutor(1, "asperity-interval")
         self._ready: dict[Path, Future[Servo]] = {}
+
+    def check(self, stimulus: Stimulus) -> None:
+        """Open the device and close it again; AsperityError if it is not there."""
+        device = self._make_spec(self._scene(stimulus), 1.0).make_device()
+        try:
+            device.open()
+        finally:
+            device.close()
 
     def prepare(self, wanted: Sequence[tuple[Stimulus, Path]], seconds: float) -> None:
         """Start servo processes one after the other in the background."""

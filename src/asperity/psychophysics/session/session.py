@@ -183,6 +183,7 @@ class Session:
         with private_files():
             try:
                 if trial is not None:
+                    presenter.check(trial.stimuli[0])
                     self.journal.append(
                         "run", time=self._time(), version=__version__, by=interface.kind,
                         machine=machine(),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from asperity.geometry.bodies import Body
 from asperity.geometry.displaced.relief import MeshRelief
-from asperity.viewer.drawables.colours import height_colours
+from asperity.viewer.drawables.materials import Paint
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -36,13 +36,13 @@ class Atlas:
         With a mesh and a texture.
     faces : (m,) array of bool
         Triangles to include.
-    colour : sequence of 3 floats
-        Of surfaces without height.
+    paint : callable
+        Colours of points with heights.
     """
 
-    def __init__(self, body: Body, faces: NDArray[np.bool_], colour: tuple[float, ...]) -> None:
+    def __init__(self, body: Body, faces: NDArray[np.bool_], paint: Paint) -> None:
         assert body.mesh is not None
-        self._body, self._colour = body, colour
+        self._body, self._paint = body, paint
         self._faces = np.flatnonzero(faces)
         self._number = np.cumsum(faces) - 1
         cells = (len(self._faces) + 1) // 2
@@ -73,8 +73,6 @@ class Atlas:
     def image(self) -> NDArray[np.uint8]:
         """Return the image, (rows, columns, 3)."""
         out = np.full((_SIZE, _SIZE, 3), 255, np.uint8)
-        field = self._body.texture
-        assert field is not None
         mesh = self._body.mesh
         assert mesh is not None
         corners = mesh.vertices[mesh.faces[self._faces]]
@@ -94,21 +92,20 @@ class Atlas:
             ):
                 if not some.size:
                     continue
-                pixels = self._colours(
-                    relief, self._faces[some], weights[mine], field.lowest, field.highest
-                )
+                pixels = self._colours(relief, self._faces[some], weights[mine])
                 left = some // 2 % self._across * columns
                 top = some // 2 // self._across * rows
                 at_y, at_x = np.nonzero(mine)
                 out[top[:, None] + at_y, left[:, None] + at_x] = pixels
         return out
 
-    def _colours(
-        self, relief: MeshRelief, face: Whole, weights: Array, low: float, high: float
-    ) -> NDArray[np.uint8]:
+    def _colours(self, relief: MeshRelief, face: Whole, weights: Array) -> NDArray[np.uint8]:
         """Return colours (n, k, 3) of triangles (n,) at the same weights (k, 3) in each."""
         tiled = np.broadcast_to(weights, (len(face), *weights.shape))
         height, turned = relief.heights(face, tiled)
-        colour = height_colours(height.reshape(-1), low, high, self._colour)
+        mesh = self._body.mesh
+        assert mesh is not None
+        points = np.einsum("kc,ncx->nkx", weights, mesh.vertices[mesh.faces[face]])
+        colour = self._paint(points.reshape(-1, 3), height.reshape(-1))
         shade = 1.0 - _DARKER * (1.0 - turned.reshape(-1, 1))
         return np.asarray((255.0 * colour * shade).reshape(*height.shape, 3), dtype=np.uint8)

@@ -14,8 +14,8 @@ FORCE: Rgb = (213, 94, 0)
 TORQUE: Rgb = (148, 82, 170)
 CONTACT: Rgb = (230, 30, 60)
 HANDLE: Rgb = (0, 158, 115)
-WELL, DOUBTFUL, WRONG = "#1b7f4d", "#b87700", "#c62828"
-"""Colours of numbers that are good, doubtful, wrong."""
+WELL, DOUBTFUL, WRONG, HELD = "#1b7f4d", "#b87700", "#c62828", "#3b4cc0"
+"""Colours of numbers that are good, doubtful, wrong, and of what is not the present."""
 
 _HEIGHTS = np.array(
     [

@@ -8,7 +8,7 @@ lines between others are omitted first, so ridges are drawn much finer than dots
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.atlas import Atlas
-from asperity.viewer.drawables.colours import height_colours
+from asperity.viewer.drawables.materials import Material, Paint, by_height, material_of
 
 Array = NDArray[np.float64]
 TRIANGLES = 50_000
@@ -40,6 +40,10 @@ _SPREAD, _NEAR = 6000, 3e-3
 """Random points on each mesh for `first_contact`; those this close to the nearest count [m]."""
 _FINE = 0.028
 """Radius around the first contact in which meshes show their relief [m]."""
+_ACROSS = 150
+"""Samples across the detail near a contact."""
+_LIFTED = 0.02
+"""Height of that detail above the surface that it lies on, over the relief."""
 _TOOL_COARSER = 1.6
 """Factor on the spacing of the tool, whose relief is mostly hidden."""
 
@@ -65,6 +69,8 @@ class Drawable:
         Texture coordinates in the image of the atlas.
     atlas : Atlas or None
         Replaces the colours where present.
+    material : Material or None
+        What it is made of.
     """
 
     name: str
@@ -77,6 +83,7 @@ class Drawable:
     highest: float
     places: Array | None = None
     atlas: Atlas | None = None
+    material: Material | None = None
 
 
 def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
@@ -87,11 +94,16 @@ def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
     parts = scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     centre, radius = _extent(scene, parts)
     views = [_view(part, centre, radius, first_contact(scene), scene.start) for part in parts]
-    return shapes_of_parts(parts, views, radius, triangles)
+    return shapes_of_parts(parts, views, radius, triangles, materials=True)
 
 
 def shapes_of_parts(
-    parts: Sequence[Part], views: Sequence[ViewBall], radius: float, triangles: int = TRIANGLES
+    parts: Sequence[Part],
+    views: Sequence[ViewBall],
+    radius: float,
+    triangles: int = TRIANGLES,
+    *,
+    materials: bool = False,
 ) -> list[Drawable]:
     """Return the surfaces of parts, as `shapes_of`.
 
@@ -103,6 +115,8 @@ def shapes_of_parts(
     radius : float
         Of all bounded parts together [m].
     triangles : int
+    materials : bool
+        Whether they look like what they are made of, and not by height.
     """
     spacing = radius / 100.0
     best: list[Drawable] = []
@@ -110,7 +124,7 @@ def shapes_of_parts(
     low, high, least = 0.0, np.inf, np.inf
     for tried in range(_MOST_ROUNDS):
         shapes = [
-            _shape(part, view, spacing, i)
+            _shape(part, view, spacing, i, materials)
             for i, (part, view) in enumerate(zip(parts, views, strict=True))
         ]
         count = sum(len(shape.faces) for shape in shapes)
@@ -196,7 +210,7 @@ def _view(part: Part, centre: Array, radius: float, contact: Array, start: Array
     return ViewBall(centre, (_WIDE if is_plane else 2.0) * radius, 100)
 
 
-def _shape(part: Part, view: ViewBall, spacing: float, number: int) -> Drawable:
+def _shape(part: Part, view: ViewBall, spacing: float, number: int, materials: bool) -> Drawable:
     """Return the surface of a part, sampled every `spacing` [m]."""
     if part.is_tool:
         spacing *= _TOOL_COARSER
@@ -204,7 +218,9 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int) -> Drawable:
         spacing = max(spacing, _rounding(part))
     view = view._replace(samples=max(int(2.0 * view.radius / spacing), 4))
     surfaces, faces, count = [], [], 0
-    atlas, places = _atlas(part), []
+    made_of = material_of(part.colour) if materials else None
+    paint = _paint(part, made_of)
+    atlas, places = _atlas(part, paint), []
     for sheet in part.sheets(view):
         if atlas is not None and sheet.face is not None and sheet.weights is not None:
             places.append(atlas.places(sheet.face, sheet.weights).reshape(-1, 2))
@@ -223,18 +239,64 @@ def _shape(part: Part, view: ViewBall, spacing: float, number: int) -> Drawable:
     low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)
     return Drawable(
         f"{part.body.name}-{number}", part.is_tool, points, normals,
-        height_colours(height, low, high, part.colour),
+        paint(points, height),
         facing_outwards(points, normals, _with_area(points, np.concatenate(faces))),
-        low, high, np.concatenate(places) if places else None, atlas,
+        low, high, np.concatenate(places) if places else None, atlas, made_of,
     )  # fmt: skip
 
 
-def _atlas(part: Part) -> Atlas | None:
+def detail_of(
+    scene: Scene, tool_pose: Array, contact: Array, radius: float, *, heights: bool
+) -> list[Drawable]:
+    """Return the textured surfaces near a contact, drawn finely.
+
+    Parameters
+    ----------
+    scene : Scene
+    tool_pose : (7,) array
+    contact : (3,) array
+        In the world [m].
+    radius : float
+        Of the ball that is drawn [m].
+    heights : bool
+        Coloured by height; else by material.
+    """
+    out = []
+    for i, part in enumerate(scene_parts(scene, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))):
+        if not part.body.fields:
+            continue
+        at = contact
+        if part.is_tool:
+            at = rotation_of(tool_pose[3:]).T @ (contact - tool_pose[:3])
+        shape = _shape(part, ViewBall(at, radius, 2), 2.0 * radius / _ACROSS, i, not heights)
+        near = np.linalg.norm(shape.vertices[shape.faces].mean(axis=1) - at, axis=1) < radius
+        if near.any():
+            used, faces = np.unique(shape.faces[near], return_inverse=True)
+            lifted = _LIFTED * (shape.highest - shape.lowest)
+            out.append(
+                replace(
+                    shape, name=f"detail-{shape.name}",
+                    vertices=shape.vertices[used] + lifted * shape.normals[used],
+                    normals=shape.normals[used], colours=shape.colours[used],
+                    faces=faces.reshape(-1, 3), places=None, atlas=None,
+                )
+            )  # fmt: skip
+    return out
+
+
+def _paint(part: Part, material: Material | None) -> Paint:
+    """Return what colours a part: by height unless it has a material."""
+    field = part.body.texture
+    low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)
+    return by_height(low, high, part.colour) if material is None else material.paint(low, high)
+
+
+def _atlas(part: Part, paint: Paint) -> Atlas | None:
     body = part.body
     if body.mesh is None or body.texture is None or body.texture.lowest == body.texture.highest:
         return None
     every = np.ones(len(body.mesh.faces), bool)
-    return Atlas(body, every if part.faces is None else part.faces, part.colour)
+    return Atlas(body, every if part.faces is None else part.faces, paint)
 
 
 def _rounding(part: Part) -> float:

@@ -25,7 +25,7 @@ from asperity.viewer.changes import (
     with_method,
     with_scene,
 )
-from asperity.viewer.notify import attempt, from_browser
+from asperity.viewer.notify import attempt, from_browser, notify
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.session_config import SessionConfig
@@ -34,6 +34,12 @@ RATES = ("500", "1000", "2000", "4000")
 STIFFNESS, FRICTION = {"device": (20.0, 4000.0), "object": (1e3, 2e5)}, (0.0, 1.5)
 """Ranges of the stiffness: what a device renders, and, on a coupling, that of the objects."""
 OWN = "(this one)"
+REFUSED = " (not for meshes)"
+"""Ends the name of a law that a scene cannot have."""
+_GREY = (
+    f'<style>[role=option][value$="{REFUSED}"]{{color:#a0a6ad;pointer-events:none;'
+    "font-style:italic}</style>"
+)
 
 
 class ControlsPanel(Panel):
@@ -55,15 +61,24 @@ class ControlsPanel(Panel):
             lowest, highest = STIFFNESS["device"]
             self._stiffness = gui.add_slider("stiffness [N/m]", lowest, highest, 10.0, lowest)
             self._friction = gui.add_slider("friction", *FRICTION, 0.01, FRICTION[0])
-            self._method = gui.add_dropdown("law", list(METHODS))
+            self._method = gui.add_dropdown(
+                "law", list(METHODS), hint="How force follows from the contact. Those in grey "
+                "work on the height at a point, which a mesh does not have",
+            )  # fmt: skip
+            gui.add_html(_GREY)
             self._softness = gui.add_number(
                 "softness [um]", round(1e6 * force.softness, 3), min=0.1, max=1000.0, step=0.1,
                 hint="Of the soft maximum",
             )  # fmt: skip
         with gui.add_folder("Hand and loop"):
-            self._coupling = gui.add_dropdown("coupling", COUPLING_MODES)
+            self._coupling = gui.add_dropdown(
+                "coupling", COUPLING_MODES,
+                hint="Spring and damper between hand and tool; direct: there is none",
+            )  # fmt: skip
             self._device = gui.add_dropdown("device", ["mouse", *hardware, *MODELS])
-            self._rate = gui.add_dropdown("rate [Hz]", RATES)
+            self._rate = gui.add_dropdown(
+                "rate [Hz]", RATES, hint="Ticks a second; less where the loop starves"
+            )
         self._show_values()
         self._scene.on_update(self._choose_scene)
         self._stiffness.on_update(self._of_loop(lambda v: {"stiffness": float(v)}))
@@ -93,7 +108,9 @@ class ControlsPanel(Panel):
         scene = config.scene
         self._show_stiffness()
         self._friction.value = float(np.clip(parameters.friction, *FRICTION))
-        self._method.options = methods_for(scene)
+        allowed = methods_for(scene)
+        refused = [f"{name}{REFUSED}" for name in METHODS if name not in allowed]
+        self._method.options = [*allowed, *refused]
         self._method.value = method_of(scene)
         self._softness.visible = scene.force.gradient == "soft"
         self._coupling.value = parameters.coupling.mode
@@ -135,6 +152,10 @@ class ControlsPanel(Panel):
     def _choose_method(self, event: Any) -> None:
         if from_browser(event):
             method, softness = self._method.value, 1e-6 * self._softness.value
+            if method.endswith(REFUSED):
+                notify(event, method, "These laws need the height at a point.", "orange")
+                self._method.value = method_of(self._servo.config.scene)
+                return
             self._restart(
                 event, method, lambda config: with_method(config, method, softness=softness)
             )

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from asperity.dynamics.virtual_coupling.settings import coupled_body
 from asperity.geometry.poses import rotation_of
 from asperity.scene.trajectory import ScriptedMotion
+from asperity.viewer.drawables.stage import UNITS
+from asperity.viewer.loop_health import LoopHealth
 from asperity.viewer.motions import FORCES, KINDS, LENGTHS, SPEEDS, CannedMotion
 from asperity.viewer.notify import attempt, from_browser, notify
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
-from asperity.viewer.panels.scene_view import UNITS
 from asperity.viewer.servo_client import ServoClient
 
 CONTROL_TIMEOUT = 5.0
@@ -61,6 +62,7 @@ class MousePanel(Panel):
         """Whether a canned motion is playing."""
         self._generation = -1
         self._dragged = -np.inf
+        self._health = LoopHealth()
 
     def build(self, server: ViserServer, servo: ServoClient) -> None:
         """Add the gizmo and the controls."""
@@ -77,8 +79,6 @@ class MousePanel(Panel):
         )
         self._take = gui.add_button("Control the tool from this tab", icon="hand-grab")
         self._take.on_click(lambda event: self.holder.take(event.client_id, time.monotonic()))
-        self._home = gui.add_button("Lift off", hint="Return to the hand's initial pose")
-        self._home.on_click(self._lift_off)
         with gui.add_folder("Canned motions"):
             motion = servo.config.scene.motion
             own = motion if isinstance(motion, ScriptedMotion) else ScriptedMotion()
@@ -110,8 +110,12 @@ class MousePanel(Panel):
             self._centre = np.array(body.centre)
             self._gizmo.visible = servo.config.is_mouse
             self._put(servo.target)
+        trouble = self._health.trouble(frame, servo.parameters.rate)
         if self.is_moving and snapshot is not None:
-            self._put(snapshot.handle_pose)
+            if trouble is not None and trouble.sinks and frame.live is not None:
+                self._hold(frame.live.tool_pose)
+            else:
+                self._put(snapshot.handle_pose)
 
     # -- dragging ------------------------------------------------------------------------------
 
@@ -139,7 +143,18 @@ class MousePanel(Panel):
         self._gizmo.position = tuple((UNITS * position).tolist())
         self._gizmo.wxyz = tuple(pose[3:].tolist())
 
-    def _lift_off(self, event: Any) -> None:
+    def step(self, event: Any, way: NDArray[np.float64]) -> None:
+        """Move the hand by a step (3,) [m], as a key asks."""
+        if self._allowed(event):
+            if self.is_moving:
+                self._stop_motion()
+            goal = self._servo.target.copy()
+            goal[:3] += way
+            self._servo.point(goal)
+            self._put(goal)
+
+    def lift_off(self, event: Any) -> None:
+        """Return the hand to its initial pose, in the air."""
         if self._allowed(event):
             self._stop_motion()
             self._servo.point(self._servo.config.first_pose)
@@ -180,8 +195,13 @@ class MousePanel(Panel):
 
     def _stop_motion(self) -> None:
         """Stop the motion and hold the hand where it is."""
-        snapshot = self._servo.latest()
+        snapshot = self._servo.live()
         self.is_moving, self._stop.disabled = False, True
         if snapshot is not None:
-            self._servo.point(snapshot.handle_pose)
-            self._put(self._servo.target)
+            self._hold(snapshot.handle_pose)
+
+    def _hold(self, pose: NDArray[np.float64]) -> None:
+        """Hold the hand at a pose, without pressing: a hand that feels too little would sink."""
+        self.is_moving, self._stop.disabled = False, True
+        self._servo.point(pose)
+        self._put(self._servo.target)

@@ -26,7 +26,7 @@ class Frame:
     now : float
         The page's clock [s].
     snapshot : Snapshot or None
-        The latest tick with contacts and counts; None before the first.
+        The tick that is shown, with its contacts; None before the first.
     ticks : (n,) array
         Ticks since the last update, of dtype `ipc.TICK`; at most those that the client keeps.
     next_tick : int
@@ -39,6 +39,8 @@ class Frame:
         Ticks per second, measured over the last second [Hz].
     misses, fallbacks, interventions, clamps : int
         Counts of the last second.
+    live : Snapshot or None
+        The loop's latest tick, whatever instant the page shows.
     """
 
     number: int
@@ -53,6 +55,7 @@ class Frame:
     fallbacks: int = 0
     interventions: int = 0
     clamps: int = 0
+    live: Snapshot | None = None
 
 
 class ViewModel:
@@ -68,7 +71,7 @@ class ViewModel:
     def frame(self, now: float) -> Frame:
         """Return the next frame; `now` is the page's clock [s]."""
         servo = self._servo
-        snapshot, generation = servo.latest(), servo.generation
+        shown, snapshot, generation = servo.latest(), servo.live(), servo.generation
         ticks, self._next_tick = servo.ticks_since(self._next_tick)
         if generation != self._generation:
             self._past.clear()
@@ -89,8 +92,8 @@ class ViewModel:
             rate = grown["ticks"] / (now - then) if now > then else 0.0
         per_second.pop("ticks", None)
         frame = Frame(
-            self._number, now, snapshot, ticks, self._next_tick, servo.is_alive, generation, rate,
-            **per_second,
+            self._number, now, shown, ticks, self._next_tick, servo.is_alive, generation, rate,
+            **per_second, live=snapshot,
         )  # fmt: skip
         self._number += 1
         return frame

@@ -7,6 +7,7 @@ is made for metres.
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -17,20 +18,27 @@ from asperity.geometry.poses import rotation_of
 from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.colours import CONTACT, FORCE, HANDLE, TORQUE
-from asperity.viewer.drawables.glb import glb
 from asperity.viewer.drawables.shapes import TRIANGLES, Drawable, first_contact, shapes_of
+from asperity.viewer.drawables.stage import (
+    UNITS,
+    add_shape,
+    disc,
+    place,
+    set_up_lights,
+    turn_to,
+)
+from asperity.viewer.panels.detail import Detail
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.server.pace import step_back
 from asperity.viewer.servo_client import ServoClient
 
 Array = NDArray[np.float64]
-UNITS = 100.0
-"""Units of the view per metre."""
-_FORCE_LENGTH = 0.32
-"""Length of the arrow of `_FULL_FORCE`, over the tool's size; project default."""
+_FORCE_LENGTH = 0.17
+"""Length of the arrow of `_FULL_FORCE`, over the visible size; project default."""
 _FULL_FORCE, _FULL_TORQUE = 1.0, 0.02
 """[N], [N m]."""
-_LONGEST = 2.0
-"""Largest length of an arrow, over that of the full one."""
+_LONGEST = 1.6
+"""Length that arrows approach as forces grow, over that of the full one."""
 _LEAST = 0.02
 """Smallest length of an arrow that is drawn, over that of the full one."""
 _GHOST_TRIANGLES = 3000
@@ -40,7 +48,18 @@ _VIEW = np.array([0.75, -1.0, 0.55])
 """Direction from the middle of the tool to the camera."""
 _WHOLE = 16.0
 """Largest part of the tool in the initial view [units]."""
-_CLOSENESS, _ASIDE = 2.3, 0.2
+_VIEW_NEAR, _NEARNESS = np.array([0.6, -1.0, 0.75]), 2.6
+"""The same near the contact, and its distance over the radius of what is drawn finely."""
+_REACH, _BESIDE = 0.035, 0.06
+"""Radius of the detail near the contact, and what is near the line of force, over the visible size.
+"""
+_POINT, _POINT_NEAR = 0.014, 0.15
+"""Size of a contact over the visible size, and the factor on it near the contact."""
+_AWAY = 0.8
+"""Way of the contact, over the radius of the detail, that a near view follows."""
+_SHADOW, _DISCS, _ABOVE = 0.035, 6, 0.012
+"""Radius of the shadow at the contact over the visible size, discs in it, height above [units]."""
+_CLOSENESS, _ASIDE = 2.45, 0.2
 """Distance of the camera, and its offset to the side, over the size of the visible part."""
 
 
@@ -59,6 +78,10 @@ class SceneView(Panel):
         self._triangles = triangles
         self._scene: Scene | None = None
         self._nodes: list[Any] = []
+        self._painting: list[tuple[Drawable, Future[NDArray[np.uint8]]]] = []
+        self._painter = ThreadPoolExecutor(1, "asperity-paint", initializer=step_back)
+        self.detail = Detail()
+        self._looked_at: Array = np.zeros(3)
         self.shapes: list[Drawable] = []
         """The shapes that are shown."""
 
@@ -81,6 +104,77 @@ class SceneView(Panel):
         self._show_stretch(snapshot)
         self._show_contacts(snapshot)
         self._show_wrench(snapshot)
+        self._show_detail(snapshot)
+        self._show_painted()
+
+    def close(self) -> None:
+        """Stop what is drawn in the background."""
+        self.detail.close()
+        self._painter.shutdown(wait=False, cancel_futures=True)
+
+    # -- what is asked for ---------------------------------------------------------------------
+
+    def zoom(self) -> None:
+        """Zoom to the contact, where the relief is drawn finely; or back."""
+        detail = self.detail
+        detail.zoomed = not detail.zoomed
+        if detail.zoomed:
+            snapshot = self._servo.latest()
+            at = (
+                first_contact(self._servo.config.scene)
+                if snapshot is None
+                else snapshot.tool_pose[:3]
+            )
+            if snapshot is not None and len(snapshot.point):
+                at = snapshot.point.mean(axis=0)
+            self._look(at)
+        else:
+            self.look_from_the_start()
+
+    def colour_by_height(self, on: bool) -> None:
+        """Colour what is near the contact by height, or not."""
+        self.detail.heights = on
+
+    def look_from_the_start(self) -> None:
+        """Put the cameras of all tabs where they were at first."""
+        self.detail.zoomed = False
+        for client in self._server.get_clients().values():
+            client.camera.position, client.camera.look_at = self._eye, self._middle
+
+    def _look(self, at: Array) -> None:
+        """Look at a contact (3,) [m] from near."""
+        self._looked_at = at
+        towards = _VIEW_NEAR / np.linalg.norm(_VIEW_NEAR)
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        reach = UNITS * self.detail.radius
+        middle = UNITS * at + 0.3 * reach * right / np.linalg.norm(right)
+        eye = middle + _NEARNESS * reach * towards
+        for client in self._server.get_clients().values():
+            client.camera.position, client.camera.look_at = tuple(eye), tuple(middle)
+
+    def _show_detail(self, snapshot: Snapshot) -> None:
+        """Show what has been drawn finely near the contact; have it drawn again if that moved."""
+        detail = self.detail
+        if len(snapshot.point):
+            detail.follow(self._servo.config.scene, snapshot)
+            at = snapshot.point.mean(axis=0)
+            away = float(np.linalg.norm(at - self._looked_at))
+            if detail.zoomed and away > _AWAY * detail.radius:
+                self._look(at)
+        for name in detail.gone():
+            self._server.scene.remove_by_name(name)
+            self._lower(name, np.zeros(3))
+        for shape in detail.drawn():
+            node = add_shape(self._server, shape, "/tool" if shape.is_tool else "/scene")
+            if not shape.is_tool and len(snapshot.normal):
+                self._lower(node.name, (shape.highest - shape.lowest) * snapshot.normal[0])
+
+    def _lower(self, name: str, way: Array) -> None:
+        """Lower the coarse surface under a detail, which it would cut through, by `way` [m]."""
+        under = name.replace("/detail-", "/")
+        for node in self._nodes:
+            if node.name == under:
+                node.position = tuple((-UNITS * np.asarray(way)).tolist())
 
     # -- what is made once ---------------------------------------------------------------------
 
@@ -88,12 +182,17 @@ class SceneView(Panel):
         """Show another scene."""
         for node in reversed(self._nodes):  # children before their parents
             node.remove()
+        for _, job in self._painting:
+            job.cancel()
+        self._painting = []
         self._scene = scene
         self.shapes = shapes_of(scene, self._triangles)
         self._centre = np.array(coupled_body(scene.model, scene.tool).centre)
         tool = np.concatenate([s.vertices for s in self.shapes if s.is_tool])
         self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
         self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
+        self._seen = min(self._size, _WHOLE)
+        self.detail.begin(scene, 0.01 * self._seen * _REACH)
         add = self._server.scene
         self._tool = add.add_frame("/tool", show_axes=False)
         self._ghost = add.add_frame("/handle", show_axes=False)
@@ -106,7 +205,20 @@ class SceneView(Panel):
         self._set_camera(scene, tool)
 
     def _add(self, shape: Drawable, parent: str) -> None:
+        """Add a shape; the image of its relief, which takes a while, follows."""
         self._nodes.append(add_shape(self._server, shape, parent))
+        if shape.atlas is not None:
+            self._painting.append((shape, self._painter.submit(shape.atlas.image)))
+
+    def _show_painted(self) -> None:
+        """Show a surface again whose image has been made ready."""
+        if not self._painting or not self._painting[0][1].done():
+            return
+        shape, job = self._painting.pop(0)
+        if not job.cancelled():
+            parent = "/tool" if shape.is_tool else "/scene"
+            node = add_shape(self._server, shape, parent, image=job.result())
+            self._nodes = [one for one in self._nodes if one.name != node.name] + [node]
 
     def _add_ghost(self, scene: Scene) -> None:
         """Add the handle: a smooth, translucent copy of the tool at the hand's pose."""
@@ -126,7 +238,7 @@ class SceneView(Panel):
 
     def _add_marks(self) -> None:
         """Add contacts, arrows and their labels, all empty."""
-        add, size = self._server.scene, self._size
+        add, size = self._server.scene, self._seen
         none = np.zeros((0, 2, 3), np.float32)
         thick = {
             "shaft_radius": 0.008 * size, "head_radius": 0.02 * size, "head_length": 0.05 * size,
@@ -134,7 +246,7 @@ class SceneView(Panel):
         thin = {name: 0.5 * value for name, value in thick.items()}
         self._contacts = add.add_point_cloud(
             "/marks/contacts", np.zeros((0, 3), np.float32), CONTACT,
-            point_size=0.014 * size, point_shape="circle", precision="float32",
+            point_size=_POINT * size, point_shape="circle", precision="float32",
         )  # fmt: skip
         self._pushes = add.add_arrows("/marks/pushes", none, CONTACT, **thin)
         self._force = add.add_arrows("/marks/force", none, FORCE, **thick)
@@ -143,6 +255,16 @@ class SceneView(Panel):
             "/marks/stretch", np.zeros((0, 2, 3), np.float32), HANDLE,
             thickness=4.0, thickness_units="screen",
         )  # fmt: skip
+        self._shadow = add.add_frame("/marks/shadow", show_axes=False, visible=False)
+        self._nodes.append(self._shadow)
+        for i in range(_DISCS):
+            points, faces = disc(_SHADOW * size * (i + 1) / _DISCS)
+            self._nodes.append(
+                add.add_mesh_simple(
+                    f"/marks/shadow/{i}", points, faces, color=(20, 20, 30), opacity=0.07,
+                    side="double", flat_shading=True, cast_shadow=False, receive_shadow=False,
+                )
+            )  # fmt: skip
         self._labels = {
             name: add.add_label(f"/marks/{name}-label", "", anchor="bottom-left", visible=False)
             for name in ("force", "torque")
@@ -162,15 +284,17 @@ class SceneView(Panel):
         middle = UNITS * (lowest + share * (0.5 * (low + high) - lowest))
         middle[2] = UNITS * low[2] + 0.4 * share * UNITS * (high[2] - low[2])
         size = share * self._size
+        middle[2] += 0.5 * _FORCE_LENGTH * size
         towards = _VIEW / np.linalg.norm(_VIEW)
         # The panels cover the right of the page.
         right = np.cross([0.0, 0.0, 1.0], towards)
         middle += _ASIDE * size * right / np.linalg.norm(right)
         eye = middle + _CLOSENESS * size * towards
+        self._eye, self._middle = tuple(eye), tuple(middle)
         first = self._server.initial_camera
         first.position, first.look_at, first.up = tuple(eye), tuple(middle), (0.0, 0.0, 1.0)
         first.fov = np.radians(35.0)
-        first.near, first.far = 0.02 * self._size, 100.0 * self._size
+        first.near, first.far = 0.004 * self._size, 40.0 * self._size
         for client in self._server.get_clients().values():
             client.camera.position, client.camera.look_at = tuple(eye), tuple(middle)
 
@@ -192,7 +316,15 @@ class SceneView(Panel):
 
     def _show_contacts(self, snapshot: Snapshot) -> None:
         points = (UNITS * snapshot.point).astype(np.float32)
+        self._shadow.visible = len(points) > 0
+        if len(points):
+            normal = snapshot.normal[0]
+            self._shadow.position = tuple((points[0] + _ABOVE * normal).tolist())
+            self._shadow.wxyz = turn_to(normal)
         self._contacts.points = points
+        size = _POINT_NEAR if self.detail.zoomed else 1.0
+        if self._contacts.point_size != size * _POINT * self._seen:
+            self._contacts.point_size = size * _POINT * self._seen
         starts = points.astype(np.float64)
         pushes = self._arrows(starts, snapshot.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
@@ -202,7 +334,11 @@ class SceneView(Panel):
         pose, wrench = snapshot.tool_pose, snapshot.device_wrench
         rotation = rotation_of(pose[3:])
         at = pose[:3] + rotation @ self._centre
-        at[2] = pose[2] + float((self._outline @ rotation[2]).max())
+        # At the top of the tool near that line, so that the arrows stay in view and are not inside.
+        outline = self._outline @ rotation.T + pose[:3]
+        beside = np.linalg.norm(outline[:, :2] - at[:2], axis=1)
+        near = beside < max(_BESIDE * self._seen / UNITS, float(beside.min()) * 1.01)
+        at[2] = float(outline[near, 2].max())
         at = UNITS * at[None]
         for name, vector, full, arrows, unit in (
             ("force", wrench[:3], _FULL_FORCE, self._force, "N"),
@@ -221,48 +357,9 @@ class SceneView(Panel):
         """Return arrows (n, 2, 3) at points (n, 3), without those that are too short to see."""
         length = np.linalg.norm(vectors, axis=1) / full
         shown = length > _LEAST
-        scale = _FORCE_LENGTH * self._size / full * np.minimum(_LONGEST / length[shown], 1.0)
+        bounded = _LONGEST * np.tanh(length[shown] / _LONGEST)
+        scale = _FORCE_LENGTH * self._seen / full * bounded / length[shown]
+        if self.detail.zoomed:
+            scale = scale * UNITS * self.detail.radius / self._seen * 2.0
         ends = at[shown] + vectors[shown] * scale[:, None]
         return np.stack([at[shown], ends], axis=1).astype(np.float32)
-
-
-def set_up_lights(server: ViserServer) -> None:
-    """Set up light and background of a view whose z axis points upwards."""
-    scene = server.scene
-    scene.set_up_direction("+z")
-    scene.world_axes.visible = False
-    scene.set_background_image(_backdrop(), format="png")
-    scene.configure_default_lights(False)
-    scene.configure_environment_map("studio", environment_intensity=0.2)
-    scene.add_light_hemisphere(
-        "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.55
-    )
-    scene.add_light_directional(
-        "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
-    )
-    scene.add_light_directional(
-        "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
-    )
-
-
-def add_shape(server: ViserServer, shape: Drawable, parent: str) -> Any:
-    """Add a shape under the node `parent`; return its node."""
-    data = glb(
-        UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
-        places=shape.places, image=shape.atlas.image() if shape.atlas is not None else None,
-        roughness=0.45 if shape.is_tool else 0.65, metallic=0.25 if shape.is_tool else 0.0,
-    )  # fmt: skip
-    return server.scene.add_glb(f"{parent}/{shape.name}", data)
-
-
-def place(node: Any, pose: Array) -> None:
-    """Move a node to a pose (7,)."""
-    node.position = tuple((UNITS * pose[:3]).tolist())
-    node.wxyz = tuple(pose[3:].tolist())
-
-
-def _backdrop() -> NDArray[np.uint8]:
-    """Return a light background, darker towards the bottom."""
-    share = np.linspace(0.0, 1.0, 256)[:, None, None]
-    top, bottom = np.array([250.0, 251.0, 253.0]), np.array([206.0, 213.0, 222.0])
-    return np.broadcast_to(top + share * (bottom - top), (256, 4, 3)).astype(np.uint8)

@@ -25,8 +25,10 @@ from asperity.viewer.changes import (
 from asperity.viewer.drawables.colours import css_gradient
 from asperity.viewer.notify import attempt, from_browser
 from asperity.viewer.panels.panel import Frame, Panel, ViserServer
+from asperity.viewer.panels.scene_view import SceneView
 from asperity.viewer.server.uploads import Uploads
 from asperity.viewer.servo_client import ServoClient
+from asperity.viewer.surfaces import SURFACES
 
 FILE = "the file below"
 _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
@@ -34,11 +36,18 @@ _PLAIN_PIXEL, _PLAIN_RELIEF = 5e-5, 2e-4
 
 
 class TexturesPanel(Panel):
-    """Textures and meshes of the bodies."""
+    """Textures and meshes of the bodies.
+
+    Parameters
+    ----------
+    view : SceneView, optional
+        Which colours by height.
+    """
 
     title = "Surfaces"
 
-    def __init__(self) -> None:
+    def __init__(self, view: SceneView | None = None) -> None:
+        self._view = view
         self._uploads = Uploads()
         self._image: dict[str, Any] | None = None
         self._meshes: dict[str, dict[str, Any]] = {}
@@ -48,11 +57,17 @@ class TexturesPanel(Panel):
         """Add the controls."""
         self._servo = servo
         gui = server.gui
-        self._legend = gui.add_html("")
+        self._by_height = gui.add_checkbox(
+            "Colour by height", False, hint="Near the contact, where the relief is drawn finely"
+        )
+        self._by_height.on_update(self._coloured)
+        self._legend = gui.add_html("", visible=False)
         bodies = bodies_of(servo.config.scene)
         with gui.add_folder("Texture"):
             self._body = gui.add_dropdown("body", bodies)
-            self._kind = gui.add_dropdown("texture", [AS_IT_IS, SMOOTH, *PATTERNS, FILE])
+            self._kind = gui.add_dropdown("texture", [AS_IT_IS, SMOOTH, *SURFACES, *PATTERNS, FILE],
+                hint="Surfaces and patterns made by code, or your own file",
+            )  # fmt: skip
             self._relief = gui.add_number(
                 "height [mm]", 0.2, min=1e3 * RELIEF[0], max=1e3 * RELIEF[1], step=0.001,
                 hint="From the lowest to the highest point",
@@ -99,6 +114,11 @@ class TexturesPanel(Panel):
         """Delete the uploads."""
         self._uploads.close()
 
+    def _coloured(self, _: Any) -> None:
+        self._legend.visible = self._by_height.value
+        if self._view is not None:
+            self._view.colour_by_height(self._by_height.value)
+
     def _show_sizes(self, event: Any) -> None:
         if from_browser(event):
             self._show_now()
@@ -110,8 +130,8 @@ class TexturesPanel(Panel):
             self._relief.value, self._pixel.value = 1e3 * _PLAIN_RELIEF, 1e6 * _PLAIN_PIXEL
             return
         field = texture_of(self._servo.config.scene, self._body.value)
-        if kind in PATTERNS:
-            made = with_texture(self._servo.config, self._body.value, kind)
+        if kind in PATTERNS or kind in SURFACES:
+            made = with_texture(self._servo.config, self._body.value, SURFACES.get(kind, kind))
             field = texture_of(made.scene, self._body.value)
         if field is not None:
             self._relief.value = round(1e3 * field.relief, 5)
@@ -148,7 +168,7 @@ class TexturesPanel(Panel):
         servo = self._servo
 
         def change() -> None:
-            wanted: str | Mapping[str, Any] = kind
+            wanted: str | Mapping[str, Any] = SURFACES.get(kind, kind)
             relief, pixel = 1e-3 * self._relief.value, 1e-6 * self._pixel.value
             if kind == FILE:
                 if self._image is None:

@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
+from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.panel import Frame, Panel, ViewModel
 from asperity.viewer.server.access import TokenGate, guarded, is_local, own_origin, require_address
+from asperity.viewer.server.pace import Pace, step_back
 from asperity.viewer.server.transfers import bound_uploads
 from asperity.viewer.servo_client import ServoClient
 
 if TYPE_CHECKING:
     import viser
 
-UPDATE_RATE = 30.0
-"""Rate of updates [Hz]."""
 LOCAL = "127.0.0.1"
 MISSING = "the page needs viser: pip install 'asperity[view]'"
 
@@ -35,18 +35,23 @@ def require_viser() -> Any:
 
 
 def start_server(
-    host: str, port: int, label: str, gate: TokenGate | None = None
+    host: str,
+    port: int,
+    label: str,
+    gate: TokenGate | None = None,
+    links: LinkRequests | None = None,
 ) -> viser.ViserServer:
     """Start and return viser, guarded; see `Page` for the arguments and what is raised."""
     viser = require_viser()
     require_address(host, port)
-    guard = guarded(gate, **gate.limits) if gate else guarded(own_origin)
+    check = links.watching(gate or own_origin) if links else gate or own_origin
+    guard = guarded(check, **(gate.limits if gate else {}))
     # viser prints to standard output, which belongs to the command.
     with guard, contextlib.redirect_stdout(io.StringIO()):
         server: Any = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     bound_uploads(server)
     server.gui.configure_theme(
-        control_width="medium", show_logo=False, show_share_button=False,
+        control_width="large", show_logo=False, show_share_button=False,
         brand_color=(0, 114, 178),
     )  # fmt: skip
     return server
@@ -70,6 +75,8 @@ class Page:
         Port 0: any that is free. At any address but the loopback, a token is required.
     label : str
         Title of the page.
+    links : LinkRequests, optional
+        Is told of links that browsers open.
 
     Raises
     ------
@@ -85,12 +92,15 @@ class Page:
         host: str = LOCAL,
         port: int = 8080,
         label: str = "asperity",
+        links: LinkRequests | None = None,
     ) -> None:
         self.servo, self.panels = servo, list(panels)
         self._gate = None if is_local(host) else TokenGate()
-        self.server = start_server(host, port, label, self._gate)
+        self.server = start_server(host, port, label, self._gate, links)
         self.updates = 0
         """Number of updates of the panels."""
+        self.pace = Pace()
+        """How often the panels are updated."""
         self._view_model = ViewModel(servo)
         self._stopping, self._paused = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="asperity-page", daemon=True)
@@ -147,6 +157,7 @@ class Page:
                 panel.build(self.server, self.servo)
 
     def _run(self) -> None:
+        step_back()
         due = time.perf_counter()
         well = list(self.panels)
         while not self._stopping.is_set():
@@ -159,7 +170,8 @@ class Page:
                     if not _updated(panel, frame):
                         well.remove(panel)
             self.updates += 1
-            due = max(due + 1.0 / UPDATE_RATE, time.perf_counter())
+            interval = self.pace.interval(frame, self.servo.parameters.rate)
+            due = max(due + interval, time.perf_counter())
             self._stopping.wait(due - time.perf_counter())
 
 
@@ -179,7 +191,9 @@ def serve(
     *,
     host: str = LOCAL,
     port: int = 8080,
+    links: LinkRequests | None = None,
 ) -> Page:
     """Start and return the page of a started servo client. Close it when done."""
     scene = servo.config.scene.name
-    return Page(servo, make_panels(), host=host, port=port, label=f"asperity: {scene}")
+    label = f"asperity: {scene}"
+    return Page(servo, make_panels(), host=host, port=port, label=label, links=links)

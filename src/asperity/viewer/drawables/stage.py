@@ -1,0 +1,80 @@
+"""Light, bodies and marks of the 3-D view, in its units."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.viewer.drawables.glb import glb
+from asperity.viewer.drawables.shapes import Drawable
+
+Array = NDArray[np.float64]
+ViserServer = Any
+"""`viser.ViserServer`; the package is optional."""
+UNITS = 100.0
+"""Units of the view per metre."""
+
+
+def set_up_lights(server: ViserServer) -> None:
+    """Set up light and background of a view whose z axis points upwards."""
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.world_axes.visible = False
+    scene.set_background_image(_backdrop(), format="png")
+    scene.configure_default_lights(False)
+    scene.configure_environment_map("studio", environment_intensity=0.3)
+    scene.add_light_hemisphere(
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 140, 130), intensity=0.4
+    )
+    scene.add_light_directional(
+        "/light/key", intensity=1.5, cast_shadow=True, position=(-8.0, -10.0, 22.0)
+    )
+    scene.add_light_directional(
+        "/light/rim", color=(200, 215, 255), intensity=0.3, position=(14.0, 16.0, 8.0)
+    )
+
+
+def add_shape(
+    server: ViserServer, shape: Drawable, parent: str, *, image: NDArray[np.uint8] | None = None
+) -> Any:
+    """Add a shape under a node, with the image of its atlas if given; return its node."""
+    made_of = shape.material
+    data = glb(
+        UNITS * shape.vertices, shape.normals, shape.colours, shape.faces,
+        places=shape.places, image=image,
+        roughness=made_of.roughness if made_of else 0.6,
+        metallic=made_of.metallic if made_of else 0.0,
+    )  # fmt: skip
+    return server.scene.add_glb(f"{parent}/{shape.name}", data)
+
+
+def place(node: Any, pose: Array) -> None:
+    """Move a node to a pose (7,)."""
+    node.position = tuple((UNITS * pose[:3]).tolist())
+    node.wxyz = tuple(pose[3:].tolist())
+
+
+def disc(radius: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return the points (n, 3) and triangles (m, 3) of a disc."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+    rim = radius * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    i = np.arange(32)
+    return np.vstack([np.zeros((1, 3)), rim]), np.stack([0 * i, i + 1, (i + 1) % 32 + 1], axis=1)
+
+
+def turn_to(normal: Array) -> tuple[float, float, float, float]:
+    """Return the rotation that turns z to a unit vector, as a quaternion wxyz."""
+    x, y, z = normal.tolist()
+    if z < -0.999:
+        return (0.0, 1.0, 0.0, 0.0)
+    scale = np.sqrt(2.0 * (1.0 + z))
+    return (0.5 * scale, -y / scale, x / scale, 0.0)
+
+
+def _backdrop() -> NDArray[np.uint8]:
+    """Return a light background, darker towards the bottom."""
+    share = np.linspace(0.0, 1.0, 256)[:, None, None]
+    top, bottom = np.array([250.0, 251.0, 253.0]), np.array([206.0, 213.0, 222.0])
+    return np.broadcast_to(top + share * (bottom - top), (256, 4, 3)).astype(np.uint8)
