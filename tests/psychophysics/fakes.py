@@ -62,6 +62,9 @@ class Nothing:
     def __init__(self):
         self.presented = []
 
+    def check(self, stimulus):
+        pass
+
     def prepare(self, wanted, seconds):
         pass
 

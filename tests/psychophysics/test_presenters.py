@@ -139,6 +139,30 @@ def test_what_cannot_be_felt_is_told(tmp_path, monkeypatch):
     presenter.close()
 
 
+def test_a_device_that_is_not_there_is_refused_before_the_instructions(tmp_path, monkeypatch):
+    made, told = design(DEVICE), []
+
+    class Absent:
+        def open(self):
+            raise AsperityError("no device answers at port 3")
+
+        def close(self):
+            told.append("closed")
+
+    class Asking(SimulatedInterface):
+        def welcome(self, design, progress):
+            told.append("welcome")
+
+    presenter = DevicePresenter(made.stimuli, lambda *_: SimpleNamespace(make_device=Absent))
+    with (
+        Session(made, tmp_path / "s", "P1") as session,
+        pytest.raises(AsperityError, match="no device answers"),
+    ):
+        session.run(presenter, Asking(made), sleep=lambda _: None)
+    presenter.close()
+    assert told == ["closed"]
+
+
 @pytest.fixture
 def _no_scenes(monkeypatch):
     monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})

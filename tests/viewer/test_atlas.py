@@ -12,6 +12,7 @@ from asperity.geometry.displaced.relief import MeshRelief
 from asperity.scene.builtin import load_scene
 from asperity.viewer.drawables.atlas import Atlas
 from asperity.viewer.drawables.colours import height_colours
+from asperity.viewer.drawables.materials import by_height
 from asperity.viewer.drawables.glb import glb
 from asperity.viewer.drawables.shapes import shapes_of
 from asperity.viewer.pictures import PICTURED, PICTURES
@@ -23,10 +24,15 @@ def block():
     return next(body for body in scene.bodies if body.name == "block-1" and body.mesh)
 
 
+def painted(body):
+    """Return what colours a body by height."""
+    return by_height(body.texture.lowest, body.texture.highest, (0.5, 0.5, 0.5))
+
+
 def test_each_place_has_the_colour_of_its_height(block):
     faces = np.ones(len(block.mesh.faces), bool)
     faces[::5] = False  # some have no place in it
-    atlas = Atlas(block, faces, (0.5, 0.5, 0.5))
+    atlas = Atlas(block, faces, painted(block))
     image = atlas.image()
     rng = np.random.default_rng(1)
     chosen = rng.choice(np.flatnonzero(faces), 400)
@@ -47,7 +53,7 @@ def test_each_place_has_the_colour_of_its_height(block):
 
 def test_triangles_do_not_share_pixels(block):
     faces = np.ones(len(block.mesh.faces), bool)
-    atlas = Atlas(block, faces, (0.5, 0.5, 0.5))
+    atlas = Atlas(block, faces, painted(block))
     size = len(atlas.image())
     corners = atlas.places(np.arange(len(faces)), np.tile(np.eye(3), (len(faces), 1, 1))) * size
     inside = np.random.default_rng(2).dirichlet((1.0, 1.0, 1.0), 50)
