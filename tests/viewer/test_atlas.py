@@ -12,8 +12,8 @@ from asperity.geometry.displaced.relief import MeshRelief
 from asperity.scene.builtin import load_scene
 from asperity.viewer.drawables.atlas import Atlas
 from asperity.viewer.drawables.colours import height_colours
-from asperity.viewer.drawables.materials import by_height
 from asperity.viewer.drawables.glb import glb
+from asperity.viewer.drawables.materials import by_height
 from asperity.viewer.drawables.shapes import shapes_of
 from asperity.viewer.pictures import PICTURED, PICTURES
 

@@ -8,7 +8,7 @@ from asperity.simulation.tool_contact import LIMITED, PASSIVITY, SILENT
 from asperity.viewer.loop_health import LoopHealth
 from asperity.viewer.panels.panel import Frame
 from asperity.viewer.replayed_contacts import empty_snapshot
-from asperity.viewer.server.pace import SLOWEST, UPDATE_RATE, Pace
+from asperity.viewer.server.pace import SLOWEST, UPDATE_RATE, UpdatePace
 
 
 def frames(seconds, *, rate=1000.0, contact=1.0, felt=1.0, flags=0, misses=0):
@@ -55,7 +55,7 @@ def test_the_first_seconds_of_a_loop_are_not_judged():
 
 
 def test_drawing_gives_way_to_a_late_loop_and_comes_back():
-    pace = Pace()
+    pace = UpdatePace()
     slow = [pace.interval(frame, 1000.0) for frame in frames(10.0, rate=500.0)]
     assert slow[-1] == pytest.approx(SLOWEST / UPDATE_RATE)
     assert pace.gives_way

@@ -26,7 +26,7 @@ _RING = 4e-3
 
 
 @dataclass(frozen=True)
-class Material:
+class SurfaceLook:
     """A material.
 
     Parameters
@@ -59,20 +59,20 @@ class Material:
         return paint
 
 
-def material_of(colour: tuple[float, ...]) -> Material:
+def material_of(colour: tuple[float, ...]) -> SurfaceLook:
     """Return the material of a part with a colour of `scene_parts`."""
     if colour[:3] == TOOL_COLOUR:
-        return Material("steel", (0.70, 0.72, 0.74), 0.34, 0.75)
+        return SurfaceLook("steel", (0.70, 0.72, 0.74), 0.34, 0.75)
     if colour[:3] == GROUND_COLOUR:
-        return Material("ceramic", (0.93, 0.90, 0.84), 0.38, 0.0)
+        return SurfaceLook("ceramic", (0.93, 0.90, 0.84), 0.38, 0.0)
     hue, light, strong = colorsys.rgb_to_hls(*colour[:3])
     if 0.04 < hue < 0.14 and strong > 0.25 and 0.2 < light < 0.85:
-        return Material("wood", colour[:3], 0.6, 0.0)
+        return SurfaceLook("wood", colour[:3], 0.6, 0.0)
     if light < 0.25:
-        return Material("rubber", colour[:3], 0.9, 0.0)
+        return SurfaceLook("rubber", colour[:3], 0.9, 0.0)
     if strong < 0.06 and light < 0.8:
-        return Material("steel", colour[:3], 0.34, 0.75)
-    return Material("own colour", colour[:3], 0.55, 0.0)
+        return SurfaceLook("steel", colour[:3], 0.34, 0.75)
+    return SurfaceLook("own colour", colour[:3], 0.55, 0.0)
 
 
 def by_height(low: float, high: float, plain: tuple[float, ...]) -> Paint:

@@ -19,7 +19,7 @@ from asperity.geometry.displaced.view import ViewBall
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.atlas import Atlas
-from asperity.viewer.drawables.materials import Material, Paint, by_height, material_of
+from asperity.viewer.drawables.materials import Paint, SurfaceLook, by_height, material_of
 
 Array = NDArray[np.float64]
 TRIANGLES = 50_000
@@ -69,7 +69,7 @@ class Drawable:
         Texture coordinates in the image of the atlas.
     atlas : Atlas or None
         Replaces the colours where present.
-    material : Material or None
+    material : SurfaceLook or None
         What it is made of.
     """
 
@@ -83,7 +83,7 @@ class Drawable:
     highest: float
     places: Array | None = None
     atlas: Atlas | None = None
-    material: Material | None = None
+    material: SurfaceLook | None = None
 
 
 def shapes_of(scene: Scene, triangles: int = TRIANGLES) -> list[Drawable]:
@@ -284,7 +284,7 @@ def detail_of(
     return out
 
 
-def _paint(part: Part, material: Material | None) -> Paint:
+def _paint(part: Part, material: SurfaceLook | None) -> Paint:
     """Return what colours a part: by height unless it has a material."""
     field = part.body.texture
     low, high = (field.lowest, field.highest) if field is not None else (0.0, 0.0)

@@ -209,7 +209,7 @@ class ActionsPanel(Panel):
 
         with client.gui.add_modal("Follow the link?") as modal:
             client.gui.add_markdown(
-                "The address asks for a scene with settings of its own. All tabs would show it."
+                "The address asks for a scene with certain settings. All tabs would show it."
             )
             client.gui.add_button("Follow it", color="green").on_click(follow)
             client.gui.add_button("Stay here").on_click(lambda _: modal.close())

@@ -28,10 +28,10 @@ class Detail:
         self.radius = 5e-3
         """[m]."""
         self.at: NDArray[np.float64] = np.full(3, np.inf)
-        """Middle of what was last asked for [m]."""
+        """Middle of the last request [m]."""
         self._scene: Scene | None = None
         self._of: tuple[bool, bool] = (False, False)
-        self._asked = -np.inf
+        self._requested = -np.inf
         self._shown: list[str] = []
         self._making: Future[list[Drawable]] | None = None
         self._worker = ThreadPoolExecutor(1, "asperity-detail", initializer=step_back)
@@ -53,9 +53,9 @@ class Detail:
         moved = float(np.linalg.norm(at - self.at)) > _MOVED * self.radius
         if not self.wanted or self._making is not None or not (moved or of != self._of):
             return
-        if now - self._asked < _EVERY or scene is not self._scene:
+        if now - self._requested < _EVERY or scene is not self._scene:
             return
-        self.at, self._of, self._asked = at, of, now
+        self.at, self._of, self._requested = at, of, now
         self._making = self._worker.submit(
             detail_of, scene, snapshot.tool_pose.copy(), at, self.radius, heights=self.heights
         )

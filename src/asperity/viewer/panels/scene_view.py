@@ -112,7 +112,7 @@ class SceneView(Panel):
         self.detail.close()
         self._painter.shutdown(wait=False, cancel_futures=True)
 
-    # -- what is asked for ---------------------------------------------------------------------
+    # -- zoom and colours ----------------------------------------------------------------------
 
     def zoom(self) -> None:
         """Zoom to the contact, where the relief is drawn finely; or back."""

@@ -19,7 +19,7 @@ _EVERY, _STEP = 0.5, 1.5
 _NICE = 5
 
 
-class Pace:
+class UpdatePace:
     """The interval between two updates of the page.
 
     Attributes

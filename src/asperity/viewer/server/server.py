@@ -14,7 +14,7 @@ from asperity.errors import AsperityError
 from asperity.viewer.link import LinkRequests
 from asperity.viewer.panels.panel import Frame, Panel, ViewModel
 from asperity.viewer.server.access import TokenGate, guarded, is_local, own_origin, require_address
-from asperity.viewer.server.pace import Pace, step_back
+from asperity.viewer.server.pace import UpdatePace, step_back
 from asperity.viewer.server.transfers import bound_uploads
 from asperity.viewer.servo_client import ServoClient
 
@@ -76,7 +76,7 @@ class Page:
     label : str
         Title of the page.
     links : LinkRequests, optional
-        Is told of links that browsers open.
+        Notes links that browsers open.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class Page:
         self.server = start_server(host, port, label, self._gate, links)
         self.updates = 0
         """Number of updates of the panels."""
-        self.pace = Pace()
+        self.pace = UpdatePace()
         """How often the panels are updated."""
         self._view_model = ViewModel(servo)
         self._stopping, self._paused = threading.Event(), threading.Event()
