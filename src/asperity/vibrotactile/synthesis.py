@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 from asperity._core.arrays import Array
 from asperity._core.kernels import kernel
 from asperity.errors import AsperityError
+from asperity.vibrotactile.harmonic import FADES_FROM, HarmonicModel
 from asperity.vibrotactile.lsf import fill_coefficients
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.triangles import Triangulation, weigh
@@ -19,12 +21,13 @@ class Synthesiser:
     """Vibration of a texture at the model's own rate.
 
     The filter is mixed anew at every sample; what has come out and what went in is kept from
-    sample to sample, also across models, so that the vibration has no seams. At another rate: make
+    sample to sample, also across models, so that the vibration has no seams. The lines of a
+    `HarmonicModel` follow the travelled distance, the sum of speed over rate. At another rate: make
     the model of that rate first, with `rates.at_rate`.
 
     Parameters
     ----------
-    model : TextureModel
+    model : TextureModel or HarmonicModel
     seed : int
         Of the white noise.
     """
@@ -32,6 +35,7 @@ class Synthesiser:
     def __init__(self, model: TextureModel, *, seed: int = 0) -> None:
         self.model = model
         self.seed = seed
+        self._filters, self._lines = _bank(model), _lines_of(model)
         self.reset()
 
     def reset(self) -> None:
@@ -40,6 +44,7 @@ class Synthesiser:
         self._out = np.zeros(self.model.order)
         self._in = np.zeros(self.model.ma.shape[1])
         self._triangle = -1
+        self._turns = np.zeros(self._lines.turns.size)
 
     def next(self, speed: float, force: float) -> float:
         """Return one sample [m/s^2] at a speed [m/s] and a normal force [N]."""
@@ -56,13 +61,29 @@ class Synthesiser:
             raise AsperityError(f"speeds and forces must be (n,) each, got {v.shape}, {f.shape}")
         if not (np.isfinite(v).all() and np.isfinite(f).all()):
             raise AsperityError("speeds and forces must be finite numbers")
-        model, out = self.model, np.empty(v.size)
+        out = np.empty(v.size)
         noise = self._noise.standard_normal(v.size)
-        filters = FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain)
+        history = History(self._out, self._in, self._turns)
         self._triangle = synthesise(
-            filters, Drive(v, f, noise), History(self._out, self._in), self._triangle, out
+            self._filters, self._lines, Drive(v, f, noise), history, self._triangle, out
         )
         return out
+
+
+def _bank(model: TextureModel) -> FilterBank:
+    # Without RMS of their own, models are mixed by the variance of the excitation.
+    rms = model.noise_rms if isinstance(model, HarmonicModel) else np.empty(0)
+    return FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain, rms)
+
+
+def _lines_of(model: TextureModel) -> Lines:
+    if not isinstance(model, HarmonicModel):
+        nothing = np.empty((len(model.speeds), 0))
+        return Lines(nothing, nothing, np.empty(0), np.empty(0))
+    k = model.wavenumbers
+    below = k / model.high_pass if model.high_pass > 0.0 else np.full(k.size, np.inf)
+    real, imaginary = np.ascontiguousarray(model.lines.real), np.ascontiguousarray(model.lines.imag)
+    return Lines(real, imaginary, k / model.rate, below)
 
 
 class FilterBank(NamedTuple):
@@ -73,6 +94,21 @@ class FilterBank(NamedTuple):
     ma: Array
     variance: Array
     gain: Array
+    rms: Array
+    """(n,) of each filter's output [m/s^2], or (0,) to mix the variance instead."""
+
+
+class Lines(NamedTuple):
+    """The lines of a `HarmonicModel`."""
+
+    real: Array
+    """(n, h) of each model's amplitudes, without the high-pass [m/s^2]."""
+    imaginary: Array
+    """(n, h)"""
+    turns: Array
+    """(h,) turns of a line in a sample, over the speed [s/m]."""
+    below: Array
+    """(h,) frequency over the corner of the high-pass, over the speed [s/m]."""
 
 
 class Drive(NamedTuple):
@@ -90,25 +126,28 @@ class History(NamedTuple):
     """Last samples, the newest first; changed in place."""
 
     outputs: Array
-    """(p,) [m/s^2]"""
+    """(p,) of the noise [m/s^2]"""
     excitations: Array
     """(q,) [m/s^2]"""
+    phases: Array
+    """(h,) of the lines [turns]"""
 
 
 @kernel
-def synthesise(filters, drive, history, triangle, out):
+def synthesise(filters, lines, drive, history, triangle, out):
     """Fill samples (n,) [m/s^2]; return the triangle of the last one.
 
-    `filters` is a `FilterBank`, `drive` a `Drive`, `history` a `History`; `triangle` is where the
-    search for the first sample's triangle starts.
+    `filters` is a `FilterBank`, `lines` are `Lines`, `drive` a `Drive`, `history` a `History`;
+    `triangle` is where the search for the first sample's triangle starts.
     """
-    mesh, ar, ma, variance, gain = filters
+    mesh, ar, ma, variance, gain, rms = filters
     speeds, forces, noise = drive
-    before, excited = history
-    p, q = ar.shape[1], ma.shape[1]
+    before, excited, phases = history
+    p, q, h = ar.shape[1], ma.shape[1], phases.size
     a, b = np.empty(p + 1), np.empty(q + 1)
     mixed_a, mixed_b = np.empty(p), np.empty(q)
     room = np.empty((2, max(p, q) + 3))
+    cosines, sines = np.empty(h), np.empty(h)
     corners, weights = np.empty(3, np.int64), np.empty(3)
     last_speed, last_force = -1.0, -1.0
     power, level = 0.0, 1.0
@@ -116,13 +155,15 @@ def synthesise(filters, drive, history, triangle, out):
         if speeds[i] != last_speed or forces[i] != last_force:
             last_speed, last_force = speeds[i], forces[i]
             triangle = weigh(mesh, last_speed, last_force, triangle, corners, weights)
-            power, level = 0.0, 0.0
+            power, level, size = 0.0, 0.0, 0.0
             mixed_a[:] = 0.0
             mixed_b[:] = 0.0
             for k in range(3):
                 m, w = corners[k], weights[k]
                 power += w * variance[m]
                 level += w * gain[m]
+                if rms.size > 0:
+                    size += w * rms[m]
                 for j in range(p):
                     mixed_a[j] += w * ar[m, j]
                 for j in range(q):
@@ -130,6 +171,9 @@ def synthesise(filters, drive, history, triangle, out):
             fill_coefficients(mixed_a, room[:, : p + 3], a)
             if q > 0:
                 fill_coefficients(mixed_b, room[:, : q + 3], b)
+            if rms.size > 0:
+                power = size * size / ringing(a, room[0])
+            mix_lines(lines, corners, weights, last_speed, cosines, sines)
         fresh = np.sqrt(max(power, 0.0)) * noise[i]
         total = fresh
         if q > 0:
@@ -145,5 +189,54 @@ def synthesise(filters, drive, history, triangle, out):
             before[j] = before[j - 1]
         if p > 0:
             before[0] = total
+        for j in range(h):
+            turned = phases[j] + lines.turns[j] * speeds[i]
+            phases[j] = turned - math.floor(turned)
+            if cosines[j] != 0.0 or sines[j] != 0.0:
+                angle = 2.0 * math.pi * phases[j]
+                total += cosines[j] * math.cos(angle) - sines[j] * math.sin(angle)
         out[i] = total
     return triangle
+
+
+@kernel
+def ringing(a, room):
+    """Return the variance of 1 / A driven by white noise of variance 1; `room` holds (p + 1,)."""
+    out = 1.0
+    size = a.size
+    for i in range(size):
+        room[i] = a[i]
+    for i in range(size - 1, 0, -1):
+        k = room[i]
+        rest = 1.0 - k * k
+        if rest <= 0.0:
+            return np.inf
+        out /= rest
+        for j in range(1, (i + 1) // 2 + 1):
+            low, high = room[j], room[i - j]
+            room[j] = (low - k * high) / rest
+            if i - j > j:
+                room[i - j] = (high - k * low) / rest
+    return out
+
+
+@kernel
+def mix_lines(lines, corners, weights, speed, cosines, sines):
+    """Fill the amplitudes (h,) of cosine and sine of all lines at a speed [m/s].
+
+    Sizes and phases are mixed apart, so that lines of unlike phases do not cancel.
+    """
+    for j in range(cosines.size):
+        size, x, y = 0.0, 0.0, 0.0
+        for k in range(3):
+            real, imaginary = lines.real[corners[k], j], lines.imaginary[corners[k], j]
+            size += weights[k] * math.hypot(real, imaginary)
+            x += weights[k] * real
+            y += weights[k] * imaginary
+        r = (lines.below[j] * speed) ** 4 if speed > 0.0 else 0.0
+        gain = r / (1.0 + r) if r < 1e9 else 1.0
+        fade = (0.5 - lines.turns[j] * speed) / (0.5 - FADES_FROM)
+        size *= gain * min(max(fade, 0.0), 1.0)
+        length = math.hypot(x, y)
+        cosines[j] = size * x / length if length > 0.0 else size
+        sines[j] = size * y / length if length > 0.0 else 0.0

@@ -1,0 +1,194 @@
+"""A texture as vibration that keeps what is periodic: lines locked to position, and noise.
+
+The noise of `model` repeats a spectrum. A grating's vibration is not noise: it repeats with the
+travelled distance. So its part is kept as sines over distance, and only the remainder is noise:
+
+    y_n = sum_j A_j(v, F) G(k_j v) cos(2 pi m_j x_n / lambda_j + phi_j(v, F)) + noise_n ,
+
+x the travelled distance, lambda_j one of the texture's periods, m_j = 1, 2, ... a harmonic of it,
+k_j = m_j / lambda_j. G is the known gain of the high-pass filter behind every recording
+(`signals.explored`), which is divided out of the amplitudes so that they may be mixed over speed.
+Sines plus filtered noise are the "spectral modelling" of sounds (Serra & Smith 1990); that such a
+model of a texture follows the position is asperity's. See `docs/methods/recorded-vibration.md`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from asperity._core.arrays import Array, Indices
+from asperity.errors import AsperityError, require_not_negative
+from asperity.vibrotactile.ar import damped, levinson
+from asperity.vibrotactile.lsf import coefficients_of, frequencies_of, power_gain
+from asperity.vibrotactile.model import Filter, TextureModel
+
+MOST_LINES = 64
+FADES_FROM = 0.45
+"""Lines fade out from this share of the rate up to half of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicModel(TextureModel):
+    """Vibration of a tool on a texture: lines locked to position, and noise beside them.
+
+    Parameters
+    ----------
+    periods : (q,) array
+        Lengths after which the texture repeats [m]; none (0,) if it does not.
+    harmonics : (h, 2) array of int
+        Of each line: its period, counted from 0, and its multiple, counted from 1.
+    lines : (n, h) complex array
+        Amplitudes of the lines of each model [m/s^2], without the high-pass filter. The angle is
+        the phase relative to the first line of the same period.
+    high_pass : float
+        Corner of the filter behind the recordings [Hz], 0 if there was none.
+
+    Notes
+    -----
+    Line spectral frequencies, amplitudes of lines, and the *RMS* of the noise are mixed
+    barycentrically, where `TextureModel` mixes the variance of the excitation: a mix of two filters
+    may ring more than either, so a mixed excitation does not keep the RMS.
+    """
+
+    periods: Array = field(default_factory=lambda: np.empty(0))
+    harmonics: Indices = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    lines: Array = field(default_factory=lambda: np.empty((0, 0)))
+    high_pass: float = 20.0
+    noise_rms: Array = field(init=False, repr=False)
+    """(n,) of the noise alone [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ma.shape[1]:
+            raise AsperityError("the noise beside lines has no moving-average part; drop it")
+        n = len(self.speeds)
+        periods = np.atleast_1d(np.asarray(self.periods, dtype=np.float64))
+        harmonics = np.asarray(self.harmonics, dtype=np.int64).reshape(-1, 2)
+        h = len(harmonics)
+        lines = np.zeros((n, 0), complex) if h == 0 else np.asarray(self.lines, np.complex128)
+        if h > MOST_LINES:
+            raise AsperityError(f"{h} lines; valid: {MOST_LINES} at most")
+        if lines.shape != (n, h) or not np.isfinite(lines).all():
+            raise AsperityError(f"lines must be finite, ({n}, {h}), got shape {lines.shape}")
+        if not (np.isfinite(periods).all() and (periods > 0.0).all()):
+            raise AsperityError(f"periods must be above 0 m, got {periods.tolist()}")
+        if h and not (
+            harmonics[:, 0].min() >= 0
+            and harmonics[:, 0].max() < len(periods)
+            and harmonics[:, 1].min() >= 1
+        ):
+            raise AsperityError(
+                f"a line names a period from 0 to {len(periods) - 1} and a multiple from 1, got "
+                f"{harmonics.tolist()}"
+            )
+        require_not_negative("high-pass corner", self.high_pass)
+        gains = [power_gain(coefficients_of(row)) for row in self.ar]
+        for name, value in {
+            "periods": periods, "harmonics": harmonics, "lines": lines,
+            "noise_rms": np.sqrt(self.variance * gains),
+        }.items():  # fmt: skip
+            object.__setattr__(self, name, np.ascontiguousarray(value))
+
+    @property
+    def wavenumbers(self) -> Array:
+        """Of the lines, (h,) [1/m]."""
+        return np.asarray(self.harmonics[:, 1] / self.periods[self.harmonics[:, 0]])
+
+    def filter_at(self, speed: float, force: float) -> Filter:
+        """Return the filter of the noise at a speed [m/s] and force [N]."""
+        corners, shares = self.weights(speed, force)
+        ar = coefficients_of(shares @ self.ar[corners])
+        power = float(shares @ self.noise_rms[corners]) ** 2
+        return Filter(ar, np.ones(1), power / power_gain(ar))
+
+    def amplitudes_at(self, speed: float, force: float) -> Array:
+        """Return the amplitudes (h,) [m/s^2] of the lines at a speed [m/s] and force [N]."""
+        corners, shares = self.weights(speed, force)
+        size = shares @ np.abs(self.lines[corners])
+        return np.asarray(size * line_gain(self.wavenumbers * speed, self.high_pass, self.rate))
+
+
+def high_pass_gain(frequency: Array, corner: float) -> Array:
+    """Return what is left of a vibration at frequencies [Hz] (n,) after `signals.explored`.
+
+    Two passes of a Butterworth filter of order 2.
+    """
+    if corner == 0.0:
+        return np.ones(np.shape(frequency))
+    r = (np.asarray(frequency, dtype=np.float64) / corner) ** 4
+    return np.asarray(r / (1.0 + r))
+
+
+def line_gain(frequency: Array, corner: float, rate: float) -> Array:
+    """Return the gain of lines at frequencies [Hz] (n,): the high-pass, and the end of the band."""
+    fade = (0.5 - np.asarray(frequency) / rate) / (0.5 - FADES_FROM)
+    return np.asarray(high_pass_gain(frequency, corner) * np.clip(fade, 0.0, 1.0))
+
+
+def as_noise(model: HarmonicModel, bandwidth: float = 4.0) -> tuple[TextureModel, float]:
+    """Return the noise model nearest to a harmonic one, and the share of power it cannot keep.
+
+    Every line becomes a resonance of the same power: the AR filter of the sum of both
+    autocovariances, by Levinson's recursion. What is lost is the phase: the share is that of the
+    lines in all power, the mean over the models. Of a model without lines nothing is lost but the
+    mixing by RMS.
+
+    Parameters
+    ----------
+    model : HarmonicModel
+    bandwidth : float
+        No resonance becomes narrower [Hz].
+    """
+    order = model.order
+    lsf, variance = model.ar.copy(), model.variance.copy()
+    shares = []
+    lags = np.arange(order + 1)
+    for i, speed in enumerate(model.speeds):
+        frequency = model.wavenumbers * speed
+        gain = line_gain(frequency, model.high_pass, model.rate)
+        powers = 0.5 * (np.abs(model.lines[i]) * gain) ** 2
+        quiet = float(model.noise_rms[i]) ** 2
+        total = quiet + float(powers.sum())
+        if total == 0.0:
+            continue
+        shares.append(float(powers.sum()) / total)
+        if shares[-1] == 0.0:
+            continue
+        noise = _autocovariance(coefficients_of(model.ar[i]), order) * quiet
+        tones = np.cos(2.0 * np.pi * np.outer(lags, frequency) / model.rate) @ powers
+        covariance = noise + tones
+        covariance[0] *= 1.0 + 1e-9
+        fresh = damped(levinson(covariance), total, model.rate, bandwidth)
+        lsf[i] = frequencies_of(fresh.coefficients)
+        variance[i] = total / power_gain(fresh.coefficients)
+    plain = TextureModel(
+        model.name, model.rate, model.speeds, model.forces, lsf, variance,
+        friction=model.friction, triangles=model.triangles,
+    )  # fmt: skip
+    return plain, float(np.mean(shares)) if shares else 0.0
+
+
+def _autocovariance(coefficients: Array, order: int) -> Array:
+    """Return lags 0 to `order` of the output of 1 / A, over its variance: the step-up recursion."""
+    a = np.asarray(coefficients, dtype=np.float64)
+    # Predictors of all lower orders, from the highest down.
+    ladder = [a]
+    for i in range(a.size - 1, 0, -1):
+        k = ladder[-1][i]
+        ladder.append((ladder[-1][:i] - k * ladder[-1][i:0:-1]) / (1.0 - k * k))
+    r, error = np.zeros(order + 1), 1.0
+    r[0] = 1.0
+    for i in range(1, min(a.size - 1, order) + 1):
+        before, now = ladder[a.size - i], ladder[a.size - 1 - i]
+        r[i] = -now[i] * error - float(before[1:i] @ r[i - 1 : 0 : -1])
+        error *= 1.0 - now[i] ** 2
+    for i in range(a.size, order + 1):
+        r[i] = -float(a[1:] @ r[i - 1 : i - a.size : -1])
+    return r
+
+
+def without_lines(model: HarmonicModel) -> HarmonicModel:
+    """Return the noise of a model alone."""
+    return replace(model, periods=np.empty(0), harmonics=np.empty((0, 2)), lines=np.empty((0, 0)))
