@@ -30,8 +30,9 @@ class FitCommand:
     """Fit a vibration model of a texture, for devices that can only vibrate.
 
     To a scene, whose tool is then moved at a grid of speeds and forces, or to recordings. Prints
-    how well spectrum and amplitude are reproduced on data held out of the fit. Writes model.xml
-    (format of the Penn Haptic Texture Toolkit, HaTT), fit.json and figures.
+    the periods that were found, recordings without a model, and how well spectrum and amplitude
+    are reproduced on data held out of the fit. Writes model.json, model.xml (format of the Penn
+    Haptic Texture Toolkit, HaTT, which has no periods), fit.json and figures.
     """
 
     sources: Annotated[Positional[tuple[str, ...]], arg(metavar="SOURCE")]
@@ -41,6 +42,9 @@ class FitCommand:
     runs between the grid's speeds and forces."""
     model: Path | None = None
     """A model file of HaTT or of this command, to judge instead of fitting one."""
+    kind: str = "harmonic"
+    """harmonic: what repeats over distance as sines locked to position, the remainder as noise.
+    noise: all as noise, as in HaTT."""
     speeds_mm_s: Annotated[tuple[float, ...] | None, Range(1.0, 1000.0, "mm/s")] = None
     """Speeds of a scene's grid. Default: 30, 60, 100, 150."""
     forces_n: Annotated[tuple[float, ...] | None, Range(1e-3, 20.0, "N")] = None
@@ -70,15 +74,16 @@ class FitCommand:
         """Run or read, fit, judge, write, and print the errors."""
         from asperity._core.output import result_folder
         from asperity.vibrotactile.ar import CRITERIA
-        from asperity.vibrotactile.fit import FitSettings, fit, judge
-        from asperity.vibrotactile.hatt import read_hatt
+        from asperity.vibrotactile.fit import KINDS, FitSettings, fit, judge
+        from asperity.vibrotactile.model_file import read_model
         from asperity.vibrotactile.summary import in_words, summary_of
 
+        require_choice("--kind", self.kind, KINDS)
         require_choice("--criterion", self.criterion, CRITERIA)
         if not self.sources:
             raise AsperityError("SOURCE is missing: give a scene, or recordings")
         settings = with_options(FitSettings, in_si(self))
-        given = None if self.model is None else read_hatt(self.model)
+        given = None if self.model is None else read_model(self.model)
         with result_folder(self.out, overwrite=self.overwrite) as folder:
             training, held_out = self._data(given)
             fitted = None
@@ -93,6 +98,8 @@ class FitCommand:
             }  # fmt: skip
             self._write(folder, model, fitted, judged, summary)
         print(in_words(summary))
+        for note in summary.get("model_xml_loses", []):
+            print(f"model.xml: {note}")
         print(f"{self.out}: {', '.join(summary['files'])}")
 
     def _name(self) -> str:
@@ -194,12 +201,14 @@ class FitCommand:
         from asperity.drawing import figure_style
         from asperity.vibrotactile import figures
         from asperity.vibrotactile.hatt import write_hatt
+        from asperity.vibrotactile.model_file import write_model
 
         title = f"{model.name}: synthesis against data held out of the fit"
         files = []
         if fitted is not None:
-            write_hatt(model, folder / "model.xml")
-            files += ["model.xml"]
+            write_model(model, folder / "model.json")
+            summary["model_xml_loses"] = list(write_hatt(model, folder / "model.xml"))
+            files += ["model.json", "model.xml"]
             plane = figures.plane_figure(
                 fitted, judged, f"{model.name}: {fitted.recorded} fitted models"
             )

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from asperity.drawing.figure_style import COLOURS, style
 from asperity.vibrotactile.distances import HIGHEST, LOWEST, spectrum
 from asperity.vibrotactile.fit import Fitted, Held
+from asperity.vibrotactile.harmonic import HarmonicModel
 from asperity.vibrotactile.lsf import coefficients_of, power_gain
 from asperity.vibrotactile.model import TextureModel
 
@@ -58,6 +59,7 @@ def _spectra(axis: Axes, model: TextureModel, one: Held) -> None:
     made = np.interp(frequency, *spectrum(one.made, rate))
     fine = np.linspace(LOWEST, min(HIGHEST, 0.5 * rate), 800)
     curve = np.sqrt(model.filter_at(one.stretch.speed, one.stretch.force).density(fine, rate))
+    label = "the filter of its noise" if isinstance(model, HarmonicModel) else "its filter"
     inside = (frequency >= LOWEST) & (frequency <= HIGHEST)
     axis.plot(
         frequency[inside], np.sqrt(density[inside]), color=COLOURS[0], lw=1.2, label="held out"
@@ -65,7 +67,7 @@ def _spectra(axis: Axes, model: TextureModel, one: Held) -> None:
     axis.plot(
         frequency[inside], np.sqrt(made[inside]), color=COLOURS[1], lw=1.0, label="synthesised"
     )
-    axis.plot(fine, curve, color="#222222", lw=1.1, ls="--", label="the filter's")
+    axis.plot(fine, curve, color="#222222", lw=1.1, ls="--", label=label)
     top = max(float(np.sqrt(density[inside].max())), float(np.sqrt(made[inside].max())))
     axis.set(yscale="log", ylim=(top * 1e-3, top * 4.0), xlim=(0.0, min(HIGHEST, 0.5 * rate)))
     axis.set_title(
@@ -115,8 +117,11 @@ def plane_figure(fitted: Fitted, held: Sequence[Held], title: str) -> Figure:
         plane, scores = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
         speed, force = model.speeds * 1e3, model.forces
         plane.triplot(speed, force, model.mesh.triangles, color="#cccccc", lw=0.6)
-        gains = [power_gain(coefficients_of(lsf)) for lsf in model.ar]
-        level = np.sqrt(model.variance * gains)
+        power = model.variance * [power_gain(coefficients_of(lsf)) for lsf in model.ar]
+        if isinstance(model, HarmonicModel):
+            places = zip(model.speeds, model.forces, strict=True)
+            power += [0.5 * np.sum(model.amplitudes_at(v, f) ** 2) for v, f in places]
+        level = np.sqrt(power)
         n = fitted.recorded
         plane.plot(speed[n:], force[n:], "s", ms=3.0, color="#999999", label="rim")
         spots = plane.scatter(

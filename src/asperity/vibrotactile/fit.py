@@ -11,6 +11,7 @@ filter's excitation gives the RMS that was measured.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,14 +22,14 @@ from asperity._core.arrays import Array, Indices, Mask
 from asperity.errors import AsperityError, require_between, require_choice
 from asperity.vibrotactile.ar import CRITERIA, Autoregression, burg, criterion, damped
 from asperity.vibrotactile.distances import Match, match
-from asperity.vibrotactile.harmonic import HarmonicModel, high_pass_gain
+from asperity.vibrotactile.harmonic import Amplitudes, HarmonicModel, high_pass_gain
 from asperity.vibrotactile.lsf import coefficients_of, frequencies_of, power_gain
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.periods import NO_PERIODS, Periodicity, find_periods, lines_of
 from asperity.vibrotactile.signals import HIGH_PASS, Exploration
 from asperity.vibrotactile.stretches import Stretch, joined, stretches_of
 from asperity.vibrotactile.synthesis import Synthesiser
-from asperity.vibrotactile.triangles import triangulated, weigh
+from asperity.vibrotactile.triangles import Triangulation, triangulated, weigh
 
 KINDS = ("harmonic", "noise")
 """What a model is made of: lines locked to position and noise, or noise alone as in HaTT."""
@@ -185,8 +186,8 @@ class _Node(NamedTuple):
     force: float
     noise: list[Array]
     """What is left without lines [m/s^2]."""
-    lines: Array
-    """(h,) complex, as measured behind the high-pass [m/s^2]."""
+    lines: Amplitudes
+    """(h,) as measured behind the high-pass [m/s^2]."""
     seen: Mask
     """(h,) whether they could be measured."""
 
@@ -243,8 +244,9 @@ def _assembled(
     """Return the model: what was recorded, and a rim round the plane of force and speed.
 
     At rest and in the air there is silence; towards the largest force and speed the nearest
-    recorded model goes on. So every place up to them lies in a triangle, as HaTT has it. Lines are
-    silent at rest by the high-pass, whatever their amplitude: they keep that of the nearest model.
+    recorded model goes on. So every place up to them lies in a triangle, as HaTT has it.
+    A harmonic model's rim goes on from the nearest place between recorded models, and the model
+    fades by itself: silent models at rest would be mixed into places between recorded ones.
     """
     speeds, forces = np.array([(node.speed, node.force) for node in nodes]).T
     lsf = np.array([frequencies_of(f.coefficients) for f in filters])
@@ -267,8 +269,8 @@ def _assembled(
             size = shares @ np.abs(lines[:recorded]) * np.exp(1j * np.angle(mean))
         places = np.vstack([places, place])
         lsf = np.vstack([lsf, fresh])
-        variance = np.append(variance, level * (place.min() > 0.0))
-        lines = np.vstack([lines, size * (place[1] > 0.0)])
+        variance = np.append(variance, level * (mixing is not None or place.min() > 0.0))
+        lines = np.vstack([lines, size])
     common = {
         "name": name, "rate": rate, "speeds": places[:, 0] * top[0],
         "forces": places[:, 1] * top[1], "ar": lsf, "variance": variance, "friction": friction,
@@ -277,7 +279,7 @@ def _assembled(
         return TextureModel(**common)
     return HarmonicModel(
         **common, periods=periodicity.periods, harmonics=periodicity.harmonics, lines=lines,
-        high_pass=HIGH_PASS,
+        high_pass=HIGH_PASS, slowest=float(speeds.min()), lightest=float(forces.min()),
     )  # fmt: skip
 
 
@@ -302,10 +304,9 @@ class _Mixing:
     def __init__(self, speeds: Array, forces: Array) -> None:
         self._places = np.column_stack([speeds / speeds.max(), forces / forces.max()])
         self._top = np.array([speeds.max(), forces.max()])
-        try:
+        self._mesh: Triangulation | None = None
+        with suppress(AsperityError):  # all on one line: the nearest model alone
             self._mesh = triangulated(speeds, forces)
-        except AsperityError:  # all on one line: the nearest model alone
-            self._mesh = None
 
     def at(self, speed: float, force: float) -> Array:
         """Return the shares (n,) at a speed [m/s] and a force [N]."""
@@ -320,7 +321,7 @@ class _Mixing:
         return out
 
 
-def _spatial_lines(nodes: Sequence[_Node], periodicity: Periodicity) -> Array:
+def _spatial_lines(nodes: Sequence[_Node], periodicity: Periodicity) -> Amplitudes:
     """Return the amplitudes (n, h) of lines without the high-pass.
 
     Where a line is not seen (too slow for the high-pass, too fast for the rate, too few periods)

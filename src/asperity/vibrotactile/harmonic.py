@@ -14,9 +14,10 @@ model of a texture follows the position is asperity's. See `docs/methods/recorde
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError, require_not_negative
@@ -24,6 +25,7 @@ from asperity.vibrotactile.ar import damped, levinson
 from asperity.vibrotactile.lsf import coefficients_of, frequencies_of, power_gain
 from asperity.vibrotactile.model import Filter, TextureModel
 
+Amplitudes = NDArray[np.complex128]
 MOST_LINES = 64
 FADES_FROM = 0.45
 """Lines fade out from this share of the rate up to half of it."""
@@ -44,6 +46,9 @@ class HarmonicModel(TextureModel):
         the phase relative to the first line of the same period.
     high_pass : float
         Corner of the filter behind the recordings [Hz], 0 if there was none.
+    slowest, lightest : float
+        Below this speed [m/s] the noise, and below this force [N] all, fade in proportion: to
+        silence at rest and in the air. 0 where models themselves stand there.
 
     Notes
     -----
@@ -54,8 +59,10 @@ class HarmonicModel(TextureModel):
 
     periods: Array = field(default_factory=lambda: np.empty(0))
     harmonics: Indices = field(default_factory=lambda: np.empty((0, 2), np.int64))
-    lines: Array = field(default_factory=lambda: np.empty((0, 0)))
+    lines: Amplitudes = field(default_factory=lambda: np.empty((0, 0), np.complex128))
     high_pass: float = 20.0
+    slowest: float = 0.0
+    lightest: float = 0.0
     noise_rms: Array = field(init=False, repr=False)
     """(n,) of the noise alone [m/s^2]."""
 
@@ -83,7 +90,8 @@ class HarmonicModel(TextureModel):
                 f"a line names a period from 0 to {len(periods) - 1} and a multiple from 1, got "
                 f"{harmonics.tolist()}"
             )
-        require_not_negative("high-pass corner", self.high_pass)
+        for name in ("high_pass", "slowest", "lightest"):
+            require_not_negative(f"{name} of a harmonic model", getattr(self, name))
         gains = [power_gain(coefficients_of(row)) for row in self.ar]
         for name, value in {
             "periods": periods, "harmonics": harmonics, "lines": lines,
@@ -100,14 +108,20 @@ class HarmonicModel(TextureModel):
         """Return the filter of the noise at a speed [m/s] and force [N]."""
         corners, shares = self.weights(speed, force)
         ar = coefficients_of(shares @ self.ar[corners])
-        power = float(shares @ self.noise_rms[corners]) ** 2
+        level = fade(speed, self.slowest) * fade(force, self.lightest)
+        power = (level * float(shares @ self.noise_rms[corners])) ** 2
         return Filter(ar, np.ones(1), power / power_gain(ar))
 
     def amplitudes_at(self, speed: float, force: float) -> Array:
         """Return the amplitudes (h,) [m/s^2] of the lines at a speed [m/s] and force [N]."""
         corners, shares = self.weights(speed, force)
-        size = shares @ np.abs(self.lines[corners])
+        size = fade(force, self.lightest) * (shares @ np.abs(self.lines[corners]))
         return np.asarray(size * line_gain(self.wavenumbers * speed, self.high_pass, self.rate))
+
+
+def fade(value: float, full: float) -> float:
+    """Return 1 from `full` on, and the ratio below it."""
+    return value / full if value < full else 1.0
 
 
 def high_pass_gain(frequency: Array, corner: float) -> Array:
@@ -145,18 +159,20 @@ def as_noise(model: HarmonicModel, bandwidth: float = 4.0) -> tuple[TextureModel
     lsf, variance = model.ar.copy(), model.variance.copy()
     shares = []
     lags = np.arange(order + 1)
-    for i, speed in enumerate(model.speeds):
+    for i, (speed, force) in enumerate(zip(model.speeds, model.forces, strict=True)):
         frequency = model.wavenumbers * speed
-        gain = line_gain(frequency, model.high_pass, model.rate)
-        powers = 0.5 * (np.abs(model.lines[i]) * gain) ** 2
-        quiet = float(model.noise_rms[i]) ** 2
+        powers = 0.5 * model.amplitudes_at(speed, force) ** 2
+        own = model.filter_at(speed, force)
+        quiet = own.variance * power_gain(own.ar)
         total = quiet + float(powers.sum())
-        if total == 0.0:
+        variance[i] = own.variance
+        if total == 0.0 or speed == 0.0:
+            variance[i] = 0.0
             continue
         shares.append(float(powers.sum()) / total)
         if shares[-1] == 0.0:
             continue
-        noise = _autocovariance(coefficients_of(model.ar[i]), order) * quiet
+        noise = _autocovariance(own.ar, order) * quiet
         tones = np.cos(2.0 * np.pi * np.outer(lags, frequency) / model.rate) @ powers
         covariance = noise + tones
         covariance[0] *= 1.0 + 1e-9
@@ -187,8 +203,3 @@ def _autocovariance(coefficients: Array, order: int) -> Array:
     for i in range(a.size, order + 1):
         r[i] = -float(a[1:] @ r[i - 1 : i - a.size : -1])
     return r
-
-
-def without_lines(model: HarmonicModel) -> HarmonicModel:
-    """Return the noise of a model alone."""
-    return replace(model, periods=np.empty(0), harmonics=np.empty((0, 2)), lines=np.empty((0, 0)))

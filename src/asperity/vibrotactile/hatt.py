@@ -27,6 +27,7 @@ import numpy as np
 from asperity._core.arrays import Array, Indices
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError
+from asperity.vibrotactile.harmonic import HarmonicModel, as_noise
 from asperity.vibrotactile.lsf import coefficients_of
 from asperity.vibrotactile.model import HIGHEST_ORDER, MOST_MODELS, TextureModel
 
@@ -172,8 +173,26 @@ def _triangles(root: Element, n: int) -> Indices | None:
     return out if len(found) else None
 
 
-def write_hatt(model: TextureModel, path: str | Path) -> None:
-    """Write a texture model as an XML file of the toolkit, every number to its last digit."""
+def write_hatt(model: TextureModel, path: str | Path) -> tuple[str, ...]:
+    """Write a texture model as an XML file of the toolkit, every number to its last digit.
+
+    The format has no lines: those of a `HarmonicModel` become resonances of the noise.
+
+    Returns
+    -------
+    tuple of str
+        What the file loses, a line each; empty if it loses nothing.
+    """
+    notes: tuple[str, ...] = ()
+    if isinstance(model, HarmonicModel):
+        model, share = as_noise(model)
+        notes = ("between models HaTT mixes the variance of the excitation, not the RMS",)
+        if share > 0.0:
+            notes = (
+                f"HaTT's format has no periods: {100.0 * share:.0f} % of the power, which follows "
+                "the position, becomes noise",
+                *notes,
+            )
     root = Element("modelSet", texture="0")
 
     def put(parent: Element, tag: str, value: float | int | str) -> None:
@@ -215,3 +234,4 @@ def write_hatt(model: TextureModel, path: str | Path) -> None:
     indent(root, "   ")
     text = tostring(root, encoding="unicode")
     write_whole(Path(path), f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
+    return notes

@@ -38,6 +38,9 @@ class Filter(NamedTuple):
 class TextureModel:
     """Vibration of a tool on a texture, for any speed and normal force (Culbertson et al. 2014).
 
+    Noise of a spectrum. It loses what repeats over distance: between speeds, the mix of two line
+    spectra is none, and its power is not that of either. `HarmonicModel` keeps both.
+
     Parameters
     ----------
     name : str

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 
-from asperity._core.arrays import Array, Indices
+from asperity._core.arrays import Array, Indices, Mask
+from asperity.vibrotactile.harmonic import Amplitudes
 
 _PAD = 4
 """Ordinates for each that is independent."""
@@ -173,7 +174,9 @@ def _spectrum(run: Run) -> _Spectrum:
 def _grouped(wavenumbers: Sequence[float], runs: Sequence[Run]) -> Periodicity:
     """Return lines (upwards) as multiples of as few periods as there are."""
     width = 0.75 / max(run.length for run in runs)
-    left, periods, harmonics = list(wavenumbers), [], []
+    periods: list[float] = []
+    harmonics: list[tuple[int, int]] = []
+    left = list(wavenumbers)
     while left:
         base, others = left[0], []
         own = {1: base}
@@ -215,7 +218,7 @@ def _refined(base: float, multiples: Sequence[int], runs: Sequence[Run]) -> floa
     return float(found.x)
 
 
-def lines_of(runs: Sequence[Run], periodicity: Periodicity) -> tuple[Array, Array, list[Array]]:
+def lines_of(runs: Sequence[Run], periodicity: Periodicity) -> tuple[Amplitudes, Mask, list[Array]]:
     """Return what runs at one place of force and speed have of the lines, and what is left.
 
     By least squares over the travelled distance; each run begins where it likes, so of phases only
@@ -255,4 +258,4 @@ def lines_of(runs: Sequence[Run], periodicity: Periodicity) -> tuple[Array, Arra
         weight[own] += n
     seen = weight > 0.0
     size = np.sqrt(power / np.maximum(weight, 1.0))
-    return size * np.exp(1j * np.angle(mean)), seen, residuals
+    return np.asarray(size * np.exp(1j * np.angle(mean))), seen, residuals

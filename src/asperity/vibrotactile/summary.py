@@ -10,6 +10,7 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.vibrotactile.distances import Match
 from asperity.vibrotactile.fit import Fitted, Held
+from asperity.vibrotactile.harmonic import HarmonicModel
 from asperity.vibrotactile.model import TextureModel
 
 
@@ -18,6 +19,7 @@ def summary_of(model: TextureModel, fitted: Fitted | None, held: Sequence[Held])
     out: dict[str, Any] = {
         "schema": 1,
         "name": model.name,
+        "kind": "harmonic" if isinstance(model, HarmonicModel) else "noise",
         "rate_hz": model.rate,
         "models": len(model.speeds),
         "order": model.order,
@@ -26,8 +28,11 @@ def summary_of(model: TextureModel, fitted: Fitted | None, held: Sequence[Held])
         "largest_speed_m_s": float(model.speeds.max()),
         "largest_force_n": float(model.forces.max()),
     }
+    if isinstance(model, HarmonicModel):
+        out |= {"periods_m": model.periods.tolist(), "lines": len(model.harmonics)}
     if fitted is not None:
         out |= {
+            "lost": list(fitted.lost),
             "fitted": fitted.recorded,
             "stretches": len(fitted.stretches),
             "left_out": fitted.dropped,
@@ -77,6 +82,14 @@ def in_words(summary: dict[str, Any]) -> str:
             f"fitted to {summary['stretches']} stretches, {summary['seconds']:.1f} s, in "
             f"{summary['fitted']} places of force and speed; {summary['left_out']} left out"
         )
+    if "periods_m" in summary:
+        periods = ", ".join(f"{1e3 * period:.4g}" for period in summary["periods_m"])
+        lines.append(
+            f"repeats over distance: {summary['lines']} lines of periods of {periods} mm"
+            if periods
+            else "nothing repeats over distance: noise alone"
+        )
+    lines += [f"no model of {one}" for one in summary.get("lost", [])]
     comparison = {
         "match": "synthesised against held out",
         "itself": "held out against its other half",

@@ -72,8 +72,10 @@ class Synthesiser:
 
 def _bank(model: TextureModel) -> FilterBank:
     # Without RMS of their own, models are mixed by the variance of the excitation.
-    rms = model.noise_rms if isinstance(model, HarmonicModel) else np.empty(0)
-    return FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain, rms)
+    rms, full = np.empty(0), (0.0, 0.0)
+    if isinstance(model, HarmonicModel):
+        rms, full = model.noise_rms, (float(model.slowest), float(model.lightest))
+    return FilterBank(model.mesh, model.ar, model.ma, model.variance, model.gain, rms, full)
 
 
 def _lines_of(model: TextureModel) -> Lines:
@@ -96,6 +98,8 @@ class FilterBank(NamedTuple):
     gain: Array
     rms: Array
     """(n,) of each filter's output [m/s^2], or (0,) to mix the variance instead."""
+    full: tuple[float, float]
+    """Speed [m/s] and force [N] from which on nothing is faded."""
 
 
 class Lines(NamedTuple):
@@ -140,7 +144,7 @@ def synthesise(filters, lines, drive, history, triangle, out):
     `filters` is a `FilterBank`, `lines` are `Lines`, `drive` a `Drive`, `history` a `History`;
     `triangle` is where the search for the first sample's triangle starts.
     """
-    mesh, ar, ma, variance, gain, rms = filters
+    mesh, ar, ma, variance, gain, rms, full = filters
     speeds, forces, noise = drive
     before, excited, phases = history
     p, q, h = ar.shape[1], ma.shape[1], phases.size
@@ -171,9 +175,13 @@ def synthesise(filters, lines, drive, history, triangle, out):
             fill_coefficients(mixed_a, room[:, : p + 3], a)
             if q > 0:
                 fill_coefficients(mixed_b, room[:, : q + 3], b)
+            light = min(last_force / full[1], 1.0) if full[1] > 0.0 else 1.0
             if rms.size > 0:
+                size *= light * (min(last_speed / full[0], 1.0) if full[0] > 0.0 else 1.0)
                 power = size * size / ringing(a, room[0])
             mix_lines(lines, corners, weights, last_speed, cosines, sines)
+            cosines *= light
+            sines *= light
         fresh = np.sqrt(max(power, 0.0)) * noise[i]
         total = fresh
         if q > 0:

@@ -43,6 +43,7 @@ METHODS: dict[str, Method] = {
         local_minimum_distances.LOW,
         local_minimum_distances.DETAIL,
         recorded_vibration.RECORDED_VIBRATION,
+        recorded_vibration.RECORDED_HARMONIC,
     )
 }
 """Name -> method, in the order of tables and figures; asperity's own is the first."""

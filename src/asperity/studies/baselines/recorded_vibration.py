@@ -11,6 +11,9 @@ acceleration a. Then
 where m is the effective mass of hand and device. The vibration is tangential and perpendicular to
 the motion, because friction already acts along the motion.
 
+`recorded-harmonic` is asperity's addition: what repeats over distance is not noise but sines over
+the travelled distance (`vibrotactile.harmonic`).
+
 The model is given, or fitted by `vibrotactile.fit`, as in `asperity fit`, to slides of the same
 tool over a sample of the same texture at a grid of forces and speeds. F_smooth and F_n are those of
 the scene's bodies without textures; v is low-passed at 125 rad/s, as in a port of the authors' code
@@ -41,7 +44,7 @@ from asperity.studies.baselines.placement import (
 )
 from asperity.studies.baselines.protocol import Method, MethodWrench, Renderer
 from asperity.vibrotactile.explore import explore
-from asperity.vibrotactile.fit import fit
+from asperity.vibrotactile.fit import FitSettings, fit
 from asperity.vibrotactile.model import TextureModel
 from asperity.vibrotactile.rates import at_rate
 from asperity.vibrotactile.synthesis import Synthesiser
@@ -109,6 +112,8 @@ class VibrationMethod(Method):
 
     Parameters
     ----------
+    kind : {"noise", "harmonic"}
+        Of the model that is fitted, see `vibrotactile.fit.FitSettings`.
     model : TextureModel, optional
         By default it is fitted to the scene.
     mass : float
@@ -124,6 +129,7 @@ class VibrationMethod(Method):
         "Fitted to asperity's own forces, not to recordings of a real tool. It repeats a spectrum, "
         "not a surface: nothing is where it was."
     )
+    kind: str = "noise"
     model: TextureModel | None = None
     mass: float = 0.05
     seed: int = 0
@@ -151,7 +157,7 @@ class VibrationMethod(Method):
         if model is None:
             sample = enlarge_sample(scene)
             runs = explore(sample, SPEEDS, FORCES, rate=1.0 / dt, seconds=_SECONDS, mass=self.mass)
-            model = fit(runs, name=scene.name).model
+            model = fit(runs, FitSettings(kind=self.kind), name=scene.name).model
         synthesiser = Synthesiser(at_rate(model, 1.0 / dt), seed=self.seed)
         return VibrationRenderer(base, synthesiser, place_bodies(scene).centre, self.mass, dt)
 
@@ -177,3 +183,14 @@ def enlarge_sample(scene: Scene) -> Scene:
 
 
 RECORDED_VIBRATION = VibrationMethod()
+
+RECORDED_HARMONIC = VibrationMethod(
+    name="recorded-harmonic",
+    label="recorded vibration, harmonic",
+    what_it_is_not=(
+        "Asperity's addition to the noise of the authors: what repeats over distance follows the "
+        "travelled distance. Fitted to asperity's own forces; what does not repeat is noise."
+    ),
+    kind="harmonic",
+)
+"""The same with the lines locked to position of `vibrotactile.harmonic`."""
