@@ -220,7 +220,7 @@ def ringing(a, room):
         if rest <= 0.0:
             return np.inf
         out /= rest
-        for j in range(1, (i + 1) // 2 + 1):
+        for j in range(1, i // 2 + 1):
             low, high = room[j], room[i - j]
             room[j] = (low - k * high) / rest
             if i - j > j:

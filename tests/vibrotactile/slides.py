@@ -1,0 +1,109 @@
+"""Slides by asperity's own contact, to fit vibration models to and to judge them by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import signal
+
+from asperity.scene.builtin.probe_plate import probe_plate
+from asperity.studies.baselines.recorded_vibration import enlarge_sample
+from asperity.studies.comparison import stimuli
+from asperity.vibrotactile.explore import explore
+from asperity.vibrotactile.fit import FitSettings, fit
+from asperity.vibrotactile.synthesis import Synthesiser
+
+SPEEDS, FORCES = (0.03, 0.08, 0.16, 0.3), (0.4, 1.0)
+BETWEEN, FORCE = (0.05, 0.11, 0.22), 0.6
+RATE, SECONDS, MASS = 2000.0, 1.5, 0.05
+OBLIQUE = float(np.arctan(0.377))
+"""Direction in which a path over a random tile does not come back to itself [rad]."""
+_DOTS = {"kind": "jittered_dots", "pitch": 2e-3, "height": 4e-4, "diameter": 8e-4, "samples": 32}
+_PAPER = {"kind": "rough", "hurst": 0.8, "rms_slope": 0.3}
+TEXTURES = {
+    "waves": {"kind": "sinusoid", "wavelength": 2e-3, "amplitude": 1e-4},
+    "stiff waves": {"kind": "sinusoid", "wavelength": 2e-3, "amplitude": 1e-4},
+    "dots": _DOTS | {"jitter": 0.0, "periods": 4},
+    "jittered dots": _DOTS | {"jitter": 0.5, "periods": 48},
+    "P40": _PAPER | {"size": 0.0256, "pixel_size": 2.5e-5, "rolloff": 425e-6},
+    "P120": _PAPER | {"size": 0.0192, "pixel_size": 1.5e-5, "rolloff": 115e-6, "cutoff": 5e-5},
+}
+LENGTHS = {"waves": 2e-3, "stiff waves": 2e-3, "dots": 2e-3, "jittered dots": 2e-3}
+"""Wavelengths of what repeats [m]."""
+
+
+def scene_of(name, seed):
+    """Return a tool over an unbounded sample: a ball of 3 mm, 400 N/m (stiff: 4000 N/m)."""
+    if name == "stiff waves":
+        return enlarge_sample(stimuli.ball_on_plate())
+    texture = dict(TEXTURES[name])
+    if texture["kind"] != "sinusoid":
+        texture["seed"] = seed
+    return enlarge_sample(probe_plate(texture))
+
+
+def slides(name, seed, speeds, forces):
+    """Return a slide for each speed and force, from a random start along one line."""
+    scene, rng = scene_of(name, seed), np.random.default_rng(seed)
+    direction = OBLIQUE if TEXTURES[name]["kind"] == "rough" else 0.0
+    out = []
+    for speed in speeds:
+        for force in forces:
+            start = (rng.uniform(-5e-3, 5e-3), 0.0, scene.start[2])
+            motion = replace(scene.motion, length=1.0, direction=direction, start=start)
+            out += explore(
+                replace(scene, motion=motion), [speed], [force], rate=RATE, seconds=SECONDS,
+                mass=MASS,
+            )  # fmt: skip
+    return out
+
+
+def share_near(vibration, frequency, rate=RATE):
+    """Return the share of power within 25 % of a frequency."""
+    f, power = signal.periodogram(vibration - vibration.mean(), rate, "hann")
+    return float(power[np.abs(f / frequency - 1.0) < 0.25].sum() / power.sum())
+
+
+def peak_length(explorations):
+    """Return the wavelength [m] at the peak of the spectrum over distance, per octave.
+
+    Of all slides, each of power 1: 40 bands from 50 um to 10 mm, frequencies from 40 to 900 Hz.
+    """
+    edges = np.geomspace(100.0, 2e4, 41)
+    total, count = np.zeros(40), np.zeros(40)
+    for one in explorations:
+        speed = one.speed.mean()
+        f, power = signal.welch(one.vibration / one.vibration.std(), one.rate, nperseg=512)
+        inside = (f > 40.0) & (f < 900.0)
+        k = f[inside] / speed
+        total += np.histogram(k, edges, weights=f[inside] * power[inside])[0]
+        count += np.histogram(k, edges)[0]
+    best = int(np.argmax(total / np.maximum(count, 1)))
+    return float(1.0 / np.sqrt(edges[best] * edges[best + 1]))
+
+
+def judged(model, held_out, length, seed=1000):
+    """Return rows of speed, force, share in the data, share in the model, RMS ratio."""
+    rows = []
+    for i, one in enumerate(held_out):
+        speed, force = float(one.speed.mean()), float(one.force.mean())
+        count = int(4.5 * one.rate)
+        made = Synthesiser(model, seed=seed + i).block(np.full(count, speed), np.full(count, force))
+        made = made[int(0.5 * one.rate) :]
+        rows.append(
+            (
+                speed, force, share_near(one.vibration, speed / length),
+                share_near(made, speed / length), made.std() / one.vibration.std(),
+            )
+        )  # fmt: skip
+    return np.array(rows)
+
+
+def fitted_and_judged(name):
+    """Return the models of both kinds, each with its rows on slides of another seed."""
+    training = slides(name, 1, SPEEDS, FORCES)
+    held_out = slides(name, 101, sorted((*SPEEDS, *BETWEEN)), [FORCE])
+    length = LENGTHS.get(name) or peak_length(training)
+    fits = {kind: fit(training, FitSettings(kind=kind)) for kind in ("noise", "harmonic")}
+    return {kind: (one, judged(one.model, held_out, length)) for kind, one in fits.items()}
