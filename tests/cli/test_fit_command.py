@@ -9,7 +9,9 @@ from asperity.cli import main
 from asperity.runs.run_scene import run_scene
 from asperity.scene.builtin import load_scene
 from asperity.scene.trajectory import ScriptedMotion
+from asperity.vibrotactile.harmonic import HarmonicModel
 from asperity.vibrotactile.hatt import read_hatt
+from asperity.vibrotactile.model_file import read_model
 
 
 @pytest.fixture(scope="module")
@@ -39,15 +41,28 @@ def test_a_model_of_recordings_matches_their_held_out_ends(recordings, tmp_path,
     assert told["median"]["match"]["itakura_saito"] < 0.5
     assert told["median"]["match"]["fit"] > told["median"]["noise"]["fit"] + 0.1
     assert f"fit {told['median']['match']['fit']:.3f}" in said
+    assert isinstance(read_model(out / "model.json"), HarmonicModel)
+    assert told["kind"] == "harmonic"
+    assert "model.xml: HaTT's format has no periods" in said or not told["periods_m"]
     model = read_hatt(out / "model.xml")
     assert model.order == told["order"]
     for speed, force in np.random.default_rng(0).uniform(0.0, (0.1, 1.2), (50, 2)):
         assert np.abs(np.roots(model.filter_at(speed, force).ar)).max() < 1.0
     # The model in the file is judged as the one that was fitted.
-    again = tmp_path / "again"
-    options = ["--model", str(out / "model.xml"), "--out", str(again)]
-    assert main(["fit", str(recordings[0]), *options]) == 0
-    assert "fitted" not in json.loads((again / "fit.json").read_text())
+    for name, kind in (("model.xml", "noise"), ("model.json", "harmonic")):
+        again = tmp_path / name
+        options = ["--model", str(out / name), "--out", str(again)]
+        assert main(["fit", str(recordings[0]), *options]) == 0
+        judged = json.loads((again / "fit.json").read_text())
+        assert "fitted" not in judged
+        assert judged["kind"] == kind
+
+
+def test_noise_alone_can_be_chosen(recordings, tmp_path):
+    out = tmp_path / "fit"
+    assert main(["fit", *map(str, recordings), "--kind", "noise", "--out", str(out)]) == 0
+    assert json.loads((out / "fit.json").read_text())["model_xml_loses"] == []
+    assert not isinstance(read_model(out / "model.json"), HarmonicModel)
 
 
 def test_a_model_is_not_judged_by_what_it_is_made_of(recordings, tmp_path, capsys):
@@ -66,6 +81,7 @@ def test_a_model_is_not_judged_by_what_it_is_made_of(recordings, tmp_path, capsy
         (["probe-plate", "--held-out", "x.h5"], "--held-out needs recordings as SOURCE"),
         (["x.h5", "--seconds", "2"], "--seconds needs a scene as SOURCE"),
         (["probe-plate", "--criterion", "best"], "unknown --criterion 'best'"),
+        (["probe-plate", "--kind", "sines"], "unknown --kind 'sines'"),
         (["probe-plate", "--forces-n", "400"], "--forces-n must lie between"),
         (["probe-plate", "--model", "none.xml"], "no such texture model"),
     ],

@@ -15,7 +15,7 @@ from asperity.vibrotactile.fit import FitSettings, fit
 from asperity.vibrotactile.synthesis import Synthesiser
 
 SPEEDS, FORCES = (0.03, 0.08, 0.16, 0.3), (0.4, 1.0)
-BETWEEN, FORCE = (0.05, 0.11, 0.22), 0.6
+BETWEEN, HELD_OUT = (0.05, 0.11, 0.22), (0.45, 0.8)
 RATE, SECONDS, MASS = 2000.0, 1.5, 0.05
 OBLIQUE = float(np.arctan(0.377))
 """Direction in which a path over a random tile does not come back to itself [rad]."""
@@ -84,26 +84,30 @@ def peak_length(explorations):
 
 
 def judged(model, held_out, length, seed=1000):
-    """Return rows of speed, force, share in the data, share in the model, RMS ratio."""
-    rows = []
+    """Return rows of speed, share in the data, share in the model, RMS ratio.
+
+    A row a speed: means over the slides at that speed, RMS as root mean squares.
+    """
+    rows: dict[float, list[tuple[float, ...]]] = {}
     for i, one in enumerate(held_out):
         speed, force = float(one.speed.mean()), float(one.force.mean())
         count = int(4.5 * one.rate)
         made = Synthesiser(model, seed=seed + i).block(np.full(count, speed), np.full(count, force))
         made = made[int(0.5 * one.rate) :]
-        rows.append(
+        rows.setdefault(round(speed, 3), []).append(
             (
-                speed, force, share_near(one.vibration, speed / length),
-                share_near(made, speed / length), made.std() / one.vibration.std(),
+                share_near(one.vibration, speed / length), share_near(made, speed / length),
+                made.std() ** 2, one.vibration.std() ** 2,
             )
         )  # fmt: skip
-    return np.array(rows)
+    means = {speed: np.mean(own, axis=0) for speed, own in rows.items()}
+    return np.array([(v, data, own, np.sqrt(a / b)) for v, (data, own, a, b) in means.items()])
 
 
 def fitted_and_judged(name):
     """Return the models of both kinds, each with its rows on slides of another seed."""
     training = slides(name, 1, SPEEDS, FORCES)
-    held_out = slides(name, 101, sorted((*SPEEDS, *BETWEEN)), [FORCE])
+    held_out = slides(name, 101, sorted((*SPEEDS, *BETWEEN)), HELD_OUT)
     length = LENGTHS.get(name) or peak_length(training)
     fits = {kind: fit(training, FitSettings(kind=kind)) for kind in ("noise", "harmonic")}
     return {kind: (one, judged(one.model, held_out, length)) for kind, one in fits.items()}

@@ -57,8 +57,8 @@ class FitCommand:
     """Mass that the texture force accelerates."""
     order: Annotated[int | None, Range(1, 60)] = None
     """Number of AR coefficients. Default: chosen by the criterion, at most 20."""
-    criterion: str = "bic"
-    """Information criterion for the order: bic or aic."""
+    criterion: str | None = None
+    """Information criterion for the order: bic or aic. Default: aic, and bic for noise."""
     bandwidth_hz: Annotated[float, Range(0.1, 100.0, "Hz")] = 4.0
     """Smallest bandwidth of a resonance."""
     wav: bool = False
@@ -79,7 +79,8 @@ class FitCommand:
         from asperity.vibrotactile.summary import in_words, summary_of
 
         require_choice("--kind", self.kind, KINDS)
-        require_choice("--criterion", self.criterion, CRITERIA)
+        if self.criterion is not None:
+            require_choice("--criterion", self.criterion, CRITERIA)
         if not self.sources:
             raise AsperityError("SOURCE is missing: give a scene, or recordings")
         settings = with_options(FitSettings, in_si(self))

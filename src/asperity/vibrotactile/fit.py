@@ -57,7 +57,8 @@ class FitSettings:
         does not repeat, noise alone. *noise*: all as noise, as Culbertson et al. and HaTT have it.
     order : int, optional
         AR coefficients, 1 to 60. Default: as the criterion has it.
-    criterion : {"bic", "aic"}
+    criterion : {"bic", "aic"}, optional
+        For the order. Default: aic for a harmonic model, bic for noise alone.
     highest : int
         The highest order that the criterion may choose, 1 to 60.
     bandwidth : float
@@ -70,7 +71,7 @@ class FitSettings:
 
     kind: str = "harmonic"
     order: int | None = None
-    criterion: str = "bic"
+    criterion: str | None = None
     highest: int = 20
     bandwidth: float = 4.0
     shortest: float = 0.15
@@ -81,7 +82,10 @@ class FitSettings:
         require_choice("kind of vibration model", self.kind, KINDS)
         if self.order is not None:
             require_between("order", self.order, 1, 60)
-        require_choice("criterion", self.criterion, CRITERIA)
+        if self.criterion is None:
+            # On random surfaces BIC takes order 2, and the power about the peak comes out too low.
+            object.__setattr__(self, "criterion", "aic" if self.kind == "harmonic" else "bic")
+        require_choice("criterion", str(self.criterion), CRITERIA)
         require_between("highest order", self.highest, 1, 60)
         require_between("bandwidth", self.bandwidth, 0.1, 100.0, "Hz")
         require_between("shortest stretch", self.shortest, 0.02, 10.0, "s")
@@ -166,7 +170,8 @@ def fit(
         periodicity = find_periods(joined(kept), settings.lines)
     nodes = [_node(own, periodicity, settings) for own in members]
     ladders = [burg(node.noise, highest) for node in nodes]
-    scores = np.sum([[criterion(m, settings.criterion) for m in one] for one in ladders], axis=0)
+    chosen = str(settings.criterion)
+    scores = np.sum([[criterion(m, chosen) for m in one] for one in ladders], axis=0)
     order = settings.order or max(int(np.argmin(scores)), 1)
     rate = rates[0]
     filters = [

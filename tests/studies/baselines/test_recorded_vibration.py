@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from asperity.scene.builtin import load_scene
-from asperity.studies.baselines.recorded_vibration import RECORDED_VIBRATION, VibrationMethod
+from asperity.studies.baselines.recorded_vibration import (
+    RECORDED_HARMONIC,
+    RECORDED_VIBRATION,
+    VibrationMethod,
+)
 from asperity.vibrotactile.lsf import frequencies_of
 from asperity.vibrotactile.model import TextureModel
 
@@ -54,3 +58,19 @@ def test_what_it_cannot_do():
     assert "textured" not in (RECORDED_VIBRATION.can(load_scene("probe-plate")) or "")
     assert RECORDED_VIBRATION.can(load_scene("probe-plate")) is None
     assert "one body" in RECORDED_VIBRATION.can(load_scene("hammer-blocks"))
+
+
+def test_the_harmonic_method_vibrates_at_the_texture_s_own_frequency():
+    """A slide over waves of 2 mm at 0.1 m/s: 50 Hz, of which noise alone has less."""
+    scene = load_scene("probe-plate")
+    x = -0.03 + 0.1 * DT * np.arange(1000)
+    poses = [np.array([place, 0, 0.5e-3, 1.0, 0, 0, 0]) for place in x]
+    shares = []
+    for method in (RECORDED_HARMONIC, RECORDED_VIBRATION):
+        renderer = method.prepare(scene, dt=DT)
+        across = np.array([renderer.wrench(pose).force[1] for pose in poses])[200:]
+        power = np.abs(np.fft.rfft((across - across.mean()) * np.hanning(across.size))) ** 2
+        frequency = np.fft.rfftfreq(across.size, DT)
+        shares.append(power[np.abs(frequency / 50.0 - 1.0) < 0.25].sum() / power.sum())
+    assert shares[0] == pytest.approx(0.72, abs=0.1)
+    assert shares[1] < shares[0] - 0.1
