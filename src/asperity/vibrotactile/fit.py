@@ -190,7 +190,7 @@ class _Node(NamedTuple):
     speed: float
     force: float
     noise: list[Array]
-    """What is left without lines [m/s^2]."""
+    """The vibration without its lines [m/s^2]."""
     lines: Amplitudes
     """(h,) as measured behind the high-pass [m/s^2]."""
     seen: Mask

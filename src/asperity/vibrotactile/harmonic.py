@@ -125,7 +125,7 @@ def fade(value: float, full: float) -> float:
 
 
 def high_pass_gain(frequency: Array, corner: float) -> Array:
-    """Return what is left of a vibration at frequencies [Hz] (n,) after `signals.explored`.
+    """Return the gain of a vibration at frequencies [Hz] (n,) after `signals.explored`.
 
     Two passes of a Butterworth filter of order 2.
     """

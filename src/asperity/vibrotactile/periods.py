@@ -41,7 +41,7 @@ _BACKGROUND = 24
 """Independent ordinates on either side that make the background."""
 
 
-class Run(NamedTuple):
+class Passage(NamedTuple):
     """A part of an exploration in which the tool slides."""
 
     vibration: Array
@@ -88,7 +88,7 @@ class _Spectrum(NamedTuple):
     """Of the run's power that a line at each wavenumber would have."""
     clear: Array
     """Power over background."""
-    run: Run
+    run: Passage
 
     def near(self, k: float) -> tuple[float, float, float] | None:
         """Return wavenumber, clearness and share of the best ordinate near k; None: unseen."""
@@ -117,12 +117,12 @@ class _Spectrum(NamedTuple):
         return np.asarray(k[[self._shows(float(one)) for one in k]]) if k.size else k
 
 
-def find_periods(runs: Sequence[Run], most: int = 16) -> Periodicity:
+def find_periods(runs: Sequence[Passage], most: int = 16) -> Periodicity:
     """Return the periods of a texture, none if nothing repeats or all speeds are the same.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of Passage
         Over one texture, at two speeds at least that differ by a quarter.
     most : int
         Lines that are kept: those with the largest share of power.
@@ -155,7 +155,7 @@ def _locked(k: float, spectra: Sequence[_Spectrum]) -> float:
     return max(share for _, (_, _, share) in seen)
 
 
-def _spectrum(run: Run) -> _Spectrum:
+def _spectrum(run: Passage) -> _Spectrum:
     """Return the spectrum of a run over distance, from samples at equal steps of it."""
     n = run.distance.size
     even = np.linspace(0.0, run.length, n)
@@ -171,7 +171,7 @@ def _spectrum(run: Run) -> _Spectrum:
     return _Spectrum(wavenumber, share, share / np.maximum(background, 1e-9), run)
 
 
-def _grouped(wavenumbers: Sequence[float], runs: Sequence[Run]) -> Periodicity:
+def _grouped(wavenumbers: Sequence[float], runs: Sequence[Passage]) -> Periodicity:
     """Return lines (upwards) as multiples of as few periods as there are."""
     width = 0.75 / max(run.length for run in runs)
     periods: list[float] = []
@@ -193,7 +193,7 @@ def _grouped(wavenumbers: Sequence[float], runs: Sequence[Run]) -> Periodicity:
     return Periodicity(np.array(periods), np.array(harmonics, np.int64))
 
 
-def _refined(base: float, multiples: Sequence[int], runs: Sequence[Run]) -> float:
+def _refined(base: float, multiples: Sequence[int], runs: Sequence[Passage]) -> float:
     """Return the wavenumber [1/m] near `base` whose multiples hold the most power of all runs."""
     longest = max(run.length for run in runs)
     windowed = [np.hanning(run.distance.size) * run.vibration for run in runs]
@@ -218,8 +218,10 @@ def _refined(base: float, multiples: Sequence[int], runs: Sequence[Run]) -> floa
     return float(found.x)
 
 
-def lines_of(runs: Sequence[Run], periodicity: Periodicity) -> tuple[Amplitudes, Mask, list[Array]]:
-    """Return what runs at one place of force and speed have of the lines, and what is left.
+def lines_of(
+    runs: Sequence[Passage], periodicity: Periodicity
+) -> tuple[Amplitudes, Mask, list[Array]]:
+    """Return what runs at one place of force and speed have of the lines, and their remainder.
 
     By least squares over the travelled distance; each run begins where it likes, so of phases only
     those relative to the first line of the same period are common to runs.

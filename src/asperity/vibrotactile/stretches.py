@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from asperity._core.arrays import Array, Mask
-from asperity.vibrotactile.periods import Run
+from asperity.vibrotactile.periods import Passage
 from asperity.vibrotactile.segments import cuts
 from asperity.vibrotactile.signals import Exploration, true_stretches
 
@@ -41,7 +41,7 @@ class Stretch(NamedTuple):
     """Without its mean [m/s^2]."""
 
 
-class Found(NamedTuple):
+class Division(NamedTuple):
     """The stretches of an exploration."""
 
     stretches: list[Stretch]
@@ -65,7 +65,7 @@ def sliding(exploration: Exploration, shortest: float) -> Mask:
     return np.asarray(touching & (exploration.speed > _SLOWEST))
 
 
-def stretches_of(exploration: Exploration, shortest: float, longest: float) -> Found:
+def stretches_of(exploration: Exploration, shortest: float, longest: float) -> Division:
     """Return the stretches of an exploration, of `shortest` to `longest` [s]."""
     rate, found, dropped = exploration.rate, [], 0
     least = int(shortest * rate)
@@ -87,12 +87,12 @@ def stretches_of(exploration: Exploration, shortest: float, longest: float) -> F
             else:
                 found.append(stretch)
     if found:
-        return Found(found, dropped, "")
+        return Division(found, dropped, "")
     if spreads:
-        return Found([], dropped, f"speed or force vary by {100 * min(spreads):.0f} % or more "
+        return Division([], dropped, f"speed or force vary by {100 * min(spreads):.0f} % or more "
                      f"in every stretch; valid: {100 * _SPREAD:.0f} % or less")  # fmt: skip
     longest_slide = max((int(end - begin) for begin, end in slides), default=0) / rate
-    return Found([], 0, f"the tool slides in contact for {longest_slide:.3g} s at most; valid: "
+    return Division([], 0, f"the tool slides in contact for {longest_slide:.3g} s at most; valid: "
                  f"{shortest:g} s or more")  # fmt: skip
 
 
@@ -119,7 +119,7 @@ def _spread(stretch: Stretch, shortest: int) -> tuple[float, float]:
     )
 
 
-def joined(stretches: Sequence[Stretch]) -> list[Run]:
+def joined(stretches: Sequence[Stretch]) -> list[Passage]:
     """Return stretches as runs over the travelled distance; adjacent ones are one run."""
     ordered = sorted(stretches, key=lambda one: (id(one.exploration), one.begin))
     spans: list[tuple[Exploration, int, int]] = []
@@ -132,5 +132,5 @@ def joined(stretches: Sequence[Stretch]) -> list[Run]:
     for exploration, begin, end in spans:
         vibration = exploration.vibration[begin:end]
         distance = np.cumsum(exploration.speed[begin:end]) / exploration.rate
-        out.append(Run(vibration - vibration.mean(), distance - distance[0], exploration.rate))
+        out.append(Passage(vibration - vibration.mean(), distance - distance[0], exploration.rate))
     return out
