@@ -70,8 +70,9 @@ class _Limits(NamedTuple):
 
 
 def collapsed(
-    points: Array, faces: Indices, count: int, *, facing: float, quality: float
-) -> tuple[Array, Indices]:
+    points: Array, faces: Indices, count: int, *, facing: float, quality: float,
+    shortest: bool = False,
+) -> tuple[Array, Indices]:  # fmt: skip
     """Collapse edges until `count` triangles remain or no edge can be collapsed.
 
     Parameters
@@ -85,6 +86,8 @@ def collapsed(
         Least cosine between a triangle's normal and its former one, or the mean at its corner.
     quality : float
         Least quality of a triangle: 1 for an equilateral one, 0 for a needle.
+    shortest : bool
+        Collapse the shortest edge first instead of the cheapest: triangles of about one size.
 
     Returns
     -------
@@ -94,7 +97,7 @@ def collapsed(
     points, faces = points.copy(), faces.copy()
     alive = np.ones(len(faces), dtype=np.bool_)
     borders = np.flatnonzero(edges_of(faces).borders)
-    _collapse(points, faces, borders, alive, count, _Limits(facing, quality))
+    _collapse(points, faces, borders, alive, count, _Limits(facing, quality), shortest)
     used, corners = np.unique(faces[alive], return_inverse=True)
     return points[used], corners.reshape(-1, 3).astype(np.int64)
 
@@ -259,7 +262,15 @@ def _merge(surface, edge, rings):
 
 
 @kernel
-def _collapse(points, faces, borders, alive, target, limits):
+def _cost(both, place, a, b, shortest):
+    """Return the priority of an edge from a to b that collapses to `place`; lower is earlier."""
+    if not shortest:
+        return cost_at(both, place)
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+@kernel
+def _collapse(points, faces, borders, alive, target, limits, shortest):
     """Collapse edges until `target` triangles are alive; `borders` are half-edges."""
     n, m = len(points), len(faces)
     corners = _corners_of(faces, n)
@@ -278,7 +289,8 @@ def _collapse(points, faces, borders, alive, target, limits):
         if u < v or (border[u] and border[v]):
             both[:] = quadric[u] + quadric[v]
             fill_cheapest(both, points[u], points[v], border[u], border[v], place)
-            size = push(heap, keys, size, cost_at(both, place), u, v, 0)
+            cost = _cost(both, place, points[u], points[v], shortest)
+            size = push(heap, keys, size, cost, u, v, 0)
     rings = _Rings(np.empty((2, _MOST), dtype=np.int64), np.empty(2, dtype=np.int64))
     left = m
     while size > 0 and left > target:
@@ -316,5 +328,6 @@ def _collapse(points, faces, borders, alive, target, limits):
                     heap = np.concatenate((heap, np.empty((size, 3), dtype=np.int64)))
                 both[:] = quadric[u] + quadric[w]
                 fill_cheapest(both, points[u], points[w], border[u], border[w], place)
-                size = push(heap, keys, size, cost_at(both, place), u, w, stamp[u] + stamp[w])
+                cost = _cost(both, place, points[u], points[w], shortest)
+                size = push(heap, keys, size, cost, u, w, stamp[u] + stamp[w])
     return left

@@ -34,7 +34,7 @@ class Nearest:
         self._triangles = np.ascontiguousarray(triangles)
         area = 0.5 * np.linalg.norm(crosses(triangles), axis=1).sum()
         self._wide = 2.0 * math.sqrt(max(area, 1e-300) / _SAMPLES)
-        spread, self._owner = _spread(triangles, self._wide)
+        spread, self._owner = spread_points(triangles, self._wide)
         self._tree = KDTree(spread)
 
     def to(self, points: Array) -> tuple[Indices, Array]:
@@ -58,11 +58,11 @@ class Nearest:
         found = np.asarray(self._tree.query(points, k=candidates, workers=-1)[1]).reshape(
             len(points), candidates
         )
-        _nearest(self._triangles, points, self._owner[found], face_out, away_out)
+        fill_nearest(self._triangles, points, self._owner[found], face_out, away_out)
 
 
 @kernel
-def _nearest(triangles, points, near, face_out, away_out):
+def fill_nearest(triangles, points, near, face_out, away_out):
     """Fill the nearest of the triangles in `near` (n, k) to each point, and its distance."""
     for i in range(len(points)):
         least, best = np.inf, near[i, 0]
@@ -106,7 +106,7 @@ def _square_distance(triangle, point):
     return least
 
 
-def _spread(triangles: Array, wide: float) -> tuple[Array, Indices]:
+def spread_points(triangles: Array, wide: float) -> tuple[Array, Indices]:
     """Return the centres of parts of the triangles, none longer than `wide`, and their triangles.
 
     A triangle is bisected at its longest side, so parts of a sliver are short slivers.
