@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.errors import require_positive
+from asperity.errors import require_not_negative, require_positive
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.asperity_laws import SolverRenderer
@@ -59,7 +59,7 @@ _CONE = 0.5
 
 @dataclass(frozen=True)
 class Metrics:
-    """When a level of a contact is fine enough: when one of these metrics says so.
+    """When a level of a contact is fine enough: when one of these metrics accepts it.
 
     All default values are asperity's.
 
@@ -79,6 +79,11 @@ class Metrics:
     gap_time: float = 2e-4
     eye: tuple[float, float, float] | None = None
     pixel_angle: float = 3e-4
+
+    def __post_init__(self) -> None:
+        require_not_negative("tolerance", self.tolerance, "[m]")
+        require_not_negative("gap time", self.gap_time, "[s]")
+        require_positive("angle of a pixel", self.pixel_angle, "[rad]")
 
     def accept(self, deviation: float, weighted: float, speed: float, place: Array) -> bool:
         """Return whether a level is fine enough.
@@ -168,12 +173,17 @@ class LevelsRenderer(Renderer):
         coarsest = [np.arange(*m.starts[-2:]) for m in (self.tool, other)]
         pairs = np.stack(np.meshgrid(*coarsest, indexing="ij"), axis=-1).reshape(-1, 2)
         pairs = pairs[near_pairs(*trees, motion, pairs, _NO_WAYS, cap)]
+        accepted: list[Array] = []
         while len(pairs):
             found = pair_directions(*trees, motion, pairs, cap)
             left = np.array([self.tool.deviations[levels[0]], other.deviations[levels[1]]])
             ways, wanted, deepest = [], np.zeros(2), 0.0
             for n in _directions(found):
                 within = found[:, :3] @ n > _CONE
+                if any(n @ one > _CONE for one in accepted):
+                    # A rim of that contact, whose coarse triangles faced another way.
+                    pairs, found = pairs[~within], found[~within]
+                    continue
                 sums = overlap_along(*trees, motion, pairs[within], n, cap)
                 if sums[1] <= 0.0:
                     continue
@@ -181,6 +191,7 @@ class LevelsRenderer(Renderer):
                 fine = self._fine_enough(contact, pose)
                 if all(fine):
                     yield contact
+                    accepted.append(n)
                     pairs, found = pairs[~within], found[~within]
                 else:
                     wanted = np.maximum(wanted, np.where(fine, 0.0, contact.weighted))
@@ -275,7 +286,7 @@ class LevelsMethod(Method):
         "its tolerances are asperity's."
     )
     metrics: Metrics = Metrics()
-    points: int = 60_000
+    points: int = 50_000
 
     def __post_init__(self) -> None:
         require_positive("number of points", self.points)
