@@ -7,20 +7,16 @@ import pytest
 
 from asperity.baking.error import scattered
 from asperity.baking.nearest import Nearest
-from asperity.scene.builtin import load_scene
 from asperity.studies.baselines.mesh_levels import build_levels, full_mesh
 from asperity.studies.comparison import stimuli
 
 
 def body_of(name):
-    if name == "plate":
-        return stimuli.ball_on_plate().bodies[0]
-    if name == "ball":
-        return stimuli.ball_on_plate().bodies[1]
-    return next(body for body in load_scene("hammer-blocks").bodies if body.name == name)
+    bodies = stimuli.ball_on_plate().bodies
+    return next(body for body in bodies if body.name == ("probe" if name == "ball" else name))
 
 
-@pytest.fixture(scope="module", params=["plate", "ball", "block-3"])
+@pytest.fixture(scope="module", params=["plate", "ball"])
 def levels(request):
     body = body_of(request.param)
     return build_levels(full_mesh(body, 6000), filters=bool(body.fields))

@@ -293,6 +293,12 @@ class LevelsMethod(Method):
 
     def can(self, scene: Scene) -> str | None:
         """Return why the method cannot render a scene, or None."""
+        for body in scene.bodies:
+            if body.mesh is not None and body.fields:
+                return (
+                    f"{body.name} is a textured mesh: displaced, it opens at its hard edges, "
+                    "and its levels stay at thousands of triangles"
+                )
         return finite_reason(*scene.bodies)
 
     def renderer(self, scene: Scene, dt: float) -> LevelsRenderer:
