@@ -56,6 +56,7 @@ pictures: $(VENV)/installed-dev      ## the README's animation, and the page wit
 	$(BIN)/python docs/images/demo.py
 	$(BIN)/python docs/images/scenes.py
 	@sh .ci/browser.sh
+	$(BIN)/python docs/images/page.py
 	for scene in probe-plate-dots hammer-blocks file-cad; do $(BIN)/asperity view $$scene --no-open \
 	  --port 0 --screenshot src/asperity/viewer/pictures/$$scene.jpg || exit 1; done
 

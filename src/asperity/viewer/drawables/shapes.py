@@ -40,7 +40,7 @@ _SPREAD, _NEAR = 6000, 3e-3
 """Random points on each mesh for `first_contact`; those this close to the nearest count [m]."""
 _FINE = 0.028
 """Radius around the first contact in which meshes show their relief [m]."""
-_ACROSS = 150
+_ACROSS = 220
 """Samples across the detail near a contact."""
 _LIFTED = 0.02
 """Height of that detail above the surface that it lies on, over the relief."""

@@ -14,6 +14,8 @@ from asperity.scene.scene import Scene
 from asperity.viewer.drawables.shapes import Drawable, detail_of
 from asperity.viewer.server.pace import step_back
 
+_WIDER = 1.9
+"""Radius of the detail when zoomed, over that of what is coloured."""
 _MOVED, _EVERY = 0.35, 0.6
 """Way of the contact, over the radius, after which the detail is drawn again, and the least time
 between two drawings [s].
@@ -57,7 +59,12 @@ class Detail:
             return
         self.at, self._of, self._requested = at, of, now
         self._making = self._worker.submit(
-            detail_of, scene, snapshot.tool_pose.copy(), at, self.radius, heights=self.heights
+            detail_of,
+            scene,
+            snapshot.tool_pose.copy(),
+            at,
+            (_WIDER if self.zoomed else 1.0) * self.radius,
+            heights=self.heights,
         )
 
     def gone(self) -> list[str]:

@@ -82,6 +82,7 @@ class SceneView(Panel):
         self._painter = ThreadPoolExecutor(1, "asperity-paint", initializer=step_back)
         self.detail = Detail()
         self._looked_at: Array = np.zeros(3)
+        self._thin = False
         self.shapes: list[Drawable] = []
         """The shapes that are shown."""
 
@@ -192,6 +193,7 @@ class SceneView(Panel):
         self._outline = tool[:: max(len(tool) // _OUTLINE, 1)]
         self._size = float(np.linalg.norm(np.ptp(tool, axis=0))) * UNITS
         self._seen = min(self._size, _WHOLE)
+        self._thin = False
         self.detail.begin(scene, 0.01 * self._seen * _REACH)
         add = self._server.scene
         self._tool = add.add_frame("/tool", show_axes=False)
@@ -316,15 +318,19 @@ class SceneView(Panel):
 
     def _show_contacts(self, snapshot: Snapshot) -> None:
         points = (UNITS * snapshot.point).astype(np.float32)
-        self._shadow.visible = len(points) > 0
+        self._shadow.visible = len(points) > 0 and not self.detail.zoomed
         if len(points):
             normal = snapshot.normal[0]
             self._shadow.position = tuple((points[0] + _ABOVE * normal).tolist())
             self._shadow.wxyz = turn_to(normal)
         self._contacts.points = points
-        size = _POINT_NEAR if self.detail.zoomed else 1.0
-        if self._contacts.point_size != size * _POINT * self._seen:
-            self._contacts.point_size = size * _POINT * self._seen
+        near = self.detail.zoomed
+        if self._thin != near:
+            self._thin = near
+            size = (_POINT_NEAR if near else 1.0) * self._seen
+            self._contacts.point_size = _POINT * size
+            self._pushes.shaft_radius, self._pushes.head_radius = 0.004 * size, 0.01 * size
+            self._pushes.head_length = 0.025 * size
         starts = points.astype(np.float64)
         pushes = self._arrows(starts, snapshot.force, _FULL_FORCE) if len(points) else points
         self._pushes.points = pushes.reshape(-1, 2, 3)
