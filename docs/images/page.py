@@ -52,6 +52,7 @@ def main() -> None:
             if key:
                 tab.keyboard.press(key)
             view.colour_by_height(height)
+            tab.wait_for_timeout(4.0 * _SETTLED)  # the detail is drawn in the background
             take(page, tab, name)
         tab.keyboard.press("z")
         view.colour_by_height(False)

@@ -9,7 +9,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.realtime.servo.snapshot import Snapshot
 from asperity.scene.scene import Scene
 from asperity.viewer.drawables.shapes import Drawable, detail_of
 from asperity.viewer.server.pace import step_back
@@ -48,9 +47,8 @@ class Detail:
         self._scene, self.radius = scene, radius
         self.at, self._making = np.full(3, np.inf), None
 
-    def follow(self, scene: Scene, snapshot: Snapshot) -> None:
-        """Have the detail drawn again if the contact has moved."""
-        at = snapshot.point.mean(axis=0)
+    def follow(self, scene: Scene, tool_pose: NDArray[np.float64], at: NDArray[np.float64]) -> None:
+        """Have the detail drawn again if the contact, at (3,) [m], has moved."""
         of, now = (self.zoomed, self.heights), time.monotonic()
         moved = float(np.linalg.norm(at - self.at)) > _MOVED * self.radius
         if not self.wanted or self._making is not None or not (moved or of != self._of):
@@ -61,7 +59,7 @@ class Detail:
         self._making = self._worker.submit(
             detail_of,
             scene,
-            snapshot.tool_pose.copy(),
+            tool_pose.copy(),
             at,
             (_WIDER if self.zoomed else 1.0) * self.radius,
             heights=self.heights,

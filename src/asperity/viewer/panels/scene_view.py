@@ -156,9 +156,11 @@ class SceneView(Panel):
     def _show_detail(self, snapshot: Snapshot) -> None:
         """Show what has been drawn finely near the contact; have it drawn again if that moved."""
         detail = self.detail
-        if len(snapshot.point):
-            detail.follow(self._servo.config.scene, snapshot)
-            at = snapshot.point.mean(axis=0)
+        touches = len(snapshot.point) > 0
+        if touches or detail.zoomed:
+            # Without a contact, where the last one was.
+            at = snapshot.point.mean(axis=0) if touches else self._looked_at
+            detail.follow(self._servo.config.scene, snapshot.tool_pose, at)
             away = float(np.linalg.norm(at - self._looked_at))
             if detail.zoomed and away > _AWAY * detail.radius:
                 self._look(at)
@@ -167,8 +169,9 @@ class SceneView(Panel):
             self._lower(name, np.zeros(3))
         for shape in detail.drawn():
             node = add_shape(self._server, shape, "/tool" if shape.is_tool else "/scene")
-            if not shape.is_tool and len(snapshot.normal):
-                self._lower(node.name, (shape.highest - shape.lowest) * snapshot.normal[0])
+            if not shape.is_tool:
+                up = snapshot.normal[0] if touches else np.array([0.0, 0.0, 1.0])
+                self._lower(node.name, (shape.highest - shape.lowest) * up)
 
     def _lower(self, name: str, way: Array) -> None:
         """Lower the coarse surface under a detail, which it would cut through, by `way` [m]."""
