@@ -22,7 +22,7 @@ from asperity.viewer.session_config import SessionConfig
 OUT = Path(__file__).parent / "page"
 SCENE = "probe-plate-dots"
 TABS = ("Hand", "Contact", "Surfaces", "Plots", "Record")
-_LOADED, _SETTLED, _LIMIT = 6e3, 3e3, 300e3
+_LOADED, _SETTLED, _LIMIT = 10e3, 8e3, 300e3
 """Times to load, to settle, and at most [ms]."""
 
 
@@ -52,7 +52,7 @@ def main() -> None:
             if key:
                 tab.keyboard.press(key)
             view.colour_by_height(height)
-            tab.wait_for_timeout(4.0 * _SETTLED)  # the detail is drawn in the background
+            tab.wait_for_timeout(2.0 * _SETTLED)  # the detail is drawn in the background
             take(page, tab, name)
         tab.keyboard.press("z")
         view.colour_by_height(False)
