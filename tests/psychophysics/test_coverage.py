@@ -40,7 +40,7 @@ def inside_and_error(made, participant):
     # The truth is inside if the profile there has not fallen too far: no need to look for ends.
     profile = search.profile(hit, THRESHOLD, np.array([truth]))
     fall = search.likelihood(hit, best[None, :])[0] - profile[0]
-    return fall < fall_of(0.95, made.forced_choice.adaptive != "constant"), best[0] - truth
+    return fall < fall_of(0.95, made.forced_choice.adaptive), best[0] - truth
 
 
 def coverage(name, truth, sessions):

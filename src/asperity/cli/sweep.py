@@ -38,6 +38,10 @@ class SweepCommand:
     """Run again the combinations that failed before."""
     any_version: bool = False
     """Resume a store that was begun with another version of asperity or of its packages."""
+    extend: bool = False
+    """Take over what the store of a study with fewer or other values has of this one."""
+    limit: float | None = None
+    """Longest time of one combination, in seconds; one that takes longer fails."""
     overwrite: bool = False
     """Delete the existing store and begin again."""
 

@@ -8,7 +8,6 @@ from asperity.psychophysics.analysis.psychometric_fit import Fit, fit_psychometr
 from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.protocol import SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure
-from asperity.psychophysics.settings import ConstantSettings
 
 
 def simulated_answers(design: ExperimentDesign, participant: str) -> tuple[list[float], list[bool]]:
@@ -40,7 +39,7 @@ def expected_interval(design: ExperimentDesign, sessions: int = 12) -> tuple[flo
         fits.append(
             fit_psychometric(
                 x, hits, guess=settings.guess, function=design.simulated.function, samples=1,
-                adaptive=not isinstance(design.adaptive, ConstantSettings),
+                adaptive=settings.adaptive,
             )
         )  # fmt: skip
     low, high = np.median([fit.threshold for fit in fits], axis=0)

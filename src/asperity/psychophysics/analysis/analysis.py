@@ -23,7 +23,6 @@ from asperity.psychophysics.analysis.scales import (
 from asperity.psychophysics.procedures.procedures import quest_plus, staircases
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
-from asperity.psychophysics.settings import ConstantSettings
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
         fit = fit_psychometric(
             x, right, guess=settings.guess, function=options.function, samples=options.samples,
             confidence=options.confidence, seed=options.seed,
-            adaptive=not isinstance(adaptive, ConstantSettings),
+            adaptive=settings.adaptive,
         )  # fmt: skip
     except AsperityError as error:
         summary["not_fitted"] = str(error)

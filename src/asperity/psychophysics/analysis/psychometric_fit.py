@@ -29,15 +29,16 @@ from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric
 from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, LikelihoodSearch
 
-STRETCH = 1.1
-"""What the fall of the likelihood is multiplied by where levels depended on the answers. The
-deviance at the true parameter then exceeds the chi-squared distribution's quantile too often; the
-factor, a Bartlett correction found by simulation, is checked by `test_coverage.py`."""
+STRETCH = {"constant": 1.0, "staircase": 1.1, "quest+": 1.25}
+"""What the fall of the likelihood is multiplied by, by the method that chose the levels. Where
+levels depended on the answers, the deviance at the true parameter exceeds the quantile of the
+chi-squared distribution too often; the factor, a Bartlett correction found by simulation, is
+checked by `test_coverage.py`."""
 
 
-def fall_of(confidence: float, adaptive: bool) -> float:
+def fall_of(confidence: float, adaptive: str) -> float:
     """Return how far the log likelihood falls to the ends of an interval."""
-    return 0.5 * float(chi2.ppf(confidence, 1)) * (STRETCH if adaptive else 1.0)
+    return 0.5 * float(chi2.ppf(confidence, 1)) * STRETCH[adaptive]
 
 
 class Interval(NamedTuple):
@@ -74,7 +75,7 @@ def fit_psychometric(
     samples: int = 1000,
     confidence: float = 0.95,
     seed: int = 0,
-    adaptive: bool = True,
+    adaptive: str = "staircase",
 ) -> Fit:
     """Fit a psychometric function to answers.
 
@@ -96,8 +97,8 @@ def fit_psychometric(
         Of the intervals. An end that is not within what was searched is the end of that.
     seed : int
         Of the bootstrap.
-    adaptive : bool
-        Whether levels depended on answers; intervals are then wider: see `STRETCH`.
+    adaptive : {"staircase", "quest+", "constant"}
+        What chose the levels: see `STRETCH`.
 
     Raises
     ------

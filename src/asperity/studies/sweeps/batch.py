@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from asperity import __version__
 from asperity.errors import AsperityError
 from asperity.studies.sweeps.study import runner
+from asperity.studies.sweeps.time_limit import time_limit
 
 WAITING, DONE, FAILED = 0, 1, 2
 """States of a combination."""
@@ -37,6 +38,8 @@ class Batch(NamedTuple):
     """Varied parameters: key -> values, one for each of the n combinations."""
     program: str
     """`program()` of the process that started the sweep."""
+    limit: float | None = None
+    """Longest time of one combination [s]."""
 
 
 class BatchOutcome(NamedTuple):
@@ -121,7 +124,8 @@ def run_batch(batch: Batch) -> BatchOutcome:
     for i in range(count):
         varied = {key: column[i] for key, column in batch.columns.items()}
         try:
-            numbers = runs.numbers(varied, batch.keep)
+            with time_limit(batch.limit):
+                numbers = runs.numbers(varied, batch.keep)
             for name, number in zip(batch.keep, numbers, strict=True):
                 if not math.isfinite(number):
                     raise AsperityError(f"{name} came out as {number}")

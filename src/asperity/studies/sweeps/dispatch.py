@@ -53,11 +53,14 @@ class Job(NamedTuple):
         return self.places + self.block.first
 
 
-def make_batch(study: SweepStudy, numbers: Sequence[int] | NDArray[np.int64]) -> Batch:
-    """Return the batch of the combinations with these numbers."""
+def make_batch(
+    study: SweepStudy, numbers: Sequence[int] | NDArray[np.int64], limit: float | None = None
+) -> Batch:
+    """Return the batch of the combinations with these numbers, each of at most `limit` seconds."""
     return Batch(
-        study.kind, dict(study.fixed), str(study.folder), study.design.seed, study.keep,
-        study.design.columns(list(map(int, numbers))), program(),
+        study.kind, {**study.fixed, **study.extras}, str(study.folder), study.design.seed,
+        study.keep,
+        study.design.columns(list(map(int, numbers))), program(), limit,
     )  # fmt: skip
 
 
@@ -79,16 +82,18 @@ def check_workers(client: Any, first: Batch | None) -> None:
 
 
 def run_on_cluster(
-    client: Any, study: SweepStudy, jobs: Sequence[Job]
+    client: Any, study: SweepStudy, jobs: Sequence[Job], limit: float | None = None
 ) -> Iterator[tuple[Job, BatchOutcome]]:
     """Yield jobs, or parts of them, with their outcomes, in the order in which they complete."""
     try:
-        yield from _run(client, study, jobs)
+        yield from _run(client, study, jobs, limit)
     except OSError as error:  # of the connection: any call may find that the scheduler is gone
         raise _stopped(client, error) from None
 
 
-def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[Job, BatchOutcome]]:
+def _run(
+    client: Any, study: SweepStudy, jobs: Sequence[Job], limit: float | None
+) -> Iterator[tuple[Job, BatchOutcome]]:
     from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
@@ -100,7 +105,7 @@ def _run(client: Any, study: SweepStudy, jobs: Sequence[Job]) -> Iterator[tuple[
 
     def submit(job: Job, label: str = "") -> Any:
         key = f"asperity-sweep-{run}{label}-{job.numbers[0]}-{job.numbers.size}"
-        batch = pack(make_batch(study, job.numbers))
+        batch = pack(make_batch(study, job.numbers, limit))
         return client.submit(run_packed_batch, batch, key=key, pure=False)
 
     def refill() -> None:

@@ -6,6 +6,7 @@ import json
 import shutil
 import tempfile
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,18 @@ SCHEMA = 1
 """Version of the store's layout, its attribute `asperity_sweep`."""
 
 
-def create_store(path: Path, study: SweepStudy, block_size: int) -> None:
-    """Create the empty store of a study at `path`, in place of an existing one."""
+def create_store(
+    path: Path, study: SweepStudy, block_size: int, fill: Callable[[Path], None] = lambda _: None
+) -> None:
+    """Create the store of a study at `path`, in place of an existing one.
+
+    It is empty but for what `fill` writes into it before it gets its name.
+    """
     fresh = Path(tempfile.mkdtemp(prefix=".asperity-", dir=path.parent))
     try:
         fresh.chmod(0o755)
         _create_arrays(fresh, study, block_size)
+        fill(fresh)
         if path.exists():
             old = fresh.with_name(fresh.name + "-old")
             path.rename(old)
@@ -53,11 +60,12 @@ def _create_arrays(path: Path, study: SweepStudy, block_size: int) -> None:
         "study": study.text,
         "files": json.dumps(dict(study.files)),
         "fingerprint": study.fingerprint,
+        "basis": study.basis,
         "program": program(),
         "sessions": "[]",
     }
     coordinates = {
-        key: (axis.name, _column(values), study.attributes(key))
+        key: (axis.name, column(values), study.attributes(key))
         for axis in design.axes
         for key, values in ({axis.name: list(range(axis.size))} | axis.columns).items()
     }
@@ -83,7 +91,7 @@ def _create_arrays(path: Path, study: SweepStudy, block_size: int) -> None:
     consolidate(group)
 
 
-def _column(values: list[Any]) -> NDArray[Any]:
+def column(values: list[Any]) -> NDArray[Any]:
     """Return the values of a coordinate: numbers as they are, all others as texts."""
     if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         return np.array(values)

@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.kernels import is_compiled
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, require_positive
 from asperity.studies.sweeps.batch import DONE, FAILED, WAITING, BatchOutcome, run_batch
 from asperity.studies.sweeps.cluster import connect
 from asperity.studies.sweeps.dispatch import Job, check_workers, make_batch, run_on_cluster
@@ -58,6 +58,15 @@ class SweepSummary(NamedTuple):
     """Error of the failed combination with the lowest number; "" if none failed."""
 
 
+class _Place(NamedTuple):
+    """Where combinations run, and for how long at most."""
+
+    workers: int | None
+    scheduler: str | None
+    client: Any
+    limit: float | None
+
+
 ReportProgress = Callable[[SweepProgress], None]
 
 
@@ -70,6 +79,9 @@ def run_sweep(
     overwrite: bool = False,
     retry_failed: bool = False,
     any_version: bool = False,
+    extend: bool = False,
+    limit: float | None = None,
+    client: Any = None,
     progress: ReportProgress = lambda _: None,
 ) -> SweepSummary:
     """Run all combinations of a study that its store does not hold yet.
@@ -91,6 +103,12 @@ def run_sweep(
         Run combinations again that failed before.
     any_version : bool
         Resume a store that another version began.
+    extend : bool
+        Take over what a store of a study with fewer or other values, else the same, has of this.
+    limit : float, optional
+        Longest time of one combination [s]; one that takes longer fails with that reason.
+    client : distributed.Client, optional
+        A client that is connected, instead of `workers` and `scheduler`; it stays open.
     progress : callable
         Called whenever a block was written.
 
@@ -113,12 +131,19 @@ def run_sweep(
     require_packages("zarr")
     if workers is not None and workers < 0:
         raise AsperityError(f"workers must be 0 or above, got {workers}")
-    if scheduler is not None and workers is not None:
-        raise AsperityError("give workers or a scheduler, not both: a scheduler has its workers")
+    if sum(given is not None for given in (scheduler, workers, client)) > 1:
+        raise AsperityError("give only one of workers, scheduler and client")
+    if limit is not None:
+        require_positive("limit", limit, "s")
     study = study if isinstance(study, SweepStudy) else read_study(study)
     with (
         open_store(
-            Path(store), study, block_size=study.block, overwrite=overwrite, any_version=any_version
+            Path(store),
+            study,
+            block_size=study.block,
+            overwrite=overwrite,
+            any_version=any_version,
+            extend=extend,
         ) as results,
         ExitStack() as stack,
     ):
@@ -133,8 +158,9 @@ def run_sweep(
         computed = sum(job.places.size for job in jobs)
         begun = time.perf_counter()
         if jobs:
-            outcomes = _start(study, stack, workers, scheduler, jobs, states, progress)
-            where = "scheduler" if scheduler else "local"
+            place = _Place(workers, scheduler, client, limit)
+            outcomes = _start(study, stack, place, jobs, states, progress)
+            where = "scheduler" if scheduler or client else "local"
             results.sessions.append(session_facts() | {"where": where, "ended": None})
             results.write_sessions()
             begun = time.perf_counter()
@@ -152,25 +178,27 @@ def run_sweep(
 def _start(
     study: SweepStudy,
     stack: ExitStack,
-    workers: int | None,
-    scheduler: str | None,
+    place: _Place,
     jobs: list[Job],
     states: NDArray[np.int8],
     progress: ReportProgress,
 ) -> Iterator[tuple[Job, BatchOutcome]]:
     """Return the outcomes of jobs to come, from this process or from a cluster that is ready."""
-    if scheduler is None and not is_compiled(*_KERNELS[study.kind]):
+    workers, scheduler, client, limit = place
+    local = scheduler is None and client is None
+    if local and study.kind in _KERNELS and not is_compiled(*_KERNELS[study.kind]):
         # Compile once here rather than once in every worker.
         progress(_progress_of(states, "compiling first"))
         run_batch(make_batch(study, [0]))
     if workers == 0:
-        return ((job, run_batch(make_batch(study, job.numbers))) for job in jobs)
-    note = "starting workers" if scheduler is None else "connecting to the scheduler"
+        return ((job, run_batch(make_batch(study, job.numbers, limit))) for job in jobs)
+    note = "starting workers" if local else "connecting to the scheduler"
     progress(_progress_of(states, note))
     wanted = None if workers is None else min(workers, len(jobs))
-    client = stack.enter_context(connect(wanted, scheduler))
+    if client is None:
+        client = stack.enter_context(connect(wanted, scheduler))
     check_workers(client, make_batch(study, [0]) if study.kind == "drag" else None)
-    return run_on_cluster(client, study, jobs)
+    return run_on_cluster(client, study, jobs, limit)
 
 
 def _write_outcomes(

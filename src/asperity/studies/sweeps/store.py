@@ -41,6 +41,7 @@ from asperity.studies.sweeps.batch import (
     program,
 )
 from asperity.studies.sweeps.blocks import SweepBlock, blocks
+from asperity.studies.sweeps.extension import places_in
 from asperity.studies.sweeps.new_store import SCHEMA, consolidate, create_store
 from asperity.studies.sweeps.study import SweepStudy
 
@@ -90,9 +91,11 @@ class BlockResults:
 
     @property
     def complete(self) -> bool:
-        """Whether no combination waits and all that are done have finite numbers."""
-        finite = np.isfinite(self.values[self.states == DONE]).all()
-        return bool(finite and (self.states != WAITING).all())
+        """Whether all combinations that are done have finite numbers; others may wait.
+
+        A block of which some wait is one of a store that was extended.
+        """
+        return bool(np.isfinite(self.values[self.states == DONE]).all())
 
 
 class SweepStore:
@@ -189,6 +192,7 @@ def open_store(
     block_size: int,
     overwrite: bool = False,
     any_version: bool = False,
+    extend: bool = False,
 ) -> Iterator[SweepStore]:
     """Give the store of a study to one writer: a new store, or an unfinished one.
 
@@ -202,6 +206,8 @@ def open_store(
         Replace an existing store by an empty one.
     any_version : bool
         Accept a store begun by another version of the program or of its packages.
+    extend : bool
+        Take over what the store of a study with other values has of this one.
 
     Raises
     ------
@@ -224,10 +230,46 @@ def open_store(
                 path.rmdir()
             if overwrite or not path.exists():
                 create_store(path, study, block_size)
+            if extend and _attributes(path)["fingerprint"] != study.fingerprint:
+                _extend(path, study, block_size, any_version)
             _check_origin(path, study, any_version)
             store = SweepStore(path, study)
         # An OSError of the caller's block is not one of the store.
         yield store
+
+
+def _extend(path: Path, study: SweepStudy, block_size: int, any_version: bool) -> None:
+    """Replace a store by one of a study with other values, with all results that both have."""
+    _check_program(path, any_version)
+    older = open_sweep(path)
+    places = places_in(older, study)
+    # As arrays with the new axes' order, and a waiting combination at the end of each for -1.
+    order = [axis.name for axis in study.design.axes]
+    older = older.transpose(*order)
+
+    def taken(name: str, empty: Any) -> NDArray[Any]:
+        values = older[name].values
+        padded = np.pad(values.astype(object), [(0, 1)] * values.ndim, constant_values=empty)
+        return np.asarray(padded[np.ix_(*places)])
+
+    states = taken("state", WAITING).astype(np.int8)
+    numbers = [taken(name, np.nan).astype(np.float64) for name in study.keep]
+    errors = taken("error", "")
+    sessions = older.attrs["sessions"]
+
+    def fill(fresh: Path) -> None:
+        store = SweepStore(fresh, study)
+        for block in store.blocks:
+            part = BlockResults(
+                np.stack([values[block.slices].ravel() for values in numbers], axis=1),
+                states[block.slices].ravel(), errors[block.slices].ravel(),
+            )  # fmt: skip
+            if part.states.any():
+                store.write(block, part)
+        store.sessions = json.loads(sessions)
+        store.write_sessions()
+
+    create_store(path, study, block_size, fill)
 
 
 def is_store(path: Path) -> bool:
@@ -249,8 +291,14 @@ def _check_origin(path: Path, study: SweepStudy, any_version: bool) -> None:
     if found["fingerprint"] != study.fingerprint:
         raise AsperityError(
             f"{path} holds another study, {found['title']!r}, or files that it names have changed "
-            "since; give another store with --out, or --overwrite to begin anew"
+            "since; give another store with --out, --extend if it only has other values, or "
+            "--overwrite to begin anew"
         )
+    _check_program(path, any_version)
+
+
+def _check_program(path: Path, any_version: bool) -> None:
+    found = _attributes(path)
     if found["program"] != program() and not any_version:
         raise AsperityError(
             f"{path} was begun by {found['program']}; this is {program()}: give --any-version "

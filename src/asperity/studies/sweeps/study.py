@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -33,7 +33,8 @@ from asperity.studies.sweeps.content import flatten, hash_content, hash_file
 from asperity.studies.sweeps.design import LEAF, SweepDesign, Variation, read_design, read_variation
 
 SCHEMA = 1
-KINDS = {"drag": "asperity.studies.sweeps.drag_runs", "scene": "asperity.studies.sweeps.scene_runs"}
+KINDS = {"drag": "asperity.studies.sweeps.drag_runs", "scene": "asperity.studies.sweeps.scene_runs",
+         "function": "asperity.studies.sweeps.function_runs"}  # fmt: skip
 """Kind of study -> module that runs its combinations; the modules define the same names.
 
 Each is imported when needed: importing scenes takes as long as importing all that drags need.
@@ -118,6 +119,8 @@ class SweepStudy:
         The study as TOML.
     files : mapping
         The files that it names -> hash of their content.
+    extras : mapping
+        What only the runner needs: a pickled function.
     """
 
     title: str
@@ -128,6 +131,7 @@ class SweepStudy:
     folder: Path
     text: str
     files: Mapping[str, str]
+    extras: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def size(self) -> int:
@@ -140,6 +144,11 @@ class SweepStudy:
         axes = [[axis.name, axis.columns] for axis in self.design.axes]
         seed = self.design.seed
         return hash_content(self.kind, self.keep, dict(self.fixed), axes, seed, dict(self.files))
+
+    @property
+    def basis(self) -> str:
+        """Hash of what determines each combination's results beside its varied parameters."""
+        return hash_content(self.kind, dict(self.fixed), self.design.seed)
 
     @property
     def block(self) -> int:
