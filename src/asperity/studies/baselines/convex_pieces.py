@@ -2,70 +2,117 @@ r"""Penetration depth between convex pieces, and clusters of contacts.
 
 Kim, Otaduy, Lin & Manocha, *Six-degree-of-freedom haptic rendering using incremental and localized
 computations* (2003). Both bodies are divided into convex pieces; every overlapping pair of pieces
-has a penetration depth d, a direction n and a place p. Contacts near each other form one cluster,
-whose place, direction and depth are means weighted by depth,
+has a penetration depth d, a direction n and a place p, found by a walk from the last tick's
+features (`minkowski_walk`). Contacts near each other form one cluster, whose place, direction and
+depth are weighted means,
 
-    p = sum d_i p_i / sum d_i,    n = sum d_i n_i / |sum d_i n_i|,    d = sum d_i^2 / sum d_i ,
+    p = sum w_i p_i / sum w_i,    n = sum w_i n_i / |sum w_i n_i|,    d = sum w_i d_i / sum w_i ,
 
     F = k d n,    T = (p - centre of mass) x F ,
 
-so that the stiffness does not grow with the number of pieces and forces do not jump when the
-deepest pair changes. Textures are ignored; Otaduy & Lin (2004) add them.
+so that the stiffness does not grow with the number of pieces. Textures are ignored; Otaduy & Lin
+(2004) add them.
 
-As recalled, not read in the source. Asperity's own: pieces and depths are MuJoCo's (GJK and EPA,
-with closed forms for simple solids), each query without warm start, whereas the authors continue
-from the last tick (DEEP); and clusters are grown from the deepest contact outwards.
+The paper could not be read; its method is known from its title and abstract and from what Otaduy
+and Lin (2004) write about it, the walk from a public Java program after Kim, Lin & Manocha's DEEP
+(`docs/methods/kim.md`). The authors weight by depth, as recalled; asperity's weight is
+w = d (A + A_0), with the area A of the region of contact, so that a seam through a flat contact
+does not move its place, and A_0 = 1e-4 of the squared radius of a cluster for contacts without
+area. Asperity's own: MuJoCo finds which pieces overlap, clusters are grown from the deepest contact
+outwards, and the parts of a contact that a seam between joined pieces divides are one.
 """
 
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
+from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
+from asperity.studies.baselines.convex_solids import (
+    ConvexSolid,
+    PieceSet,
+    pieces_of,
+    solid_of_geom,
+)
 from asperity.studies.baselines.placement import centre_at
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
+from asperity.studies.baselines.solid_contacts import solid_contact
 
 Array = NDArray[np.float64]
+_SIDES = 64
+"""Sides of a cylinder."""
+_SAME_WAY, _SAME_DEPTH = 0.999, 0.1
+"""Least cosine, and largest difference in depths, of the parts of a contact that a seam divides."""
+_NO_AREA = 1e-4
+"""A_0 in squared radii of a cluster."""
 
 
-def cluster_contacts(
-    places: Array, normals: Array, depths: Array, size: float
-) -> tuple[Array, Array, Array]:
-    """Return contacts (n, 3), (n, 3), (n,) as clusters: places, unit normals, depths.
+class PieceContacts(NamedTuple):
+    """Contacts, a row each."""
+
+    places: Array
+    """[m], (n, 3)."""
+    normals: Array
+    """Unit directions of the force on the tool, (n, 3)."""
+    depths: Array
+    """[m], above 0, (n,)."""
+    areas: Array
+    """Of the regions of contact [m^2], (n,)."""
+
+    @staticmethod
+    def empty() -> PieceContacts:
+        """Return no contacts."""
+        return PieceContacts(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0))
+
+
+def _means(contacts: PieceContacts, groups: list[NDArray[np.intp]], none: float) -> PieceContacts:
+    """Return each group of contacts as one, weighted by w = d (A + `none`)."""
+    weights = contacts.depths * (contacts.areas + none)
+    rows = []
+    for members in groups:
+        w = weights[members]
+        along = w @ contacts.normals[members]
+        rows.append((
+            w @ contacts.places[members] / w.sum(), along / np.linalg.norm(along),
+            w @ contacts.depths[members] / w.sum(), contacts.areas[members].sum(),
+        ))  # fmt: skip
+    return PieceContacts(*map(np.array, zip(*rows, strict=True)))
+
+
+def cluster_contacts(contacts: PieceContacts, size: float) -> PieceContacts:
+    """Return contacts as clusters.
 
     Parameters
     ----------
-    places, normals, depths : (n, 3), (n, 3), (n,) arrays
-        [m], unit, and [m], above 0.
+    contacts : PieceContacts
     size : float
         Contacts within this distance of the deepest of a cluster belong to it [m].
     """
-    left = np.argsort(-depths, kind="stable")
-    where, along, deep = [], [], []
+    left = np.argsort(-contacts.depths, kind="stable")
+    groups = []
     while left.size:
-        away = np.linalg.norm(places[left] - places[left[0]], axis=1)
+        away = np.linalg.norm(contacts.places[left] - contacts.places[left[0]], axis=1)
         # A contact that pushes the opposite way belongs to another cluster, however near.
-        members = left[(away <= size) & (normals[left] @ normals[left[0]] > 0.0)]
-        left = np.setdiff1d(left, members, assume_unique=True)
-        left = left[np.argsort(-depths[left], kind="stable")]
-        weights = depths[members]
-        mean = weights @ normals[members]
-        where.append(weights @ places[members] / weights.sum())
-        along.append(mean / np.linalg.norm(mean))
-        deep.append(weights @ weights / weights.sum())
-    return np.array(where).reshape(-1, 3), np.array(along).reshape(-1, 3), np.array(deep)
+        same = contacts.normals[left] @ contacts.normals[left[0]] > 0.0
+        members = left[(away <= size) & same]
+        left = left[~np.isin(left, members)]
+        groups.append(members)
+    return _means(contacts, groups, _NO_AREA * size**2) if groups else contacts
 
 
 class ConvexRenderer(Renderer):
-    """Renders the clustered contacts of MuJoCo between the pieces of a scene."""
+    """Renders the clustered contacts between the convex pieces of a scene."""
 
-    def __init__(self, scene: Scene, size: float) -> None:
+    def __init__(self, scene: Scene, size: float, share: float) -> None:
+        # Without margins: only real overlap is a contact.
         self._model = copy.copy(scene.model)
         self._model.geom_margin[:] = 0.0
         self._model.body_margin[:] = 0.0
@@ -73,37 +120,94 @@ class ConvexRenderer(Renderer):
         self._tool = self._model.body(scene.tool).id
         self._qpos = int(self._model.jnt_qposadr[self._model.body(scene.tool).jntadr[0]])
         self._centre = np.array(self._model.body_ipos[self._tool])
-        self._stiffness, self._size = scene.force.stiffness, size
+        self._stiffness, self._size, self._share = scene.force.stiffness, size, share
+        mujoco.mj_kinematics(self._model, self._data)
+        self._piece: dict[int, tuple[PieceSet, int]] = {}
+        self._placed: dict[int, ConvexSolid] = {}
+        for body in range(self._model.nbody):
+            geoms = [i for i in range(self._model.ngeom) if self._collides(body, i)]
+            if geoms:
+                pieces = pieces_of([solid_of_geom(self._model, i, _SIDES) for i in geoms])
+                self._piece |= {geom: (pieces, i) for i, geom in enumerate(geoms)}
+                if body != self._tool:
+                    pose = self._data.xmat[body].reshape(3, 3), self._data.xpos[body]
+                    solids = zip(geoms, pieces.solids, strict=True)
+                    self._placed |= {geom: solid.placed(*pose) for geom, solid in solids}
+        self.reset()
 
-    def contacts(self, pose: Array) -> tuple[Array, Array, Array]:
-        """Return place, direction (of the force on the tool) and depth of each overlapping pair."""
+    def _collides(self, body: int, geom: int) -> bool:
+        active = self._model.geom_contype[geom] or self._model.geom_conaffinity[geom]
+        return bool(self._model.geom_bodyid[geom] == body and active)
+
+    def reset(self) -> None:
+        """Forget the features at which the walks ended."""
+        self._hubs: dict[tuple[int, int], NDArray[np.int64]] = {}
+
+    def _overlapping(self, pose: Array) -> list[tuple[int, int]]:
+        """Return the overlapping pairs of geoms of the tool and of other bodies."""
         model, data = self._model, self._data
         data.qpos[self._qpos : self._qpos + 7] = pose
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
-        pairs, distance = data.contact.geom[: data.ncon], data.contact.dist[: data.ncon]
+        pairs = data.contact.geom[: data.ncon][data.contact.dist[: data.ncon] < 0.0]
         of_tool = model.geom_bodyid[pairs] == self._tool
-        deepest: dict[tuple[int, ...], int] = {}
-        touching = (distance < 0.0) & (of_tool[:, 0] != of_tool[:, 1])
-        for i in np.flatnonzero(touching).tolist():
-            best = deepest.setdefault(tuple(pairs[i].tolist()), i)
-            if distance[i] < distance[best]:
-                deepest[tuple(pairs[i].tolist())] = i
-        which = np.array(list(deepest.values()), dtype=np.int64)
-        # MuJoCo's normal points from the first geom to the second.
-        signs = np.where(of_tool[which, 0], -1.0, 1.0)
-        normals = data.contact.frame[which, :3] * signs[:, None]
-        return np.array(data.contact.pos[which]), normals, -np.array(distance[which])
+        one = of_tool[:, 0] != of_tool[:, 1]
+        pairs = np.where(of_tool[:, :1], pairs, pairs[:, ::-1])[one]
+        return list(dict.fromkeys(map(tuple, pairs.tolist())))
+
+    def contacts(self, pose: Array) -> PieceContacts:
+        """Return the contact of each overlapping pair of pieces, seams closed."""
+        hubs, rows, pairs = {}, [], []
+        rotation, placed = rotation_of(pose[3:]), dict[int, ConvexSolid]()
+        for own, other in self._overlapping(pose):
+            if own not in placed:
+                pieces, i = self._piece[own]
+                placed[own] = pieces.solids[i].placed(rotation, pose[:3])
+            hub = self._hubs.get((own, other), np.full(2, -1))
+            found, place = np.empty(4), np.empty(3)
+            area = solid_contact(placed[own], self._placed[other], hub, self._share, found, place)
+            hubs[own, other] = hub
+            if area >= 0.0:
+                rows.append((place, found[1:], found[0], area))
+                pairs.append((own, other))
+        self._hubs = hubs
+        if not rows:
+            return PieceContacts.empty()
+        contacts = PieceContacts(*map(np.array, zip(*rows, strict=True)))
+        return _means(contacts, list(self._seamless(contacts, pairs)), _NO_AREA * self._size**2)
+
+    def _seamless(
+        self, contacts: PieceContacts, pairs: list[tuple[int, int]]
+    ) -> Iterator[NDArray[np.intp]]:
+        """Yield groups of contacts that a seam between joined pieces divides."""
+        from scipy.sparse.csgraph import connected_components
+
+        if len(pairs) == 1:
+            yield np.zeros(1, np.intp)
+            return
+        deep = contacts.depths
+        same = contacts.normals @ contacts.normals.T > _SAME_WAY
+        same &= np.abs(deep[:, None] - deep) <= _SAME_DEPTH * np.maximum(deep[:, None], deep)
+        for k in (0, 1):
+            geoms = [pair[k] for pair in pairs]
+            bodies = self._model.geom_bodyid[geoms]
+            same &= bodies[:, None] == bodies
+            for i, j in zip(*np.nonzero(np.triu(same, 1)), strict=True):
+                pieces, one = self._piece[geoms[i]]
+                same[i, j] = same[j, i] = pieces.joined[one, self._piece[geoms[j]][1]]
+        count, label = connected_components(same)
+        for k in range(count):
+            yield np.flatnonzero(label == k)
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        places, normals, depths = self.contacts(pose)
-        if not len(depths):
+        found = cluster_contacts(self.contacts(pose), self._size)
+        if not len(found.depths):
             return NOTHING
-        places, normals, depths = cluster_contacts(places, normals, depths, self._size)
-        forces = self._stiffness * depths[:, None] * normals
-        torque = np.cross(places - centre_at(pose, self._centre), forces).sum(axis=0)
-        return MethodWrench(forces.sum(axis=0), torque, float(depths.max()), len(depths))
+        forces = self._stiffness * found.depths[:, None] * found.normals
+        torque = np.cross(found.places - centre_at(pose, self._centre), forces).sum(axis=0)
+        deepest = float(found.depths.max())
+        return MethodWrench(forces.sum(axis=0), torque, deepest, len(found.depths))
 
 
 @dataclass(frozen=True)
@@ -114,23 +218,28 @@ class ConvexMethod(Method):
     ----------
     size : float
         Radius of a cluster [m], above 0.
+    share : float
+        A place of a region of contact counts if its depth is within this share of the largest [-],
+        above 0.
     """
 
     name: str = "convex-pieces"
     label: str = "convex pieces, clustered"
     source: str = "Kim, Otaduy, Lin & Manocha 2003"
     what_it_is_not: str = (
-        "Depths are MuJoCo's (GJK and EPA), computed afresh every tick, not the authors' "
-        "incremental ones; a piece is a geom of the scene. It never feels a texture."
+        "A piece is a geom of the scene, and MuJoCo finds which of them overlap; weights of a "
+        "cluster include the area of contact. It never feels a texture."
     )
     size: float = 5e-3
+    share: float = 0.1
 
     def __post_init__(self) -> None:
         require_positive("size of a cluster", self.size, "m")
+        require_positive("share", self.share, "")
 
     def renderer(self, scene: Scene, dt: float) -> ConvexRenderer:
         """Return a renderer of a scene."""
-        return ConvexRenderer(scene, self.size)
+        return ConvexRenderer(scene, self.size, self.share)
 
 
 CONVEX_PIECES = ConvexMethod()
