@@ -99,3 +99,12 @@ def pressure_centre(wrench):
     return np.array([
         (-torque[1] + level * force[0]) / force[2], (torque[0] + level * force[1]) / force[2]
     ])  # fmt: skip
+
+
+def half_middle(yaw):
+    """Return the middle of that half of the foot, turned by `yaw`, that lies at x < 0 (2,) [m]."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    u = (np.arange(2000) + 0.5) / 1000 - 1
+    a, b = np.meshgrid(u * FOOT[0], u * FOOT[1])
+    x, y = c * a - s * b, s * a + c * b
+    return x[x < 0].mean(), y[x < 0].mean()

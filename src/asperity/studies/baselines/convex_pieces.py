@@ -16,9 +16,9 @@ so that the stiffness does not grow with the number of pieces. Textures are igno
 The paper could not be read; its method is known from its title and abstract and from what Otaduy
 and Lin (2004) write about it, the walk from a public Java program after Kim, Lin & Manocha's DEEP
 (`docs/methods/kim.md`). The authors weight by depth, as recalled; asperity's weight is
-w = d (A + A_0), with the area A of the region of contact, so that a seam through a flat contact
-does not move its place, and A_0 = 1e-4 of the squared radius of a cluster for contacts without
-area. Asperity's own: MuJoCo finds which pieces overlap, clusters are grown from the deepest contact
+w = d (A + w_0^2), with the area A of the region of contact, so that a seam through a flat contact
+does not move its place; a contact along a line has the area of a strip of width w_0, a thousandth
+of a cluster's radius. Asperity's own: MuJoCo finds which pieces overlap, clusters are grown from the deepest contact
 outwards, and the parts of a contact that a seam between joined pieces divides are one.
 """
 
@@ -51,8 +51,8 @@ _SIDES = 64
 """Sides of a cylinder."""
 _SAME_WAY, _SAME_DEPTH = 0.999, 0.1
 """Least cosine, and largest difference in depths, of the parts of a contact that a seam divides."""
-_NO_AREA = 1e-4
-"""A_0 in squared radii of a cluster."""
+_WIDTH = 1e-3
+"""Width w_0 of a contact along a line, in radii of a cluster."""
 
 
 class PieceContacts(NamedTuple):
@@ -73,9 +73,9 @@ class PieceContacts(NamedTuple):
         return PieceContacts(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0))
 
 
-def _means(contacts: PieceContacts, groups: list[NDArray[np.intp]], none: float) -> PieceContacts:
-    """Return each group of contacts as one, weighted by w = d (A + `none`)."""
-    weights = contacts.depths * (contacts.areas + none)
+def _means(contacts: PieceContacts, groups: list[NDArray[np.intp]], width: float) -> PieceContacts:
+    """Return each group of contacts as one, weighted by w = d (A + `width`^2)."""
+    weights = contacts.depths * (contacts.areas + width**2)
     rows = []
     for members in groups:
         w = weights[members]
@@ -105,7 +105,7 @@ def cluster_contacts(contacts: PieceContacts, size: float) -> PieceContacts:
         members = left[(away <= size) & same]
         left = left[~np.isin(left, members)]
         groups.append(members)
-    return _means(contacts, groups, _NO_AREA * size**2) if groups else contacts
+    return _means(contacts, groups, _WIDTH * size) if groups else contacts
 
 
 class ConvexRenderer(Renderer):
@@ -120,7 +120,8 @@ class ConvexRenderer(Renderer):
         self._tool = self._model.body(scene.tool).id
         self._qpos = int(self._model.jnt_qposadr[self._model.body(scene.tool).jntadr[0]])
         self._centre = np.array(self._model.body_ipos[self._tool])
-        self._stiffness, self._size, self._share = scene.force.stiffness, size, share
+        self._stiffness, self._size = scene.force.stiffness, size
+        self._limits = np.array([share, _WIDTH * size])
         mujoco.mj_kinematics(self._model, self._data)
         self._piece: dict[int, tuple[PieceSet, int]] = {}
         self._placed: dict[int, ConvexSolid] = {}
@@ -165,7 +166,7 @@ class ConvexRenderer(Renderer):
                 placed[own] = pieces.solids[i].placed(rotation, pose[:3])
             hub = self._hubs.get((own, other), np.full(2, -1))
             found, place = np.empty(4), np.empty(3)
-            area = solid_contact(placed[own], self._placed[other], hub, self._share, found, place)
+            area = solid_contact(placed[own], self._placed[other], hub, self._limits, found, place)
             hubs[own, other] = hub
             if area >= 0.0:
                 rows.append((place, found[1:], found[0], area))
@@ -174,7 +175,7 @@ class ConvexRenderer(Renderer):
         if not rows:
             return PieceContacts.empty()
         contacts = PieceContacts(*map(np.array, zip(*rows, strict=True)))
-        return _means(contacts, list(self._seamless(contacts, pairs)), _NO_AREA * self._size**2)
+        return _means(contacts, list(self._seamless(contacts, pairs)), _WIDTH * self._size)
 
     def _seamless(
         self, contacts: PieceContacts, pairs: list[tuple[int, int]]

@@ -241,32 +241,40 @@ def pieces_of(solids: Sequence[ConvexSolid]) -> PieceSet:
     """
     count = len(solids)
     joined = np.eye(count, dtype=bool)
+    middles = np.array([solid.vertices.mean(axis=0) for solid in solids])
+    radii = np.array([
+        np.linalg.norm(solid.vertices - middle, axis=1).max() + solid.radius
+        for solid, middle in zip(solids, middles, strict=True)
+    ])  # fmt: skip
+    away = np.linalg.norm(middles[:, None] - middles, axis=2) - radii[:, None] - radii
     marked: list[ConvexSolid] = []
     for i, solid in enumerate(solids):
-        size = float(np.ptp(solid.vertices, axis=0).max()) + solid.radius
-        real, slack = solid.real.copy(), _GAP * size
-        for f in range(len(real)):
-            face = solid.face_corners[solid.face_first[f] : solid.face_first[f + 1]]
-            corners = solid.vertices[face]
-            middle = corners.mean(axis=0)
-            # Just inside the sides, where the faces of neighbours end too, and just outside.
-            points = np.concatenate([middle + 0.99 * (corners - middle), [middle]])
-            points = points + slack * solid.normals[f]
-            covered = np.zeros(len(points), bool)
-            for j, other in enumerate(solids):
-                if j != i and _balls_meet(solid, other, slack):
-                    there = _inside(other, points, slack)
-                    covered |= there
-                    joined[i, j] |= there.any()
-            real[f] = not covered.all()
+        slack = _GAP * radii[i]
+        points, face = _points_on(solid, slack)
+        covered = np.zeros(len(points), bool)
+        for j in np.flatnonzero(away[i] <= 2.0 * slack):
+            if j != i:
+                there = _inside(solids[j], points, slack)
+                covered |= there
+                joined[i, j] |= there.any()
+        real = np.ones(len(solid.normals), bool)
+        if len(points):
+            real = np.bincount(face, ~covered, len(real)) > 0
         marked.append(solid._replace(real=real))
     return PieceSet(marked, joined | joined.T)
 
 
-def _balls_meet(one: ConvexSolid, other: ConvexSolid, slack: float) -> bool:
-    middles = [solid.vertices.mean(axis=0) for solid in (one, other)]
-    radii = [
-        float(np.linalg.norm(solid.vertices - middle, axis=1).max()) + solid.radius
-        for solid, middle in zip((one, other), middles, strict=True)
-    ]
-    return bool(np.linalg.norm(middles[0] - middles[1]) <= sum(radii) + 2.0 * slack)
+def _points_on(solid: ConvexSolid, out: float) -> tuple[Array, Indices]:
+    """Return points (n, 3) `out` [m] over the faces of a solid, and the face of each.
+
+    The middle of a face, and places just within its corners, where the faces of neighbours end too.
+    """
+    sizes = np.diff(solid.face_first)
+    face = np.repeat(np.arange(len(sizes)), sizes)
+    corners = solid.vertices[solid.face_corners]
+    middles = np.stack(
+        [np.bincount(face, corners[:, k], len(sizes)) / np.maximum(sizes, 1) for k in range(3)], 1
+    )
+    points = np.concatenate([middles[face] + 0.99 * (corners - middles[face]), middles])
+    face = np.concatenate([face, np.arange(len(sizes))])
+    return points + out * solid.normals[face], face

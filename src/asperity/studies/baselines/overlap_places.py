@@ -256,16 +256,17 @@ def keep_near(out, gaps, count, most):
 
 
 @kernel
-def middle_of(sums, out):
+def middle_of(sums, width, out):
     """Write the middle of what was added to `sums` to `out` (3,); return its area [m^2].
 
-    It is that of the area; of the length where there is no area; else the mean of the points.
+    It is that of the area; of the length where there is no area, which counts with a `width` [m];
+    else the mean of the points.
     """
-    row = 2
+    row, area = 2, 0.0
     if sums[0, 0] > 1e-7 * sums[1, 0] ** 2:
-        row = 0
+        row, area = 0, sums[0, 0]
     elif sums[1, 0] > 1e-9 * sums[2, 0]:
-        row = 1
+        row, area = 1, width * sums[1, 0]
     for k in range(3):
         out[k] = sums[row, k + 1] / max(sums[row, 0], 1e-300)
-    return sums[0, 0]
+    return area

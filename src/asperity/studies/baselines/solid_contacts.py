@@ -75,7 +75,7 @@ def _corners_of(solid, first, corners, index):
 
 
 @kernel
-def contact_place(a, b, found, share, place):
+def contact_place(a, b, found, limits, place):
     """Write the place of a contact to `place` (3,); return its area [m^2], below 0 if it has none.
 
     Parameters
@@ -84,13 +84,14 @@ def contact_place(a, b, found, share, place):
         Placed in one frame.
     found : (4,) array
         Depth [m], and the unit direction in which to move a.
-    share : float
-        A place counts where it is at least 1 - `share` as deep as the deepest [-].
+    limits : (2,) array
+        Share s [-]: a place counts where it is at least 1 - s as deep as the deepest. Width of a
+        contact along a line [m].
     place : (3,) array
         Filled: the middle of the region, halfway between both surfaces.
     """
     n, depth = found[1:], found[0]
-    band = share * depth
+    band = limits[0] * depth
     most_a, most_b = a.face_corners.size + 2 * a.edges.shape[0] + 2, b.face_corners.size + 2
     most_b += 2 * b.edges.shape[0]
     first_a, corners_a = np.empty(most_a + 1, np.int64), np.empty(most_a, np.int64)
@@ -110,7 +111,7 @@ def contact_place(a, b, found, share, place):
                 add_measures(out[0], gaps, count, low, band, sums)
     if sums[2, 0] <= 0.0:
         return -1.0
-    area = middle_of(sums, place)
+    area = middle_of(sums, limits[1], place)
     level = dot(n, b.vertices[support(b, n, 1.0)]) + b.radius - 0.5 * depth - dot(n, place)
     for k in range(3):
         place[k] += level * n[k]
@@ -167,7 +168,7 @@ def _core_distance(a, b, found):
 
 
 @kernel
-def solid_contact(a, b, hub, share, found, place):
+def solid_contact(a, b, hub, limits, found, place):
     """Find the contact of two convex solids; return its area [m^2], below 0 if there is none.
 
     Parameters
@@ -176,7 +177,7 @@ def solid_contact(a, b, hub, share, found, place):
         Placed in one frame; b may not be moved.
     hub : (2,) int64 array
         Vertices at which the last tick's walk ended, -1 without one; replaced by those of this.
-    share : float
+    limits : (2,) array
         See `contact_place`.
     found : (4,) array
         Filled: depth [m], and the unit direction in which to move a.
@@ -205,4 +206,4 @@ def solid_contact(a, b, hub, share, found, place):
         return -1.0
     if found[0] <= 0.0:
         return -1.0
-    return contact_place(a, b, found, share, place)
+    return contact_place(a, b, found, limits, place)

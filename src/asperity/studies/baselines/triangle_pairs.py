@@ -31,6 +31,10 @@ def _segments(p, p2, q, q2, out):
             t, s = 0.0, min(max(-c / aa, 0.0), 1.0)
         elif t > 1.0:
             t, s = 1.0, min(max((b - c) / aa, 0.0), 1.0)
+    elif ee > 0.0:  # the first segment is a point
+        t = min(max(f / ee, 0.0), 1.0)
+    elif aa > 0.0:
+        s = min(max(-c / aa, 0.0), 1.0)
     total = 0.0
     for k in range(3):
         out[0, k] = p[k] + s * (p2[k] - p[k])
