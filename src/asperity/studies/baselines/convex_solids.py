@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import AsperityError
+from asperity.geometry.bodies import KINDS
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -178,47 +179,48 @@ def _around_axis(radii: Array, heights: Array, sides: int) -> Array:
     return np.concatenate(rings)
 
 
-def solid_of_geom(model: mujoco.MjModel, geom: int, sides: int) -> ConvexSolid:
-    """Return a geom of a model in its body's frame.
+def solid_of_kind(kind: str, size: Array, sides: int) -> ConvexSolid:
+    """Return a simple solid in its frame.
 
     Parameters
     ----------
-    model : mujoco.MjModel
-    geom : int
+    kind : {"plane", "sphere", "capsule", "ellipsoid", "cylinder", "box"}
+    size : (3,) array
+        As for `Geom` [m].
     sides : int
         Number of sides of a cylinder, and corners around an ellipsoid.
     """
-    kinds = mujoco.mjtGeom
-    kind, size = kinds(int(model.geom_type[geom])), np.array(model.geom_size[geom])
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-    place = turn.reshape(3, 3), np.array(model.geom_pos[geom])
-    if kind == kinds.mjGEOM_SPHERE:
-        solid = solid_of_faces(np.zeros((1, 3)), [], size[0])
-    elif kind == kinds.mjGEOM_CAPSULE:
+    if kind == "sphere":
+        return solid_of_faces(np.zeros((1, 3)), [], size[0])
+    if kind == "capsule":
         ends = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]])
-        solid = solid_of_faces(ends, [], size[0])
-    elif kind == kinds.mjGEOM_BOX:
-        solid = box_solid(size)
-    elif kind == kinds.mjGEOM_PLANE:
+        return solid_of_faces(ends, [], size[0])
+    if kind == "box":
+        return box_solid(size)
+    if kind == "plane":
         half = np.where(size[:2] > 0.0, size[:2], _FAR)
         solid = box_solid(np.array([*half, 0.5 * _FAR]))
-        solid = solid.placed(np.eye(3), np.array([0.0, 0.0, -0.5 * _FAR]))
-    elif kind == kinds.mjGEOM_CYLINDER:
-        solid = solid_of_points(_around_axis(size[[0, 0]], size[1] * np.array([-1, 1]), sides))
-    elif kind == kinds.mjGEOM_ELLIPSOID:
-        latitude = np.pi * (np.arange(sides // 2 + 1) / (sides // 2) - 0.5)
-        solid = solid_of_points(size * _around_axis(np.cos(latitude), np.sin(latitude), sides))
-    elif kind == kinds.mjGEOM_MESH:
+        return solid.placed(np.eye(3), np.array([0.0, 0.0, -0.5 * _FAR]))
+    if kind == "cylinder":
+        return solid_of_points(_around_axis(size[[0, 0]], size[1] * np.array([-1, 1]), sides))
+    latitude = np.pi * (np.arange(sides // 2 + 1) / (sides // 2) - 0.5)
+    return solid_of_points(size * _around_axis(np.cos(latitude), np.sin(latitude), sides))
+
+
+def solid_of_geom(model: mujoco.MjModel, geom: int, sides: int) -> ConvexSolid:
+    """Return a geom of a model in its body's frame; `sides` as for `solid_of_kind`."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+    if kind == "mesh":
         mesh = int(model.geom_dataid[geom])
-        begin = int(model.mesh_vertadr[mesh])
-        count = int(model.mesh_vertnum[mesh])
-        points = model.mesh_vert[begin : begin + count].astype(np.float64)
-        solid = solid_of_points(points)
+        begin, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        solid = solid_of_points(model.mesh_vert[begin : begin + count].astype(np.float64))
+    elif kind in KINDS:
+        solid = solid_of_kind(kind, np.array(model.geom_size[geom]), sides)
     else:
-        name = kind.name.removeprefix("mjGEOM_").lower()
-        raise AsperityError(f"a geom of type {name} is no convex piece; valid: solids and meshes")
-    return solid.placed(*place)
+        raise AsperityError(f"a geom of type {kind} is no convex piece; valid: {', '.join(KINDS)}")
+    return solid.placed(turn.reshape(3, 3), np.array(model.geom_pos[geom]))
 
 
 def _inside(solid: ConvexSolid, points: Array, slack: float) -> NDArray[np.bool_]:

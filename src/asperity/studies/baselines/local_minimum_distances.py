@@ -1,47 +1,47 @@
 r"""Local minimum distances, and repulsion before contact.
 
 Johnson & Willemsen, *Six degree-of-freedom haptic rendering of complex polygonal models* (2003);
-Johnson, Willemsen & Cohen (2005). Every local minimum of the distance between the two surfaces
-repels the tool if it is less than a stand-off distance s:
+*Accelerated haptic rendering of polygonal models through local descent* (2004); Johnson, Willemsen
+& Cohen, *6-DOF haptic rendering using spatialized normal cone search* (2005). Every local minimum
+of the distance between the two surfaces repels the tool if it is less than a stand-off distance s:
 
     F = sum_i k (s - d_i) n_i   where d_i < s,    T = sum_i (p_i - centre of mass) x F_i ,
 
-p_i and q_i are the nearest points on tool and body, d_i = |p_i - q_i|, n_i = (p_i - q_i) / d_i. The
-minima are found by traversing two trees of spheres and normal cones (`normal_cones`): a pair of
-nodes is pruned if it is farther apart than s, or if no line between its spheres lies within both
-cones. A remaining pair of triangles counts if no neighbour of either is nearer to the other.
+with the nearest points p_i on the tool and q_i on the body, d_i = |p_i - q_i| and
+n_i = (p_i - q_i) / d_i. The minima are found by traversing two trees of spheres and normal cones
+(`normal_cones`): a pair of nodes is pruned if it is farther apart than s, or if no line between its
+spheres lies within both cones. A remaining pair of triangles counts if its nearest points, on a
+face, an edge or a vertex, are a local minimum (`local_minima`).
 
-Quoted from memory and from the beginning of the paper of 2005; the formulas of the paper of 2003
-were not available. Asperity's own: the linear repulsion; local minima nearer to each other than
-`merged` count as one, because otherwise a face on a face would push once for each triangle; and
-surfaces that cross push with k s along their normals.
+Read: title and abstract of the papers, and the beginning of that of 2005; the rest of the papers
+was not available (`docs/methods/johnson-willemsen.md`). Asperity's own: the linear repulsion; one
+minimum, in the middle of the overlap, for each connected set of pairs that are equally distant
+within a band (`minimum_regions`); a push by k s, in the middle of the line in which they cross, of
+surfaces that cross; no descent from the minima of the last tick, as that of 2004: every tick is a
+full search.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.errors import require_positive
-from asperity.geometry.bodies import Body
+from asperity.geometry.bodies import Body, covers
 from asperity.scene.scene import Scene
-from asperity.studies.baselines.displaced_surfaces import (
-    displaced_surface,
-    finite_reason,
-    is_unbounded,
-    spacing_for,
-)
-from asperity.studies.baselines.normal_cones import Tree, crossing, local_minima, tree_of
+from asperity.studies.baselines.displaced_surfaces import finite_reason
+from asperity.studies.baselines.local_minima import RigidMotion, crossing, near_pairs, room_for
+from asperity.studies.baselines.minimum_regions import minima_of
+from asperity.studies.baselines.normal_cones import Tree
 from asperity.studies.baselines.placement import Standing, centre_at, place_bodies
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
+from asperity.studies.baselines.smooth_surfaces import tree_of_body
 
 Array = NDArray[np.float64]
-_MOST = 4096
-"""Largest number of local minima of one body."""
-_SAME_WAY = 0.9
-"""Least cosine between the directions of local minima that count as one."""
+_OUT = 1e-6
+"""Distance over the surface at which it is tested whether another geom covers it [m]."""
 
 
 @dataclass(eq=False)
@@ -56,11 +56,13 @@ class LmdRenderer(Renderer):
     """k [N/m]."""
     stand_off: float
     """s [m]."""
-    merged: float
-    """Local minima within this distance of one with a smaller distance are dropped [m]."""
+    band: float = 5e-6
+    """Distances that differ by less count as equal [m]."""
+    tool_body: Body | None = None
+    """The body of the tool, if its geoms may cover each other's surfaces."""
 
     def __post_init__(self) -> None:
-        self._points, self._distances = np.empty((_MOST, 3, 3)), np.empty(_MOST)
+        self._room = room_for(1024)
         self._crossing = np.empty((2, 3))
         self.looked = np.zeros(2, np.int64)
         """Numbers of visited pairs of nodes and of triangles."""
@@ -69,57 +71,71 @@ class LmdRenderer(Renderer):
         """Reset the counts `looked`; the wrench depends on the pose alone."""
         self.looked[:] = 0
 
-    def minima(self, pose: Array) -> tuple[Array, Array]:
+    def minima(self, pose: Array) -> tuple[Array, Array, Array]:
         """Return the local minima at a pose (7,), the nearest first.
 
-        Points (n, 3, 3): on the tool, on the body, and the unit direction from there to the tool,
-        world axes; and distances (n,) [m]. Surfaces that cross add one at distance 0.
+        Places on the tool and on the body (n, 2, 3) [m] and unit directions (n, 3) from there to
+        the tool, world axes; and distances (n,) [m], below 0 where spheres or capsules overlap the
+        other surface. Surfaces that cross add one at distance 0.
         """
-        points, distances = [np.empty((0, 3, 3))], [np.empty(0)]
+        found = [(np.empty((0, 2, 3)), np.empty((0, 3)), np.empty(0))]
         for tree, there in self.others:
-            rotation, shift = there.relative(pose)
-            found = local_minima(
-                self.tool, tree, rotation, shift, self.stand_off, self._points, self._distances,
-                self.looked,
-            )  # fmt: skip
-            own = self._points[:found] @ there.rotation.T
-            own[:, :2] += there.position
-            points.append(own)
-            distances.append(self._distances[:found].copy())
-            if crossing(self.tool, tree, rotation, shift, self._crossing):
-                place, direction = self._crossing @ there.rotation.T
-                size = float(np.linalg.norm(direction))
+            motion = RigidMotion(*map(np.ascontiguousarray, there.relative(pose)))
+            places, directions, distances = self._of_pair(tree, there.body, motion)
+            if crossing(self.tool, tree, motion, self._crossing) > 0.0:
+                size = float(np.linalg.norm(self._crossing[1]))
                 if size > 0.0:
-                    place = place + there.position
-                    points.append(np.array([[place, place, direction / size]]))
-                    distances.append(np.zeros(1))
-        return _merged(np.concatenate(points), np.concatenate(distances), self.merged)
+                    places = np.concatenate([places, np.tile(self._crossing[0], (1, 2, 1))])
+                    directions = np.vstack([directions, self._crossing[1] / size])
+                    distances = np.append(distances, 0.0)
+            places = places @ there.rotation.T + there.position
+            found.append((places, directions @ there.rotation.T, distances))
+        places, directions, distances = map(np.concatenate, zip(*found, strict=True))
+        order = np.argsort(distances, kind="stable")
+        return places[order], directions[order], distances[order]
+
+    def _of_pair(
+        self, tree: Tree, body: Body | None, motion: RigidMotion
+    ) -> tuple[Array, Array, Array]:
+        """Return the local minima between the tool and a body, in the body's frame."""
+        most = self._room.distances.size
+        count = near_pairs(self.tool, tree, motion, self.stand_off, self._room, self.looked)
+        if count > most:
+            self._room = room_for(2 * count)
+            near_pairs(self.tool, tree, motion, self.stand_off, self._room, self.looked)
+        places, directions, distances = minima_of(
+            self.tool, tree, motion, self._room, count, self.band
+        )
+        shown = np.ones(len(distances), bool)
+        if body is not None:
+            shown &= ~_covered(body, tree, places[:, 1] + _OUT * directions)
+        if self.tool_body is not None:
+            own = (places[:, 0] - _OUT * directions - motion.translation) @ motion.rotation
+            shown &= ~_covered(self.tool_body, self.tool, own)
+        return places[shown], directions[shown], distances[shown]
 
     def wrench(self, pose: Array) -> MethodWrench:
         """Return the wrench at the tool's next pose (7,)."""
-        points, distances = self.minima(pose)
+        places, directions, distances = self.minima(pose)
         if not len(distances):
             return NOTHING
-        forces = self.stiffness * (self.stand_off - distances)[:, None] * points[:, 2]
-        arms = points[:, 0] - centre_at(pose, self.centre)
-        torque = np.cross(arms, forces).sum(axis=0)
+        forces = self.stiffness * (self.stand_off - distances)[:, None] * directions
+        torque = np.cross(places[:, 0] - centre_at(pose, self.centre), forces).sum(axis=0)
         deepest = self.stand_off - float(distances[0])
         return MethodWrench(forces.sum(axis=0), torque, deepest, len(distances))
 
 
-def _merged(points: Array, distances: Array, near: float) -> tuple[Array, Array]:
-    """Return the local minima without those close to a smaller one of the same direction."""
-    order = np.argsort(distances, kind="stable")
-    points, distances = points[order], distances[order]
-    kept: list[int] = []
-    for i in range(len(distances)):
-        if kept:
-            away = np.linalg.norm(points[kept, 0] - points[i, 0], axis=1)
-            same = points[kept, 2] @ points[i, 2] > _SAME_WAY
-            if (same & (away < near)).any():
-                continue
-        kept.append(i)
-    return points[kept], distances[kept]
+def _covered(body: Body, tree: Tree, places: Array) -> NDArray[np.bool_]:
+    """Return which places (n, 3) over a body's surface lie in one of its spheres or capsules.
+
+    The surfaces of these are whole, also within one another; those of other solids are not.
+    """
+    inside = np.zeros(len(places), bool)
+    if len(body.geoms) > 1 and tree.thick.any():
+        for geom in body.geoms:
+            if geom.kind in ("sphere", "capsule"):
+                inside |= covers(geom, places)
+    return inside
 
 
 @dataclass(frozen=True)
@@ -131,46 +147,43 @@ class LmdMethod(Method):
     detail : bool
         Use the displaced surfaces; otherwise the smooth ones.
     points : int
-        Approximate largest number of points of a body's surface.
+        Approximate largest number of points of a body's surface, where it is round or textured.
     stand_off : float
         Distance at which repulsion begins [m], above 0.
+    band : float
+        Distances that differ by less count as equal [m], above 0.
     """
 
     detail: bool
     points: int
     stand_off: float = 2e-3
+    band: float = 5e-6
 
     def __post_init__(self) -> None:
         require_positive("stand_off", self.stand_off, "m")
+        require_positive("band", self.band, "m")
 
     def can(self, scene: Scene) -> str | None:
         """Return why the method cannot render a scene, or None."""
-        for body in scene.bodies:
-            if is_unbounded(body):
-                return f"{body.name} is an unbounded plane: no tree of triangles"
-        return finite_reason(*scene.bodies)
+        return finite_reason(*scene.bodies) if self.detail else None
 
     def renderer(self, scene: Scene, dt: float) -> LmdRenderer:
         """Return a renderer of a scene."""
         bodies = place_bodies(scene)
         others = [(self._tree(there.body), there) for there in bodies.standing]
-        merged = max(self._spacing(there.body) for there in bodies.standing)
         return LmdRenderer(
             self._tree(bodies.tool), others, bodies.centre, stiffness=scene.force.stiffness,
-            stand_off=self.stand_off, merged=2.0 * max(merged, self._spacing(bodies.tool)),
+            stand_off=self.stand_off, band=self.band, tool_body=bodies.tool,
         )  # fmt: skip
 
-    def _spacing(self, body: Body) -> float:
-        return spacing_for(body, self.points)
-
     def _tree(self, body: Body) -> Tree:
-        return tree_of(displaced_surface(body, self._spacing(body), smooth=not self.detail))
+        return tree_of_body(body if self.detail else replace(body, texture=None), self.points)
 
 
 LOW = LmdMethod(
     "lmd", "local minimum distances", "Johnson & Willemsen 2003",
     "Of the smooth surfaces: it never feels a texture. Repulsion is linear from a stand-off of "
-    "2 mm, so that nothing touches while less than k s presses.",
+    "2 mm, so that nothing touches while less than k s presses; every tick is a full search.",
     detail=False, points=4000,
 )  # fmt: skip
 DETAIL = LmdMethod(
