@@ -18,13 +18,20 @@ def grid_box(half, n) -> str:
     """Return the vertices and faces of a box whose top and bottom have n x n cells, as MJCF."""
     u = np.linspace(-1.0, 1.0, n + 1)
     x, y = np.meshgrid(u * half[0], u * half[1], indexing="ij")
-    level = [np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)]) for z in (-half[2], half[2])]
+    level = [
+        np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)]) for z in (-half[2], half[2])
+    ]
     points, m, faces = np.concatenate(level), n + 1, []
     for i in range(n):
         for j in range(n):
             a, b, c, d = i * m + j, (i + 1) * m + j, (i + 1) * m + j + 1, i * m + j + 1
             top = m * m
-            faces += [[a + top, b + top, c + top], [a + top, c + top, d + top], [a, c, b], [a, d, c]]
+            faces += [
+                [a + top, b + top, c + top],
+                [a + top, c + top, d + top],
+                [a, c, b],
+                [a, d, c],
+            ]
     rim = [i * m for i in range(n)] + [n * m + j for j in range(n)]
     rim += [(n - i) * m + n for i in range(n)] + [n - j for j in range(n)]
     for a, b in zip(rim, rim[1:] + rim[:1], strict=True):

@@ -1,10 +1,10 @@
 """Penetration depths of convex pieces against closed forms, and clusters of contacts."""
 
+import flat_scenes as flat
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-import flat_scenes as flat
 from asperity.scene.builtin import load_scene
 from asperity.studies.baselines.convex_pieces import (
     CONVEX_PIECES,
@@ -174,7 +174,8 @@ def one_contact(a, b, n):
 def test_an_edge_over_an_edge():
     # Two square bars on edge, crossed at an angle; their edges pass at z = 0 less the depth.
     half = np.array([10e-3, 1e-3, 1e-3])
-    on_edge = np.array([[1, 0, 0], [0, np.sqrt(0.5), -np.sqrt(0.5)], [0, np.sqrt(0.5), np.sqrt(0.5)]])
+    root = np.sqrt(0.5)
+    on_edge = np.array([[1, 0, 0], [0, root, -root], [0, root, root]])
     c, s = np.cos(1.0), np.sin(1.0)
     yaw = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     low = box_solid(half).placed(on_edge, np.array([0, 0, -np.sqrt(2) * 1e-3]))
@@ -202,7 +203,9 @@ def test_a_corner_over_a_plane():
 
 
 def test_a_foot_on_two_bumps_has_two_clusters():
-    bumps = "".join(f'<geom type="sphere" size="0.001" pos="{x} 0 -0.001"/>' for x in (-2.6e-3, 2.6e-3))
+    bumps = "".join(
+        f'<geom type="sphere" size="0.001" pos="{x} 0 -0.001"/>' for x in (-2.6e-3, 2.6e-3)
+    )
     renderer = CONVEX_PIECES.prepare(flat.scene(bumps, foot_geom()))
     felt = renderer.wrench(flat.foot_at(0, 0, -D))
     assert felt.contacts == 2

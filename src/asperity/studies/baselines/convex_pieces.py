@@ -17,9 +17,10 @@ The paper could not be read; its method is known from its title and abstract and
 and Lin (2004) write about it, the walk from a public Java program after Kim, Lin & Manocha's DEEP
 (`docs/methods/kim.md`). The authors weight by depth, as recalled; asperity's weight is
 w = d (A + w_0^2), with the area A of the region of contact, so that a seam through a flat contact
-does not move its place; a contact along a line has the area of a strip of width w_0, a thousandth
-of a cluster's radius. Asperity's own: MuJoCo finds which pieces overlap, clusters are grown from the deepest contact
-outwards, and the parts of a contact that a seam between joined pieces divides are one.
+does not move its place; a contact on an edge has the area of a strip of width w_0, a thousandth
+of a cluster's radius. Asperity's own: MuJoCo finds which pieces overlap, clusters are grown from
+the deepest contact outwards, and the parts of a contact that a seam between joined pieces divides
+are one.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ _SIDES = 64
 _SAME_WAY, _SAME_DEPTH = 0.999, 0.1
 """Least cosine, and largest difference in depths, of the parts of a contact that a seam divides."""
 _WIDTH = 1e-3
-"""Width w_0 of a contact along a line, in radii of a cluster."""
+"""Width w_0 of a contact on an edge, in radii of a cluster."""
 
 
 class PieceContacts(NamedTuple):

@@ -175,7 +175,10 @@ def _around_axis(radii: Array, heights: Array, sides: int) -> Array:
     """Return points (n, 3) of a surface of revolution around z."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    rings = [np.column_stack([r * circle, np.full(sides, z)]) for r, z in zip(radii, heights)]
+    rings = [
+        np.column_stack([r * circle, np.full(sides, z)])
+        for r, z in zip(radii, heights, strict=True)
+    ]
     return np.concatenate(rings)
 
 
@@ -254,7 +257,7 @@ def pieces_of(solids: Sequence[ConvexSolid]) -> PieceSet:
         slack = _GAP * radii[i]
         points, face = _points_on(solid, slack)
         covered = np.zeros(len(points), bool)
-        for j in np.flatnonzero(away[i] <= 2.0 * slack):
+        for j in np.flatnonzero(away[i] <= 2.0 * slack).tolist():
             if j != i:
                 there = _inside(solids[j], points, slack)
                 covered |= there

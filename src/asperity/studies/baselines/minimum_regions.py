@@ -124,7 +124,10 @@ def _touching(pairs, count, polygons, sizes):
     for i in range(count):
         low[i], high[i] = polygons[i, 0], polygons[i, 0]
         for k in range(1, sizes[i]):
-            low[i], high[i] = np.minimum(low[i], polygons[i, k]), np.maximum(high[i], polygons[i, k])
+            low[i], high[i] = (
+                np.minimum(low[i], polygons[i, k]),
+                np.maximum(high[i], polygons[i, k]),
+            )
         # Regions lie on either surface: they may be apart along the line between these.
         reach = abs(pairs.distances[i]) + 1e-9
         for c in range(3):
@@ -189,9 +192,7 @@ def minima_of(a, b, motion, pairs, count, band):
     lead = np.full(count, -1)
     for i in range(count):
         root = _root(parents, i)
-        if pairs.strict[i] and (
-            lead[root] < 0 or pairs.distances[i] < pairs.distances[lead[root]]
-        ):
+        if pairs.strict[i] and (lead[root] < 0 or pairs.distances[i] < pairs.distances[lead[root]]):
             lead[root] = i
     number, total = np.full(count, -1), 0
     for i in range(count):

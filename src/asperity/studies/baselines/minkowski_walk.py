@@ -1,4 +1,4 @@
-r"""Penetration depth of two convex solids, by a walk over the surface of their Minkowski difference.
+r"""Penetration depth of two convex solids, by a walk over their Minkowski difference.
 
 A translation of A by h(n) along the unit vector n separates it from B, with
 

@@ -61,18 +61,7 @@ class Tree(NamedTuple):
     """Number of leaves, a power of two."""
 
 
-class RigidMotion(NamedTuple):
-    """A transform from one frame into another."""
-
-    rotation: Array
-    """(3, 3)"""
-    translation: Array
-    """(3,) [m]"""
-
-
-def tree_of(
-    surface: DisplacedSurface, thick: Array | None = None, *, closed: bool = True
-) -> Tree:
+def tree_of(surface: DisplacedSurface, thick: Array | None = None, *, closed: bool = True) -> Tree:
     """Return the tree of a surface's triangles.
 
     Parameters

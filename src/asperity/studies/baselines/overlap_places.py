@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 
 MOST_CORNERS = 24
 """Corners that a clipped polygon has room for, beyond those of both features."""
@@ -21,13 +21,13 @@ _ON = 1e-9
 """A corner this near to the side of a polygon is on it [m]."""
 
 
-@kernel
+@inner_kernel
 def dot(a, b):
     """Return the scalar product of two vectors (3,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inner_kernel
 def cross(a, b, out):
     """Write the vector product of two vectors (3,) to `out`."""
     x = a[1] * b[2] - a[2] * b[1]

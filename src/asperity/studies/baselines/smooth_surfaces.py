@@ -1,7 +1,7 @@
 """Smooth surfaces of bodies as few triangles, and spheres and capsules as points and segments.
 
-A face of a box is two triangles. Only what is round is sampled: cylinders, ellipsoids, and meshes
-as they are given.
+A face of a box, and of a convex mesh, is as few triangles as its corners allow. Only cylinders and
+ellipsoids are sampled; other meshes are taken as they are given.
 """
 
 from __future__ import annotations
@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.geometry.bodies import Body
+from asperity.geometry.convex.pieces import is_convex
 from asperity.geometry.poses import rotation_of
-from asperity.studies.baselines.convex_solids import ConvexSolid, pieces_of, solid_of_kind
+from asperity.studies.baselines.convex_solids import (
+    ConvexSolid,
+    pieces_of,
+    solid_of_kind,
+    solid_of_points,
+)
 from asperity.studies.baselines.displaced_surfaces import (
     DisplacedSurface,
     displaced_surface,
@@ -23,6 +29,8 @@ from asperity.studies.baselines.displaced_surfaces import (
 from asperity.studies.baselines.normal_cones import Tree, tree_of
 
 Array = NDArray[np.float64]
+_CONVEX = 1e-7
+"""How deep a convex mesh may lie under its hull, in its sizes."""
 _ROUND = ("cylinder", "ellipsoid")
 
 
@@ -38,6 +46,8 @@ def tree_of_body(body: Body, points: int) -> Tree:
     """
     if body.mesh is not None and body.texture is None:
         faces = body.mesh.faces
+        if is_convex(body.mesh.vertices, faces, _CONVEX):
+            return _tree_of_solids([solid_of_points(body.mesh.vertices)])
         surface = DisplacedSurface(body.mesh.vertices, np.zeros_like(body.mesh.vertices), faces)
         return tree_of(surface, closed=False)
     if body.texture is None:
@@ -84,5 +94,3 @@ def _tree_of_solids(solids: list[ConvexSolid]) -> Tree:
     points = np.concatenate([solid.vertices for solid in solids])
     surface = DisplacedSurface(points, np.zeros_like(points), np.array(faces, dtype=np.int64))
     return tree_of(surface, np.array(thick))
-
-

@@ -86,7 +86,7 @@ def contact_place(a, b, found, limits, place):
         Depth [m], and the unit direction in which to move a.
     limits : (2,) array
         Share s [-]: a place counts where it is at least 1 - s as deep as the deepest. Width of a
-        contact along a line [m].
+        contact on an edge [m].
     place : (3,) array
         Filled: the middle of the region, halfway between both surfaces.
     """
