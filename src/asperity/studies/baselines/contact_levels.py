@@ -34,13 +34,13 @@ from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.studies.baselines.asperity_laws import SolverRenderer
 from asperity.studies.baselines.displaced_surfaces import finite_reason
+from asperity.studies.baselines.local_minima import RigidMotion
 from asperity.studies.baselines.mesh_levels import (
     LevelTree,
     MeshLevels,
     build_levels,
     full_mesh,
 )
-from asperity.studies.baselines.normal_cones import RigidMotion
 from asperity.studies.baselines.placement import (
     Standing,
     centre_at,

@@ -292,13 +292,16 @@ def _pierced(one, other, normal, ends):
 
 
 @kernel
-def crossing(a, b, motion, out):
+def crossing(a, b, motion, side, out):
     """Measure the line in which two surfaces cross; return its length [m].
 
     Parameters
     ----------
     a, b, motion
         As for `near_pairs`. Spheres and capsules are left out.
+    side : float
+        1 or -1: which way a is moved by some nm, so that sides that lie exactly in a triangle's
+        plane cross it or do not. Surfaces that touch cross with one of the two.
     out : (2, 3) array
         Filled: the middle of the line, and the mean of b's normals minus a's along it, b's frame.
     """
@@ -306,8 +309,7 @@ def crossing(a, b, motion, out):
     stack[0, 0], stack[0, 1] = 0, 0
     top, total = 1, 0.0
     middle, axis = np.empty(3), np.empty(3)
-    # Moved a little: sides that lie exactly in a triangle's plane cross nothing.
-    moved = RigidMotion(motion.rotation, motion.translation + _ASIDE)
+    moved = RigidMotion(motion.rotation, motion.translation + side * _ASIDE)
     one, ends, more = np.empty((3, 3)), np.empty((2, 3)), np.empty((2, 3))
     out[:] = 0.0
     while top > 0:

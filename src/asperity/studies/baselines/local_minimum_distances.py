@@ -85,7 +85,7 @@ class LmdRenderer(Renderer):
             motion = RigidMotion(*map(np.ascontiguousarray, there.relative(pose)))
             places, directions, distances = self._of_pair(tree, there.body, motion)
             touching = (np.abs(distances) < _TOUCHING).any()
-            if not touching and crossing(self.tool, tree, motion, self._crossing) > 0.0:
+            if not touching and self._crosses(tree, motion):
                 size = float(np.linalg.norm(self._crossing[1]))
                 if size > 0.0:
                     places = np.concatenate([places, np.tile(self._crossing[0], (1, 2, 1))])
@@ -96,6 +96,10 @@ class LmdRenderer(Renderer):
         places, directions, distances = map(np.concatenate, zip(*found, strict=True))
         order = np.argsort(distances, kind="stable")
         return places[order], directions[order], distances[order]
+
+    def _crosses(self, tree: Tree, motion: RigidMotion) -> bool:
+        """Return whether the tool's surface crosses or touches another; fill the line's middle."""
+        return any(crossing(self.tool, tree, motion, side, self._crossing) for side in (1.0, -1.0))
 
     def _of_pair(
         self, tree: Tree, body: Body | None, motion: RigidMotion
