@@ -88,7 +88,7 @@ def test_a_running_scheduler_gives_the_same_to_the_bit(scheduler, whole, tmp_pat
     assert main(["sweep", str(study), "--scheduler", address, "--out", str(out)]) == 0
     assert f"{SIZE} combinations, {SIZE} done, 0 failed" in capsys.readouterr().out
     assert same(out, whole)
-    with pytest.raises(AsperityError, match="not both"):
+    with pytest.raises(AsperityError, match="give only one of"):
         run_sweep(study, out, scheduler=address, workers=2)
 
 
