@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from asperity.cli.motion import motion_of
 from asperity.cli.options import Range, command, in_si
 from asperity.errors import AsperityError
 
-_BUDGET = 60.0
+_BUDGET = 2.0
 
 
 @command
@@ -23,15 +24,18 @@ _BUDGET = 60.0
 class CompareCommand:
     """Compare rendering methods from the literature on one scene and one motion.
 
-    Writes force traces, spectra, cost per tick and measured properties as tables (JSON, CSV),
-    figures (PNG, SVG) and a page (HTML, Markdown). A method that cannot render the scene is listed
-    with the reason.
+    Writes force traces, spectra, cost per tick and measured claims as tables (JSON, CSV), figures
+    (PNG, SVG) and a page (HTML, Markdown). A method that cannot render the scene is listed with the
+    reason.
     """
 
     scene: Annotated[Positional[str], arg(metavar="SCENE")]
     """probe-plate, probe-plate-dots, probe-plate-grating, hammer-blocks, file-cad, or a folder."""
     method: tuple[str, ...] = ()
-    """Methods to run. Default: all."""
+    """Methods to run, or Python files that define some. Default: all."""
+    claim: tuple[str, ...] = ()
+    """Claims to measure, on plates of their own; all, or none. Default: all about methods of one's
+    own, and the stored ones about the others."""
     motion: str | None = None
     """slide, circle, press-and-slide, rotate, or a file of poses. Default: the scene's."""
     seconds: Annotated[float | None, Range(0.05, 600.0, "s")] = None
@@ -43,7 +47,7 @@ class CompareCommand:
     budget_s: Annotated[float, Range(1.0, 36000.0, "s")] = _BUDGET
     """Longest time that the ticks of one method may take; a slower method runs a shorter motion."""
     no_properties: bool = False
-    """Leave out the properties, which are measured on additional scenes and take minutes."""
+    """Deprecated: use `--claim none`."""
     docs: Path | None = None
     """A folder of documentation that also receives comparison.md and its figures."""
     out: Path = Path("out/compare")
@@ -55,11 +59,15 @@ class CompareCommand:
         """Compare, write the tables and the page, and print a line for each method."""
         from asperity._core.output import result_folder
         from asperity.scene.builtin import load_scene
-        from asperity.studies.baselines import choose_methods
+        from asperity.studies.comparison.claims import choose_claims
         from asperity.studies.comparison.compare import CompareSettings, compare
+        from asperity.studies.comparison.own_methods import find_methods
         from asperity.studies.comparison.write import write_comparison, write_docs
 
-        methods = choose_methods(self.method)
+        if self.no_properties:
+            print("asperity: --no-properties is deprecated: use --claim none", file=sys.stderr)
+            self.claim = ("none",)
+        methods, claims = find_methods(self.method), choose_claims(self.claim)
         if self.docs is not None and not self.docs.is_dir():
             raise AsperityError(f"no such folder for --docs: {self.docs}")
         scene = load_scene(self.scene)
@@ -68,9 +76,7 @@ class CompareCommand:
             "seconds": options.seconds, "press_force": options.force, "speed": options.speed,
         }  # fmt: skip
         motion = motion_of(scene, "--motion", self.motion, changes)
-        settings = CompareSettings(
-            motion=motion, budget=self.budget_s, properties=not self.no_properties
-        )
+        settings = CompareSettings(motion=motion, budget=options.budget, claims=claims)
         with result_folder(self.out, overwrite=self.overwrite) as folder, _progress() as progress:
             result = compare(scene, methods, settings, progress=progress)
             write_comparison(result, folder, self._command())
@@ -100,8 +106,8 @@ class CompareCommand:
             value = getattr(self, name)
             if value is not None and (name, value) != ("budget_s", _BUDGET):
                 words.append(f"--{name.replace('_', '-')} {shlex.quote(str(value))}")
-        if self.no_properties:
-            words.append("--no-properties")
+        if self.claim:
+            words.append(f"--claim {' '.join(self.claim)}")
         return " ".join(words)
 
 

@@ -18,7 +18,7 @@ from asperity.studies.baselines.displaced_surfaces import DisplacedSurface
 from asperity.studies.baselines.full_meshes import FullMeshMethod, FullMeshRenderer, Meshes
 from asperity.studies.baselines.placement import Standing
 from asperity.studies.comparison import stimuli
-from asperity.studies.comparison.properties import tangential_rms
+from asperity.studies.comparison.measures import tangential_rms
 
 pytest.importorskip("fcl")
 

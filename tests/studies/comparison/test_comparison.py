@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,12 +22,6 @@ from asperity.studies.comparison.drive import (
     follow_path,
     mean_push,
     raise_path,
-)
-from asperity.studies.comparison.properties import (
-    CRITERIA,
-    _Bench,
-    measure_properties,
-    tangential_rms,
 )
 from asperity.studies.comparison.write import write_comparison, write_docs
 
@@ -81,58 +76,12 @@ def test_following_times_every_tick_and_stops_when_the_budget_is_spent():
     assert len(follow_path(spring, straight(200), budget=0.0).force) == 64
 
 
-def test_the_tangential_rms_is_that_of_a_sine():
-    force = np.zeros((1000, 3))
-    force[:, 2] = 0.5
-    force[:, 0] = 0.1 * np.sin(np.linspace(0.0, 20.0 * np.pi, 1000, endpoint=False))
-    assert tangential_rms(force) == pytest.approx(0.1 / np.sqrt(2.0), rel=1e-6)
-
-
-def test_asperity_and_minsky_have_the_properties_that_the_paper_says():
-    """Otaduy & Lin (2004, section 3.3): the size of the probe is felt, by points it is not."""
-    own, point = (measure_properties(METHODS[name]).measured for name in ("asperity", "minsky"))
-    assert set(own) == set(CRITERIA)
-    assert own["probe_size"].holds
-    assert not point["probe_size"].holds
-    assert own["torque"].holds
-    assert not point["torque"].holds
-    # Minsky's device moves in a plane: her lateral force knows no normal force.
-    assert point["force"].value == pytest.approx(1.0, rel=0.02)
-    for name in ("meshing", "silence"):
-        assert own[name].value == pytest.approx(0.0, abs=1e-3)
-    assert not own["speed"].holds
-
-
-class Turner(Spring):
-    """Turns about y as it goes, whatever is under it; `more` of it where there is texture."""
-
-    def __init__(self, scene, more=0.0):
-        super().__init__()
-        rough = any(body.texture is not None for body in scene.bodies)
-        self.size = 1e-4 + (more if rough else 0.0)
-
-    def wrench(self, pose):
-        felt = super().wrench(pose)
-        felt.torque[1] += self.size * np.sin(2e3 * np.pi * pose[0])
-        return felt
-
-
-def test_what_turns_a_foot_on_a_smooth_plate_too_is_not_the_textures():
-    alike, more = (
-        _Bench(SimpleNamespace(prepare=lambda scene, m=more: Turner(scene, m))).torque()[0]
-        for more in (0.0, 1e-4)
-    )
-    assert alike == pytest.approx(0.0, abs=1e-6)
-    # sqrt(2^2 - 1^2) of 0.1 mN m, as RMS, over 0.58 N at 3 mm.
-    assert more == pytest.approx(100.0 * np.sqrt(1.5) * 1e-4 / (0.58 * 3e-3), rel=0.03)
-
-
 @pytest.fixture(scope="module")
 def result():
     scene = stimuli.ball_on_plate().changed(
         trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
     )
-    settings = CompareSettings(properties=False)
+    settings = CompareSettings(claims=())
     return compare(scene, choose_methods(["asperity", "minsky", "low-resolution"]), settings)
 
 
@@ -172,7 +121,7 @@ def test_a_method_that_cannot_says_why_in_its_row(tmp_path):
     scene = stimuli.foot_on_plate().changed(
         trajectory={"kind": "slide", "seconds": 0.05, "length": 3e-3, "start": [-1e-3, 0.0, 2e-3]}
     )
-    done = compare(scene, choose_methods(["offset-sphere"]), CompareSettings(properties=False))
+    done = compare(scene, choose_methods(["offset-sphere"]), CompareSettings(claims=()))
     assert done.rows[0].reason == "made for a smooth sphere, and probe is none"
     write_comparison(done, tmp_path, "asperity compare stimulus")
     assert "and probe is none" in (tmp_path / "comparison.md").read_text()
@@ -195,7 +144,7 @@ def test_a_method_that_fails_on_the_way_leaves_the_others(failure, words):
         trajectory={"kind": "slide", "seconds": 0.1, "length": 4e-3, "start": [-2e-3, 0.0, 2e-3]}
     )
     methods = [failing, METHODS["minsky"]]
-    rows = compare(scene, methods, CompareSettings(properties=False)).rows
+    rows = compare(scene, methods, CompareSettings(claims=())).rows
     assert words in rows[0].reason
     assert [row.rendered is None for row in rows] == [True, False]
 
@@ -213,6 +162,8 @@ def test_a_law_of_one_point_says_that_hammer_and_blocks_are_meshes(tmp_path, cap
     ("options", "words"),
     [
         (["probe-plate", "--method", "minski"], "did you mean 'minsky'"),
+        (["probe-plate", "--claim", "ofset"], "did you mean 'offset'"),
+        (["probe-plate", "--method", "none.py"], "no such file: none.py"),
         (["probe-plat"], "did you mean 'probe-plate'"),
         (["probe-plate", "--motion", "wobble"], "unknown --motion 'wobble'"),
         (["probe-plate", "--seconds", "-1"], "--seconds must lie between"),
@@ -228,12 +179,45 @@ def test_bad_input_is_one_line_and_leaves_nothing(options, words, tmp_path, caps
     assert not out.exists()
 
 
+def own_method(text, tmp_path):
+    path = tmp_path / "wall.py"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_method_of_the_documentation_gets_a_row(tmp_path, capsys):
+    page = (Path(__file__).parents[3] / "docs/methods/index.md").read_text("utf-8")
+    text = page.partition("```python\n")[2].partition("```")[0]
+    words = ["compare", "probe-plate", "--method", own_method(text, tmp_path), "asperity"]
+    assert main([*words, "--seconds", "0.1", "--out", str(tmp_path / "out")]) == 0
+    assert "wall: median" in capsys.readouterr().out
+    claims = json.loads((tmp_path / "out/comparison.json").read_text())["methods"][1]["claims"]
+    assert claims["silence"]["holds"] is True
+    assert claims["offset"]["holds"] is False
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1 / 0", "failed: ZeroDivisionError"),
+        ("x = 1", "defines no instance of asperity's Method"),
+        ("from asperity.studies.baselines import METHODS\nm = METHODS['ho']", "defines 'ho'"),
+    ],
+)
+def test_a_file_without_a_method_is_refused(text, words, tmp_path, capsys):
+    path = own_method(text, tmp_path)
+    assert main(["compare", "probe-plate", "--method", path]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
+
+
 def test_trajectories_keep_their_own_motion():
     scene = stimuli.ball_on_plate()
     motion = ScriptedMotion(
         kind="press-and-slide", seconds=0.7, speed=0.02, length=3e-3, start=[-1e-3, 0.0, 2e-3]
     )
-    settings = CompareSettings(motion=motion, properties=False)
+    settings = CompareSettings(motion=motion, claims=())
     done = compare(scene, choose_methods(["minsky"]), settings)
     felt = done.rows[0].rendered.run
     assert felt.contacts[0] == 0

@@ -18,17 +18,21 @@ from asperity.scene.trajectory import ScriptedMotion, Trajectory, at_ticks
 from asperity.simulation.simulation import Simulation
 from asperity.studies.baselines import METHODS, Method, Renderer
 from asperity.studies.comparison import drive
-from asperity.studies.comparison.properties import (
+from asperity.studies.comparison.claims import (
+    CLAIMS,
     STEPS,
-    Properties,
-    measure_properties,
-    tangential_rms,
+    MethodClaims,
+    measure_claims,
+    stored_claims,
 )
+from asperity.studies.comparison.measures import tangential_rms
 
 Array = NDArray[np.float64]
 BAND = (20.0, 200.0)
 """Band of the studies' metric `band_rms` [Hz] (asperity's)."""
 REFERENCE = METHODS["asperity"]
+_CLAIM_SECONDS = 60.0
+"""Processor time after which claims about a method are left out [s]."""
 _REFERENCE_TICKS = slice(0, 200)
 """Ticks of asperity that are timed before and after those of a method."""
 
@@ -44,16 +48,16 @@ class CompareSettings:
     dt : float
         Tick [s].
     budget : float
-        Processor time that the ticks of one method may take [s]; slower methods stop earlier, so
-        they have fewer ticks.
-    properties : bool
-        Measure properties too.
+        Processor time that the ticks of one method may take [s]; slower methods have fewer ticks.
+    claims : sequence of str, optional
+        Which of `CLAIMS` to measure, at most a minute each method. By default all about methods of
+        one's own; those about `METHODS` are the stored ones.
     """
 
     motion: ScriptedMotion | Trajectory | None = None
     dt: float = 1e-3
-    budget: float = 60.0
-    properties: bool = True
+    budget: float = 2.0
+    claims: Sequence[str] | None = None
 
 
 class ForceSpectrum(NamedTuple):
@@ -96,9 +100,21 @@ class Rendered(NamedTuple):
         return float(np.sqrt((self.spectrum.amplitude[inside] ** 2).sum() / 2.0 / 1.5))
 
     @property
+    def mean_tangential(self) -> float:
+        """Size of the mean horizontal force [N]."""
+        return float(np.linalg.norm(self.run.force.mean(axis=0)[:2]))
+
+    @property
     def tangential(self) -> float:
-        """RMS of the tangential force [N]."""
+        """RMS change of the tangential force [N]."""
         return tangential_rms(self.run.force)
+
+    @property
+    def torque(self) -> tuple[float, float]:
+        """Size of the mean torque about the centre of mass, and RMS size of its change [N m]."""
+        mean = self.run.torque.mean(axis=0)
+        change = np.linalg.norm(self.run.torque - mean, axis=1)
+        return float(np.linalg.norm(mean)), float(np.sqrt(np.mean(change**2)))
 
 
 class MethodResult(NamedTuple):
@@ -106,9 +122,9 @@ class MethodResult(NamedTuple):
 
     method: Method
     reason: str | None
-    """Why it could not render the scene; then only `properties` may be present."""
+    """Why it could not render the scene; then only `claims` may be present."""
     rendered: Rendered | None
-    properties: Properties | None
+    claims: MethodClaims | None
 
 
 @dataclass(frozen=True)
@@ -138,7 +154,7 @@ def compare(
     *,
     progress: Callable[[str, int], None] = lambda what, done: None,
 ) -> Comparison:
-    """Run methods along one motion, and measure their properties.
+    """Run methods along one motion, and measure claims about them.
 
     Parameters
     ----------
@@ -186,13 +202,16 @@ def _row(
     method: Method, scene: Scene, settings: CompareSettings, poses: Array, push: float,
     reference: Renderer, progress: Callable[[str, int], None],
 ) -> MethodResult:  # fmt: skip
-    """Run one method and measure its properties."""
+    """Run one method and measure claims about it."""
     progress(f"{method.label}: preparing", 0)
-    properties = None
-    if settings.properties:
-        step = _counter(progress, f"{method.label}: properties", STEPS)
-        properties = measure_properties(method, step)
-    failed = MethodResult(method, method.can(scene), None, properties)
+    claims = None
+    if settings.claims is None and METHODS.get(method.name) is method:
+        claims = stored_claims().get(method.name)
+    elif settings.claims is None or settings.claims:
+        step = _counter(progress, f"{method.label}: claims", STEPS)
+        names = settings.claims or tuple(CLAIMS)
+        claims = measure_claims(method, names, seconds=_CLAIM_SECONDS, on_step=step)
+    failed = MethodResult(method, method.can(scene), None, claims)
     if failed.reason is not None:
         return failed
     tick = _counter(progress, f"{method.label}: ticks", len(poses), every=50)
@@ -216,7 +235,7 @@ def _row(
     frequency, level = force_spectrum(run.force, settings.dt)
     spectrum = ForceSpectrum(frequency.astype(np.float64), level.astype(np.float64))
     rendered = Rendered(preparing, height, run, reference_tick, spectrum)
-    return MethodResult(method, None, rendered, properties)
+    return MethodResult(method, None, rendered, claims)
 
 
 def _counter(

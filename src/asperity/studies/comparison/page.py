@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from asperity import __version__
 from asperity.drawing.pages import data_uri, render
 from asperity.scene.trajectory import ScriptedMotion
+from asperity.studies.comparison.claims import CLAIMS, Measured
 from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, format_number
-from asperity.studies.comparison.properties import CRITERIA, Measured
 
 FIGURES = {
     "traces": "Force along the motion during part of it; asperity's in grey.",
@@ -19,11 +19,16 @@ FIGURES = {
 }
 """Name of each figure -> its caption."""
 _COLUMNS = (
-    "median [us]", "p99 [us]", "over asperity", "RMS [mN]", "20-200 Hz [mN]", "torque [mN m]",
-    "ticks",
+    "median [us]", "p99 [us]", "over asperity", "mean [mN]", "RMS [mN]", "20-200 Hz [mN]",
+    "mean torque [mN m]", "RMS torque [mN m]", "ticks",
 )  # fmt: skip
 """The columns of `cells_of`."""
-_STILL_COLUMNS = ("buzzing, above 150 Hz [mN]", "aliveness, below 20 Hz [mN]", "strays [um]")
+_STILL = (
+    ("buzzing, above 150 Hz", "mN", 1e3, "buzzing"),
+    ("aliveness, below 20 Hz", "mN", 1e3, "aliveness"),
+    ("strays", "um", 1e6, "motion"),
+)
+"""Symptoms of a hand at rest: title, unit, its scale, and field of `Symptoms`."""
 
 
 class Section(NamedTuple):
@@ -46,28 +51,30 @@ def cells_of(row: MethodResult) -> list[str]:
     if done is None:
         return ["-"] * len(_COLUMNS)
     numbers = (
-        1e6 * done.cost[0], 1e6 * done.cost[1], done.ratio, 1e3 * done.tangential,
-        1e3 * done.band_rms, 1e3 * float(done.run.torque.std(axis=0).max()),
+        1e6 * done.cost[0], 1e6 * done.cost[1], done.ratio, 1e3 * done.mean_tangential,
+        1e3 * done.tangential, 1e3 * done.band_rms, *(1e3 * size for size in done.torque),
     )  # fmt: skip
     return [*map(format_number, numbers), f"{len(done.run.force)}"]
 
 
 def sections(result: Comparison) -> list[Section]:
     """Return the sections of the page; those without rows are left out."""
-    measured = [(row.method.label, row.properties) for row in result.rows if row.properties]
-    properties = Section(
-        "Properties, measured", _text("properties"),
-        ("method", *(one.title for one in CRITERIA.values())),
-        [[label, *map(_cell, CRITERIA, of.measured.values())] for label, of in measured],
-        notes=(*(
+    measured = [(row.method.label, row.claims) for row in result.rows if row.claims]
+    names = [name for name in CLAIMS if any(name in of.measured for _, of in measured)]
+    claims = Section(
+        "Claims, measured", _text("claims"),
+        ("method", *(CLAIMS[name].title for name in names)),
+        [[label, *(_cell(name, of.measured[name]) for name in names)] for label, of in measured],
+        notes=tuple(
             f"*{one.title}*: {one.what}; yes from {one.limit:g} {one.unit} "
             f"{'upwards' if one.above else 'downwards'}."
-            for one in CRITERIA.values()
-        ), _text("limits")),
+            for one in (CLAIMS[name] for name in names)
+        ),
     )  # fmt: skip
     rest = Section(
-        "A hand at rest", _text("rest"), ("method", *_STILL_COLUMNS),
-        [[label, *map(format_number, (1e3 * s.buzzing, 1e3 * s.aliveness, 1e6 * s.motion))]
+        "A hand at rest", _text("rest"),
+        ("method", *(f"{what} [{unit}]" for what, unit, _, _ in _STILL)),
+        [[label, *(format_number(scale * getattr(s, key)) for _, _, scale, key in _STILL)]
          for label, of in measured if (s := of.still)],
     )  # fmt: skip
     sources = Section(
@@ -79,7 +86,7 @@ def sections(result: Comparison) -> list[Section]:
         "Methods that could not render this scene", "", ("method", "why"),
         [[row.method.label, row.reason] for row in result.rows if row.reason is not None],
     )  # fmt: skip
-    shown = (properties, rest, sources, refused)
+    shown = (claims, _others_better(result), rest, sources, refused)
     return [_cost(result), *(section for section in shown if section.rows)]
 
 
@@ -100,6 +107,59 @@ def _cost(result: Comparison) -> Section:
     return Section("Cost and force", text, ("method", *_COLUMNS), rows, figures)
 
 
+def _others_better(result: Comparison) -> Section:
+    """Return the section that says in what other methods are better than asperity's."""
+    own = next((row for row in result.rows if row.method.name == "asperity"), None)
+    rows = []
+    if own is not None:
+        others = [row for row in result.rows if row is not own]
+        for what, better in better_than(own, others).items():
+            rows.append([what, ", ".join(better) or "none"])
+    return Section("Where other methods are better", _text("better"), ("in", "methods"), rows)
+
+
+def better_than(own: MethodResult, others: Sequence[MethodResult]) -> dict[str, list[str]]:
+    """Return, for each figure in which less is better, the methods that are better than `own`.
+
+    Better is less than 0.9 times the value of `own`; of claims, to hold where `own` does not.
+    """
+    out = {}
+    for title, unit, scale, figure in _LESS_IS_BETTER:
+        mine = figure(own)
+        if mine is not None:
+            out[f"{title}: asperity {format_number(scale * mine)} {unit}"] = [
+                f"{row.method.label} ({format_number(scale * value)})"
+                for row in others
+                if (value := figure(row)) is not None and value < 0.9 * mine
+            ]
+    for name, claim in CLAIMS.items():
+        if _holds(own, name) is False:
+            better = [row.method.label for row in others if _holds(row, name)]
+            out[f"{claim.title}: no for asperity"] = better
+    return out
+
+
+def _holds(row: MethodResult, claim: str) -> bool | None:
+    measured = row.claims.measured.get(claim) if row.claims else None
+    return measured.holds if measured else None
+
+
+def _symptom(key: str) -> Callable[[MethodResult], float | None]:
+    """Return a function from a row to a symptom of the hand at rest."""
+
+    def figure(row: MethodResult) -> float | None:
+        return getattr(row.claims.still, key) if row.claims and row.claims.still else None
+
+    return figure
+
+
+_LESS_IS_BETTER: list[tuple[str, str, float, Callable[[MethodResult], float | None]]] = [
+    ("cost of a tick", "us", 1e6, lambda row: row.rendered.cost[0] if row.rendered else None),
+    *((what, unit, scale, _symptom(key)) for what, unit, scale, key in _STILL),
+]
+"""Title, unit, its scale, and the figure of a row [SI]."""
+
+
 def _text(part: str, **values: str) -> str:
     """Return a text of the page as one line."""
     return " ".join(render("comparison_text.md", part=part, **values).split())
@@ -109,7 +169,7 @@ def _cell(name: str, measured: Measured) -> str:
     if measured.value is None:
         return measured.detail
     verdict = {True: "yes", False: "no", None: "not measured"}[measured.holds]
-    return f"**{verdict}**, {format_number(measured.value)} {CRITERIA[name].unit}"
+    return f"**{verdict}**, {format_number(measured.value)} {CLAIMS[name].unit}"
 
 
 def markdown(result: Comparison, command: str, images: Mapping[str, str]) -> str:

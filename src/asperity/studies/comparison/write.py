@@ -13,9 +13,9 @@ import numpy as np
 from asperity._core.output import write_whole
 from asperity.drawing import figure_style
 from asperity.studies.comparison import figures
+from asperity.studies.comparison.claims import CLAIMS
 from asperity.studies.comparison.compare import Comparison, MethodResult
 from asperity.studies.comparison.page import FIGURES, markdown, page
-from asperity.studies.comparison.properties import CRITERIA
 
 
 def write_comparison(result: Comparison, folder: Path, command: str) -> None:
@@ -36,13 +36,13 @@ def write_comparison(result: Comparison, folder: Path, command: str) -> None:
 def summary(result: Comparison, command: str) -> dict[str, Any]:
     """Return all results for `comparison.json`, in SI units."""
     return {
-        "schema": 1,
+        "schema": 2,
         "command": command,
         "scene": result.scene.name,
         "ticks": len(result.poses),
         "dt_s": result.settings.dt,
         "mean_push_n": result.push,
-        "criteria": {name: one._asdict() for name, one in CRITERIA.items()},
+        "claims": {name: one._asdict() for name, one in CLAIMS.items()},
         "methods": [_row(row) for row in result.rows],
     }
 
@@ -64,13 +64,14 @@ def _row(row: MethodResult) -> dict[str, Any]:
             "tangential_rms_n": done.tangential,
             "band_rms_n": done.band_rms,
             "mean_force_n": done.run.force.mean(axis=0).tolist(),
+            "mean_torque_n_m": done.run.torque.mean(axis=0).tolist(),
             "torque_std_n_m": done.run.torque.std(axis=0).tolist(),
             "deepest_m": float(done.run.depth.max()),
             "contacts_median": float(np.median(done.run.contacts)),
         }
-    if row.properties is not None:
-        out["properties"] = {k: m._asdict() for k, m in row.properties.measured.items()}
-        still = row.properties.still
+    if row.claims is not None:
+        out["claims"] = {k: m._asdict() for k, m in row.claims.measured.items()}
+        still = row.claims.still
         out["still_hand"] = None if still is None else still._asdict()
     return out
 
@@ -80,14 +81,14 @@ def _methods_csv(result: Comparison, path: Path) -> None:
         writer = csv.writer(file)
         head = ["method", "source", "cannot", "ticks", "tick_median_s", "tick_p99_s",
                 "tick_over_asperity", "tangential_rms_n", "band_rms_n"]  # fmt: skip
-        named = [f"{name}_{what}" for name in CRITERIA for what in ("value", "holds")]
+        named = [f"{name}_{what}" for name in CLAIMS for what in ("value", "holds")]
         writer.writerow([*head, *named])
         for row in result.rows:
             numbers = _row(row)
             cells: list[object] = [row.method.name, row.method.source, row.reason or ""]
             cells += [numbers.get(key, "") for key in head[3:]]
-            for name in CRITERIA:
-                one = None if row.properties is None else row.properties.measured[name]
+            for name in CLAIMS:
+                one = None if row.claims is None else row.claims.measured.get(name)
                 cells += ["", ""] if one is None or one.value is None else [one.value, one.holds]
             writer.writerow(cells)
 

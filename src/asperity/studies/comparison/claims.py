@@ -1,0 +1,211 @@
+"""Claims about a method: each is a number with a limit, measured on surfaces where it can fail.
+
+The verdict states whether the number is on the right side of the limit. Asperity is judged by the
+same numbers as the others. All limits are asperity's.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from asperity._core.output import write_whole
+from asperity.errors import AsperityError, require_choice
+from asperity.studies.baselines import Method
+from asperity.studies.comparison.measures import Bench, OutOfTimeError
+from asperity.studies.stability.measure import Symptoms
+
+
+class Claim(NamedTuple):
+    """A measured number, and the limit from which the claim holds."""
+
+    title: str
+    what: str
+    """Definition of the number."""
+    unit: str
+    limit: float
+    above: bool
+    """Whether the claim holds from the limit upwards, or downwards."""
+
+    def holds(self, value: float) -> bool:
+        """Return whether a number is on the right side of the limit."""
+        return value >= self.limit if self.above else value <= self.limit
+
+
+CLAIMS = {
+    "offset": Claim(
+        "offset surface",
+        "balls of 0.5, 1.5 and 3 mm: RMS difference between the tangential force and the normal "
+        "force times the slope of the ball's offset surface (closed form), over the RMS of that",
+        "%", 5.0, False,
+    ),
+    "size": Claim(
+        "size of the probe",
+        "RMS tangential force with balls of 0.5, 1.5 and 3 mm: largest less smallest, over mean",
+        "%", 10.0, True,
+    ),
+    "force": Claim(
+        "normal force",
+        "RMS tangential force pressed with 0.87 N over that with 0.29 N",
+        "times", 1.5, True,
+    ),
+    "torque": Claim(
+        "torque by texture",
+        "a flat foot of 6 x 3 mm: RMS change of the torque about the middle of its sole, over the "
+        "normal force and half its length; no if half as much is felt without texture",
+        "%", 1.0, True,
+    ),
+    "turning": Claim(
+        "turning in place",
+        "the foot with these waves turned by 40 degrees about the vertical: RMS change of the "
+        "vertical torque, over the normal force and half its length; no if half as much is felt "
+        "without texture",
+        "%", 1.0, True,
+    ),
+    "tool": Claim(
+        "texture of the tool",
+        "the foot with waves of 1.3 mm of its own: RMS change of the tangential force by them, "
+        "over the normal force",
+        "%", 1.0, True,
+    ),
+    "centre": Claim(
+        "centre of pressure",
+        "the foot on a plate without texture, as one box and as four, straight and turned by 30 "
+        "degrees: largest distance of the centre of pressure from the middle",
+        "um", 50.0, False,
+    ),
+    "silence": Claim(
+        "silence on a smooth plate",
+        "RMS tangential force on the plate without texture, over the normal force, with the "
+        "noisier of balls of 0.5 and 3 mm",
+        "%", 1.0, False,
+    ),
+    "meshing": Claim(
+        "invariance to meshing",
+        "the plate as 4 and as 16 boxes against one: RMS difference of the force on the ball, over "
+        "the RMS tangential force, or of the force on the foot without texture, over that force",
+        "%", 2.0, False,
+    ),
+    "energy": Claim(
+        "no work round a loop",
+        "a closed path of the ball, and one of the foot that also turns: net work over the work to "
+        "and fro",
+        "%", 1.0, False,
+    ),
+    "speed": Claim(
+        "the same at any speed",
+        "RMS tangential force at 166 mm/s less that at 42 mm/s, over it, in size; a rigid surface "
+        "pushes the same at any speed, and what speed changes is the hand's motion",
+        "%", 10.0, False,
+    ),
+    "frequency": Claim(
+        "frequency follows speed",
+        "share of the power of the tangential force within a quarter of speed / wavelength, at 42 "
+        "and 166 mm/s: largest difference from that of the offset surface, in points",
+        "%", 10.0, False,
+    ),
+}  # fmt: skip
+"""In the order of the tables."""
+_STORE = Path(__file__).with_name("claims.json")
+STEPS = len(CLAIMS) + 1
+"""Number of progress reports of `measure_claims` for all claims."""
+
+
+class Measured(NamedTuple):
+    """One claim about one method."""
+
+    value: float | None
+    """None if it could not be measured."""
+    holds: bool | None
+    detail: str
+    """The numbers from which it is computed, or why there are none."""
+
+
+class MethodClaims(NamedTuple):
+    """All claims about one method."""
+
+    measured: dict[str, Measured]
+    still: Symptoms | None
+    """Symptoms felt by a hand at rest; None if it was not, or could not be simulated."""
+
+
+def choose_claims(names: Iterable[str]) -> tuple[str, ...] | None:
+    """Return claims by name in the order of `CLAIMS`; `all`, `none`; None if no name is given."""
+    wanted = {require_choice("claim", name, (*CLAIMS, "all", "none")) for name in names}
+    if not wanted:
+        return None
+    return tuple(name for name in CLAIMS if name in wanted or "all" in wanted)
+
+
+def stored_claims() -> dict[str, MethodClaims]:
+    """Return the claims about the methods that ship with asperity, as measured for this version.
+
+    They do not depend on a scene of the user's, and some methods take minutes.
+    `tools/measure_claims.py` measures them.
+    """
+    out = {}
+    for name, stored in json.loads(_STORE.read_text("utf-8"))["methods"].items():
+        measured = {
+            claim: Measured(value, None if value is None else CLAIMS[claim].holds(value), detail)
+            for claim, (value, detail) in stored["claims"].items()
+        }
+        still = stored["still"]
+        out[name] = MethodClaims(measured, None if still is None else Symptoms(**still))
+    return out
+
+
+def store_claims(claims: Mapping[str, MethodClaims]) -> None:
+    """Write what `stored_claims` returns, for methods by name."""
+    methods = {
+        name: {
+            "claims": {claim: [one.value, one.detail] for claim, one in of.measured.items()},
+            "still": None if of.still is None else of.still._asdict(),
+        }
+        for name, of in claims.items()
+    }
+    text = json.dumps({"schema": 1, "methods": methods}, indent=1, allow_nan=False)
+    write_whole(_STORE, text + "\n")
+
+
+def measure_claims(
+    method: Method,
+    names: Iterable[str] = tuple(CLAIMS),
+    *,
+    seconds: float | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> MethodClaims:
+    """Measure claims about a method.
+
+    Parameters
+    ----------
+    method : Method
+    names : iterable of str
+        Keys of `CLAIMS`. The hand at rest is simulated if all are measured.
+    seconds : float, optional
+        Processor time after which the remaining claims are left out [s]; by default none is.
+    on_step : callable
+        Called after each claim, and after the hand at rest.
+    """
+    names = tuple(names)
+    bench = Bench(method, seconds)
+    out = {}
+    for name in names:
+        try:
+            value, detail = getattr(bench, name)()
+        except OutOfTimeError as late:
+            out[name] = Measured(None, None, str(late))
+        except AsperityError as error:
+            out[name] = Measured(None, None, str(error).rpartition("'stimulus': ")[2])
+        else:
+            out[name] = Measured(float(value), CLAIMS[name].holds(float(value)), detail)
+        on_step()
+    still = None
+    if set(names) == set(CLAIMS):
+        try:
+            still = bench.still()
+        except AsperityError:
+            still = None
+    on_step()
+    return MethodClaims(out, still)
