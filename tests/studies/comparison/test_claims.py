@@ -22,6 +22,7 @@ from asperity.studies.comparison.claims import (
     stored_claims,
 )
 from asperity.studies.comparison.measures import tangential_rms
+from asperity.studies.comparison.page import _text
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -189,6 +190,28 @@ def test_the_page_of_the_documentation_shows_what_is_stored():
             verdict = re.match(r"\s*\*\*(yes|no)\*\*", cell)
             expected = claims.measured[claim].holds
             assert (None if verdict is None else verdict[1] == "yes") == expected, (name, claim)
+
+
+def test_every_text_of_the_page_is_that_of_this_version():
+    """What docs/comparison.md says beside its numbers: definitions, sources, differences."""
+    page = (DOCS / "comparison.md").read_text("utf-8")
+    texts = [_text(part) for part in ("lead", "claims", "better", "rest")]
+    texts += [claim.what for claim in CLAIMS.values()]
+    texts += [method.what_it_is_not for method in METHODS.values()]
+    texts += [method.source for method in METHODS.values()]
+    assert [text for text in texts if text not in page] == []
+
+
+def test_every_method_has_a_page():
+    """Under docs/methods/, with its row, what of the source was read, and what is left out."""
+    pages = [path.read_text("utf-8") for path in (DOCS / "methods").glob("*.md")]
+    missing = [
+        name
+        for name in METHODS
+        if name not in ("asperity", "low-resolution")
+        and not any(f"`{name}`" in page and "ource" in page for page in pages)
+    ]
+    assert missing == []
 
 
 def test_the_tangential_rms_is_that_of_a_sine():
