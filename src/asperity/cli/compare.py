@@ -16,7 +16,7 @@ from asperity.cli.motion import motion_of
 from asperity.cli.options import Range, command, in_si
 from asperity.errors import AsperityError
 
-_BUDGET = 2.0
+_BUDGET = 1.0
 
 
 @command
@@ -44,7 +44,7 @@ class CompareCommand:
     """Sliding speed. Default: the motion's."""
     force_n: Annotated[float | None, Range(1e-3, 20.0, "N")] = None
     """Normal force. Default: the motion's."""
-    budget_s: Annotated[float, Range(1.0, 36000.0, "s")] = _BUDGET
+    budget_s: Annotated[float, Range(0.1, 36000.0, "s")] = _BUDGET
     """Longest time that the ticks of one method may take; a slower method runs a shorter motion."""
     no_properties: bool = False
     """Deprecated: use `--claim none`."""

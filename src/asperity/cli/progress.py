@@ -58,7 +58,9 @@ def _lines(display: Progress) -> Iterator[None]:
         wait = FIRST_LINE
         while not ended.wait(wait):
             wait = LINES
-            open_tasks = [task for task in list(display.tasks) if not task.finished]
+            # Not `finished`: a task of several steps counts to its end more than once.
+            tasks = list(display.tasks)
+            open_tasks = [one for one in tasks if one.total is None or one.completed < one.total]
             if open_tasks:
                 task = open_tasks[-1]
                 share = f", {task.percentage:.0f} %" if task.total else ""

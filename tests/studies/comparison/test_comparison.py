@@ -22,6 +22,7 @@ from asperity.studies.comparison.drive import (
     follow_path,
     mean_push,
     raise_path,
+    refuse_slow,
 )
 from asperity.studies.comparison.write import write_comparison, write_docs
 
@@ -183,6 +184,14 @@ def own_method(text, tmp_path):
     path = tmp_path / "wall.py"
     path.write_text(text)
     return str(path)
+
+
+def test_a_method_that_would_take_minutes_is_left_out_with_the_reason(monkeypatch):
+    clock = iter(np.arange(0.0, 100.0, 0.5))
+    monkeypatch.setattr("time.thread_time", lambda: float(next(clock)))
+    with pytest.raises(AsperityError, match=r"a tick takes about 0\.5 s, too long to press"):
+        refuse_slow(Spring(), straight(), 1.0)
+    refuse_slow(Spring(), straight(), 100.0)
 
 
 def test_the_method_of_the_documentation_gets_a_row(tmp_path, capsys):

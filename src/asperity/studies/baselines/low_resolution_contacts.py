@@ -3,7 +3,7 @@
 The first stage of Otaduy & Lin (2004): collision detection between low-resolution models, which
 gives the places of contact and the directions of penetration. Each pair of pieces that overlap, or
 come as near as their textures reach, is a contact; contacts near each other are one
-(`convex_pieces.cluster_contacts`).
+(`_clusters`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.scene.scene import Scene
-from asperity.studies.baselines.convex_pieces import cluster_contacts
 
 Array = NDArray[np.float64]
 
@@ -83,7 +82,7 @@ class LowCollider:
             rows.append((w @ points[which], w @ normals[which], weights[which].max(), which))
         places, ways, weight = (np.array([row[k] for row in rows]) for k in range(3))
         ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-12)
-        middles, along, _ = cluster_contacts(places, ways, weight, self._size)
+        middles, along = _clusters(places, ways, weight, self._size)
         away = np.linalg.norm(places[:, None] - middles, axis=2)
         away[ways @ along.T <= 0.0] = np.inf
         cluster = away.argmin(axis=1)
@@ -93,3 +92,21 @@ class LowCollider:
             deepest = float(-near[members].min())
             found.append(LowContact(middles[i], along[i], deepest, points[members]))
         return found
+
+
+def _clusters(places: Array, ways: Array, weights: Array, size: float) -> tuple[Array, Array]:
+    """Return places and unit directions of clusters of contacts, means by weight (Kim et al. 2003).
+
+    Grown from the largest weight outwards, within `size` [m] of it. A contact that pushes the
+    opposite way belongs to another cluster, however near.
+    """
+    left = np.argsort(-weights, kind="stable")
+    where, along = [], []
+    while left.size:
+        away = np.linalg.norm(places[left] - places[left[0]], axis=1)
+        near = (away <= size) & (ways[left] @ ways[left[0]] > 0.0)
+        members, left = left[near], left[~near]
+        mean = weights[members] @ ways[members]
+        where.append(weights[members] @ places[members] / weights[members].sum())
+        along.append(mean / np.linalg.norm(mean))
+    return np.array(where), np.array(along)

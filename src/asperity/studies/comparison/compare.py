@@ -56,7 +56,7 @@ class CompareSettings:
 
     motion: ScriptedMotion | Trajectory | None = None
     dt: float = 1e-3
-    budget: float = 2.0
+    budget: float = 1.0
     claims: Sequence[str] | None = None
 
 
@@ -220,6 +220,7 @@ def _row(
         renderer = method.prepare(scene, dt=settings.dt)
         preparing = time.perf_counter() - begun
         progress(f"{method.label}: pressing", 0)
+        drive.refuse_slow(renderer, poses, settings.budget)
         height = 0.0 if method is REFERENCE else drive.find_pressing_height(renderer, poses, push)
         # Right before the run: preparing may take minutes, in which the machine's speed changes.
         before = drive.follow_path(reference, poses[_REFERENCE_TICKS]).seconds

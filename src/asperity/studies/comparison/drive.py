@@ -19,6 +19,8 @@ from asperity.studies.baselines import Renderer
 from asperity.studies.stability.measure import Symptoms, symptoms_of
 
 Array = NDArray[np.float64]
+_FEWEST, _PRESSINGS = 64, 15
+"""Fewest ticks of a path, and about how many heights are tried to press it."""
 PUSH_SAMPLES = 12
 """Poses of a path over which the mean force is taken."""
 _FIRST_STEP, _FARTHEST = 2e-5, 8e-3
@@ -56,6 +58,20 @@ def mean_push(renderer: Renderer, poses: Array) -> float:
     renderer.reset()
     samples = poses[np.linspace(0, len(poses) - 1, min(PUSH_SAMPLES, len(poses))).astype(int)]
     return float(np.mean([renderer.wrench(pose).force[2] for pose in samples]))
+
+
+def refuse_slow(renderer: Renderer, poses: Array, budget: float) -> None:
+    """Raise `AsperityError` if pressing and the fewest ticks would take ten budgets [s]."""
+    renderer.reset()
+    renderer.wrench(poses[0])
+    begun = time.thread_time()
+    renderer.wrench(poses[len(poses) // 2])
+    took = time.thread_time() - begun
+    if took * (_PRESSINGS * PUSH_SAMPLES + _FEWEST) > 10.0 * budget:
+        raise AsperityError(
+            f"a tick takes about {took:.2g} s, too long to press and to follow a path in ten times "
+            f"--budget-s {budget:g}"
+        )
 
 
 def find_pressing_height(renderer: Renderer, poses: Array, force: float) -> float:
@@ -128,7 +144,7 @@ def follow_path(
         seconds.append(clock() - start)
         rows.append(wrench)
         on_tick()
-        if budget is not None and i >= 63 and clock() - begun > budget:
+        if budget is not None and i >= _FEWEST - 1 and clock() - begun > budget:
             break
     force, torque, depth, contacts = map(np.array, zip(*rows, strict=True))
     return DrivenRun(force, torque, depth, contacts, np.array(seconds))
