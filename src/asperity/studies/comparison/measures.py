@@ -163,7 +163,7 @@ class Bench:
         return _by_texture(rms, self._without(lambda: turned(self._foot(smooth=True))[0]), push)
 
     def tool(self) -> tuple[float, str]:
-        """Compare the forces on a foot with and without a texture of its own."""
+        """Compare the forces on a foot with and without waves on it."""
         own, plain = (self._foot(textured=t).slide().force for t in (True, False))
         change, push = _change((own - plain)[:, :2]), float(own[:, 2].mean())
         return 100.0 * change / push, f"{1e3 * change:.3g} mN at {push:.2g} N"

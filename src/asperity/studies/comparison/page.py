@@ -108,7 +108,7 @@ def _cost(result: Comparison) -> Section:
 
 
 def _others_better(result: Comparison) -> Section:
-    """Return the section that says in what other methods are better than asperity's."""
+    """Return the section on what other methods are better than asperity's."""
     own = next((row for row in result.rows if row.method.name == "asperity"), None)
     rows = []
     if own is not None:

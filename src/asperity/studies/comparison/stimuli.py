@@ -63,7 +63,7 @@ def foot_on_plate(*, boxes: int = 1, textured: bool = False) -> Scene:
     boxes : int
         Number of boxes of which the plate consists, a square number.
     textured : bool
-        Whether the foot has waves of its own.
+        Whether the foot has waves too.
     """
     size = " ".join(f"{half:.9g}" for half in FOOT)
     tool = f'      <geom type="box" size="{size}" mass="0.01"/>'
