@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, with_options
+from asperity.cli.options import Range, command, in_si, with_options
 
 if TYPE_CHECKING:
     from asperity.studies.sweeps.run import SweepProgress
@@ -40,8 +40,8 @@ class SweepCommand:
     """Resume a store that was begun with another version of asperity or of its packages."""
     extend: bool = False
     """Take over what the store of a study with fewer or other values has of this one."""
-    limit: float | None = None
-    """Longest time of one combination, in seconds; one that takes longer fails."""
+    limit_s: Annotated[float | None, Range(1e-3, 1e6, "s")] = None
+    """Longest time of one combination; one that takes longer fails."""
     overwrite: bool = False
     """Delete the existing store and begin again."""
 
@@ -58,6 +58,7 @@ class SweepCommand:
 
         out = self.out or Path("out/sweep") / f"{self.study.stem}.zarr"
         latest: SweepProgress | None = None
+        options = in_si(self)
         with progress_bars(remaining=True) as bars:
             task: Any = None
 
@@ -72,7 +73,7 @@ class SweepCommand:
                 bars.update(task, completed=known, description=label)
 
             try:
-                done = with_options(run_sweep, self, study=study, store=out, progress=show)
+                done = with_options(run_sweep, options, study=study, store=out, progress=show)
             except KeyboardInterrupt:
                 if latest is None:
                     raise

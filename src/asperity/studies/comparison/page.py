@@ -108,7 +108,7 @@ def _cost(result: Comparison) -> Section:
 
 
 def _others_better(result: Comparison) -> Section:
-    """Return the section on what other methods are better than asperity's."""
+    """Return the section on figures in which other methods are better than asperity."""
     own = next((row for row in result.rows if row.method.name == "asperity"), None)
     rows = []
     if own is not None:
