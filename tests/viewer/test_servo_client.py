@@ -134,11 +134,11 @@ def test_numbers_turn_colour_when_they_are_wrong(servo, until):
     until(lambda: servo.latest() is not None)
     snapshot = servo.latest()._replace(tick_p99=2e-4, contact_p99=2e-4, misses=0, silences=0)
     ticks = np.empty(0, TICK)
-    well = rows_of(Frame(0, 0.0, snapshot, ticks, 0, True, 1, rate=1000.0), 1000.0)
+    well = rows_of(Frame(0, 0.0, snapshot, ticks, 0, True, 1, rate=1000.0, live=snapshot), 1000.0)
     assert {colour for *_, colour in well} == {WELL}
+    late = snapshot._replace(tick_p99=3e-3)
     wrong = rows_of(
-        Frame(0, 0.0, snapshot._replace(tick_p99=3e-3), ticks, 0, True, 1, rate=500.0, misses=400),
-        1000.0,
+        Frame(0, 0.0, late, ticks, 0, True, 1, rate=500.0, misses=400, live=late), 1000.0
     )
     message = {name: colour for name, _, _, colour in wrong[:4]}
     assert message["rate"] == message["tick, p99"] == message["misses"] == WRONG

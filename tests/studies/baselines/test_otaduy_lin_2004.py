@@ -28,7 +28,7 @@ def test_force_and_torque_go_to_the_closed_form_as_grid_and_step_are_refined():
     scene = stimuli.ball_on_plate(2.0 * RADIUS)
     poses = stimuli.straight_path(scene, 0.35)
     # Beside the middles of the troughs, where the ball touches two crests.
-    poses[:, :3] += [1.3e-4, 0.0, -3.5e-4]
+    poses[:, :3] += [1.0e-4, 0.0, -3.5e-4]
     exact = np.array([wave_force(pose[0], pose[2]) for pose in poses])
     errors = []
     for cells, step in ((50, 2e-5), (400, 2e-5)):
@@ -65,7 +65,7 @@ def wave_force(x, z):
     return stimuli.STIFFNESS * -found.fun * np.array([-slope, 1.0])
 
 
-@pytest.mark.parametrize("boxes", [1, 4, 16])
+@pytest.mark.parametrize("boxes", [1, 4])
 def test_a_flat_foot_on_a_smooth_plate_is_felt_under_its_middle(boxes):
     scene = foot_on_smooth_plate(boxes)
     renderer = METHODS["otaduy-lin-2004"].prepare(scene)
