@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from asperity._core.kernels import kernel
+from asperity._core.kernels import inner_kernel, kernel
 
 
 @kernel
@@ -43,6 +43,32 @@ def mark_triangles(points, faces, corner, size, marked_out):
                 marked_out[int(x / size), int(y / size), int(z / size)] = True
 
 
+@inner_kernel
+def _shorten(before, squares):
+    """Shorten the squared distances of a layer, (rows, z), by way of its other rows.
+
+    Parameters
+    ----------
+    before : (rows or more, z) array of int32
+        A copy of them.
+    squares : (rows, z) array of int32
+        Changed.
+    """
+    rows, high = squares.shape
+    for x in range(rows):
+        # No farther than the distance can still become smaller.
+        farthest = before[x].max()
+        k = 1
+        while k * k < farthest:
+            if x >= k:
+                for z in range(high):
+                    squares[x, z] = min(squares[x, z], before[x - k, z] + k * k)
+            if x + k < rows:
+                for z in range(high):
+                    squares[x, z] = min(squares[x, z], before[x + k, z] + k * k)
+            k += 1
+
+
 @kernel
 def fill_layers(inside, squares, codes_out):
     """Add to the codes of voxels inside 1 + their distance from those outside, in whole voxels.
@@ -71,30 +97,10 @@ def fill_layers(inside, squares, codes_out):
     before = np.empty((max(wide, deep), high), np.int32)
     for x in range(wide):
         before[:deep] = squares[x]
-        for y in range(deep):
-            farthest = before[y].max()
-            k = 1
-            while k * k < farthest:
-                if y >= k:
-                    for z in range(high):
-                        squares[x, y, z] = min(squares[x, y, z], before[y - k, z] + k * k)
-                if y + k < deep:
-                    for z in range(high):
-                        squares[x, y, z] = min(squares[x, y, z], before[y + k, z] + k * k)
-                k += 1
+        _shorten(before, squares[x])
     for y in range(deep):
         before[:wide] = squares[:, y]
-        for x in range(wide):
-            farthest = before[x].max()
-            k = 1
-            while k * k < farthest:
-                if x >= k:
-                    for z in range(high):
-                        squares[x, y, z] = min(squares[x, y, z], before[x - k, z] + k * k)
-                if x + k < wide:
-                    for z in range(high):
-                        squares[x, y, z] = min(squares[x, y, z], before[x + k, z] + k * k)
-                k += 1
+        _shorten(before, squares[:, y])
     for x in range(wide):
         for y in range(deep):
             for z in range(high):
