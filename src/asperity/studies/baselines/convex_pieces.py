@@ -88,24 +88,32 @@ def _means(contacts: PieceContacts, groups: list[NDArray[np.intp]], width: float
     return PieceContacts(*map(np.array, zip(*rows, strict=True)))
 
 
-def cluster_contacts(contacts: PieceContacts, size: float) -> PieceContacts:
-    """Return contacts as clusters.
+def group_contacts(
+    places: Array, normals: Array, depths: Array, size: float
+) -> list[NDArray[np.int64]]:
+    """Return the members of each cluster of contacts, grown from the deepest outwards.
 
     Parameters
     ----------
-    contacts : PieceContacts
+    places, normals, depths : (n, 3), (n, 3), (n,) arrays
+        [m], unit, and [m].
     size : float
         Contacts within this distance of the deepest of a cluster belong to it [m].
     """
-    left = np.argsort(-contacts.depths, kind="stable")
+    left = np.argsort(-depths, kind="stable")
     groups = []
     while left.size:
-        away = np.linalg.norm(contacts.places[left] - contacts.places[left[0]], axis=1)
+        away = np.linalg.norm(places[left] - places[left[0]], axis=1)
         # A contact that pushes the opposite way belongs to another cluster, however near.
-        same = contacts.normals[left] @ contacts.normals[left[0]] > 0.0
-        members = left[(away <= size) & same]
-        left = left[~np.isin(left, members)]
-        groups.append(members)
+        near = (away <= size) & (normals[left] @ normals[left[0]] > 0.0)
+        groups.append(left[near])
+        left = left[~near]
+    return groups
+
+
+def cluster_contacts(contacts: PieceContacts, size: float) -> PieceContacts:
+    """Return contacts as clusters, with `size` [m] as for `group_contacts`."""
+    groups = group_contacts(contacts.places, contacts.normals, contacts.depths, size)
     return _means(contacts, groups, _WIDTH * size) if groups else contacts
 
 

@@ -3,7 +3,7 @@
 The first stage of Otaduy & Lin (2004): collision detection between low-resolution models, which
 gives the places of contact and the directions of penetration. Each pair of pieces that overlap, or
 come as near as their textures reach, is a contact; contacts near each other are one
-(`_clusters`).
+(`convex_pieces.group_contacts`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.scene.scene import Scene
+from asperity.studies.baselines.convex_pieces import group_contacts
 
 Array = NDArray[np.float64]
 
@@ -97,15 +98,10 @@ class LowCollider:
 def _clusters(places: Array, ways: Array, weights: Array, size: float) -> tuple[Array, Array]:
     """Return places and unit directions of clusters of contacts, means by weight (Kim et al. 2003).
 
-    Grown from the largest weight outwards, within `size` [m] of it. A contact that pushes the
-    opposite way belongs to another cluster, however near.
+    `size` [m] as for `group_contacts`.
     """
-    left = np.argsort(-weights, kind="stable")
     where, along = [], []
-    while left.size:
-        away = np.linalg.norm(places[left] - places[left[0]], axis=1)
-        near = (away <= size) & (ways[left] @ ways[left[0]] > 0.0)
-        members, left = left[near], left[~near]
+    for members in group_contacts(places, ways, weights, size):
         mean = weights[members] @ ways[members]
         where.append(weights[members] @ places[members] / weights[members].sum())
         along.append(mean / np.linalg.norm(mean))
