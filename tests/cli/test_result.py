@@ -55,6 +55,7 @@ def test_without_a_terminal_a_line_tells_how_far_it_is(monkeypatch):
     said = io.StringIO()
     with redirect_stderr(said), progress.progress_bars() as bars:
         task = bars.add_task("probe-plate  0.5 N", total=100)
+        bars.add_task("what comes after it", total=100)
         bars.update(task, completed=40)
         deadline = time.monotonic() + 5.0
         while said.getvalue().count("\n") < 2 and time.monotonic() < deadline:

@@ -51,7 +51,7 @@ def progress_bars(*, remaining: bool = False) -> Iterator[Progress]:
 
 @contextmanager
 def _lines(display: Progress) -> Iterator[None]:
-    """Print the state of the newest unfinished task on stderr, from a thread, until the end."""
+    """Print the state of the first unfinished task on stderr, from a thread, until the end."""
     ended = threading.Event()
 
     def tell() -> None:
@@ -62,7 +62,7 @@ def _lines(display: Progress) -> Iterator[None]:
             tasks = list(display.tasks)
             open_tasks = [one for one in tasks if one.total is None or one.completed < one.total]
             if open_tasks:
-                task = open_tasks[-1]
+                task = open_tasks[0]
                 share = f", {task.percentage:.0f} %" if task.total else ""
                 what = " ".join(task.description.split())
                 print(f"asperity: {what}{share}", file=sys.stderr, flush=True)
