@@ -57,7 +57,9 @@ def _shorten(before, squares):
     rows, high = squares.shape
     for x in range(rows):
         # No farther than the distance can still become smaller.
-        farthest = before[x].max()
+        farthest = 0
+        for z in range(high):
+            farthest = max(farthest, before[x, z])
         k = 1
         while k * k < farthest:
             if x >= k:
