@@ -14,7 +14,7 @@ from asperity.cli.demo_pipeline import PROBES, Results
 from asperity.drawing.pages import render
 from asperity.runs.run_scene import described
 from asperity.runs.vibration_metrics import METRICS
-from asperity.studies.otaduy_lin_2004.claims import Claim
+from asperity.studies.otaduy_lin_2004.claims import Claim, count_reproduced
 from asperity.viewer.pictures import PICTURED, PICTURES
 
 
@@ -27,7 +27,7 @@ def report_page(results: Results) -> str:
         results=results,
         folder=results.folder,
         claims=results.claims,
-        held=sum(claim["holds"] for claim in results.claims),
+        reproduced=count_reproduced(results.claims),
         holding={claim["id"] for claim in results.claims if claim["holds"]},
         settings=_settings(results),
         metrics=METRICS,

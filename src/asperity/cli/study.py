@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
 from asperity.cli.result import print_result
-from asperity.errors import require_choice
+from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
     from asperity.studies.otaduy_lin_2004.studies import StudySettings
@@ -34,11 +34,15 @@ class HandOptions:
 class StudyCommand:
     """Run a perceptual study of Otaduy & Lin (2004): diameter, force, speed, models, or all.
 
-    Writes a figure (PNG and SVG) and a dataset (netCDF) for each study, and claims.json.
+    Writes a figure (PNG and SVG) and a dataset (netCDF) for each study, and claims.json. With
+    --ensemble, judges the claims of the three plates over 36 hands and many surfaces instead.
     """
 
-    name: Annotated[Positional[str], arg(metavar="NAME")]
+    name: Annotated[Positional[str], arg(metavar="NAME")] = "all"
     """diameter, force, speed, models, or all"""
+    ensemble: bool = False
+    """Judge the claims for 36 hands, five amplitudes and eight plates of dots: ensemble.json,
+    ensemble.csv, ensemble.md and figures. Takes no other option than --out and --overwrite."""
     surface: str = "sinusoid"
     """sinusoid, trapezoid, square, dots, self-affine, or a file of heights."""
     metric: str = "max_acceleration"
@@ -95,9 +99,13 @@ class StudyCommand:
 
     def run(self) -> None:
         """Run the studies, write the results, and print how many claims hold."""
+        if self.ensemble:
+            self._run_ensemble()
+            return
         from asperity._core.output import result_folder
         from asperity.cli.progress import compile_notice, progress_bars
         from asperity.runs.vibration_metrics import METRICS
+        from asperity.studies.otaduy_lin_2004.claims import count_reproduced
         from asperity.studies.otaduy_lin_2004.studies import STUDIES, run_study
         from asperity.studies.otaduy_lin_2004.write import write_studies
 
@@ -122,8 +130,51 @@ class StudyCommand:
                     for name in names
                 }
             claims = write_studies(results, self.metric, folder)
-        held = sum(claim["holds"] for claim in claims)
+        held, counted = count_reproduced(claims)
         print_result(
-            f"{out}: {', '.join(names)}; {held} of {len(claims)} claims hold (see claims.json)",
+            f"{out}: {', '.join(names)}; {held} of {counted} claims of the paper reproduce "
+            f"(its sinusoid and metric; {len(claims)} verdicts in claims.json)",
             {"out": out, "studies": list(names), "claims": claims},
         )
+
+    def _run_ensemble(self) -> None:
+        from asperity._core.output import result_folder
+        from asperity.cli.progress import compile_notice, progress_bars
+        from asperity.studies.ensemble.members import EnsembleSettings
+        from asperity.studies.ensemble.run import run_ensemble
+        from asperity.studies.ensemble.write import write_ensemble
+
+        free = ("ensemble", "out", "overwrite")
+        changed = [
+            option.name for option in fields(self)
+            if option.name not in free and getattr(self, option.name) != _default(option)
+        ]  # fmt: skip
+        if changed:
+            raise AsperityError(
+                f"--ensemble spans all settings: leave out {', '.join(changed)}, or --ensemble"
+            )
+        settings = EnsembleSettings()
+        total = len(settings.sinusoids()) + len(settings.dots())
+        out = self.out or Path("out/ensemble")
+        with result_folder(out, overwrite=self.overwrite) as folder:
+            with progress_bars() as bars:
+                notice = compile_notice("plates", "dynamics.dragged_hand.integrator", "force_at")
+                task = bars.add_task(notice, total=total)
+                result = run_ensemble(settings, progress=lambda: bars.advance(task))
+            summary = write_ensemble(result, folder)
+        paper, people = summary["paper"], summary["people"]
+        band, own = (people["median_count"][name] for name in ("band_rms", "max_acceleration"))
+        print_result(
+            f"{out}: median over {paper['members']} members, the paper's analysis: "
+            f"{paper['median_count']['max_acceleration']:g} of {paper['counted']} claims; over "
+            f"{people['members']} members on jittered dots, people: max u'' {own:g}, RMS of u'' "
+            f"in 20-200 Hz {band:g} of {people['counted']} (see ensemble.md)",
+            {"out": out} | summary,
+        )
+
+
+def _default(option: Field[Any]) -> object:
+    """Return the default of an option."""
+    if option.default_factory is not MISSING:
+        return option.default_factory()
+    return option.default

@@ -9,7 +9,7 @@ import xarray as xr
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.runs.vibration_metrics import METRICS
-from asperity.studies.otaduy_lin_2004.claims import evaluate_claims
+from asperity.studies.otaduy_lin_2004.claims import count_reproduced, evaluate_claims
 from asperity.studies.otaduy_lin_2004.stimuli import SURFACES, StimulusOptions
 from asperity.studies.otaduy_lin_2004.studies import STUDIES, StudySettings, run_study
 from asperity.studies.otaduy_lin_2004.write import write_studies
@@ -78,6 +78,29 @@ def test_every_claim_is_there_for_every_metric(claims):
     assert len(claims) == len(names) * len(METRICS)
 
 
+def test_only_what_the_paper_claims_and_can_fail_is_counted(claims):
+    counted = {name for name, claim in claims.items() if claim["counted"]}
+    assert counted == {
+        "diameter.quadratic.max_acceleration", "diameter.peak_higher.max_acceleration",
+        "diameter.peak_smaller_spacing.max_acceleration", "force.peak_stays.max_acceleration",
+        "speed.faster_rougher_at_large.max_acceleration",
+        "speed.faster_rougher_at_largest.max_acceleration",
+        "speed.peak_moves_right.max_acceleration", "speed.constant_at_small.max_acceleration",
+    }  # fmt: skip
+    missed = claims["speed.slower_rougher_at_small.max_acceleration"]
+    assert missed["question"] == "people"
+    assert claims["diameter.peak_scales.max_acceleration"]["question"] == "asperity"
+    assert "By construction" in claims["force.more_everywhere.max_acceleration"]["note"]
+    # A claim that holds when the model misses people is no finding about people.
+    assert claims["speed.constant_at_small.band_rms"]["question"] == "asperity"
+
+
+def test_another_surface_is_not_the_papers_analysis(studies):
+    dots = studies["diameter"].copy()
+    dots.attrs = studies["diameter"].attrs | {"surface": "dots"}
+    assert count_reproduced(evaluate_claims({"diameter": dots})) == (0, 0)
+
+
 def test_claims_are_computed_not_asserted(studies):
     # The same data with its levels in the opposite order: every ordering turns round.
     data = studies["diameter"]
@@ -105,7 +128,9 @@ def test_results_on_disk_are_what_was_measured(studies, tmp_path):
         assert data.attrs["hand_mass"] == 0.05
     stored = json.loads((tmp_path / "claims.json").read_text("utf-8"))["claims"]
     assert stored == claims
-    assert set(stored[0]) == {"id", "claim", "source", "measured", "holds", "note"}
+    assert set(stored[0]) == {
+        "id", "claim", "source", "question", "counted", "measured", "holds", "note",
+    }  # fmt: skip
     for name in ("force", "force_metrics"):
         assert (tmp_path / f"{name}.svg").stat().st_size > 10_000
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,1 @@
+"""Verdicts over an ensemble of hands and stimuli instead of one setting."""
