@@ -38,6 +38,9 @@ class ExperimentCommand:
     """Code of the participant, not a name: P07."""
     session: Annotated[int, Range(1, 1000)] = 1
     """Number of the session."""
+    language: str | None = None
+    """Language of the participant: en, de, fr, es, or one of the experiment's own. Default: that of
+    the experiment."""
     device: str | None = None
     """Device that the participant holds: simulated, haply, touch, ...: see `asperity devices`."""
     page: bool = False
@@ -58,7 +61,7 @@ class ExperimentCommand:
         from asperity.psychophysics.design import read_design
         from asperity.psychophysics.session.session import Session, participant_code
 
-        design = read_design(self.file)
+        design = read_design(self.file, self.language)
         if self.check:
             self._check(design)
             return
@@ -201,8 +204,8 @@ class ExperimentCommand:
             print(f"{outcome.folder}: {outcome.answers} answers; the session is complete")
         else:
             print(
-                f"{outcome.folder}: paused after {outcome.answers} of at most {outcome.most} "
-                "answers; the same command resumes"
+                f"{outcome.folder}: paused after {outcome.done} of at most {outcome.most} "
+                f"{outcome.unit}; the same command resumes"
             )
 
 
@@ -260,7 +263,7 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
         for session in analysis["sessions"]
         if session["simulated"]
     ]
-    for one in analysis.get("forced-choice", ()):
+    for one in (*analysis.get("forced-choice", ()), *analysis.get("odd-one-out", ())):
         fit = one.get("psychometric")
         if fit is None:
             lines.append(f"{one['session']}: {one['not_fitted']}")

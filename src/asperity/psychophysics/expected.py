@@ -13,14 +13,15 @@ from asperity.psychophysics.procedures.procedures import procedure
 def simulated_answers(design: ExperimentDesign, participant: str) -> tuple[list[float], list[bool]]:
     """Return the intensity of each trial of a simulated session, and whether the target was hit.
 
-    Practice is left out. The participant answers by `[simulated]`, by the stimulus's parameter.
+    Practice and catch trials are left out. The participant answers by `[simulated]`, by the
+    stimulus's parameter.
     """
     steps, front = procedure(design, participant, 1), SimulatedInterface(design, participant)
     intensities, hits = [], []
     while (trial := steps.next()) is not None:
         answer = front.answer(trial, [])
         steps.answer(trial, answer)
-        if not trial.practice and trial.intensity is not None:
+        if trial.counts and trial.intensity is not None:
             intensities.append(trial.intensity)
             hits.append(bool(trial.is_target(answer)))
     return intensities, hits
@@ -31,7 +32,7 @@ def expected_interval(design: ExperimentDesign, sessions: int = 12) -> tuple[flo
 
     None unless the design is a forced choice whose simulated participant judges the parameter.
     """
-    if design.method != "forced-choice" or design.simulated.rates != "parameter":
+    if design.adaptive is None or design.simulated.rates != "parameter":
         return None
     settings, fits = design.forced_choice, list[Fit]()
     for i in range(sessions):

@@ -61,7 +61,7 @@ class MagnitudeSettings:
 
 @dataclass(frozen=True)
 class ForcedChoiceSettings:
-    """Two intervals, a standard and a comparison: which has more of the attribute in question.
+    """A comparison and one or two standards: which has more of the attribute in question.
 
     Parameters
     ----------
@@ -78,10 +78,14 @@ class ForcedChoiceSettings:
     scale : {"log", "linear"}
         Of the levels: steps are factors, or differences.
     adaptive : {"staircase", "quest+", "constant"}
+    intervals : int
+        2, or 3 with two standards.
     practice : int
         Trials at the highest level, before the others, that are not analysed.
     feedback : bool
         Whether the participant learns if the answer was right.
+    practice_feedback : bool
+        The same, of practice trials.
     """
 
     standard: float
@@ -92,12 +96,13 @@ class ForcedChoiceSettings:
     more: str = "larger"
     scale: str = "log"
     adaptive: str = "staircase"
+    intervals: int = 2
     practice: int = 0
     feedback: bool = False
+    practice_feedback: bool = True
 
     def __post_init__(self) -> None:
-        require_choice("level", self.level, ("weber", "difference", "value"))
-        require_choice("direction", self.direction, ("up", "down"))
+        require_standard(self.standard, self.level, self.direction)
         require_choice("more", self.more, ("larger", "smaller"))
         require_choice("scale", self.scale, ("log", "linear"))
         require_choice("adaptive", self.adaptive, ADAPTIVE)
@@ -117,6 +122,20 @@ class ForcedChoiceSettings:
                 'levels on both sides of the standard have direction = "up"; got "down" '
                 f"with low {self.low:g}, high {self.high:g}"
             )
+        self._check_intervals()
+
+    def _check_intervals(self) -> None:
+        require_between("intervals", self.intervals, 2, 3)
+        if self.intervals == 3 and self.signed:
+            raise AsperityError(
+                "with 3 intervals all levels lie on one side of the standard, or two of the "
+                f"intervals may have more; got low {self.low:g}, high {self.high:g}"
+            )
+        if self.intervals == 3 and not self.comparison_is_target:
+            raise AsperityError(
+                "with 3 intervals the comparison must have more than the two standards; got "
+                f'direction = "{self.direction}", more = "{self.more}"'
+            )
 
     @property
     def signed(self) -> bool:
@@ -129,7 +148,7 @@ class ForcedChoiceSettings:
     @property
     def guess(self) -> float | None:
         """Rate at which the target is answered by chance; None: the lapse rate."""
-        return None if self.signed else 0.5
+        return None if self.signed else 1.0 / self.intervals
 
     def intensity(self, level: float) -> float:
         """Return the intensity of a level: its decimal logarithm on a logarithmic scale."""
@@ -143,10 +162,7 @@ class ForcedChoiceSettings:
 
     def comparison(self, level: float) -> float:
         """Return the value of the comparison at a level."""
-        if self.level == "value":
-            return level
-        apart = level * self.standard if self.level == "weber" else level
-        return self.standard + (apart if self.direction == "up" else -apart)
+        return comparison_value(self.standard, level, self.level, self.direction)
 
     def has_more(self, value: float, other: float) -> bool | None:
         """Return whether a value has more of the attribute than another; None if they are equal."""
@@ -156,6 +172,109 @@ class ForcedChoiceSettings:
     def comparison_is_target(self) -> bool:
         """Whether answering with the comparison gets more frequent as the level rises."""
         return bool(self.has_more(self.comparison(self.high), self.comparison(self.low)))
+
+
+@dataclass(frozen=True)
+class OddOneOutSettings(ForcedChoiceSettings):
+    """Three intervals, two of them equal: which one is different.
+
+    As `ForcedChoiceSettings`; `more` only says what the comparison has more of.
+
+    Parameters
+    ----------
+    odd : {"either", "comparison"}
+        Which of the two values is presented once. With "comparison" whoever notices that may choose
+        the one that has more, instead of the different one.
+    """
+
+    intervals: int = 3
+    odd: str = "either"
+
+    def _check_intervals(self) -> None:
+        require_choice("odd", self.odd, ("either", "comparison"))
+        require_between("intervals", self.intervals, 3, 3)
+        if self.signed:
+            raise AsperityError(
+                "levels of odd-one-out lie on one side of the standard; got "
+                f"low {self.low:g}, high {self.high:g}"
+            )
+
+
+@dataclass(frozen=True)
+class YesNoSettings:
+    """One interval, the standard or a comparison: was the signal there.
+
+    Parameters
+    ----------
+    standard : float
+        Value of the levels' key without the signal.
+    levels : tuple of float
+        Of the signal.
+    level, direction
+        As of `ForcedChoiceSettings`.
+    repeats : int
+        Trials of each level.
+    without : int, optional
+        Trials of the standard. Default: as many as those of all levels together.
+    practice : int
+        Trials before the others, half of them at the highest level, that are not analysed.
+    feedback, practice_feedback : bool
+        As of `ForcedChoiceSettings`.
+    """
+
+    standard: float
+    levels: tuple[float, ...]
+    level: str = "weber"
+    direction: str = "up"
+    repeats: int = 100
+    without: int | None = None
+    practice: int = 0
+    feedback: bool = False
+    practice_feedback: bool = True
+
+    def __post_init__(self) -> None:
+        require_standard(self.standard, self.level, self.direction)
+        require_between("repeats", self.repeats, 1, 10000)
+        require_between("practice", self.practice, 0, 1000)
+        if self.without is not None:
+            require_between("without", self.without, 1, 100000)
+        if not self.levels or len(set(self.levels)) < len(self.levels):
+            raise AsperityError(f"levels must hold different numbers, got {list(self.levels)}")
+        for level in self.levels:
+            if self.comparison(level) == self.standard:
+                raise AsperityError(f"levels: at {level:g} there is no signal, but the standard")
+
+    def comparison(self, level: float) -> float:
+        """Return the value of the signal at a level."""
+        return comparison_value(self.standard, level, self.level, self.direction)
+
+    @property
+    def highest(self) -> float:
+        """The level farthest from the standard."""
+        return max(self.levels, key=lambda level: abs(self.comparison(level) - self.standard))
+
+    @property
+    def trials_without(self) -> int:
+        """Number of trials of the standard."""
+        return self.repeats * len(self.levels) if self.without is None else self.without
+
+
+def require_standard(standard: float, level: str, direction: str) -> None:
+    """Raise `AsperityError` unless levels of this kind lead away from the standard."""
+    require_choice("level", level, ("weber", "difference", "value"))
+    require_choice("direction", direction, ("up", "down"))
+    if standard == 0.0 and level == "weber":
+        raise AsperityError(
+            'a standard of 0 has no fractions: give level = "difference" or "value", got "weber"'
+        )
+
+
+def comparison_value(standard: float, level: float, kind: str, direction: str) -> float:
+    """Return the value of a comparison at a level; see `ForcedChoiceSettings`."""
+    if kind == "value":
+        return level
+    apart = level * standard if kind == "weber" else level
+    return standard + (apart if direction == "up" else -apart)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def read_stimuli(document: Table, folder: Path | None) -> Stimuli:
         levels = _levels(document["levels"])
     if not named and levels is None:
         raise AsperityError("there are no stimuli: give [levels], or a table [stimuli.NAME] each")
-    if named and levels is not None:
+    if named and levels is not None and document.get("method") != "matching":
         raise AsperityError("levels and stimuli are both given; give one of them")
     return Stimuli(base, named, levels, folder)
 

@@ -219,9 +219,9 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         )
         summary["magnitude"] = magnitudes_summary(found)
         figure_style.save(figures.magnitude_figure(found, design), folder, "magnitude")
-    elif design.method == "forced-choice":
+    elif design.adaptive is not None:
         thresholds = [analyse_threshold(result, options) for result in results]
-        summary["forced-choice"] = [threshold.summary for threshold in thresholds]
+        summary[design.method] = [threshold.summary for threshold in thresholds]
         for threshold in thresholds:
             name = threshold.result.name
             figure_style.save(figures.track_figure(threshold), folder, f"trials_{name}")

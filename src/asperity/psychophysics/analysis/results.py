@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign, parse_design
 from asperity.psychophysics.interfaces.protocol import SIMULATED
 from asperity.psychophysics.session.journal import FILE, read_journal
-from asperity.psychophysics.session.trials import Answer, Trial
+from asperity.psychophysics.session.trials import Answer, Trial, standing_answers
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class AnsweredTrial:
 
 @dataclass(frozen=True)
 class SessionResult:
-    """One session: all answers except those of practice trials."""
+    """One session: all answers except those of practice and catch trials."""
 
     participant: str
     number: int
@@ -40,6 +41,10 @@ class SessionResult:
     answers: tuple[AnsweredTrial, ...]
     complete: bool
     simulated: bool
+    catch: tuple[AnsweredTrial, ...] = ()
+    """Answers to catch trials."""
+    taken_back: int = 0
+    """Number of answers that were taken back."""
 
     @property
     def name(self) -> str:
@@ -90,7 +95,7 @@ def _result(folder: Path) -> SessionResult:
     if not events or events[0]["event"] != "begin":
         raise AsperityError(f"{folder}: its journal does not begin as a session does")
     begin = events[0]
-    given = [event for event in events if event["event"] == "answer"]
+    given = standing_answers(events)
     answers = [
         AnsweredTrial(
             Trial.from_json(event["trial"]), event["answer"], event["right"],
@@ -100,7 +105,18 @@ def _result(folder: Path) -> SessionResult:
         for event in given
     ]  # fmt: skip
     return SessionResult(
-        begin["participant"], begin["session"], parse_design(begin["document"], folder),
-        begin["design"], tuple(a for a in answers if not a.trial.practice),
+        begin["participant"], begin["session"], parse_design(_stored(begin["document"]), folder),
+        begin["design"], tuple(a for a in answers if a.trial.counts),
         events[-1]["event"] == "end", any(event["by"] == SIMULATED for event in given),
+        tuple(a for a in answers if a.trial.catch),
+        sum(event["taken_back"] for event in given),
     )  # fmt: skip
+
+
+def _stored(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document without its language, whose own texts may be elsewhere by now."""
+    out = {key: value for key, value in document.items() if key not in ("language", "texts")}
+    for key in ("instructions", "question"):
+        if isinstance(out.get(key), dict):
+            out[key] = next(iter(out[key].values()), "")
+    return out

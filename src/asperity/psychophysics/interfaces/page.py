@@ -7,6 +7,7 @@ terminal in which the command runs.
 
 from __future__ import annotations
 
+import math
 import queue
 import time
 from collections.abc import Callable
@@ -16,7 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign
-from asperity.psychophysics.interfaces.protocol import ParticipantInterface, Paused, Progress, Reply
+from asperity.psychophysics.interfaces.protocol import (
+    ParticipantInterface,
+    Paused,
+    Progress,
+    Reply,
+    TakenBack,
+)
 from asperity.psychophysics.session.trials import PresentedInterval, Trial
 from asperity.realtime.servo.process import ServoSpec
 from asperity.realtime.servo.running import Servo
@@ -34,6 +41,11 @@ if TYPE_CHECKING:
 
 _LOOKED = 0.2
 """Longest wait between two checks for Ctrl-C [s]."""
+_WORDS = {
+    "yes-no": {1: "yes", 0: "no"},
+    "adjust": {2: "much_more", 1: "more", 0: "equal", -1: "less", -2: "much_less"},
+}
+"""Texts of the buttons of kinds of trials, by their answers."""
 _QUIET, _LIT = "#e8ecf0", "#0072B2"
 _LAMP = (
     '<div style="flex:1;text-align:center;font-size:2em;font-weight:700;padding:0.3em;'
@@ -113,7 +125,7 @@ class ParticipantPanel:
         self.design = design
         self.done: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self.stage = ""
-        """"welcome", "ready", "feel", "ask", "over"."""
+        """"welcome", "ready", "feel", "ask", "rest", "last", "over"."""
 
     def build(self, server: viser.ViserServer, servo: ServoClient) -> None:
         """Make all controls; `show` makes those of a stage visible."""
@@ -124,23 +136,34 @@ class ParticipantPanel:
         self._bar = gui.add_progress_bar(0.0)
         self._lamps = gui.add_html("")
         self._message = gui.add_markdown("")
-        self._next = gui.add_button("Begin", icon="player-play", color="green")
-        self._enough = gui.add_button("I have felt enough", icon="player-skip-forward")
-        self._choices = [gui.add_button(str(i)) for i in range(1, 3)]
+        texts = self.design.texts
+        self._next = gui.add_button(texts("begin"), icon="player-play", color="green")
+        self._enough = gui.add_button(texts("enough"), icon="player-skip-forward")
+        self._choices = [gui.add_button(str(i)) for i in range(1, 1 + self.design.choices)]
+        self._words = {
+            kind: {answer: gui.add_button(texts(key)) for answer, key in words.items()}
+            for kind, words in _WORDS.items()
+            if kind == self.design.kind
+        }
         self._entry = gui.add_text("answer", "")
-        self._ok = gui.add_button("OK", icon="check", color="green")
-        self._pause = gui.add_button("Go on another time", icon="player-pause", color="gray")
+        self._ok = gui.add_button(texts("ok"), icon="check", color="green")
+        self._back = gui.add_button(texts("take_back"), icon="arrow-back-up", color="gray")
+        self._pause = gui.add_button(texts("pause"), icon="player-pause", color="gray")
+        self._back.on_click(lambda _: self.done.put(("back", None)))
         self._next.on_click(lambda _: self.done.put(("next", None)))
         self._enough.on_click(lambda _: self.done.put(("enough", None)))
         self._ok.on_click(lambda _: self.done.put(("answer", self._entry.value)))
         self._pause.on_click(lambda _: self.done.put(("pause", None)))
         for i, button in enumerate(self._choices, 1):
             button.on_click(lambda _, i=i: self.done.put(("answer", i)))
-        self.show("starting", "Please wait.")
+        for words in self._words.values():
+            for answer, button in words.items():
+                button.on_click(lambda _, i=answer: self.done.put(("answer", i)))
+        self.show("starting", texts("wait"))
 
     def show(
         self, stage: str, message: str = "", *, kind: str = "", enough: bool = False,
-        go: str = "Begin",
+        go: str = "", back: bool = False,
     ) -> None:  # fmt: skip
         """Show the controls of a stage of the session.
 
@@ -154,22 +177,30 @@ class ParticipantPanel:
         enough : bool
             Whether the participant may end the interval.
         go : str
-            Label of the button that continues.
+            Text of the button that continues, by its key; empty: there is no such button.
+        back : bool
+            Whether the participant may take back the last answer.
         """
+        texts = self.design.texts
         self.stage = stage
         asking = stage == "ask"
         self._text.visible = stage == "welcome"
         self._message.content = message
-        self._next.label = go
-        self._next.visible = stage in ("welcome", "ready")
+        if go:
+            self._next.label = texts(go)
+        self._next.visible = bool(go)
+        self._back.visible = back
         self._enough.visible = stage == "feel" and enough
         for button in self._choices:
             button.visible = asking and kind == "choice"
+        for name, words in self._words.items():
+            for button in words.values():
+                button.visible = asking and kind == name
         self._entry.visible = self._ok.visible = asking and kind in ("number", "order")
         if asking:
             self._entry.value = ""
-            self._entry.label = "number" if kind == "number" else "order, such as 2 1 3"
-        self._pause.visible = stage in ("welcome", "ready", "ask")
+            self._entry.label = texts("number_label" if kind == "number" else "order_label")
+        self._pause.visible = stage in ("welcome", "ready", "ask", "rest")
 
     def light(self, interval: int, count: int) -> None:
         """Highlight the marker of an interval, counted from 1; 0: none."""
@@ -218,14 +249,14 @@ class PageInterface(ParticipantInterface):
     ) -> None:  # fmt: skip
         self._desk, self._say, self._clock = desk, say, clock
         self._count = 0
-        self._trial: Trial | None = None
         self._notice = ""
+        self._texts = desk.design.texts
 
     def welcome(self, design: ExperimentDesign, progress: Progress) -> None:
         """Show the instructions."""
-        again = f"The session goes on after {progress.done} answers." if progress.resumed else ""
+        again = self._texts("resumed", done=progress.done) if progress.resumed else ""
         self._desk.progress(progress)
-        self._desk.show("welcome", again)
+        self._desk.show("welcome", again, go="begin")
         self._wait("next")
 
     def ready(self, trial: Trial, progress: Progress) -> None:
@@ -233,19 +264,23 @@ class PageInterface(ParticipantInterface):
         self._count = len(trial.stimuli)
         self._desk.progress(progress)
         self._desk.light(0, self._count)
-        kind = "Practice" if trial.practice else "Trial"
+        kind = "practice" if trial.practice else "short_trial"
+        number = trial.number if trial.track is None or trial.step is None else trial.track
         message = f"{self._notice}\n\n" if self._notice else ""
-        self._desk.show("ready", f"{message}**{kind} {trial.number}**", go="Start")
-        self._notice, self._trial = "", trial
-        self._wait("next")
-        self._desk.show("wait", "Please wait.")
+        self._desk.show(
+            "ready", f"{message}**{self._texts(kind, number=number)}**", go="start",
+            back=progress.can_take_back,
+        )  # fmt: skip
+        self._notice = ""
+        self._wait("next", back=progress.can_take_back)
+        self._desk.show("wait", self._texts("wait"))
 
     def begun(self, interval: int) -> None:
         """Highlight the interval's marker."""
         self._empty()
         self._desk.light(interval, self._count)
         paced = self._desk.design.presentation.self_paced
-        self._desk.show("feel", "Feel it now.", enough=paced)
+        self._desk.show("feel", self._texts("feel"), enough=paced)
 
     def done(self) -> bool:
         """Return whether the participant wants to end the interval."""
@@ -284,22 +319,51 @@ class PageInterface(ParticipantInterface):
 
     def feedback(self, right: bool) -> None:
         """Show the feedback before the next trial."""
-        self._notice = "That was right." if right else "That was wrong."
+        self._notice = self._texts("right" if right else "wrong")
+
+    def rest(self, seconds: float, progress: Progress) -> None:
+        """Show a break with its seconds, and the button when they are over."""
+        texts, end = self._texts, self._clock() + seconds
+        self._desk.progress(progress)
+        self._desk.light(0, 0)
+        self._say(f"break after {progress.done} trials, {seconds:.0f} s or longer")
+        shown = 0
+        while (left := math.ceil(end - self._clock())) > 0:
+            if left != shown:
+                shown = left
+                self._desk.show("rest", f"{texts('break')} {texts('break_left', seconds=left)}")
+            self._empty()
+            time.sleep(_LOOKED)
+        self._desk.show("rest", f"{texts('break')} {texts('break_over')}", go="go_on")
+        self._wait("next")
+
+    def taken_back(self) -> None:
+        """Show it before the trial that comes again."""
+        self._notice = self._texts("taken_back")
+        self._say("the last answer was taken back")
+
+    def last(self, progress: Progress) -> None:
+        """Wait for the button that finishes, or the one that takes back the last answer."""
+        self._desk.progress(progress)
+        self._desk.show("last", self._texts("last"), go="finish", back=progress.can_take_back)
+        self._wait("next", back=progress.can_take_back)
 
     def over(self, message: str) -> None:
         """Show the last message."""
         self._desk.light(0, 0)
         self._desk.show("over", message)
 
-    def _wait(self, wanted: str) -> Any:
+    def _wait(self, wanted: str, *, back: bool = False) -> Any:
         while True:
             try:
                 what, value = self._desk.done.get(timeout=_LOOKED)
             except queue.Empty:
                 continue
             if what == "pause":
-                self._desk.show("over", "All answers are kept. You may close this page.")
+                self._desk.show("over", self._texts("kept"))
                 raise Paused
+            if what == "back" and back:
+                raise TakenBack
             if what == wanted:
                 return value
 
@@ -311,6 +375,7 @@ class PageInterface(ParticipantInterface):
             except queue.Empty:
                 return
             if what == "pause":
+                self._desk.show("over", self._texts("kept"))
                 raise Paused
 
 

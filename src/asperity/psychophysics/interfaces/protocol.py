@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric
 from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.procedures.procedures import seeds
@@ -23,15 +24,21 @@ class Paused(Exception):  # noqa: N818  (no error)
     """The participant or the experimenter pauses the session."""
 
 
+class TakenBack(Exception):  # noqa: N818  (no error)
+    """The participant takes back the last answer."""
+
+
 @dataclass(frozen=True)
 class Progress:
     """Progress of a session."""
 
     done: int
-    """Trials answered."""
+    """Trials answered; of adjustments, those that are settled."""
     most: int
     """Largest number of trials; adaptive methods may end earlier."""
     resumed: bool = False
+    can_take_back: bool = False
+    """Whether the last answer may be taken back now."""
 
 
 class Reply(NamedTuple):
@@ -44,7 +51,8 @@ class Reply(NamedTuple):
 class ParticipantInterface:
     """Shows trials to a participant and returns the answers. Any method may raise `Paused`.
 
-    What is not overridden shows nothing and goes on at once; `ask` must be.
+    `ready` and `last` may raise `TakenBack` where the progress says that the answer can be. What is
+    overridden shows nothing and goes on at once; `ask` must be.
     """
 
     kind = ""
@@ -76,6 +84,15 @@ class ParticipantInterface:
     def feedback(self, right: bool) -> None:
         """Show whether the answer was right."""
 
+    def rest(self, seconds: float, progress: Progress) -> None:
+        """Show a break of at least so many seconds; return when the participant goes on."""
+
+    def taken_back(self) -> None:
+        """Show that the last answer was taken back."""
+
+    def last(self, progress: Progress) -> None:
+        """Return when the participant, who may take back the last answer, finishes."""
+
     def over(self, message: str) -> None:
         """Show that the session has ended."""
 
@@ -90,12 +107,20 @@ class SimulatedInterface(ParticipantInterface):
 
     def __init__(self, design: ExperimentDesign, participant: str = "", session: int = 1) -> None:
         self.settings = s = design.simulated
+        self.design = design
         threshold, guess = 0.0, None
-        if design.method == "forced-choice":
+        if design.adaptive is not None:
             threshold = design.forced_choice.intensity(s.threshold)
             guess = design.forced_choice.guess
         self.truth = Psychometric(threshold, s.width, s.lapse, guess, s.function)
         self._seed = [s.seed, _STREAM, *seeds(design, participant, session)]
+        if design.kind == "adjust" and s.rates == "parameter":
+            for standard in design.standards():
+                if standard.value is None:
+                    raise AsperityError(
+                        f"stimuli.{standard.name}.value is missing: what a simulated participant "
+                        "matches by"
+                    )
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Return the simulated participant's answer."""
@@ -117,15 +142,60 @@ class SimulatedInterface(ParticipantInterface):
         rng = np.random.default_rng([*self._seed, trial.number])
         by_parameter = self.settings.rates == "parameter"
         if by_parameter and trial.intensity is not None and trial.target is not None:
+            if trial.kind == "yes-no":
+                return self._yes_or_no(trial, rng)
             hit = rng.random() < float(self.truth(trial.intensity))
-            return trial.target if hit else 3 - trial.target
+            others = [i for i in range(1, len(trial.stimuli) + 1) if i != trial.target]
+            if hit or len(others) == 1:
+                return trial.target if hit else others[0]
+            return others[int(rng.integers(len(others)))]
+        if trial.kind == "yes-no":
+            return self._yes_or_no(trial, rng)
+        if trial.kind == "adjust" and by_parameter:
+            return self._change(trial)
         magnitudes = [self._magnitude(trial, i, felt, rng) for i in range(len(trial.stimuli))]
         if trial.kind == "number":
             return float(f"{10.0 ** magnitudes[0]:.3g}")
         lapsed = rng.random() < self.settings.lapse
-        keys = rng.random(len(magnitudes)) if lapsed else np.array(magnitudes)
+        if trial.kind == "adjust":
+            apart = magnitudes[0] - magnitudes[1]
+            return 0 if abs(apart) <= max(self.settings.noise, 0.01) else 1 if apart > 0.0 else -1
+        felt_as = np.array(magnitudes)
+        if self.design.method == "odd-one-out":
+            felt_as = np.abs(felt_as - np.median(felt_as))
+        keys = rng.random(len(magnitudes)) if lapsed else felt_as
         order = [int(i) + 1 for i in np.argsort(-keys, kind="stable")]
         return order[0] if trial.kind == "choice" else order
+
+    def _yes_or_no(self, trial: Trial, rng: np.random.Generator) -> int:
+        """Return 1 for yes: what is sensed, of unit variance, lies above the criterion."""
+        s, settings = self.settings, self.design.settings
+        if rng.random() < s.lapse:
+            return int(rng.integers(2))
+        signal = 0.0
+        if trial.level is not None and trial.right == 1:
+            apart = trial.level
+            if getattr(settings, "level", "") == "value":
+                apart -= getattr(settings, "standard", 0.0)
+            signal = (abs(apart) / s.threshold) ** s.exponent
+        return int(signal + rng.normal() > s.criterion)
+
+    def _change(self, trial: Trial) -> int:
+        """Return how the comparison should change towards what feels equal in this adjustment."""
+        s, settings = self.settings, self.design.matching
+        rng = np.random.default_rng([*self._seed, _STREAM, trial.track or 0])
+        value = trial.stimuli[0].value
+        assert value is not None
+        assert trial.intensity is not None
+        noise = s.noise if settings.scale == "log" else s.noise * abs(value)
+        aim = settings.intensity(value * s.bias) + noise * rng.normal()
+        # It may lie beyond what can be adjusted.
+        aim = min(max(aim, settings.intensity(settings.low)), settings.intensity(settings.high))
+        steps = (aim - trial.intensity) / settings.intensity(settings.step)
+        if abs(steps) <= 0.5 + 1e-9:
+            return 0
+        size = 2 if abs(steps) > 0.5 * (1 + settings.coarse) else 1
+        return size if (steps > 0.0) == (settings.more == "larger") else -size
 
     def _magnitude(
         self, trial: Trial, interval: int, felt: list[PresentedInterval], rng: np.random.Generator

@@ -24,18 +24,25 @@ class SimulatedSettings:
     rates : {"parameter", "band_rms", "largest_force"}
         Quantity that is judged. With "parameter", forced choices follow the psychometric function.
     threshold : float
-        Level of a forced choice where F is a half.
+        Level of a forced choice where F is a half; of yes/no, where d' is 1.
     width : float
         Width of the psychometric function, in intensity (decades on a logarithmic scale).
     lapse : float
         Proportion of answers that are wrong, or random, independent of the stimulus.
     function : {"logistic", "normal", "weibull"}
     exponent : float
-        Exponent of the magnitude as a power law of the judged quantity.
+        Exponent of the magnitude as a power law of the judged quantity; of yes/no, of d' over the
+        level.
     modulus : float
         Magnitude at a judged quantity of 1.
     noise : float
-        Standard deviation of the decimal logarithm of a magnitude, drawn in each interval.
+        Standard deviation of the decimal logarithm of a magnitude, drawn in each interval, or of
+        what a participant adjusts to, drawn in each adjustment (on a linear scale, as a part of the
+        standard).
+    criterion : float
+        Of yes/no: how far above the mean without the signal "yes" begins [SD].
+    bias : float
+        Of adjustments: the value that feels equal, as a multiple of the standard.
     seed : int
     """
 
@@ -47,6 +54,8 @@ class SimulatedSettings:
     exponent: float = 1.0
     modulus: float = 10.0
     noise: float = 0.1
+    criterion: float = 0.5
+    bias: float = 1.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -57,3 +66,5 @@ class SimulatedSettings:
         require_between("lapse", self.lapse, 0.0, 0.5)
         require_between("exponent", self.exponent, -10.0, 10.0)
         require_not_negative("noise", self.noise)
+        require_between("criterion", self.criterion, -10.0, 10.0)
+        require_positive("bias", self.bias)

@@ -9,24 +9,23 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from asperity.psychophysics.design import ExperimentDesign
+from asperity.psychophysics.procedures.adjusting import adjustments, ends_adjustment
+from asperity.psychophysics.procedures.catch import Trials, with_catch_trials
+from asperity.psychophysics.procedures.correct import interval_with_most, odd_interval
+from asperity.psychophysics.procedures.fixed import fixed_trials
+from asperity.psychophysics.procedures.orders import balanced_positions, participant_number
 from asperity.psychophysics.procedures.questplus import QuestPlus, QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
+from asperity.psychophysics.procedures.yes_no import yes_no_catch, yes_no_trials
 from asperity.psychophysics.session.trials import Answer, Trial
-from asperity.psychophysics.settings import (
-    ConstantSettings,
-    MagnitudeSettings,
-    PairsSettings,
-    RankingSettings,
-)
-from asperity.psychophysics.stimuli import Stimulus
-
-Trials = Generator[Trial, bool | None, None]
-"""Yields trials; is sent whether the answer to each was its target."""
+from asperity.psychophysics.settings import ConstantSettings, OddOneOutSettings, YesNoSettings
 
 
 class Procedure:
@@ -35,13 +34,20 @@ class Procedure:
     Parameters
     ----------
     most : int
-        Largest number of trials.
+        Largest number of trials, or of adjustments.
     trials : generator of Trial
-        Is sent whether the answer to each trial was its target.
+        Is sent the answer to each.
+    ends : callable, optional
+        Whether an answer to a trial counts towards `most`. Default: all do.
     """
 
-    def __init__(self, most: int, trials: Trials) -> None:
-        self.most, self._trials = most, trials
+    def __init__(
+        self, most: int, trials: Trials,
+        ends: Callable[[Trial, Answer], bool] = lambda trial, answer: True,
+    ) -> None:  # fmt: skip
+        self.most, self._trials, self._ends = most, trials, ends
+        self.done = 0
+        """Trials answered, or adjustments ended."""
         self._next = next(trials, None)
 
     def next(self) -> Trial | None:
@@ -50,8 +56,9 @@ class Procedure:
 
     def answer(self, trial: Trial, answer: Answer) -> None:
         """Record the answer to that trial."""
+        self.done += self._ends(trial, answer)
         try:
-            self._next = self._trials.send(trial.is_target(answer))
+            self._next = self._trials.send(answer)
         except StopIteration:
             self._next = None
 
@@ -63,92 +70,141 @@ def seeds(design: ExperimentDesign, participant: str, session: int) -> list[int]
 
 
 def procedure(design: ExperimentDesign, participant: str, session: int) -> Procedure:
-    """Return the procedure of an experiment for a participant's session."""
+    """Return the procedure of an experiment for a participant's session.
+
+    Raises
+    ------
+    AsperityError
+        Orders are balanced over participants, and the code has no number.
+    """
     seed, settings = seeds(design, participant, session), design.settings
-    rng = np.random.default_rng(seed)
-    if isinstance(settings, MagnitudeSettings):
-        trials = _magnitudes(design.all_stimuli(), settings, rng)
-    elif isinstance(settings, PairsSettings):
-        trials = _pairs(design.all_stimuli(), settings, rng)
-    elif isinstance(settings, RankingSettings):
-        trials = _rankings(design.all_stimuli(), settings, rng)
-    else:
-        assert design.adaptive is not None
-        return Procedure(settings.practice + design.adaptive.most, _forced_choices(design, seed))
-    return Procedure(len(trials), _one_by_one(trials))
+    number = participant_number(participant) if design.session.balanced else None
+    row = None if number is None else number + session - 1
+    if design.kind == "adjust":
+        matching = design.matching
+        most = matching.practice + matching.repeats * len(design.standards())
+        return Procedure(most, adjustments(design, seed, row), partial(ends_adjustment, design))
+    if isinstance(settings, YesNoSettings):
+        listed = yes_no_trials(design, seed)
+        return _with_catch(
+            design, len(listed), settings.practice, _one_by_one(listed), seed,
+            lambda number, _: yes_no_catch(design, number),
+        )  # fmt: skip
+    if design.adaptive is None:
+        listed = fixed_trials(design, seed, row)
+        return Procedure(len(listed), _one_by_one(listed))
+    chosen, most = design.forced_choice, design.adaptive.most
+    positions = None
+    if number is not None:
+        positions = balanced_positions(
+            chosen.intervals, chosen.practice + most, number, [design.seed, session]
+        )
+    choices = Choices(design, positions)
+    level = chosen.high if design.catch.level is None else design.catch.level
+    return _with_catch(
+        design, chosen.practice + most, chosen.practice, _forced_choices(choices, seed), seed,
+        lambda number, rng: choices.drawn(number, level, None, 1, rng),
+    )  # fmt: skip
+
+
+def _with_catch(
+    design: ExperimentDesign, most: int, practice: int, trials: Trials, seed: list[int],
+    make: Callable[[int, np.random.Generator], Trial],
+) -> Procedure:  # fmt: skip
+    """Return a procedure with the catch trials of its design."""
+    every = design.catch.every
+    if not every:
+        return Procedure(most, trials)
+    most += -(-(most - practice) // every)
+    return Procedure(most, with_catch_trials(trials, every, seed, make))
 
 
 def _one_by_one(trials: list[Trial]) -> Trials:
-    yield from trials  # which have no right answer: what is sent is None
+    # Not `yield from`: a list cannot be sent the answers.
+    for trial in trials:  # noqa: UP028
+        yield trial
 
 
-def _magnitudes(
-    stimuli: list[Stimulus], settings: MagnitudeSettings, rng: np.random.Generator
-) -> list[Trial]:
-    """Return blocks of all stimuli, each in a new random order; no stimulus twice in a row."""
-    rows: list[tuple[Stimulus, int]] = []
-    while len(rows) < settings.practice:  # practice also covers the range of stimuli
-        order = rng.permutation(len(stimuli))[: settings.practice - len(rows)]
-        rows += [(stimuli[i], 0) for i in order]
-    for block in range(1, settings.blocks + 1):
-        order = rng.permutation(len(stimuli))
-        if rows and len(stimuli) > 1 and rows[-1][0] == stimuli[order[0]]:
-            order = np.roll(order, -1)
-        rows += [(stimuli[i], block) for i in order]
-    return [Trial(n, "number", (s,), block) for n, (s, block) in enumerate(rows, 1)]
+@dataclass(frozen=True)
+class Choices:
+    """Trials of a standard and a comparison, in two or three intervals.
+
+    Parameters
+    ----------
+    design : ExperimentDesign
+        Of a method of `CHOICES`.
+    positions : list of int, optional
+        The interval of the comparison in each trial, from 0. Default: it is drawn.
+    """
+
+    design: ExperimentDesign
+    positions: list[int] | None = None
+
+    def trial(
+        self, number: int, level: float, track: int | None, block: int, rng: np.random.Generator
+    ) -> Trial:
+        """Return the trial of a number at a level."""
+        if self.positions is None:
+            return self.drawn(number, level, track, block, rng)
+        return self._at(self.positions[number - 1], number, level, track, block, rng)
+
+    def drawn(
+        self, number: int, level: float, track: int | None, block: int, rng: np.random.Generator
+    ) -> Trial:
+        """Return a trial whose comparison is in an interval that is drawn."""
+        intervals = self.design.forced_choice.intervals
+        # Of two intervals the comparison is the second, or the first if the order is reversed.
+        place = int(rng.random() >= 0.5) if intervals == 2 else int(rng.integers(intervals))
+        return self._at(place, number, level, track, block, rng)
+
+    def _at(
+        self, place: int, number: int, level: float, track: int | None, block: int,
+        rng: np.random.Generator,
+    ) -> Trial:  # fmt: skip
+        settings, stimuli = self.design.forced_choice, self.design.stimuli
+        single, others = settings.comparison(level), settings.standard
+        odd = isinstance(settings, OddOneOutSettings)
+        if (
+            isinstance(settings, OddOneOutSettings)
+            and settings.odd == "either"
+            and (rng.random() < 0.5)
+        ):
+            single, others = others, single
+        values = [others] * settings.intervals
+        values[place] = single
+        right = odd_interval(values) if odd else interval_with_most(values, settings)
+        target = place + 1 if odd or settings.comparison_is_target else 2 - place
+        return Trial(
+            number, "choice", tuple(map(stimuli.level, values)), block, level,
+            settings.intensity(level), right, track, target,
+        )  # fmt: skip
 
 
-def _pairs(
-    stimuli: list[Stimulus], settings: PairsSettings, rng: np.random.Generator
-) -> list[Trial]:
-    """Return all pairs in each block, in random order; the order within a pair alternates."""
-    pairs = list(itertools.combinations(stimuli, 2))
-    rows = [(pairs[i], 0) for i in rng.integers(0, len(pairs), settings.practice)]
-    reversed_order = rng.random(len(pairs)) < 0.5
-    for block in range(1, settings.repeats + 1):
-        for i in rng.permutation(len(pairs)):
-            a, b = pairs[i]
-            rows.append(((b, a) if reversed_order[i] else (a, b), block))
-        reversed_order = ~reversed_order
-    return [Trial(n, "choice", pair, block) for n, (pair, block) in enumerate(rows, 1)]
-
-
-def _rankings(
-    stimuli: list[Stimulus], settings: RankingSettings, rng: np.random.Generator
-) -> list[Trial]:
-    """Return trials of all stimuli, each in a new random order."""
-    blocks = [0] * settings.practice + list(range(1, settings.repeats + 1))
-    return [
-        Trial(n, "order", tuple(stimuli[i] for i in rng.permutation(len(stimuli))), block)
-        for n, block in enumerate(blocks, 1)
-    ]
-
-
-def _forced_choices(design: ExperimentDesign, seed: list[int]) -> Trials:
-    """Yield a standard and a comparison in random order, at the level of the adaptive method."""
-    settings, adaptive = design.forced_choice, design.adaptive
+def _forced_choices(choices: Choices, seed: list[int]) -> Trials:
+    """Yield trials at the levels of the adaptive method."""
+    settings, adaptive = choices.design.forced_choice, choices.design.adaptive
     # Seeded for each trial, so that random numbers do not depend on earlier answers.
     numbered = ((n, np.random.default_rng([*seed, n])) for n in itertools.count(1))
     for number, rng in itertools.islice(numbered, settings.practice):
-        yield _forced_choice(design, number, settings.high, None, 0, rng)
+        yield choices.trial(number, settings.high, None, 0, rng)
     if isinstance(adaptive, StaircaseSettings):
-        yield from _staircase_trials(design, numbered)
+        yield from _staircase_trials(choices, numbered)
     elif isinstance(adaptive, QuestPlusSettings):
-        yield from _quest_trials(design, adaptive, numbered)
+        yield from _quest_trials(choices, adaptive, numbered)
     elif isinstance(adaptive, ConstantSettings):
         levels, order = np.array(adaptive.levels), np.random.default_rng(seed)
         # Each block holds each level once, so that every level is spread over the session.
         blocks = [order.permutation(levels) for _ in range(adaptive.repeats)]
         for level, (number, rng) in zip(np.concatenate(blocks), numbered, strict=False):
             level = settings.level_of(settings.intensity(float(level)))
-            yield _forced_choice(design, number, level, None, 1, rng)
+            yield choices.trial(number, level, None, 1, rng)
 
 
 Numbered = Iterable[tuple[int, np.random.Generator]]
 
 
-def _staircase_trials(design: ExperimentDesign, numbered: Numbered) -> Trials:
-    tracks = staircases(design)
+def _staircase_trials(choices: Choices, numbered: Numbered) -> Trials:
+    tracks = staircases(choices.design)
     for number, rng in numbered:
         live = [i for i, track in enumerate(tracks) if not track.is_over]
         if not live:
@@ -157,42 +213,22 @@ def _staircase_trials(design: ExperimentDesign, numbered: Numbered) -> Trials:
         fewest = min(tracks[i].done for i in live)
         behind = [i for i in live if tracks[i].done == fewest]
         i = behind[int(rng.integers(len(behind)))]
-        level = design.forced_choice.level_of(tracks[i].intensity)
-        right = yield _forced_choice(design, number, level, i + 1, 1, rng)
-        tracks[i].answer(bool(right))
+        level = choices.design.forced_choice.level_of(tracks[i].intensity)
+        trial = choices.trial(number, level, i + 1, 1, rng)
+        answer = yield trial
+        tracks[i].answer(bool(trial.is_target(answer)))
 
 
-def _quest_trials(
-    design: ExperimentDesign, settings: QuestPlusSettings, numbered: Numbered
-) -> Trials:
-    quest = quest_plus(design)
+def _quest_trials(choices: Choices, settings: QuestPlusSettings, numbered: Numbered) -> Trials:
+    quest = quest_plus(choices.design)
     for number, rng in itertools.islice(numbered, settings.trials):
-        level = design.forced_choice.level_of(quest.next())
-        trial = _forced_choice(design, number, level, None, 1, rng)
-        right = yield trial
+        level = choices.design.forced_choice.level_of(quest.next())
+        trial = choices.trial(number, level, None, 1, rng)
+        answer = yield trial
         assert trial.intensity is not None
-        quest.answer(trial.intensity, bool(right))
+        quest.answer(trial.intensity, bool(trial.is_target(answer)))
         if quest.estimate()["threshold"][1] < settings.until:
             return
-
-
-def _forced_choice(
-    design: ExperimentDesign, number: int, level: float, track: int | None, block: int,
-    rng: np.random.Generator,
-) -> Trial:  # fmt: skip
-    settings, stimuli = design.forced_choice, design.stimuli
-    values = [settings.standard, settings.comparison(level)]
-    # The comparison is the second interval, or the first if the order is reversed.
-    compared = 2
-    if rng.random() < 0.5:
-        values, compared = values[::-1], 1
-    more = settings.has_more(*values)
-    right = None if more is None else 1 if more else 2
-    target = compared if settings.comparison_is_target else 3 - compared
-    return Trial(
-        number, "choice", tuple(map(stimuli.level, values)), block, level,
-        settings.intensity(level), right, track, target,
-    )  # fmt: skip
 
 
 def staircases(design: ExperimentDesign) -> list[Staircase]:

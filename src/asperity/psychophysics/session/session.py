@@ -32,12 +32,13 @@ from asperity.psychophysics.interfaces.protocol import (
     ParticipantInterface,
     Paused,
     Progress,
+    TakenBack,
 )
 from asperity.psychophysics.procedures.procedures import Procedure, procedure
 from asperity.psychophysics.session.journal import Journal
 from asperity.psychophysics.session.presenters import Presenter, private_files
 from asperity.psychophysics.session.tables import write_tables
-from asperity.psychophysics.session.trials import PresentedInterval, Trial
+from asperity.psychophysics.session.trials import PresentedInterval, Trial, standing_answers
 from asperity.scene.document import write_toml
 from asperity.studies.sweeps.batch import machine
 
@@ -56,9 +57,13 @@ class SessionOutcome:
 
     folder: Path
     answers: int
+    done: int
+    """Answers, or adjustments that have ended."""
     most: int
     complete: bool
     """Whether all trials are answered."""
+    unit: str = "answers"
+    """What `done` and `most` count: answers, or adjustments."""
 
 
 def participant_code(text: str) -> str:
@@ -149,20 +154,49 @@ class Session:
             if event["event"] == "trial":
                 number = event["trial"]["number"]
                 self._attempts[number] = self._attempts.get(number, 0) + 1
-            elif event["event"] == "answer":
-                trial = Trial.from_json(event["trial"])
-                if self.procedure.next() != trial:
-                    raise AsperityError(
-                        f"{self.folder}: trial {trial.number} would be another one now than in the "
-                        f"journal, which asperity {begin['version']} wrote; go on with that version"
-                    )
-                self.procedure.answer(trial, event["answer"])
-                self.answers += 1
+        self._replay()
+
+    def _replay(self) -> None:
+        """Give all answers that were not taken back to a new procedure."""
+        self.procedure = procedure(self.design, self.participant, self.number)
+        standing = standing_answers(self.journal.events)
+        for event in standing:
+            trial = Trial.from_json(event["trial"])
+            if self.procedure.next() != trial:
+                raise AsperityError(
+                    f"{self.folder}: trial {trial.number} would be another one now than in the "
+                    f"journal, which asperity {self.journal.events[0]['version']} wrote; go on "
+                    "with that version"
+                )
+            self.procedure.answer(trial, event["answer"])
+        self.answers = len(standing)
 
     @property
     def progress(self) -> Progress:
         """Progress of the session."""
-        return Progress(self.answers, self.procedure.most, self.resumed)
+        return Progress(
+            self.procedure.done, self.procedure.most, self.resumed, self._can_take_back()
+        )
+
+    def _can_take_back(self) -> bool:
+        """Return whether the last answer stands, and nothing was said about it."""
+        if not self.design.session.take_back:
+            return False
+        for event in reversed(self.journal.events):
+            if event["event"] == "answer":
+                trial = Trial.from_json(event["trial"])
+                return not self._gives_feedback(trial, event["right"])
+            if event["event"] == "taken_back":
+                return False
+        return False
+
+    def _gives_feedback(self, trial: Trial, right: bool | None) -> bool:
+        """Return whether the participant learns if the answer to a trial was right."""
+        settings = self.design.settings
+        shown = getattr(settings, "feedback", False) or (
+            trial.practice and getattr(settings, "practice_feedback", False)
+        )
+        return right is not None and bool(shown) and not trial.catch
 
     def run(
         self, presenter: Presenter, interface: ParticipantInterface, *,
@@ -186,25 +220,72 @@ class Session:
                     presenter.check(trial.stimuli[0])
                     self.journal.append(
                         "run", time=self._time(), version=__version__, by=interface.kind,
-                        machine=machine(),
+                        machine=machine(), language=self.design.texts.language,
                     )  # fmt: skip
                     interface.welcome(self.design, self.progress)
-                while trial is not None:
-                    self.do(trial, presenter, interface, sleep)
-                    trial = self.procedure.next()
+                self._run_trials(presenter, interface, sleep)
             except OutputError as error:
                 raise OutputError(
                     f"{error}; all {self.answers} answers are kept, and the same command resumes"
                 ) from None
             except Paused:
                 self.journal.append("pause", time=self._time())
-                return SessionOutcome(self.folder, self.answers, self.procedure.most, False)
+                return self._outcome(complete=False)
             finally:
                 presenter.drop()
         if self.journal.events[-1]["event"] != "end":
             self.journal.append("end", time=self._time(), answers=self.answers)
-        interface.over(f"That was the last of {self.answers} trials. Thank you.")
-        return SessionOutcome(self.folder, self.answers, self.answers, True)
+        interface.over(self.design.texts("over", count=self.procedure.done))
+        return self._outcome(complete=True)
+
+    def _outcome(self, *, complete: bool) -> SessionOutcome:
+        done, most = self.procedure.done, self.procedure.most
+        unit = "adjustments" if self.design.kind == "adjust" else "answers"
+        return SessionOutcome(self.folder, self.answers, done, most, complete, unit)
+
+    def _run_trials(
+        self, presenter: Presenter, interface: ParticipantInterface, sleep: Callable[[float], None]
+    ) -> None:
+        """Run all remaining trials with their breaks; an answer may be taken back between them."""
+        begun = self.procedure.next() is not None
+        while True:
+            trial = self.procedure.next()
+            try:
+                if trial is not None:
+                    self._rest(trial, interface)
+                    self.do(trial, presenter, interface, sleep)
+                elif begun and self.progress.can_take_back:
+                    interface.last(self.progress)
+                    return
+                else:
+                    return
+            except TakenBack:
+                presenter.drop()
+                if self.progress.can_take_back:
+                    self.journal.append("taken_back", time=self._time(), by=interface.kind)
+                    self._replay()
+                    write_tables(self.journal.events, self.folder)
+                    interface.taken_back()
+
+    def _rest(self, trial: Trial, interface: ParticipantInterface) -> None:
+        """Take the break that is due before a trial, or go on with an interrupted one."""
+        settings, done = self.design.session, self.procedure.done
+        breaks = [e for e in self.journal.events if e["event"] in ("break", "break_end")]
+        left = settings.break_seconds
+        if breaks and breaks[-1]["event"] == "break":
+            begun = datetime.fromisoformat(breaks[-1]["time"])
+            left = min(max(left - (self._now() - begun).total_seconds(), 0.0), left)
+        elif (
+            settings.break_every
+            and trial.step in (None, 1)
+            and done - (breaks[-1]["after"] if breaks else 0) >= settings.break_every
+        ):
+            self.journal.append("break", time=self._time(), after=done)
+        else:
+            return
+        interface.rest(left, self.progress)
+        after = [e["after"] for e in self.journal.events if e["event"] == "break"][-1]
+        self.journal.append("break_end", time=self._time(), after=after)
 
     def _refuse_mixed(self, interface: ParticipantInterface) -> None:
         """Raise if a person is to go on with a machine's session, or the other way round."""
@@ -256,7 +337,7 @@ class Session:
         self.procedure.answer(trial, answer)
         self.answers += 1
         write_tables(self.journal.events, self.folder)
-        if right is not None and getattr(self.design.settings, "feedback", False):
+        if right is not None and self._gives_feedback(trial, right):
             interface.feedback(right)
 
     def _asked(
@@ -267,7 +348,7 @@ class Session:
             reply = interface.ask(trial, felt)
             spent += reply.seconds
             try:
-                return trial.parse_answer(reply.answer), spent
+                return trial.parse_answer(reply.answer, self.design.texts), spent
             except AsperityError as error:
                 interface.refuse(str(error))
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from asperity._core.output import write_whole
+from asperity.psychophysics.session.trials import standing_answers
 
 ANSWER_COLUMNS = (
-    "participant", "session", "trial", "block", "practice", "track", "level", "intensity",
-    "right_interval", "answer", "right", "response_seconds", "answered_at", "answered_by",
-    "attempt",
+    "participant", "session", "trial", "block", "practice", "catch", "track", "step", "level",
+    "intensity", "right_interval", "answer", "right", "response_seconds", "answered_at",
+    "answered_by", "attempt", "taken_back",
 )  # fmt: skip
 INTERVAL_COLUMNS = (
     "participant", "session", "trial", "block", "practice", "interval", "stimulus", "value",
@@ -22,18 +23,21 @@ INTERVAL_COLUMNS = (
 
 
 def answers_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for each answer."""
+    """Return a row for each answer that was not taken back."""
     begin, rows = _begin(events), []
-    for event in _of(events, "answer"):
+    for event in standing_answers(events):
         trial, answer = event["trial"], event["answer"]
         rows.append(
             _common_columns(begin, trial) | {
-                "track": trial["track"], "level": trial["level"], "intensity": trial["intensity"],
+                "catch": int(trial.get("catch", False)), "track": trial["track"],
+                "step": trial.get("step"), "level": trial["level"],
+                "intensity": trial["intensity"],
                 "right_interval": trial["right"],
                 "answer": " ".join(map(str, answer)) if isinstance(answer, list) else answer,
                 "right": None if event["right"] is None else int(event["right"]),
                 "response_seconds": event["response_seconds"], "answered_at": event["time"],
                 "answered_by": event["by"], "attempt": event["attempt"],
+                "taken_back": event["taken_back"],
             }
         )  # fmt: skip
     return rows
@@ -42,7 +46,7 @@ def answers_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def trials_table(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each interval of each trial that was answered."""
     begin, rows = _begin(events), []
-    for event in _of(events, "answer"):
+    for event in standing_answers(events):
         trial = event["trial"]
         pairs = zip(trial["stimuli"], event["intervals"], strict=True)
         for number, (stimulus, interval) in enumerate(pairs, 1):
@@ -82,7 +86,3 @@ def _common_columns(begin: dict[str, Any], trial: dict[str, Any]) -> dict[str, A
     return begin | {
         "trial": trial["number"], "block": trial["block"], "practice": int(trial["block"] == 0),
     }  # fmt: skip
-
-
-def _of(events: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
-    return [event for event in events if event["event"] == kind]
