@@ -7,8 +7,19 @@ from asperity.dynamics.dragged_hand.hand import Hand, drag
 from asperity.errors import AsperityError
 from asperity.geometry.offsets.analytic import Sinusoid
 from asperity.runs.vibration_metrics import evaluate
-from asperity.studies.literature.measures import COLUMNS, STILL, Measure, evaluate_all, record_of
+from asperity.studies.literature.measures import (
+    COLUMNS,
+    POOLING,
+    SKIN_MEASURES,
+    STILL,
+    DragRecord,
+    Measure,
+    evaluate_all,
+    record_of,
+)
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import texture_force
+from asperity.studies.skin.channels import CHANNELS, channel_level
+from asperity.studies.skin.transmission import transmissibility
 
 HAND, SPEED = Hand(), 0.083
 
@@ -73,3 +84,17 @@ def test_strokes_come_together_as_one_longer_stroke(record):
 def test_bad_metrics_are_refused(options, reason):
     with pytest.raises(AsperityError, match=reason):
         Measure(**options)
+
+
+def test_channels_are_filters_of_the_lag_that_can_be_switched_on_and_off():
+    lines, hand = np.array([50.0, 200.0]), Hand()
+    record = DragRecord(lines, np.array([3e-6, 1e-6j]), 1.0, -1.0, hand, False)
+    by_name = {measure.name: measure([record]) for measure in SKIN_MEASURES}
+    plain = {c: channel_level(c, lines, np.array([3e-6, 1e-6])) for c in CHANNELS}
+    for channel, level in plain.items():
+        assert by_name[f"{channel.upper()} channel"] == pytest.approx(level)
+    moved = np.abs(transmissibility(lines)) * np.array([3e-6, 1e-6])
+    through = channel_level("fa2", lines, moved)
+    assert by_name["FA2 channel, through tissue"] == pytest.approx(through)
+    assert through != pytest.approx(plain["fa2"])
+    assert by_name["channels pooled"] == pytest.approx(POOLING.intensity(plain))

@@ -9,7 +9,7 @@ import pytest
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.studies.literature import fit as fits
-from asperity.studies.literature.catalogue import JUDGED_BY_METRIC
+from asperity.studies.literature.catalogue import SEARCHED
 from asperity.studies.literature.finding import Verdict
 from asperity.studies.literature.hand_search import (
     RANGES,
@@ -110,7 +110,7 @@ def test_a_profile_is_the_best_in_each_part():
 @pytest.fixture(scope="module")
 def searched():
     """Return a real search, of the findings that need sinusoids alone."""
-    findings = [f for f in JUDGED_BY_METRIC if f.id.startswith(("speed", "force", "passive"))]
+    findings = [f for f in SEARCHED if f.id.startswith(("speed", "force", "passive"))]
     hands = [Hand(), Hand(0.2, 500.0, 5.0)]
     return search(hands, (PAPER, BAND), findings=findings, plan=Plan(spacings=8))
 
@@ -129,7 +129,7 @@ def test_a_hand_that_cannot_be_dragged_gets_nothing():
             raise AsperityError("the hand meets too many asperities")
         return Verdict(True, {})
 
-    finding = replace(JUDGED_BY_METRIC[0], judge=judge)
+    finding = replace(SEARCHED[0], judge=judge)
     result = search([Hand(mass=0.2), Hand()], (PAPER,), findings=[finding])
     assert result.holds[:, 0, 0].tolist() == [False, True]
     assert result.failed == [0]

@@ -1,8 +1,8 @@
 """The members of the ensemble: hands, and the surfaces that they are dragged over.
 
-No paper prints the hand that it has in mind, so a verdict on one hand is worth little. The ranges are
-those that a hand holding a probe can have by the literature's order of magnitude; the grid in them
-is asperity's, equally spaced in log.
+No paper prints the hand that it has in mind, so a verdict on one hand is worth little. The ranges
+are those that a hand holding a probe can have by the literature's order of magnitude; the grid in
+them is asperity's, equally spaced in log.
 """
 
 from __future__ import annotations

@@ -107,8 +107,8 @@ def tables(result: EnsembleResult) -> list[str]:
             for i, metric in enumerate(answer.metrics)
         ]  # fmt: skip
         lines.append(
-            f"{name[0].upper()}{name[1:]}, dots 0.4 mm high, {len(plates)} plates, counted claims that "
-            f"hold of {int(answer.counted.sum())}: {'; '.join(counts)}."
+            f"{name[0].upper()}{name[1:]}, dots 0.4 mm high, {len(plates)} plates, counted "
+            f"claims that hold of {int(answer.counted.sum())}: {'; '.join(counts)}."
         )
         lines.append("")
     return lines

@@ -11,7 +11,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from asperity.studies.literature import conditions, criteria
+from asperity.studies.literature import conditions, criteria, finger_conditions, virtual_conditions
 from asperity.studies.literature.conditions import at_drop_points, over
 from asperity.studies.literature.finding import Finding, Judge, Source, Sureness
 
@@ -37,13 +37,30 @@ _JUDGES: dict[str, Judge] = {
 _LOW_BAND = conditions.low_band_against_rivals(
     [judge for name, judge in _JUDGES.items() if not name.startswith("grit")]
 )
+_LATER: dict[str, Judge] = {
+    "gratings.groove": finger_conditions.groove_dominates,
+    "cones.inverted_u": virtual_conditions.cones_inverted_u,
+    "cones.probe_size": virtual_conditions.cones_probe_size,
+    "sinusoids.descend": virtual_conditions.sinusoids_under_a_point,
+    "probe.smoothest": finger_conditions.rigid_on_smoothest,
+    "textures.alike": finger_conditions.finger_as_probe,
+    "finger.force": finger_conditions.force_over_gratings,
+    "finger.speed": finger_conditions.speed_over_gratings,
+    "finger.ridges": finger_conditions.wider_ridges,
+    "finger.groove_over_rate": finger_conditions.groove_over_rate,
+    "finger.dots": finger_conditions.rises_over_dots,
+    "finger.jitter": finger_conditions.jitter_hardly_matters,
+    "finger.low_relief": finger_conditions.low_relief,
+    "finger.small_elements": finger_conditions.smaller_elements,
+    "finger.textures": finger_conditions.textures_dwarf_speed,
+}
 
 
 def _read_findings() -> tuple[Finding, ...]:
     text = Path(__file__).with_name("findings.toml").read_text("utf-8")
     document = tomllib.loads(text)
     sources = {key: Source(**entry) for key, entry in document["sources"].items()}
-    judges = _JUDGES | {"power.low_band": _LOW_BAND}
+    judges = _JUDGES | _LATER | {"power.low_band": _LOW_BAND}
     return tuple(
         Finding(**entry | {
             "id": name,
@@ -60,3 +77,5 @@ FINDINGS = _read_findings()
 """All of them, in the order of the table."""
 JUDGED_BY_METRIC = tuple(finding for finding in FINDINGS if not finding.any_metric)
 """Every finding whose outcome depends on the metric."""
+SEARCHED = tuple(finding for finding in JUDGED_BY_METRIC if not finding.later)
+"""Those that the search for one hand and metric saw."""

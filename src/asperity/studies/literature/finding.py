@@ -73,3 +73,7 @@ class Finding:
     """Limits of the result."""
     any_metric: bool = False
     """Whether the verdict is independent of the metric."""
+    by_construction: bool = False
+    """Whether the model cannot fail it: it is shown, and counts for no share."""
+    later: bool = False
+    """Whether it was added after the search for one hand and metric, which never saw it."""

@@ -20,9 +20,12 @@ from numpy.typing import NDArray
 from asperity.geometry.offsets.dots import DotPlate
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.geometry.offsets.sampled import SampledProfile
+from asperity.geometry.offsets.surface import Profile
 from asperity.studies.otaduy_lin_2004.force_models import minsky
 
 _PIXEL = 0.05e-3
+_LEAST_SAMPLES = 32
+"""Least number of samples of one period of a plate."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +39,20 @@ class Finger:
     lines: int = 7
     """Number of lines across the contact over which the mean is taken."""
 
-    def slope_table(self, plate: DotPlate) -> PiecewiseCubic:
-        """Return d(delta)/du along a plate of dots, for a normal force of 1 N in Eq. 6."""
-        samples = round(plate.period / _PIXEL)
+    def slope_table(self, plate: Profile) -> PiecewiseCubic:
+        """Return d(delta)/du along a plate, for a normal force of 1 N in Eq. 6.
+
+        Any plate but dots is taken to be the same across its path.
+        """
+        samples = max(round(plate.period / _PIXEL), _LEAST_SAMPLES)
         pixel = plate.period / samples
         places = (np.arange(samples) + 0.5) * pixel
         across = (np.arange(self.lines) + 0.5) / self.lines - 0.5
-        start = plate.line if plate.line is not None else 0.0
         total, mass = np.zeros(samples), 0.0
         for offset in across * self.contact:
-            line = replace(plate, line=start + offset)
+            line = plate
+            if isinstance(plate, DotPlate):
+                line = replace(plate, line=(plate.line or 0.0) + offset)
             weights = self._weights(samples, pixel, offset)
             heights = line.tracer(self.skin)(places).height
             total += np.fft.irfft(np.fft.rfft(heights) * np.fft.rfft(weights), samples)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
-from asperity.studies.literature.catalogue import JUDGED_BY_METRIC
+from asperity.studies.literature.catalogue import SEARCHED
 from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.laboratory import Laboratory, Plan, Tables
 from asperity.studies.literature.measures import COLUMNS, Measure
@@ -127,7 +127,7 @@ def search(
 ) -> SearchResult:
     """Judge findings for every hand and metric; by default all except the measured papers."""
     measures = measures or candidate_measures()
-    findings = tuple(findings or (f for f in JUDGED_BY_METRIC if f.id != "grit.measured"))
+    findings = tuple(findings or (f for f in SEARCHED if f.id != "grit.measured"))
     tables: Tables = {}
     holds = np.zeros((len(hands), len(measures), len(findings)), dtype=bool)
     failed = []

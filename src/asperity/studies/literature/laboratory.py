@@ -101,8 +101,8 @@ class Laboratory:
     """Folder of measured surfaces; None if there is none."""
     dots: Dots = field(default_factory=Dots)
     """The dots that represent those of the experiments; held-out runs use others."""
-    sinusoids: Sinusoids = field(default_factory=Sinusoids)
-    """The sinusoids of the seed paper's simulations."""
+    sinusoids: Plate = field(default_factory=Sinusoids)
+    """The sinusoids of the seed paper's simulations, or the plates that take their place."""
     tables: Tables = field(default_factory=dict, repr=False)
     measures: tuple[Measure, ...] = ()
     """Metrics needed of every condition: they are computed together."""
@@ -166,7 +166,7 @@ class Laboratory:
             tables = []
             for surface in plate.surfaces(spacing):
                 if isinstance(probe, Finger):
-                    tables.append(probe.slope_table(surface))  # type: ignore[arg-type]
+                    tables.append(probe.slope_table(surface))
                 else:
                     tolerance = _MAP_TOLERANCE if isinstance(plate, Paper) else _TOLERANCE
                     tables.append(slope_table(surface, probe, tolerance=tolerance))

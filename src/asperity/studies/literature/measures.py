@@ -27,6 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 from asperity.dynamics.dragged_hand.hand import Hand, Motion, MotionStatus
 from asperity.errors import AsperityError, require_choice
 from asperity.runs.vibration_metrics import DEFAULT_BAND, band_gain, threshold_weighted_power
+from asperity.studies.skin.channels import CHANNELS, channel_level
+from asperity.studies.skin.pooling import Pooling
+from asperity.studies.skin.transmission import transmissibility
 
 HIGHEST = 2000.0
 """Highest frequency that a record keeps [Hz]; people feel up to about 1000 Hz."""
@@ -34,7 +37,7 @@ _LEAST_HARMONICS = 64
 _HANN_SQUARED = 8.0 / 3.0
 """Factor by which a Hann window reduces power."""
 SIGNALS = ("acceleration", "force", "velocity", "position")
-KINDS = ("largest", "largest_abs", "norm", "threshold")
+KINDS = ("largest", "largest_abs", "norm", "threshold", *CHANNELS, "pooled")
 _UNITS = {"acceleration": "m/s²", "force": "N", "velocity": "m/s", "position": "m"}
 
 
@@ -78,13 +81,16 @@ class Measure:
     """A metric: one number of one or several records."""
 
     kind: str = "norm"
-    """One of `KINDS`: max u'', max |u''|, a norm, or threshold-weighted power of u''."""
+    """One of `KINDS`: max u'', max |u''|, a norm, threshold-weighted power of u'', the response of
+    one of the skin's channels to u - v t, or all three pooled with saturation."""
     signal: str = "acceleration"
     """One of `SIGNALS`, for a norm."""
     band: tuple[float, float] | None = None
     """Band [Hz]; None for no filter."""
     power: float = 2.0
     """p of the norm, 2 or above; infinity is the peak."""
+    transmission: bool = False
+    """Whether the vibration reaches the skin through the fingertip's tissue, for channels."""
 
     def __post_init__(self) -> None:
         require_choice("kind", self.kind, KINDS)
@@ -97,6 +103,9 @@ class Measure:
     @property
     def name(self) -> str:
         """A short name, for tables."""
+        if self.kind in (*CHANNELS, "pooled"):
+            what = "channels pooled" if self.kind == "pooled" else f"{self.kind.upper()} channel"
+            return f"{what}, through tissue" if self.transmission else what
         if self.kind != "norm":
             return {"largest": "max u''", "largest_abs": "max |u''|"}.get(
                 self.kind, "threshold power"
@@ -109,7 +118,7 @@ class Measure:
     @property
     def unit(self) -> str:
         """Unit of the value."""
-        if self.kind == "threshold":
+        if self.kind in ("threshold", *CHANNELS, "pooled"):
             return "1"
         return _UNITS["acceleration" if self.kind != "norm" else self.signal]
 
@@ -120,8 +129,10 @@ class Measure:
     def together(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return the metric of consecutive equal strokes from their values (first axis)."""
         strokes = np.asarray(values, dtype=np.float64)
-        if self.kind == "threshold":
+        if self.kind in ("threshold", "pooled"):
             return np.asarray(np.mean(strokes, axis=0))
+        if self.kind in CHANNELS:
+            return np.asarray(np.sqrt(np.mean(strokes**2, axis=0)))
         if self.kind != "norm" or math.isinf(self.power):
             return np.asarray(np.max(strokes, axis=0))
         return np.asarray(np.mean(strokes**self.power, axis=0) ** (1.0 / self.power))
@@ -154,12 +165,23 @@ def _of_one(record: DragRecord, measures: Sequence[Measure]) -> list[float]:
         series[1 : kept.size + 1] = (0.5 * samples) * kept
         return np.asarray(np.square(np.fft.irfft(series, samples)))
 
+    @cache
+    def response(channel: str, transmission: bool) -> float:
+        moved = np.abs(record.lag)
+        if transmission:
+            moved = moved * np.abs(transmissibility(record.frequencies))
+        return math.sqrt(hann) * channel_level(channel, record.frequencies, moved)
+
     def value(measure: Measure) -> float:
         signal, band, power = measure.signal, measure.band, measure.power
         if measure.kind == "largest":
             return record.largest
         if measure.kind == "largest_abs":
             return max(record.largest, -record.smallest)
+        if measure.kind in CHANNELS:
+            return response(measure.kind, measure.transmission)
+        if measure.kind == "pooled":
+            return POOLING.intensity({c: response(c, measure.transmission) for c in CHANNELS})
         if measure.kind == "threshold":
             lines_at = np.sqrt(squares(signal))
             return hann * threshold_weighted_power(record.frequencies, lines_at)
@@ -186,6 +208,14 @@ def _response(signal: str, record: DragRecord) -> NDArray[Any] | float:
     return 1.0
 
 
+POOLING = Pooling()
+"""How channels are pooled; fixed before any outcome was seen."""
+SKIN_MEASURES = tuple(
+    Measure(kind, transmission=through)
+    for kind in (*CHANNELS, "pooled")
+    for through in (False, True)
+)
+"""Responses of the skin's channels, each with and without the tissue between grip and skin."""
 PAPER = Measure("largest")
 """The seed paper's metric."""
 COLUMNS = {

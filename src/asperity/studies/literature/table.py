@@ -79,8 +79,11 @@ def judge_all(
 
 
 def count_findings(rows: Sequence[FindingResult], column: str) -> tuple[int, int]:
-    """Return how many findings come out in a column, and how many could be judged."""
-    verdicts = [row.verdicts[column].holds for row in rows]
+    """Return how many findings come out in a column, of how many that count and were judged.
+
+    What the model cannot fail does not count.
+    """
+    verdicts = [row.verdicts[column].holds for row in rows if not row.finding.by_construction]
     return sum(bool(holds) for holds in verdicts), sum(holds is not None for holds in verdicts)
 
 
@@ -135,6 +138,8 @@ def _finding(row: FindingResult) -> dict[str, Any]:
         "condition": finding.condition,
         "criterion": finding.criterion,
         "criterion_before_outcome": finding.before,
+        "by_construction": finding.by_construction,
+        "added_after_the_search": finding.later,
         "caveat": finding.caveat,
         "verdicts": {name: verdict._asdict() for name, verdict in row.verdicts.items()},
     }
