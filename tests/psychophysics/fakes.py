@@ -35,13 +35,34 @@ PAIRS = {
     "pairs": {"repeats": 10},
     "simulated": {"noise": 0.15, "exponent": 1.0},
 }  # fmt: skip
+YES_NO = {
+    "schema": 1, "name": "relief", "method": "yes-no", "seed": 3,
+    "stimulus": {"scene": "probe-plate-grating"},
+    "levels": {"key": "bodies.plate.texture.height", "label": "height", "unit": "m"},
+    "presentation": {"seconds": 0.05, "pause": 0.0},
+    "yes-no": {"standard": 0.0, "level": "value", "levels": [5e-5, 1e-4], "repeats": 30},
+    "simulated": {"threshold": 5e-5, "criterion": 0.8, "lapse": 0.0},
+}  # fmt: skip
+ADJUSTMENT = {
+    "schema": 1, "name": "equal", "method": "adjustment", "seed": 3,
+    "stimulus": {"scene": "probe-plate-grating"},
+    "levels": {"key": "bodies.plate.texture.height", "label": "height", "unit": "m"},
+    "presentation": {"seconds": 0.05, "pause": 0.0},
+    "adjustment": {"standard": 1.5e-4, "low": 5e-5, "high": 5e-4, "step": 1.05},
+    "simulated": {"bias": 1.15, "noise": 0.05},
+}  # fmt: skip
+MATCHING = {
+    **{key: value for key, value in ADJUSTMENT.items() if key != "adjustment"},
+    "method": "matching",
+    "matching": {"low": 5e-5, "high": 8e-4, "step": 1.05, "standards": [1e-4, 2e-4, 4e-4]},
+}  # fmt: skip
 
 
 def document(base, **sections):
     """Return a copy of a document with keys of its sections set; None takes one out."""
     out = copy.deepcopy(base)
     for name, value in sections.items():
-        name = name.replace("_", "-") if name == "forced_choice" else name
+        name = name.replace("_", "-")
         name = "quest+" if name == "quest" else name
         if value is None:
             out.pop(name, None)

@@ -291,7 +291,7 @@ def test_participants_read_their_language(tmp_path):
         ({"question": {"de": "Na?"}}, None, "question has no text in the language 'en'; it has de"),
         ({"question": 3}, None, "question must be a table"),
         ({"session": {"break_every": -1}}, None, "session: break_every must lie between"),
-        ({"session": {"order": "latin"}}, None, "unknown order 'latin'; choose from: random, balanced"),
+        ({"session": {"order": "latin"}}, None, "unknown order 'latin'; choose from: random, bal"),
         ({"catch": {"every": 5}}, None, "catch trials need a right answer, which the method 'magn"),
     ],
 )  # fmt: skip

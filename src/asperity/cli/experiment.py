@@ -175,29 +175,33 @@ class ExperimentCommand:
 
     def _check(self, design: ExperimentDesign) -> None:
         """Make every stimulus, and print what a session would contain."""
-        from asperity.psychophysics.expected import expected_interval
+        from asperity.psychophysics.expected import expected_lines, steps_of_adjustments
         from asperity.psychophysics.procedures.procedures import procedure
 
         digests = design.check_scenes()
-        first = procedure(design, "P00", 1)
+        first = procedure(design, "P01", 1)
         trial, most = first.next(), first.most
         assert trial is not None
         shown = design.presentation
-        seconds = most * (len(trial.stimuli) * (shown.seconds + shown.pause) - shown.pause)
+        what, presented = "trials", float(most)
+        if design.kind == "adjust":
+            steps = steps_of_adjustments(design)
+            what, presented = f"adjustments of about {steps:.0f} steps", most * steps
+        seconds = presented * (len(trial.stimuli) * (shown.seconds + shown.pause) - shown.pause)
+        every = design.session.break_every
+        breaks = (most - 1) // every if every else 0
+        count = len(trial.stimuli)
         adaptive = design.adaptive
         target = getattr(adaptive, "target", None)
         print(
             f"{self.file}: {design.name}, {design.method}; {len(digests)} stimuli are valid; "
-            f"at most {most} trials of {len(trial.stimuli)} intervals, "
+            f"at most {most} {what} of {count} interval{'s' * (count > 1)}, "
             f"{seconds / 60.0:.3g} min of exploration"
+            + (f", {breaks} breaks of at least {design.session.break_seconds:g} s" * bool(breaks))
             + (f"; the staircase converges to {100.0 * target:.1f} % correct" if target else "")
         )
-        expected = expected_interval(design)
-        if expected is not None:
-            print(
-                f"  a threshold of {design.simulated.threshold:.3g} would be known to lie from "
-                f"{expected[0]:.3g} to {expected[1]:.3g} (95 %, median of 12 simulated sessions)"
-            )
+        for line in expected_lines(design):
+            print(f"  {line}")
 
     def _print(self, outcome: SessionOutcome) -> None:
         if outcome.complete:
@@ -253,6 +257,10 @@ class AnalyseCommand:
 
 def _main_numbers(analysis: dict[str, Any]) -> list[str]:
     """Return the main numbers of an analysis, a line each."""
+    from asperity.psychophysics.analysis.adjustments import adjustment_lines
+    from asperity.psychophysics.analysis.catch_trials import catch_lines
+    from asperity.psychophysics.analysis.detection import detection_lines
+
     lines = [
         f"{session['name']}: not complete, {session['answers']} answers"
         for session in analysis["sessions"]
@@ -274,6 +282,10 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
             f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
             f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{doubt}"
         )
+    lines += detection_lines(analysis.get("yes-no", ()))
+    for method in ("adjustment", "matching"):
+        lines += adjustment_lines(analysis.get(method, ()))
+    lines += catch_lines(analysis["catch"])
     if "magnitude" in analysis:
         quadratic, power = analysis["magnitude"]["quadratic"], analysis["magnitude"]["power_law"]
         if power:

@@ -10,6 +10,9 @@ import numpy as np
 
 from asperity._core.output import write_json
 from asperity.errors import AsperityError
+from asperity.psychophysics.analysis.adjustments import analyse_adjustments
+from asperity.psychophysics.analysis.catch_trials import catch_summary
+from asperity.psychophysics.analysis.detection import analyse_detection, choice_summary
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.psychometric_fit import Fit, fit_psychometric
 from asperity.psychophysics.analysis.results import SessionResult
@@ -98,6 +101,7 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
             "threshold_sd_intensity": estimate["threshold"][1],
             "width": estimate["width"][0], "lapse": estimate["lapse"][0],
         }  # fmt: skip
+    summary["d_prime"] = choice_summary(result, fit and fit.function, options.confidence)
     return ThresholdAnalysis(result, fit, summary, tracks)
 
 
@@ -200,7 +204,7 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
     options : AnalysisOptions
     """
     from asperity.drawing import figure_style
-    from asperity.psychophysics.analysis import figures
+    from asperity.psychophysics.analysis import figures, procedure_figures
 
     design = results[0].design
     summary: dict[str, Any] = {
@@ -229,9 +233,18 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
                 figure_style.save(
                     figures.psychometric_figure(threshold), folder, f"psychometric_{name}"
                 )
+    elif design.method == "yes-no":
+        summary["yes-no"] = analyse_detection(results, options.confidence)
+        figure = procedure_figures.detection_figure(summary["yes-no"], design)
+        figure_style.save(figure, folder, "detection")
+    elif design.kind == "adjust":
+        summary[design.method] = analyse_adjustments(results, options.confidence)
+        figure = procedure_figures.adjustments_figure(summary[design.method], design)
+        figure_style.save(figure, folder, "adjustments")
     else:
         summary[design.method], scales = analyse_scales(results, options)
         figure_style.save(figures.scale_figure(scales, design), folder, "scale")
         figure_style.save(figures.wins_figure(summary[design.method], design), folder, "choices")
+    summary["catch"] = catch_summary(results)
     write_json(folder / "analysis.json", summary)
     return summary

@@ -130,7 +130,7 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
         at = float(shown(fit.function.threshold))
         axes.plot([at, at], [0.0, float(fit.function(fit.function.threshold))], color="black",
                   lw=0.9, ls=(0, (3, 2)))  # fmt: skip
-        axes.axhline(0.5, color="#999999", lw=0.8, ls=(0, (1, 2)))
+        axes.axhline(design.forced_choice.guess or 0.5, color="#999999", lw=0.8, ls=(0, (1, 2)))
         if log:
             _log_range(axes, float(shown(fine[0])), float(shown(fine[-1])), "x")
         else:

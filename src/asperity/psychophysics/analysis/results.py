@@ -105,7 +105,8 @@ def _result(folder: Path) -> SessionResult:
         for event in given
     ]  # fmt: skip
     return SessionResult(
-        begin["participant"], begin["session"], parse_design(_stored(begin["document"]), folder),
+        begin["participant"], begin["session"],
+        parse_design(_stored(begin["document"]), folder, begin.get("name", "experiment")),
         begin["design"], tuple(a for a in answers if a.trial.counts),
         events[-1]["event"] == "end", any(event["by"] == SIMULATED for event in given),
         tuple(a for a in answers if a.trial.catch),

@@ -131,7 +131,7 @@ class Session:
         else:
             self.journal.append(
                 "begin", schema=SCHEMA, time=self._time(), version=__version__, **digests,
-                document=self.design.document, method=self.design.method,
+                name=self.design.name, document=self.design.document, method=self.design.method,
             )  # fmt: skip
         (self.folder / RECORDINGS).mkdir(mode=0o700, exist_ok=True)
         write_whole(self.folder / "experiment.toml", write_toml(self.design.document))
