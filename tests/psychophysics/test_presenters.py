@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, design, document
+from fakes import ADJUSTMENT, CHOICE, MAGNITUDE, PAIRS, YES_NO, Nothing, design, document
 
 from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign
@@ -261,6 +261,93 @@ def test_the_page_asks(in_page, tmp_path):
     assert desk.stage == "over"
     with pytest.raises(AsperityError, match="settings cannot be changed"):
         link.change(stiffness=100.0)
+
+
+def visible(desk):
+    """Return the labels of the buttons that can be pressed."""
+    words = [button for kind in desk._words.values() for button in kind.values()]
+    buttons = [desk._next, desk._back, desk._pause, *desk._choices, *words]
+    return [button.label for button in buttons if button.visible]
+
+
+def in_thread(made, folder, desk):
+    from asperity.psychophysics.interfaces.page import PageInterface
+
+    told, done = [], []
+
+    def go():
+        with Session(made, folder, "P1") as session:
+            done.append(session.run(Nothing(), PageInterface(desk, told.append)))
+            done.append(answers_table(session.journal.events))
+
+    runner = threading.Thread(target=go, daemon=True)
+    runner.start()
+    return runner, done, told
+
+
+def test_the_page_takes_back_rests_and_speaks_german(in_page, tmp_path):
+    made = design(
+        YES_NO, yes_no={"repeats": 1, "levels": [1e-4]}, language="de",
+        session={"take_back": True, "break_every": 1, "break_seconds": 0.5},
+    )  # fmt: skip
+    desk, _, _ = in_page(made)
+    runner, done, told = in_thread(made, tmp_path / "s", desk)
+    waits(desk, lambda: desk.stage == "welcome")
+    assert visible(desk) == ["Beginnen", "Ein andermal weiter"]
+    clicks(desk, "welcome", ("next", None))
+    clicks(desk, "ready", ("next", None))
+    waits(desk, lambda: desk.stage == "ask" and "Nein" in visible(desk))
+    assert visible(desk) == ["Ein andermal weiter", "Ja", "Nein"]
+    clicks(desk, "ask", ("answer", 1))
+    waits(desk, lambda: desk.stage == "rest")
+    assert "Weiter" not in visible(desk)
+    assert "Zeit für eine Pause. Bitte ruhen Sie noch 1 s." in desk._message.content
+    waits(desk, lambda: "Weiter" in visible(desk))
+    desk.done.put(("next", None))
+    waits(desk, lambda: desk.stage == "ready" and "Letzte Antwort zurücknehmen" in visible(desk))
+    desk.done.put(("back", None))
+    waits(desk, lambda: desk.stage == "ready" and "zurückgenommen" in desk._message.content)
+    assert "Letzte Antwort zurücknehmen" not in visible(desk)
+    desk.done.put(("next", None))
+    clicks(desk, "ask", ("answer", 0))
+    clicks(desk, "ready", ("next", None))
+    clicks(desk, "ask", ("answer", 0))
+    waits(desk, lambda: desk.stage == "last" and "Abschließen" in visible(desk))
+    desk.done.put(("next", None))
+    runner.join(20.0)
+    outcome, rows = done
+    assert outcome.complete
+    assert [(row["answer"], row["taken_back"]) for row in rows] == [(0, 1), (0, 0)]
+    assert "the last answer was taken back" in told
+    assert desk._message.content == "Das war der letzte von 2 Durchgängen. Vielen Dank."
+
+
+def test_the_page_adjusts_and_chooses_among_three(in_page, tmp_path):
+    made = design(ADJUSTMENT, adjustment={"repeats": 1, "low": 1e-6, "high": 1e-2})
+    desk, _, _ = in_page(made)
+    runner, done, _ = in_thread(made, tmp_path / "s", desk)
+    clicks(desk, "welcome", ("next", None))
+    for answer in (2, -1, 0):
+        clicks(desk, "ready", ("next", None))
+        waits(desk, lambda: desk.stage == "ask" and "much rougher" in visible(desk))
+        desk.done.put(("answer", answer))
+    runner.join(20.0)
+    outcome, rows = done
+    assert outcome.complete
+    assert [(row["step"], row["answer"]) for row in rows] == [(1, 2), (2, -1), (3, 0)]
+    assert rows[1]["level"] == pytest.approx(rows[0]["level"] * 1.05**4)
+
+    made = design(CHOICE, forced_choice={"intervals": 3}, staircase={"trials": 1})
+    desk, _, _ = in_page(made)
+    runner, done, _ = in_thread(made, tmp_path / "t", desk)
+    clicks(desk, "welcome", ("next", None))
+    clicks(desk, "ready", ("next", None))
+    waits(desk, lambda: desk.stage == "ask" and "3" in visible(desk))
+    assert visible(desk)[-3:] == ["1", "2", "3"]
+    assert "1, 2 or 3?" in desk._message.content
+    desk.done.put(("answer", 3))
+    runner.join(20.0)
+    assert done[1][0]["answer"] == 3
 
 
 def test_the_page_shows_no_relief_unless_it_may(in_page):

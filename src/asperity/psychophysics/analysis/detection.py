@@ -10,8 +10,8 @@ Intervals are by the variance of Gourevitch & Galanter (1967, Psychometrika 32, 
 - the larger of two: p = Phi(d' / sqrt 2);
 - the largest of three: p = integral of phi(x - d') Phi(x)^2 (Hacker & Ratcliff 1979, Percept.
   Psychophys. 26, 168-170);
-- the one of three that is farthest from the two others, as in the triangle method (Frijters 1979,
-  J. Math. Psychol. 20, 1-18; Ennis 1993, J. Sens. Stud. 8, 353-370):
+- the one of three that is farthest from the two others, as in the triangle method (Frijters
+  1979, Br. J. Math. Stat. Psychol. 32, 229-241; Ennis 1993, J. Sens. Stud. 8, 353-370):
   p = 2 integral over x > 0 of [Phi(-x sqrt 3 + d' sqrt(2/3)) + Phi(-x sqrt 3 - d' sqrt(2/3))]
   phi(x).
 """
