@@ -178,7 +178,7 @@ class ForcedChoiceSettings:
 class OddOneOutSettings(ForcedChoiceSettings):
     """Three intervals, two of them equal: which one is different.
 
-    As `ForcedChoiceSettings`; `more` only says what the comparison has more of.
+    As `ForcedChoiceSettings`; `more` only names what the comparison has more of.
 
     Parameters
     ----------

@@ -210,7 +210,7 @@ def _session(result: SessionResult, confidence: float) -> dict[str, Any]:
         own = [a for a in signals if a.trial.level == level]
         summary["levels"].append({"level": level, **_sensitivity(own, without, confidence)})
     if len(levels) > 1:
-        # Of a mixture of levels: how well signals are told from none in this session.
+        # Of a mixture of levels: how well signals are distinguished from none in this session.
         summary["all_levels"] = _sensitivity(signals, without, confidence)
     return summary
 

@@ -51,7 +51,7 @@ class Reply(NamedTuple):
 class ParticipantInterface:
     """Shows trials to a participant and returns the answers. Any method may raise `Paused`.
 
-    `ready` and `last` may raise `TakenBack` where the progress says that the answer can be. What is
+    `ready` and `last` may raise `TakenBack` where the progress allows it. What is not
     overridden shows nothing and goes on at once; `ask` must be.
     """
 
