@@ -1,32 +1,60 @@
 """The demo and its page, on the generated stand-ins (measured files are not needed)."""
 
+import html
 import re
 
+import numpy as np
 import pytest
+from scipy.io import wavfile
 
-from asperity.cli.demo_pipeline import PROBES, SCENES, run_demo, steps
+from asperity.cli.claims_table import main_number, measured_text
+from asperity.cli.demo_pipeline import PROBES, SCENES, SOUND_PROBES, run_demo, steps
 from asperity.cli.report import report_page
+from asperity.drawing import figure_style
+from asperity.drawing.pages import data_uri
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES
 from asperity.studies.otaduy_lin_2004.studies import StudySettings
+from asperity.viewer.browser import browser_tab, chromium
 from asperity.viewer.pictures import PICTURED
+from figure_text import smallest_text, texts_of
 
 SETTINGS = StudySettings(spacings=6)
+UNITS = r"(mN m|N s/m|N/m|N|mm/s|m/s²|mm|ms|s|Hz|µm|kg|dB|%)"
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory):
+def figures():
+    """Return every figure that the demo saves, by the path of its file."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory, figures):
     folder = tmp_path_factory.mktemp("demo")
     told = {"drags": 0, "rubs": 0, "ticks": 0}
+    save = figure_style.save
 
     def count(what):
         told[what] += 1
 
-    results = run_demo(
-        folder, None, settings=SETTINGS,
-        on_drag=lambda: count("drags"), on_rub=lambda: count("rubs"),
-        on_ticks=lambda: count("ticks"),
-    )  # fmt: skip
+    def keep(figure, *rest):
+        paths = save(figure, *rest)
+        figures.update({path: figure for path in paths})
+        return paths
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure_style, "save", keep)
+        results = run_demo(
+            folder, None, settings=SETTINGS,
+            on_drag=lambda: count("drags"), on_rub=lambda: count("rubs"),
+            on_ticks=lambda: count("ticks"),
+        )  # fmt: skip
     return results, told
+
+
+@pytest.fixture(scope="module")
+def page(demo):
+    return report_page(demo[0])
 
 
 def test_progress_is_told_as_often_as_announced(demo):
@@ -34,18 +62,134 @@ def test_progress_is_told_as_often_as_announced(demo):
     assert (told["drags"], told["rubs"], told["ticks"]) == steps(SETTINGS)
 
 
-def test_the_page_is_self_contained_and_complete(demo):
+def test_the_page_is_self_contained_and_complete(demo, page):
     results, _ = demo
-    page = report_page(results)
     links = re.findall(r"(?:src|href)=['\"]([^'\"]{0,30})", page)
     assert links
-    assert all(link.startswith("data:") for link in links)
-    assert page.count("<audio") == len(REAL_SURFACES)
-    assert page.count("<img") == 4 + len(REAL_SURFACES) + 3 * len(SCENES) + len(PICTURED)
+    assert all(link.startswith(("data:", "#")) for link in links)
+    assert page.count("<audio") == len(REAL_SURFACES) * len(SOUND_PROBES)
+    # Three studies with one metric and with all, speed by another metric, models; four of surfaces.
+    assert page.count("<img") == 8 + 4 + 4 * len(SCENES) + len(PICTURED)
     for claim in results.claims:
         assert f"<code>{claim['id']}</code>" in page
     assert "How long it took" in page
     assert "chosen after the paper" in page
+
+
+def test_scenes_come_first_then_real_surfaces_then_studies(page):
+    assert re.findall(r'<section id="(\w+)">', page) == [
+        "scenes", "surfaces", "studies", "live", "claims", "time",
+    ]  # fmt: skip
+
+
+def test_the_contents_list_leads_to_every_heading(page):
+    nav = page[page.index("<nav") : page.index("</nav>")]
+    targets = re.findall(r'href="#([\w-]+)"', nav)
+    headed = re.findall(r'<(?:section|h3) id="([\w-]+)">', page)
+    assert targets == headed
+    assert page.count("<h3") + page.count("<h2") == len(headed)
+    assert page.index("</nav>") < page.index("<section")
+
+
+def test_text_in_figures_is_nine_points_large_where_it_is_shown(figures, page):
+    widths = dict(re.findall(r'src="(data:[^"]+)" style="width:([\d.]+)in"', page))
+    shown = {path: float(widths[uri]) for path in figures if (uri := data_uri(path)) in widths}
+    # Whatever is saved is shown.
+    assert set(shown) == set(figures)
+    for path, width in shown.items():
+        points, text = smallest_text(figures[path])
+        assert points * width / figures[path].get_figwidth() >= figure_style.SMALLEST, (path, text)
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium is installed")
+def test_the_browser_shows_figures_as_wide_as_the_page_says(page, tmp_path):
+    (tmp_path / "report.html").write_text(page, "utf-8")
+    with browser_tab((1120, 900)) as tab:
+        tab.goto(f"file://{tmp_path / 'report.html'}")
+        tab.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+        sizes = tab.evaluate(
+            "[...document.querySelectorAll('figure img')].map(one => [one.clientWidth, "
+            "parseFloat(one.style.width), one.closest('figure').scrollWidth, "
+            "one.closest('figure').clientWidth])"
+        )
+        overlong = tab.evaluate("document.documentElement.scrollWidth > window.innerWidth")
+    assert len(sizes) == page.count("<img")
+    for shown, inches, needed, available in sizes:
+        assert shown == pytest.approx(96.0 * inches, abs=1.0)
+        assert needed <= available  # nothing has to be scrolled at this width
+    assert not overlong
+
+
+def test_axes_in_figures_have_units(figures):
+    assert figures
+    for path, figure in figures.items():
+        for axes in figure.axes:
+            for axis in (axes.xaxis, axes.yaxis):
+                if not axes.get_visible() or not axis.get_visible():
+                    continue
+                numbered = any(
+                    tick.label1.get_visible() and re.search(r"\d", tick.label1.get_text())
+                    for tick in axis.get_major_ticks()
+                )
+                label = axis.get_label().get_text()
+                if numbered and label:
+                    assert re.search(r"\[.+\]|over that", label), (path.name, label)
+
+
+def linear_text(page, figures):
+    """Return the words of a page in the order in which they are read, figures' words in place."""
+    text = re.sub(r"(?s)<style>.*?</style>|<nav.*?</nav>|<code>.*?</code>", " ", page)
+    for path, figure in figures.items():
+        words = html.escape(" ; ".join(one.get_text() for one in texts_of(figure)))
+        text = text.replace(f'src="{data_uri(path)}"', f"> {words} <br")
+    text = re.sub(r'<img alt="[^"]*"', "<br", text)  # the caption, which follows
+    return html.unescape(re.sub(r"<(?!/?dfn)[^>]*>", "", text).replace("\u202f", ""))
+
+
+@pytest.mark.parametrize(
+    ("symbol", "explained"),
+    [
+        ("u''", "<dfn>u''"), ("u", "<dfn>u</dfn>"), ("R²", "<dfn>R²"), ("RMS", "<dfn>RMS"),
+        ("Fu", "<dfn>Fu"), ("m", "mass m"), ("k", "stiffness k"), ("b", "damping b"),
+        ("x", "<dfn>x"), ("y", "<dfn>y"), ("z", "<dfn>z"), ("[OL]", "<dfn>[OL]"),
+        ("tick", "<dfn>tick"), ("certified", "<dfn>certified"),
+    ],
+)  # fmt: skip
+def test_no_symbol_comes_before_its_explanation(symbol, explained, figures, page):
+    text = linear_text(page, figures)
+    text = re.sub(rf"(?<=[\d.]) ?{UNITS}(?!\w)|\[{UNITS}\]", " ", text)
+    first = re.search(rf"(?<![\w'<]){re.escape(symbol)}(?![\w'²])", text)
+    assert explained in text
+    assert text.index(explained) <= first.start(), text[first.start() - 60 : first.start() + 20]
+
+
+def test_no_letter_stands_for_something_that_is_not_explained(figures, page):
+    text = re.sub(r"</?dfn>", "", linear_text(page, figures))
+    text = re.sub(r"\[[^\]]*\]", " ", text)  # units
+    text = re.sub(rf"(?<=[\d.]) ?{UNITS}(?![\w])", " ", text)
+    letters = set(re.findall(r"(?<![\w'’.])[A-Za-zα-ω](?![\w'’.])", text))
+    assert letters - {"a", "A"} == {"u", "x", "y", "z", "m", "k", "b"}
+    assert "mass m" in text
+    assert "stiffness k" in text
+    assert "damping b" in text
+
+
+def test_what_is_drawn_raised_is_said_to_be_and_why(page):
+    assert re.search(r"raised by its penetration depth, since[\w\s]+hide the\s+contact", page)
+
+
+def test_sounds_have_one_level_and_it_is_said(demo, page):
+    results, _ = demo
+    rms, loudest = [], []
+    for path in sorted(results.folder.glob("*.wav")):
+        _, samples = wavfile.read(path)
+        rms.append(np.sqrt(np.mean((samples / 32767.0) ** 2)))
+        loudest.append(np.abs(samples).max() / 32767.0)
+    assert len(rms) == len(REAL_SURFACES) * len(SOUND_PROBES)
+    assert rms == pytest.approx([rms[0]] * len(rms), rel=1e-3)
+    assert 0.8 < max(loudest) < 1.0
+    level = f"{20 * np.log10(rms[0]):.1f}".replace("-", "−")
+    assert re.search(rf"at one level, an\s+RMS of\s+{level} dB", page)
 
 
 def test_each_scene_is_shown_with_its_figures(demo):
@@ -59,7 +203,7 @@ def test_each_scene_is_shown_with_its_figures(demo):
         depths = sum(summary["status"].values())
         assert summary["ticks"] == round(scene.seconds * 1e3) + 1
         assert summary["contacts"]["ticks_in_contact"] == summary["ticks"]
-        assert f"certified: {summary['status']['certified']} of {depths} depths" in page
+        assert f"<td>{summary['status']['certified']} of {depths} (" in page
         assert summary["status"]["overflow"] == 0
         median, rare = results.tick_us[scene.name]
         assert 0.0 < median <= rare
@@ -69,19 +213,36 @@ def test_each_scene_is_shown_with_its_figures(demo):
 def test_missing_surfaces_are_said_to_be_generated(demo):
     results, _ = demo
     for surface in REAL_SURFACES:
-        assert results.remarks[surface.name].startswith("Generated")
-        assert "Stand-in" in results.rubs[surface.name].attrs["title"]
+        assert results.remarks[surface.name].startswith("Stand-in made by code")
+        assert results.rubs[surface.name].attrs["title"] == f"{surface.title} (stand-in)"
     page = report_page(results)
-    assert "<h2>Rough surfaces that stand in" in page
+    assert "<h2>Stand-ins for real surfaces" in page
     assert "<h2>Real surfaces" not in page
 
 
-def test_figures_of_claims_have_their_unit(demo):
-    page = report_page(demo[0])
-    cells = re.findall(r"<small>([\d. /]+)( m/s²)?</small></td>", page)
-    assert len(cells) > 8
-    assert any(unit for _, unit in cells)
-    assert any(not unit for _, unit in cells)  # the threshold-weighted power has none
+def test_numbers_of_claims_have_their_unit(demo):
+    for claim in demo[0].claims:
+        if claim["id"].rsplit(".", 2)[1] in ("peak_higher", "faster_rougher_at_large"):
+            unit = "(dimensionless)" if claim["id"].endswith("threshold_power") else "m/s²"
+            assert main_number(claim).endswith(unit)
+        for part in measured_text(claim).split("; "):
+            if not part.startswith(("R²", "ratio", "least ratio")):
+                assert part.endswith(("mm", "N", "mm/s", "%", "m/s²", "(dimensionless)")), part
+
+
+def test_numbers_of_claims_show_their_verdict(demo):
+    for claim in demo[0].claims:
+        text = main_number(claim).replace("\u202f", "")
+        numbers = [float(x) for x in re.findall(r"-?\d+\.?\d*", text.replace("R²", ""))]
+        name = claim["id"].rsplit(".", 2)[1]
+        if name == "quadratic":
+            assert claim["holds"] == all(number >= 0.9 for number in numbers)
+        if name == "more_everywhere":
+            assert claim["holds"] == all(number > 1.0 for number in numbers)
+        if name == "constant_at_small":
+            assert claim["holds"] == (numbers[-1] <= 15.0)
+        if name.startswith("faster_rougher"):
+            assert claim["holds"] == (numbers == sorted(set(numbers)))
 
 
 def test_larger_probes_shake_less_on_rough_ground(demo):

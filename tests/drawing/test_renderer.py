@@ -17,7 +17,7 @@ from asperity.geometry.displaced.geoms import body_sheets
 from asperity.geometry.displaced.meshes import mesh_sheets
 from asperity.geometry.displaced.view import Camera, ViewBall, coarsened
 from asperity.geometry.mesh.mesh import mesh_from_arrays
-from asperity.runs.figures import contact_figure
+from asperity.runs.contact_figure import contact_figure
 from asperity.scene.builtin import load_scene
 from asperity.texture.patterns.patterns import sinusoid
 

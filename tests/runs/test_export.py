@@ -8,7 +8,6 @@ from PIL import Image
 from scipy.io import wavfile
 
 from asperity.cli.main import main
-from asperity.drawing.figure_style import spectrum_limits
 from asperity.errors import AsperityError
 from asperity.runs import export, tool_motion
 from asperity.runs.dataset import open_recording
@@ -159,18 +158,6 @@ def test_a_motion_that_could_not_yield_is_said_to_have_no_texture(tmp_path, caps
             assert main(["export", str(folder), *out]) == 0
             stiff = (coupling, hand, kind) == ("direct", "none", "wav")
             assert ("contain no texture" in capsys.readouterr().out) == stiff
-
-
-def test_a_spectrum_fills_its_axis():
-    lines = 1e-3 * 10.0 ** np.random.default_rng(1).uniform(-2.0, 0.0, 500)
-    low, high = spectrum_limits(lines)
-    assert lines.min() / 3.0 < low < lines.min()
-    assert high == pytest.approx(2.0 * lines.max())
-    # Lines all alike have a decade all the same.
-    assert spectrum_limits(np.ones(9)) == pytest.approx((0.1, 2.0))
-    lines[10] = 100.0  # four decades at most
-    assert spectrum_limits(lines) == pytest.approx((1e-2, 200.0))
-    assert spectrum_limits(np.zeros(5))[0] < spectrum_limits(np.zeros(0))[1]
 
 
 @pytest.mark.parametrize(

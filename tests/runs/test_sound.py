@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.io import wavfile
 
 from asperity.errors import AsperityError
-from asperity.runs.sound import PEAK, from_acceleration, from_run
+from asperity.runs.sound import PEAK, at_one_level, from_acceleration, from_run
 from asperity.studies.otaduy_lin_2004.studies import StudySettings, run_study
 
 
@@ -73,3 +73,20 @@ def test_silence_and_foreign_files_are_refused():
         from_acceleration(np.zeros(100), 1e-3)
     with pytest.raises(AsperityError, match="no acceleration"):
         from_run(xr.Dataset({"x": 1}))
+
+
+def test_sounds_to_compare_have_one_level():
+    rng = np.random.default_rng(4)
+    spiky = np.zeros(4000)
+    spiky[::800] = 5.0
+    waves = (tone(seconds=0.5)[0], 0.01 * rng.standard_normal(4000), spiky)
+    sounds = [from_acceleration(wave, 1 / 8000.0) for wave in waves]
+    equal = at_one_level(sounds)
+    levels = [float(np.sqrt(np.mean(sound.samples**2))) for sound in equal]
+    assert levels == pytest.approx([levels[0]] * 3, rel=1e-9)
+    assert [sound.level for sound in equal] == pytest.approx([20 * np.log10(levels[0])] * 3)
+    loudest = [float(np.max(np.abs(sound.samples))) for sound in equal]
+    assert max(loudest) == pytest.approx(PEAK)
+    # What full scale stands for still gives back the acceleration.
+    for before, after in zip(sounds, equal, strict=True):
+        np.testing.assert_allclose(after.samples * after.gain, before.samples * before.gain)

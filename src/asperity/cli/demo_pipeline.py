@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from asperity.runs.sound import Sound, from_run
+from asperity.runs.sound import Sound, at_one_level, from_run
 from asperity.studies.otaduy_lin_2004.real_surfaces import REAL_SURFACES, RealSurface
 from asperity.studies.otaduy_lin_2004.rub import rub
 from asperity.studies.otaduy_lin_2004.studies import STUDIES, StudySettings, run_study
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 PROBES = (1e-3, 2e-3, 3e-3, 4e-3)
 """Probe diameters on the real surfaces [m]."""
-_SOUND_PROBE = 2
-"""Index of the probe whose sound is written."""
+SOUND_PROBES = (0, -1)
+"""Places in `PROBES` of the probes whose sounds are written."""
 _SOUND_RATE, _SOUND_SECONDS = 22050, 2.0
 """Sampling rate [Hz] and duration [s] of the sounds."""
 _PICTURE_ROWS = 440
@@ -90,7 +90,8 @@ class Results:
     rubs: dict[str, xr.Dataset]
     remarks: dict[str, str]
     """Origin of each real surface: measured or generated."""
-    sounds: dict[str, Sound]
+    sounds: dict[str, list[Sound]]
+    """Sounds of each surface, one for each of `SOUND_PROBES`, all at one level."""
     runs: dict[str, Run]
     """Run of each 6-DoF scene, by name."""
     tick_us: dict[str, tuple[float, float]]
@@ -140,7 +141,7 @@ def run_demo(
         ]
         # These are slow to import, so they are imported while the threads already work.
         from asperity.drawing import figure_style
-        from asperity.studies.otaduy_lin_2004.figures import rub_figure
+        from asperity.studies.otaduy_lin_2004 import figures
         from asperity.studies.otaduy_lin_2004.write import write_dataset, write_studies
 
         with _timing(seconds, "studies"):
@@ -149,20 +150,25 @@ def run_demo(
                 for name in STUDIES
             }
         with _timing(seconds, "figures and data of the studies"):
-            claims = write_studies(studies, None, folder, ("svg",))
+            claims = write_studies(studies, "max_acceleration", folder, ("svg",))
+            # The metric that reproduces what people report about speed.
+            by_band = figures.study_figure(studies["speed"], ["band_rms"])
+            figure_style.save(by_band, folder, "speed_band_rms", ("svg",))
         rubbed = [future.result() for future in pending]
         finished = [future.result() for future in pending_runs]
         seconds["scenes and real surfaces (beside the two above)"] = time.perf_counter() - start
-    rubs, remarks, sounds = {}, {}, {}
+    rubs, remarks = {}, {}
     with _timing(seconds, "figures, data and sounds of the real surfaces"):
         for surface, (dataset, remark) in zip(REAL_SURFACES, rubbed, strict=True):
             rubs[surface.name], remarks[surface.name] = dataset, remark
             write_dataset(dataset, folder / f"{surface.name}.nc")
-            figure_style.save(rub_figure(dataset), folder, surface.name, ("png",))
-            sounds[surface.name] = from_run(
-                dataset, level=_SOUND_PROBE, rate=_SOUND_RATE, seconds=_SOUND_SECONDS
-            )
-            sounds[surface.name].write(folder / f"{surface.name}.wav")
+        for name, draw in (
+            ("maps", figures.maps_figure), ("offsets", figures.offsets_figure),
+            ("ratios", figures.ratios_figure), ("vibration", figures.vibration_figure),
+        ):  # fmt: skip
+            kind = "png" if name == "maps" else "svg"
+            figure_style.save(draw(list(rubs.values())), folder, f"surfaces_{name}", (kind,))
+        sounds = _write_sounds(rubs, folder)
     with _timing(seconds, "ticks of the scenes, timed alone"):
         # Beside other threads, a tick would mostly wait for the interpreter's lock.
         tick_us = {
@@ -178,6 +184,20 @@ def run_demo(
             write_summary(run, folder / f"{shown.prefix}summary.json")
             write_figures(run, pictures, folder, prefix=shown.prefix, kinds=("svg",))
     return Results(settings, studies, claims, rubs, remarks, sounds, runs, tick_us, folder, seconds)
+
+
+def _write_sounds(rubs: dict[str, xr.Dataset], folder: Path) -> dict[str, list[Sound]]:
+    """Write the sounds of surfaces under a small and a large probe, all at one level."""
+    keys = [(name, place % len(PROBES)) for name in rubs for place in SOUND_PROBES]
+    sounds = at_one_level([
+        from_run(rubs[name], level=place, rate=_SOUND_RATE, seconds=_SOUND_SECONDS)
+        for name, place in keys
+    ])  # fmt: skip
+    out: dict[str, list[Sound]] = {name: [] for name in rubs}
+    for (name, place), sound in zip(keys, sounds, strict=True):
+        sound.write(folder / f"{name}_{PROBES[place] * 1e3:g}mm.wav")
+        out[name].append(sound)
+    return out
 
 
 def _run_one(
@@ -217,7 +237,7 @@ def _rub_one(
     """Drag all probes over one surface; return the dataset and the origin of the surface."""
     middle = settings.middle()
     heights, remark = surface.load(data)
-    title = surface.title if remark.startswith("Measured") else f"Stand-in for: {surface.title}"
+    title = surface.title if remark.startswith("Measured") else f"{surface.title} (stand-in)"
     dataset = rub(
         heights,
         title=title,

@@ -1,11 +1,14 @@
-"""The style of all figures, and saving them."""
+"""The style of all figures, and saving them.
+
+Figures are made at the size at which pages show them (`PAGE_WIDTH`), so that text of `SMALLEST`
+points is that large for a reader.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -13,15 +16,25 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from numpy.typing import NDArray
 
 # Okabe & Ito (2008): distinguishable by colour-blind readers, and in grey by the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
+PAGE_WIDTH = 9.6
+"""Width of a figure that is as wide as a page of the report [inch]; `page.css` shows it so."""
+COLUMN_WIDTH = 7.6
+"""Width of a figure in a column of the documentation [inch]."""
+SMALLEST = 9.0
+"""Size of the smallest text in a figure [pt]."""
+SHADE = "#f2ead2"
+"""Colour of a band that is marked."""
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STYLE = {
     "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "axes.titlesize": 9.5,
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "xtick.labelsize": SMALLEST,
+    "ytick.labelsize": SMALLEST,
     "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -31,7 +44,7 @@ _STYLE = {
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
     "legend.frameon": False,
-    "legend.fontsize": 8,
+    "legend.fontsize": SMALLEST,
     "lines.linewidth": 1.4,
     "figure.dpi": 100,
     "savefig.dpi": 200,
@@ -52,9 +65,10 @@ def save(
 ) -> list[Path]:
     """Write a figure into `folder`, by default as PNG and SVG; return the paths."""
     paths = [folder / f"{name}.{kind}" for kind in kinds]
-    for path in paths:
-        metadata = {"Date": None} if path.suffix == ".svg" else None
-        figure.savefig(path, metadata=metadata)
+    with style():  # which sets resolution, and what makes two files of one figure the same
+        for path in paths:
+            metadata = {"Date": None} if path.suffix == ".svg" else None
+            figure.savefig(path, metadata=metadata)
     return paths
 
 
@@ -78,17 +92,15 @@ def plain_ticks(axis: Axis) -> None:
         ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
         axis.set_ticks([t for t in ticks if low <= t <= high])
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    else:
+        axis.set_major_formatter(FuncFormatter(_power_of_ten))
     axis.set_minor_formatter(NullFormatter())
     axis.set_tick_params(which="minor", length=0)
 
 
-def spectrum_limits(amplitude: NDArray[np.floating[Any]]) -> tuple[float, float]:
-    """Return the limits of a logarithmic axis that is filled by the lines of a spectrum.
-
-    At most four decades; up to a hundredth of the lines may be below.
-    """
-    top = float(np.max(amplitude, initial=0.0))
-    if not top > 0.0:
-        return 1e-12, 1.0
-    low = float(np.percentile(amplitude, 1.0))
-    return min(max(0.5 * low, 1e-4 * top), 0.1 * top), 2.0 * top
+def _power_of_ten(value: float, _: int) -> str:
+    """Return a power of ten in characters of full size, as mathematical text has none."""
+    power = round(float(np.log10(value))) if value > 0.0 else 0
+    if not np.isclose(value, 10.0**power):
+        return f"{value:g}"
+    return f"10{str(power).translate(_SUPERSCRIPTS)}" if power else "1"

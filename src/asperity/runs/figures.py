@@ -1,86 +1,153 @@
-"""Figures of a run: force, torque, spectra, traces over time, and the picture of the contact."""
+"""Figures of a run: force and torque as texture, spectra, and traces over time."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, spectrum_limits, style
-from asperity.drawing.renderer.contact import ContactMoment, Picture
+from asperity.drawing.figure_style import COLOURS, PAGE_WIDTH, SHADE, style
+from asperity.runs.third_octaves import nominal, third_octaves
 from asperity.runs.tool_motion import Traces, thinned
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.simulation.simulation import Rollout
 
 Array = NDArray[np.floating[Any]]
 _AXES = ("x", "y", "z")
-_ARROW_SHARE = 0.30
-"""Length of the longest arrow, as a part of the picture's width."""
 _DPI = 160
 _POINTS = 4000
 """So many points of a line can be distinguished on paper; of longer records, extremes are drawn."""
-_EDGE = 6.0
-"""Words in a picture keep so far from its edge [dots]."""
+_SHORT, _STRETCH = 0.35, 0.3
+"""Runs up to this long are drawn whole, of longer ones a stretch in which waves are seen [s]."""
+_ABOVE: dict[str, Any] = {
+    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2, "handlelength": 1.4,
+}  # fmt: skip
+"""A legend beside the title, where it covers no line."""
 _SILENT = 1e-12
 """A tangential force whose lines are all below this [N] is rounding."""
 
 
 def force_figure(run: Rollout, title: str) -> Figure:
-    """Return the components of the force on the tool over time."""
-    return _components(run.time, run.contact_wrench[:, :3], "force on the tool", "N", title)
+    """Return the force on the tool as texture: the tangential force, and the normal less its mean.
 
-
-def torque_figure(run: Rollout, title: str) -> Figure:
-    """Return the components of the torque about the tool's centre of mass over time."""
-    torque = run.contact_wrench[:, 3:] * 1e3
-    return _components(run.time, torque, "torque about the centre of mass", "mN m", title)
-
-
-def _components(time: Array, values: Array, what: str, unit: str, title: str) -> Figure:
-    """Draw the whole run above, and a stretch of it in which single waves are seen below."""
+    The normal axis is the world axis along which the mean force is largest. The mean, which
+    carries the weight of the hand, would flatten what a texture adds to it. Runs of more than
+    0.35 s are shown by a stretch, with the whole run below.
+    """
+    force = run.contact_wrench[:, :3]
+    means = force[run.contact_count > 0].mean(axis=0) if run.contact_count.any() else np.zeros(3)
+    normal = int(np.argmax(np.abs(means)))
+    across = [i for i in range(3) if i != normal]
+    begin, end = _stretch(run.time)
+    whole = end - begin < len(run.time)
+    shown = force[begin:end]
     with style():
-        figure = Figure(figsize=(7.2, 4.6), dpi=_DPI)
-        whole, part = figure.subplots(2, 1)
-        _lines(whole, time, values, 0.7)
-        whole.set_title(f"{title}\n{what}, world axes")
-        begin, end = _stretch(time)
-        whole.axvspan(time[begin], time[end - 1], color="#f2ead2", zorder=0, lw=0)
-        _lines(part, (time[begin:end] - time[begin]) * 1e3, values[begin:end], 1.2)
-        whole.set_xlabel("time [s]")
-        part.set_xlabel(f"time from {time[begin]:.3g} s [ms] (the shaded stretch)")
-        for axis in (whole, part):
-            axis.set_ylabel(f"{what.split(' ')[0]} [{unit}]")
-        _axes_legend(figure, whole)
-        figure.tight_layout(h_pad=1.2)
+        figure = Figure(figsize=(PAGE_WIDTH, 4.3 + 1.5 * whole), dpi=_DPI, layout="constrained")
+        ratios = (1.5, 1.0, 0.7)[: 2 + whole]
+        axes = np.atleast_1d(figure.subplots(len(ratios), 1, height_ratios=ratios))
+        time = (run.time[begin:end] - run.time[begin]) * 1e3
+        tangential = [(f"along {_AXES[i]}", shown[:, i], i) for i in across]
+        rest = shown[:, normal] - means[normal]
+        sizes = [_unit(values, "N") for values in (shown[:, across], rest)]
+        _lines(axes[0], time, tangential, *sizes[0], "tangential force")
+        _lines(axes[1], time, [("", rest, normal)], *sizes[1], "normal force\nless its mean")
+        axes[0].legend(ncols=2, **_ABOVE)
+        axes[0].tick_params(labelbottom=False)
+        axes[1].set_xlabel(f"time [ms]{_pace(run, begin, end)}")
+        axes[1].set_title(
+            f"Normal force, along {_AXES[normal]}, less its mean of {means[normal]:.3g} N: "
+            f"{_swing(rest)} from peak to peak"
+        )  # fmt: skip
+        swing = np.ptp(shown[:, across], axis=0).max() if len(shown) else 0.0
+        axes[0].set_title(f"{title}\nTangential force: {_swing(np.array([0.0, swing]))} from peak "
+                          "to peak")  # fmt: skip
+        if whole:
+            _overview(axes[2], run, force, normal, (begin, end))
+        figure.align_ylabels(axes)
     return figure
 
 
-def _axes_legend(figure: Figure, axis: Axes) -> None:
-    figure.legend(
-        *axis.get_legend_handles_labels(), loc="upper right", ncols=3,
-        bbox_to_anchor=(0.985, 0.996), handlelength=1.4, columnspacing=1.2,
-    )  # fmt: skip
+def torque_figure(run: Rollout, title: str) -> Figure:
+    """Return the torque about the tool's centre of mass less its mean, over a stretch."""
+    begin, end = _stretch(run.time)
+    torque = run.contact_wrench[begin:end, 3:]
+    means = torque.mean(axis=0)
+    with style():
+        figure = Figure(figsize=(PAGE_WIDTH, 3.0), dpi=_DPI, layout="constrained")
+        axis = figure.subplots()
+        traces = [
+            (f"about {name}, less {round(1e3 * means[i], 3):.3g} mN m", torque[:, i] - means[i], i)
+            for i, name in enumerate(_AXES)
+        ]
+        time = (run.time[begin:end] - run.time[begin]) * 1e3
+        _lines(axis, time, traces, 1e3, "mN m", "torque")
+        axis.set_xlabel(f"time [ms]{_pace(run, begin, end)}")
+        axis.set_title(f"{title}\nTorque about the tool's centre of mass, less its mean")
+        figure.legend(*axis.get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    return figure
+
+
+def _lines(
+    axis: Axes, time: Array, traces: Sequence[tuple[str, Array, int]], scale: float, unit: str,
+    label: str,
+) -> None:  # fmt: skip
+    """Draw traces, each a label, values and the number of its colour."""
+    for name, values, colour in traces:
+        axis.plot(time, values * scale, color=COLOURS[colour], lw=1.2, label=name)
+    axis.set_ylabel(f"{label}\n[{unit}]")
+    _span_time(axis, time)
+    axis.margins(y=0.1)
+    if max((float(np.ptp(values)) for _, values, _ in traces), default=0.0) * scale < _SILENT:
+        axis.set_ylim(-1.0, 1.0)
+
+
+def _overview(
+    axis: Axes, run: Rollout, force: Array, normal: int, part: tuple[int, int]
+) -> None:  # fmt: skip
+    """Draw the sizes of both forces over the whole run, and mark the stretch."""
+    across = np.linalg.norm(np.delete(force, normal, axis=1), axis=1)
+    for name, values, colour in (("tangential", across, 3), ("normal", force[:, normal], normal)):
+        at, drawn = thinned(run.time, np.asarray(values, np.float64)[:, None], _POINTS)
+        axis.plot(at, drawn[:, 0], color=COLOURS[colour], lw=0.8, label=name)
+    axis.axvspan(run.time[part[0]], run.time[part[1] - 1], color=SHADE, zorder=0, lw=0)
+    axis.set(xlabel="time [s]", ylabel="force\n[N]", title="The whole run; shaded: the part above")
+    axis.legend(ncols=2, **_ABOVE)
+    _span_time(axis, run.time)
+
+
+def _unit(values: Array, unit: str) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which values are read easily."""
+    return (1.0, unit) if float(np.ptp(values)) >= 0.1 else (1e3, f"m{unit}")
+
+
+def _swing(values: Array) -> str:
+    """Return by how much values in newtons vary, with the unit."""
+    scale, unit = _unit(values, "N")
+    return f"{float(np.ptp(values)) * scale:.3g} {unit}"
+
+
+def _pace(run: Rollout, begin: int, end: int) -> str:
+    """Return how long the tool takes for a millimetre, where its speed is uniform."""
+    step = float(run.time[1] - run.time[0]) if len(run.time) > 1 else 1.0
+    moved = np.linalg.norm(np.diff(run.handle_pose[begin:end, :3], axis=0), axis=1)
+    usual = float(np.median(moved)) if len(moved) else 0.0
+    if not usual > 0.0 or np.mean(np.abs(moved - usual) < 0.05 * usual) < 0.8:
+        return ""
+    return f"; the handle moves 1 mm in {step / usual:.3g} ms"
 
 
 def _stretch(time: Array) -> tuple[int, int]:
-    """Return the ticks of a stretch of 0.15 s in the middle of the first half."""
+    """Return the ticks to show: all of a short run, else 0.3 s from the end of a first quarter."""
     step = float(time[1] - time[0]) if len(time) > 1 else 1.0
-    count = min(max(int(0.15 / step), 16), len(time))
+    if len(time) * step <= _SHORT:
+        return 0, len(time)
+    count = min(max(int(_STRETCH / step), 16), len(time))
     begin = min(len(time) // 4, len(time) - count)
     return begin, begin + count
-
-
-def _lines(axis: Axes, time: Array, values: Array, width: float) -> None:
-    for i, name in enumerate(_AXES):
-        axis.plot(time, values[:, i], color=COLOURS[i], lw=width, label=name)
-    _span_time(axis, time)
-    low, high = float(values.min()), float(values.max())
-    room = 0.08 * (high - low) or 0.1
-    axis.set_ylim(low - room, high + room)
 
 
 def _span_time(axis: Axes, time: Array) -> None:
@@ -119,33 +186,53 @@ def across_mean(force: Array) -> Array:
 
 
 def spectrum_figure(run: Rollout, title: str) -> Figure:
-    """Return the spectrum of the tangential force."""
+    """Return the spectrum of the tangential force in third octaves."""
     frequency, amplitude = tangential_spectrum(run)
+    # A Hann window that keeps the height of a line widens it: the power is 1.5 times too large.
+    amplitude = 1e3 / np.sqrt(1.5) * amplitude
+    return _third_octave_figure(
+        frequency, amplitude, title, "tangential force", "mN", None, silent=1e3 * _SILENT
+    )
+
+
+def _third_octave_figure(
+    frequency: Array, amplitude: Array, title: str, what: str, unit: str,
+    band: tuple[float, float] | None, silent: float = 0.0,
+) -> Figure:  # fmt: skip
+    """Return bars of the RMS in third octaves; the title names the largest."""
     with style():
-        figure = Figure(figsize=(7.2, 3.0), dpi=_DPI)
+        figure = Figure(figsize=(PAGE_WIDTH, 3.1), dpi=_DPI, layout="constrained")
         axis = figure.subplots()
-        top = float(amplitude.max())
-        axis.plot(frequency[1:], amplitude[1:], color=COLOURS[0], lw=0.9)
-        axis.set(
-            xlim=(0.0, max(float(frequency[-1]), 1.0)),
-            xlabel="frequency [Hz]", ylabel="tangential force [N]", title=title,
-        )  # fmt: skip
-        if top > _SILENT:
-            axis.set(yscale="log", ylim=spectrum_limits(amplitude[1:]))
-        else:  # of which there is no logarithm
-            axis.set(ylim=(0.0, 1.0), yticks=[0.0])
+        axis.set(xlabel="third octave around [Hz]", ylabel=f"{what},\nRMS [{unit}]")
+        axis.set_title(f"{title}\n{what} in third octaves")
+        if len(frequency) < 3 or not float(amplitude[1:].max()) > silent:
+            axis.set(ylim=(0.0, 1.0), yticks=[0.0], xticks=[])
             axis.text(
-                0.5, 0.5, "the tangential force does not vary", ha="center", va="center",
+                0.5, 0.5, f"the {what} does not vary", ha="center", va="center",
                 transform=axis.transAxes, color="#666666",
             )  # fmt: skip
-        figure.tight_layout()
+            return figure
+        lines = (np.asarray(part[1:], np.float64) for part in (frequency, amplitude))
+        middles, rms = third_octaves(*lines)
+        place = np.log10(middles)
+        axis.bar(place, rms, width=0.09, color=COLOURS[0])
+        if band:
+            axis.axvspan(*np.log10(band).tolist(), color=SHADE, zorder=0, lw=0)
+        every = max(1, -(-len(middles) // 18))
+        axis.set_xticks(place[::every], [nominal(f) for f in middles[::every]])
+        axis.grid(axis="x", visible=False)
+        axis.set_xlim(place[0] - 0.08, place[-1] + 0.08)
+        most = int(np.argmax(rms))
+        shaded = f"; shaded: {band[0]:g} to {band[1]:g} Hz" if band else ""
+        axis.set_title(f"{title}\n{what.capitalize()}: most in the third octave around "
+                       f"{nominal(middles[most])} Hz, {rms[most]:.3g} {unit}{shaded}")  # fmt: skip
     return figure
 
 
 def traces_figure(traces: Traces, title: str) -> Figure:
     """Return force, torque, acceleration and penetration depth over time, one below the other."""
     with style():
-        figure = Figure(figsize=(7.2, 7.4), dpi=_DPI)
+        figure = Figure(figsize=(PAGE_WIDTH, 7.4), dpi=_DPI)
         axes = figure.subplots(4, 1, sharex=True)
         for axis, values, label in (
             (axes[0], traces.force, "force [N]"),
@@ -165,7 +252,7 @@ def traces_figure(traces: Traces, title: str) -> Figure:
         axes[0].set_title(f"{title}\nforce and torque on the tool, world axes; torque about its "
                           "centre of mass")  # fmt: skip
         axes[-1].set_xlabel("time [s]")
-        _axes_legend(figure, axes[0])
+        axes[0].legend(ncols=3, **_ABOVE)
         figure.align_ylabels(axes)
         figure.tight_layout(h_pad=0.6)
     return figure
@@ -183,142 +270,8 @@ def _traces(
 
 
 def shaking_figure(traces: Traces, title: str, band: tuple[float, float] = DEFAULT_BAND) -> Figure:
-    """Return the spectrum of the tool's acceleration, with the band of the band metric marked."""
+    """Return the tool's acceleration in third octaves, with the band of the metric marked."""
     frequency, amplitude = traces.spectrum()
-    with style():
-        figure = Figure(figsize=(7.2, 3.2), dpi=_DPI)
-        axis = figure.subplots()
-        axis.axvspan(*band, color="#f2ead2", zorder=0, lw=0)
-        axis.plot(frequency, amplitude, color=COLOURS[0], lw=0.9)
-        axis.set(
-            yscale="log", ylim=spectrum_limits(amplitude[1:]),
-            xlim=(0.0, max(float(frequency[-1]) if len(frequency) else 0.0, 1.0)),
-            xlabel="frequency [Hz]", ylabel="acceleration [m/s²]",
-            title=f"{title}\nacceleration of the tool, three axes together; shaded: "
-                  f"{band[0]:g} to {band[1]:g} Hz",
-        )  # fmt: skip
-        figure.tight_layout()
-    return figure
-
-
-def contact_figure(close: Picture, whole: Picture, moment: ContactMoment, title: str) -> Figure:
-    """Return the picture of a moment: the whole tool at the left, the contact at the right."""
-    with style():
-        figure = Figure(figsize=(9.6, 5.5), dpi=_DPI)
-        shares = [_shape(whole)[1] / _shape(whole)[0], _shape(close)[1] / _shape(close)[0]]
-        left, right = figure.subplots(1, 2, width_ratios=shares)
-        for axis, picture in ((left, whole), (right, close)):
-            rows, columns = _shape(picture)
-            axis.imshow(np.clip(picture.image, 0.0, 1.0), interpolation="antialiased")
-            axis.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-            axis.grid(False)
-            for spine in axis.spines.values():
-                spine.set_visible(True)
-                spine.set_color("#cccccc")
-            _scale_bar(axis, picture)
-        left.set_title("The tool on the scene")
-        depth = (
-            f"; drawn raised by its depth, {moment.depth.max() * 1e3:.3g} mm"
-            if len(moment.depth)
-            else "; no contact"
-        )
-        right.set_title(f"The contact at {moment.time:.3f} s{depth}")
-        _arrows(right, close, moment)
-        _frame_mark(left, whole, close, moment)
-        figure.suptitle(title, x=0.012, ha="left", fontsize=11, fontweight="bold")
-        figure.subplots_adjust(left=0.012, right=0.988, top=0.885, bottom=0.02, wspace=0.03)
-        _keep_inside(figure, right)
-    return figure
-
-
-def _keep_inside(figure: Figure, axis: Axes) -> None:
-    """Shift the words in a picture that would be cut off at its edge."""
-    figure.draw_without_rendering()
-    frame = axis.get_window_extent()
-    for text in axis.texts:
-        box = text.get_window_extent()
-        if not text.get_text() or not box.width:
-            continue
-        shift_x = max(frame.x0 + _EDGE - box.x0, 0.0) + min(frame.x1 - _EDGE - box.x1, 0.0)
-        shift_y = max(frame.y0 + _EDGE - box.y0, 0.0) + min(frame.y1 - _EDGE - box.y1, 0.0)
-        x, y = axis.transData.transform(text.get_position())
-        x, y = axis.transData.inverted().transform((x + shift_x, y + shift_y)).tolist()
-        text.set_position((x, y))
-
-
-def _shape(picture: Picture) -> tuple[int, int]:
-    return picture.image.shape[0], picture.image.shape[1]
-
-
-def _scale_bar(axis: Axes, picture: Picture) -> None:
-    """Draw a bar of a round length in the lower left corner."""
-    rows, columns = _shape(picture)
-    longest = 0.28 * picture.camera.width
-    power = 10.0 ** np.floor(np.log10(longest))
-    length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest))
-    x, y = 0.045 * columns if columns > 500 else 0.06 * columns, 0.95 * rows
-    outline = [withStroke(linewidth=4.5, foreground="white")]
-    axis.plot(
-        [x, x + length / picture.camera.pixel], [y, y], color="black", lw=2.5,
-        solid_capstyle="butt", path_effects=outline,
-    )  # fmt: skip
-    _label(axis, x, y - 0.016 * rows, f"{length * 1e3:g} mm", "black", "left", "bottom")
-
-
-def _label(axis: Axes, x: float, y: float, text: str, colour: str, across: str, up: str) -> None:
-    axis.text(
-        x, y, text, color=colour, ha=across, va=up, fontsize=9,
-        path_effects=[withStroke(linewidth=2.6, foreground="white")], zorder=6, clip_on=True,
-    )  # fmt: skip
-
-
-def _arrows(axis: Axes, picture: Picture, moment: ContactMoment) -> None:
-    """Draw at each contact the normal and the force on the tool, all forces to one scale."""
-    if not len(moment.depth):
-        return
-    sizes = np.linalg.norm(moment.force, axis=1)
-    largest = int(np.argmax(sizes))
-    length = _ARROW_SHARE * picture.camera.width
-    per_newton = length / max(float(sizes[largest]), 1e-300)
-    for i, point in enumerate(np.asarray(moment.point + moment.pushed)):
-        normal = point + moment.normal[i] * 0.85 * length
-        force = point + moment.force[i] * per_newton
-        if sizes[i] < 0.03 * sizes[largest]:
-            continue
-        leans_right = picture.camera.place(force)[0] >= picture.camera.place(normal)[0]
-        _arrow(axis, picture, point, normal, "#222222", 1.3, "normal n" * (i == largest),
-               "right" if leans_right else "left")  # fmt: skip
-        label = f"force {sizes[i]:.2g} N" * (i == largest)
-        _arrow(axis, picture, point, force, COLOURS[1], 2.4, label,
-               "left" if leans_right else "right")  # fmt: skip
-        x, y = picture.camera.place(point)
-        axis.plot(x, y, "o", color=COLOURS[1], mec="white", mew=1.0, ms=6.0, zorder=7)
-
-
-def _arrow(
-    axis: Axes, picture: Picture, start: NDArray[np.float64], end: NDArray[np.float64],
-    colour: str, width: float, label: str, across: str,
-) -> None:  # fmt: skip
-    (x0, y0), (x1, y1) = picture.camera.place(start), picture.camera.place(end)
-    axis.annotate(
-        "", (x1, y1), (x0, y0),
-        arrowprops={"arrowstyle": "-|>,head_width=0.28,head_length=0.6", "color": colour,
-                    "lw": width, "shrinkA": 0.0, "shrinkB": 0.0,
-                    "path_effects": [withStroke(linewidth=width + 1.8, foreground="white")]},
-        zorder=5,
-    )  # fmt: skip
-    if label:
-        shift = 8.0 if across == "left" else -8.0
-        _label(axis, float(x1) + shift, float(y1), label, colour, across, "center")
-
-
-def _frame_mark(axis: Axes, whole: Picture, close: Picture, moment: ContactMoment) -> None:
-    """Mark in the whole picture what the close one shows."""
-    x, y = whole.camera.place(close.camera.centre)
-    half = 0.5 * close.camera.width / whole.camera.pixel
-    tall = half * _shape(close)[0] / _shape(close)[1]
-    axis.plot(
-        [x - half, x + half, x + half, x - half, x - half],
-        [y - tall, y - tall, y + tall, y + tall, y - tall],
-        color=COLOURS[1], lw=1.1,
-    )  # fmt: skip
+    return _third_octave_figure(
+        frequency, amplitude, title, "acceleration of the tool", "m/s²", band
+    )

@@ -271,9 +271,10 @@ def write_figures(
     """Write the picture (PNG) and the plots of force, torque and spectrum."""
     from asperity.drawing import figure_style
     from asperity.runs import figures
+    from asperity.runs.contact_figure import contact_figure
 
     title = f"{run.summary['scene']}: {described(run.summary)}"
-    picture = figures.contact_figure(*pictures, run.moment, title)
+    picture = contact_figure(*pictures, run.moment, title)
     figure_style.save(picture, folder, f"{prefix}picture", ("png",))
     for name, figure in (
         ("force", figures.force_figure),

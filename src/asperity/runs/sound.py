@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -38,6 +39,11 @@ class Sound:
     """Acceleration that full scale stands for [m/s^2]."""
     source: str
     """Where the acceleration came from, in words."""
+
+    @property
+    def level(self) -> float:
+        """The RMS of the samples over full scale [dB]."""
+        return 20.0 * math.log10(float(np.sqrt(np.mean(self.samples**2))))
 
     def write(self, path: Path | BinaryIO) -> None:
         """Write a 16-bit mono WAV file."""
@@ -99,6 +105,26 @@ def from_acceleration(
     if loudest == 0.0:
         raise AsperityError("the acceleration is zero throughout: there is nothing to hear")
     return Sound(samples * (PEAK / loudest), rate, loudest / PEAK, source)
+
+
+def at_one_level(sounds: Sequence[Sound]) -> list[Sound]:
+    """Return sounds at one level, the highest at which none exceeds `PEAK`, to be compared by ear.
+
+    Level is the RMS of all samples. Sounds as `from_acceleration` makes them differ by how far
+    their loudest sample stands out, which hides how smooth or rough they are.
+    """
+    rms = [float(np.sqrt(np.mean(sound.samples**2))) for sound in sounds]
+    level = min(
+        (
+            PEAK * one / float(np.max(np.abs(sound.samples)))
+            for sound, one in zip(sounds, rms, strict=True)
+        ),
+        default=0.0,
+    )
+    return [
+        replace(sound, samples=sound.samples * (level / one), gain=sound.gain * one / level)
+        for sound, one in zip(sounds, rms, strict=True)
+    ]
 
 
 def _band_limited(values: Array, step: float, rate: int) -> tuple[Array, float]:

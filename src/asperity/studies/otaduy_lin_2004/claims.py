@@ -201,7 +201,7 @@ def _peak_scales(data: xr.Dataset, metric: str) -> _Judgement:
     scale = np.pi * np.sqrt(2.0 * attrs["amplitude"] * levels["diameter"])
     ratio = data[f"{metric}_peak"].values / scale
     spread = float(np.ptp(ratio) / np.mean(ratio))
-    note = "The scale is the drop point of a sinusoid; the claim is asperity's, not the paper's."
+    note = "Ratio: peak's spacing over drop point. The claim is asperity's, not the paper's."
     if attrs["surface"] != "sinusoid":
         note += " This surface is no sinusoid."
     inside = np.all(data[f"{metric}_peak_inside"].values)
@@ -249,7 +249,7 @@ _AFTER_2000 = "[OL] 3.1 and 4.2, after Lederman et al. (2000)"
 _AFTER_1999 = "[OL] 3.1 and 4.2, after Lederman et al. (1999)"
 _QUADRATIC = _Rule(
     "quadratic",
-    "The curve over spacing is well approximated by a quadratic in log-log (R^2 >= 0.9)",
+    "The curve over spacing is well approximated by a quadratic in log-log (R² at least 0.9)",
     "[OL] 4.2, Effects of Probe Diameter", _quadratic,
 )  # fmt: skip
 _RULES = {
@@ -261,7 +261,7 @@ _RULES = {
             _peak_moves_right,
         ),
         _Rule(
-            "peak_scales", "The peak's spacing scales with pi sqrt(2 a D), within 5 %",
+            "peak_scales", "The peak's spacing scales with the probe's drop point, within 5 %",
             "asperity, from the geometry of [OL] Figure 2", _peak_scales,
         ),
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -10,18 +11,34 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, plain_ticks, style
+from asperity._core.digits import telling
+from asperity.drawing.figure_style import (
+    COLOURS,
+    MARKERS,
+    PAGE_WIDTH,
+    SMALLEST,
+    log_scale,
+    style,
+)
+from asperity.runs.third_octaves import third_octaves
+from asperity.runs.vibration_metrics import spectrum
+from asperity.studies.otaduy_lin_2004.claims import LEAST_R_SQUARED
 
 _SCALE = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "N": (1.0, "N")}
 _DOTTED = (0, (2, 2))
+_RATIO = "acceleration over that\nof the probe of {}"
+
+
+_FACTORS = {"diameter": "probe diameter", "normal_force": "normal force", "speed": "speed"}
+_BANDS = (16.0, 550.0)
+"""Bands that are drawn: what a hand feels as vibration [Hz]."""
 
 
 def level_labels(data: xr.Dataset) -> list[str]:
-    """Return the legend entry of each level of a study."""
+    """Return the legend entry of each level of a study: its value with the unit."""
     values = data[data.attrs["factor"]]
     scale, unit = _SCALE[values.attrs["units"]]
-    symbol = {"diameter": "D", "normal_force": "F$_n$", "speed": "v"}[data.attrs["factor"]]
-    return [f"{symbol} = {value * scale:.3g} {unit}" for value in values.values]
+    return [f"{value * scale:.3g} {unit}" for value in values.values]
 
 
 def study_figure(data: xr.Dataset, metrics: Sequence[str]) -> Figure:
@@ -33,7 +50,8 @@ def study_figure(data: xr.Dataset, metrics: Sequence[str]) -> Figure:
     rows = 1 if len(metrics) < 3 else 2
     columns = 1 if len(metrics) == 1 else 2
     with style():
-        figure = Figure(figsize=(4.2 * columns if columns > 1 else 5.4, 3.4 * rows + 0.2))
+        height = 3.8 * rows if columns > 1 else 4.2
+        figure = Figure(figsize=(PAGE_WIDTH if columns > 1 else 7.2, height))
         axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
         for axis, metric in zip(axes, metrics, strict=False):
             _draw_levels(axis, data, metric)
@@ -50,10 +68,11 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
         colour, marker = COLOURS[level % 6], MARKERS[level % 6]
         values = data[metric].values[level]
         repeats = data["status"].values[level] == 0
-        r_squared = float(data[f"{metric}_fit_r_squared"][level])
+        explained = float(data[f"{metric}_fit_r_squared"][level])
+        r_squared = telling([explained], [LEAST_R_SQUARED, 1.0])[0]
         axis.plot(
             spacing, np.where(repeats, values, np.nan), marker, color=colour, ms=3.2, mew=0.0,
-            alpha=0.75, label=f"{label}  (R² {r_squared:.2f})",
+            alpha=0.75, label=f"{label}  (R² {r_squared})",
         )  # fmt: skip
         axis.plot(
             spacing, np.where(repeats, np.nan, values), marker, color=colour, ms=3.4, mfc="none",
@@ -71,7 +90,7 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
                 elinewidth=1.0, capsize=2.5, zorder=5,
             )  # fmt: skip
     attrs = data[metric].attrs
-    unit = "" if attrs["units"] == "1" else f" [{attrs['units']}]"
+    unit = " [dimensionless]" if attrs["units"] == "1" else f" [{attrs['units']}]"
     title = attrs["long_name"]
     if metric == "band_rms":
         low, high = data.attrs["band"]
@@ -85,11 +104,13 @@ def _draw_levels(axis: Axes, data: xr.Dataset, metric: str) -> None:
             axis.axvline(drop, color=COLOURS[level % 6], lw=0.9, ls=_DOTTED, zorder=0)
         axis.plot([], [], color="#666666", lw=0.9, ls=_DOTTED, label="drop point of each probe")
     axis.set_xlabel("texture spacing [mm]")
-    axis.set_ylabel(("RMS of u''" if metric == "band_rms" else title) + unit)
+    axis.set_ylabel(
+        {"band_rms": "RMS of u''", "threshold_power": "power"}.get(metric, title) + unit
+    )
     # The frame keeps vertical lines from crossing the text.
     axis.legend(
-        loc="best", handletextpad=0.3, labelspacing=0.3, frameon=True, framealpha=0.9,
-        edgecolor="none",
+        title=_FACTORS[data.attrs["factor"]], loc="best", handletextpad=0.3, labelspacing=0.3,
+        frameon=True, framealpha=0.9, edgecolor="none",
     )  # fmt: skip
 
 
@@ -104,7 +125,7 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
     labels = level_labels(data)
     spacing = data["spacing"].values * 1e3
     with style():
-        figure = Figure(figsize=(9.6, 3.3))
+        figure = Figure(figsize=(PAGE_WIDTH, 3.8), layout="constrained")
         axes = figure.subplots(1, data.sizes["model"], sharey=True)
         for axis, model, title in zip(axes, data["model"].values, titles, strict=True):
             values = data[metric].sel(model=model).values
@@ -119,64 +140,111 @@ def models_figure(data: xr.Dataset, metric: str, titles: Sequence[str]) -> Figur
             verdict = "feels the probe" if feels else "blind to the probe"
             text = f"spread {100 * np.max(spread):.3g} %"
             if feels:
-                text += f" (median {100 * np.median(spread):.3g} %)"
+                text += f",\nmedian {100 * np.median(spread):.3g} %"
             axis.set_title(title)
             axis.text(
-                0.04, 0.04, f"{verdict}\n{text}", transform=axis.transAxes,
-                fontsize=8, color="#333333",
+                0.04, 0.04, f"{verdict}\n{text}", transform=axis.transAxes, color="#333333",
+                fontsize=SMALLEST,
             )  # fmt: skip
             _limit(axis, spacing, 0.6 * float(data[metric].min()), 1.4 * float(data[metric].max()))
             axis.set_xlabel("spacing [mm]")
         attrs = data[metric].attrs
         axes[0].set_ylabel(f"{attrs['long_name']} [{attrs['units']}]")
-        axes[-1].legend(loc="upper right", handlelength=1.4)
-        figure.tight_layout(w_pad=1.0)
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(labels),
+            title="probe diameter",
+        )  # fmt: skip
     return figure
 
 
-def rub_figure(data: xr.Dataset, seconds: float = 0.25) -> Figure:
-    """Return the rub of several probes over one real surface.
-
-    Map with the path; profile and offset profiles; acceleration; its spectrum with the band.
-    """
-    probes = data["diameter"].values
+def rub_figure(data: xr.Dataset) -> Figure:
+    """Return the rub of several probes over one surface: map, offsets, vibration by band."""
     with style():
-        figure = Figure(figsize=(9.6, 6.0))
-        grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.7], wspace=0.28, hspace=0.42)
-        _draw_map(figure, figure.add_subplot(grid[0, 0]), data)
-        _draw_offsets(figure.add_subplot(grid[0, 1]), data)
-        time_axis, spectrum_axis = figure.add_subplot(grid[1, 1]), figure.add_subplot(grid[1, 0])
-        acceleration, step = data["acceleration"].values, data["time"].values
-        seconds = min(seconds, float(step[-1]))
-        shown = step <= seconds
-        gap = 1.1 * float(np.max(np.abs(acceleration[:, shown])))
-        for i, diameter in enumerate(probes):
-            label = f"D = {diameter * 1e3:g} mm"
-            offset = -i * gap
-            time_axis.axhline(offset, color="#cccccc", lw=0.6)
-            time_axis.plot(
-                step[shown] * 1e3, acceleration[i, shown] + offset, color=COLOURS[i], lw=0.9
-            )
-            time_axis.text(1.01 * seconds * 1e3, offset, label, color=COLOURS[i], va="center")
-            spectrum_axis.plot(
-                data["frequency"], data["spectrum"].values[i], color=COLOURS[i], lw=1.0,
-                label=label,
-            )  # fmt: skip
-        time_axis.set_yticks([0.0, 0.5 * gap], ["0", f"{0.5 * gap:.2g}"])
-        time_axis.set_title("Acceleration of the hand, one trace a probe")
-        time_axis.set(xlabel="time [ms]", ylabel="u'' [m/s²]", xlim=(0, seconds * 1e3))
-        time_axis.grid(False)
-        low, high = data.attrs["band"]
-        spectrum_axis.axvspan(low, high, color="#f2ead2", zorder=0)
-        spectrum_axis.set(xscale="log", yscale="log", xlim=(5, 600))
-        plain_ticks(spectrum_axis.xaxis)
-        top = float(np.max(data["spectrum"].values))
-        spectrum_axis.set_ylim(top * 1e-3, top * 1.6)
-        spectrum_axis.set(xlabel="frequency [Hz]", ylabel="amplitude of u'' [m/s²/√Hz]")
-        spectrum_axis.set_title(f"Spectrum; shaded: {low:g}-{high:g} Hz")
+        figure = Figure(figsize=(PAGE_WIDTH, 6.4), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.7])
+        chart = figure.add_subplot(grid[0, 0])
+        _draw_map(figure, chart, data)
+        chart.set_title("Heights, and the path")
+        offsets, ratios = figure.add_subplot(grid[0, 1]), figure.add_subplot(grid[1, :])
+        _draw_offsets(offsets, data)
+        offsets.set(xlabel="along the path [mm]", title="The surface, and what each probe traces")
+        offsets.legend(loc="upper right", framealpha=0.9, frameon=True, edgecolor="none")
+        _draw_ratios(ratios, data)
+        ratios.set(ylabel=_RATIO.format(_probes(data)[0]), title="Vibration of the hand by band")
+        ratios.legend(title="probe", loc="lower left")
         figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=11, fontweight="bold")
-        figure.subplots_adjust(left=0.07, right=0.91, top=0.9, bottom=0.09)
     return figure
+
+
+def maps_figure(rubs: Sequence[xr.Dataset]) -> Figure:
+    """Return the maps of surfaces, side by side, with the paths of the probes."""
+    with style():
+        figure = Figure(figsize=(PAGE_WIDTH, 3.7), layout="constrained")
+        for axis, data in zip(_row(figure, len(rubs)), rubs, strict=True):
+            _draw_map(figure, axis, data)
+            axis.set_title(data.attrs["title"])
+    return figure
+
+
+def offsets_figure(rubs: Sequence[xr.Dataset]) -> Figure:
+    """Return the first millimetres of surfaces, one below the other, and what probes trace."""
+    with style():
+        figure = Figure(figsize=(PAGE_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(len(rubs), 1, sharex=True))
+        for axis, data in zip(axes, rubs, strict=True):
+            _draw_offsets(axis, data)
+            axis.set_title(data.attrs["title"])
+        axes[-1].set_xlabel("along the path [mm]")
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=6,
+            handlelength=1.4,
+        )  # fmt: skip
+        figure.align_ylabels(axes)
+    return figure
+
+
+def ratios_figure(rubs: Sequence[xr.Dataset]) -> Figure:
+    """Return, for each surface, the vibration of larger probes over that of the smallest."""
+    with style():
+        figure = Figure(figsize=(PAGE_WIDTH, 3.6), layout="constrained")
+        axes = _row(figure, len(rubs), sharey=True)
+        for axis, data in zip(axes, rubs, strict=True):
+            _draw_ratios(axis, data)
+            axis.set_title(data.attrs["title"])
+        axes[0].set_ylabel(_RATIO.format(_probes(rubs[0])[0]))
+        axes[0].legend(title="probe", loc="lower left", handlelength=1.4)
+    return figure
+
+
+def vibration_figure(rubs: Sequence[xr.Dataset], seconds: float = 0.25) -> Figure:
+    """Return the acceleration of the hand over time with the smallest and the largest probe."""
+    seconds = min(seconds, *(float(data["time"].values[-1]) for data in rubs))
+    with style():
+        figure = Figure(figsize=(PAGE_WIDTH, 1.75 * len(rubs) + 0.6), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(len(rubs), 1, sharex=True))
+        for axis, data in zip(axes, rubs, strict=True):
+            time = data["time"].values
+            shown = time <= seconds
+            for i in (0, -1):
+                axis.plot(
+                    1e3 * time[shown], data["acceleration"].values[i, shown], lw=1.0,
+                    color=COLOURS[i % data.sizes["diameter"]], label=_probes(data)[i],
+                )  # fmt: skip
+            axis.set(ylabel="u'' [m/s²]", title=data.attrs["title"])
+        axes[-1].set(xlabel="time [ms]", xlim=(0.0, 1e3 * seconds))
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, title="probe"
+        )
+        figure.align_ylabels(axes)
+    return figure
+
+
+def _row(figure: Figure, count: int, *, sharey: bool = False) -> NDArray[Any]:
+    return np.atleast_1d(figure.subplots(1, count, sharey=sharey))
+
+
+def _probes(data: xr.Dataset) -> list[str]:
+    return [f"{diameter * 1e3:g} mm" for diameter in data["diameter"].values]
 
 
 def _draw_map(figure: Figure, axis: Axes, data: xr.Dataset) -> None:
@@ -186,28 +254,47 @@ def _draw_map(figure: Figure, axis: Axes, data: xr.Dataset) -> None:
     image = axis.imshow(
         heights, origin="lower", extent=extent, cmap="cividis", vmin=low, vmax=high, aspect="equal"
     )
-    axis.axhline(data.attrs["line"] * 1e3, color="white", lw=1.2)
-    axis.set(xlabel="u [mm]", ylabel="v [mm]", title="Heights and the path")
+    axis.axhline(data.attrs["line"] * 1e3, color="white", lw=1.4)
+    axis.set(xlabel="along the path [mm]", ylabel="across [mm]")
     axis.grid(False)
-    bar = figure.colorbar(image, ax=axis, shrink=0.85, pad=0.03)
-    bar.ax.set_title("µm", fontsize=8)
+    top = (0.5, 1.0)
+    bar = figure.colorbar(
+        image, ax=axis, location="bottom", shrink=0.9, pad=0.02, anchor=top, panchor=top
+    )
+    bar.set_label("height [µm]")
 
 
 def _draw_offsets(axis: Axes, data: xr.Dataset) -> None:
     u = data["u"].values * 1e3
     profile: NDArray[np.float64] = data["profile"].values * 1e6
-    axis.fill_between(u, profile, profile.min() - 0.1 * np.ptp(profile), color="#d9d9d9", lw=0)
+    bottom = float(profile.min()) - 0.1 * float(np.ptp(profile))
+    axis.fill_between(u, profile, bottom, color="#d9d9d9", lw=0)
     axis.plot(u, profile, color="#777777", lw=0.8, label="surface")
-    for i, diameter in enumerate(data["diameter"].values):
+    for i, label in enumerate(_probes(data)):
         axis.plot(
-            u, data["offset"].values[i] * 1e6, color=COLOURS[i], lw=1.1,
-            label=f"D = {diameter * 1e3:g} mm",
-        )  # fmt: skip
+            u, data["offset"].values[i] * 1e6, color=COLOURS[i], lw=1.1, label=f"probe {label}"
+        )
     top = float(np.max(data["offset"].values)) * 1e6
-    bottom = profile.min() - 0.1 * np.ptp(profile)
-    axis.set(
-        xlabel="u [mm]", ylabel="height [µm]", xlim=(u[0], u[-1]),
-        ylim=(bottom, top + 0.28 * (top - bottom)),
-        title="Profile along the path, and what each probe traces (its offset)",
-    )  # fmt: skip
-    axis.legend(ncols=5, loc="upper left", handlelength=1.2, columnspacing=1.0)
+    axis.set(ylabel="height [µm]", xlim=(u[0], u[-1]), ylim=(bottom, top + 0.05 * (top - bottom)))
+
+
+def _draw_ratios(axis: Axes, data: xr.Dataset) -> None:
+    """Draw the acceleration of each probe over the first one's, in octaves a third apart."""
+    step = float(data["time"].values[1] - data["time"].values[0])
+    levels = []
+    for wave in data["acceleration"].values:
+        middles, rms = third_octaves(*spectrum(wave, step, periodic=False))
+        levels.append(np.sqrt(np.convolve(rms**2, np.ones(3), "valid")))
+    middles = middles[1:-1]
+    shown = (middles >= _BANDS[0]) & (middles <= _BANDS[1])
+    least = np.maximum(levels[0], 1e-12)
+    for i, label in enumerate(_probes(data)):
+        axis.plot(
+            middles[shown], (levels[i] / least)[shown], f"{MARKERS[i]}-", color=COLOURS[i], lw=1.2,
+            ms=3.5, label=label,
+        )  # fmt: skip
+    axis.set(xlim=_BANDS, ylim=(0.2, 3.0))
+    log_scale(axis)
+    axis.set_xticks([20, 50, 100, 200, 500])
+    axis.set_yticks([0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0])
+    axis.set_xlabel("octave around [Hz]")

@@ -1,18 +1,20 @@
-"""The measured surfaces of the demo, and generated substitutes where the files are missing."""
+"""The measured surfaces of the demo, and stand-ins where the files are missing."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from asperity._core.arrays import Array
 from asperity.geometry.offsets.sampled import HeightMap
+from asperity.studies.otaduy_lin_2004 import stand_ins
 from asperity.texture.files.reading import read_heights
-from asperity.texture.patterns.random_surfaces import self_affine
 
 
 @dataclass(frozen=True)
 class RealSurface:
-    """A measured surface, how to read it, and the statistics of its substitute."""
+    """A measured surface, how to read it, and what stands in for it."""
 
     name: str
     title: str
@@ -24,19 +26,13 @@ class RealSurface:
     """Chosen peak-to-peak height [m] if the file has no vertical scale; otherwise None."""
     scale_note: str
     shape: tuple[int, int]
-    """Samples used of the map, and of its substitute."""
-    hurst: float
-    rms_slope: float
-    rolloff: float
-    """[m]"""
-    seed: int
+    """Samples used of the map, and of its stand-in."""
+    stand_in: Callable[[], Array]
+    """Makes the heights of the stand-in [m], of the same shape and pixel size."""
+    stand_in_note: str
 
     def load(self, folder: Path | None) -> tuple[HeightMap, str]:
-        """Return the surface and a sentence about its origin.
-
-        Without the file, a generated self-affine surface of the same pixel size, roll-off, Hurst
-        exponent and rms slope takes its place.
-        """
+        """Return the surface, measured if its file is in the folder, and a remark on its origin."""
         path = folder / self.file if folder else None
         if path and path.is_file():
             heights = read_heights(
@@ -44,42 +40,44 @@ class RealSurface:
             )
             samples = heights.samples[: self.shape[0], : self.shape[1]]
             return HeightMap(samples, self.pixel_size), f"Measured. {self.scale_note}"
-        samples = self_affine(
-            self.shape, self.pixel_size, hurst=self.hurst, rms_slope=self.rms_slope,
-            rolloff=self.rolloff, seed=self.seed,
-        )  # fmt: skip
-        return HeightMap(samples, self.pixel_size, "wrap"), (
-            "Generated: the measured file is missing, so a self-affine surface of the same "
-            f"rms slope ({self.rms_slope:g}), Hurst exponent ({self.hurst:g}) and roll-off "
-            f"({self.rolloff * 1e3:g} mm) takes its place."
+        return HeightMap(self.stand_in(), self.pixel_size, "wrap"), (
+            f"Stand-in made by code, for want of the measured file: {self.stand_in_note}"
         )
 
 
-def _sandpaper(grit: str, grain: float, rms_slope: float, rolloff: float, seed: int) -> RealSurface:
-    """Return a sandpaper P`grit` with grains of a diameter [m]."""
+_COIN, _PAPER = (300, 300), (1000, 1500)
+_COIN_PIXEL, _PAPER_PIXEL = 63.2e-6, 9e-6
+
+
+def _sandpaper(grit: str, seed: int) -> RealSurface:
+    """Return a sandpaper of a grit."""
+    grain = stand_ins.GRAINS[grit]
+    relief = f"{stand_ins.RELIEF:g} of a grain's diameter"
     return RealSurface(
-        f"sandpaper_p{grit}", f"Sandpaper P{grit} (GelSight)", f"sandpaper_P{grit}_height16.png",
-        9e-6, 0.3 * grain,
-        f"The file lost its vertical scale: 0.3 of a grain's diameter ({grain * 1e6:g} µm) was "
-        "chosen; 9 µm a pixel is inferred. A piece of 7 by 9 mm is used.",
-        (1000, 780), 0.8, rms_slope, rolloff, seed,
+        f"sandpaper_{grit.lower()}", f"Sandpaper {grit}", f"sandpaper_{grit}_height16.png",
+        _PAPER_PIXEL, stand_ins.RELIEF * grain,
+        f"GelSight; the file lost its vertical scale: {relief} ({grain * 1e6:g} µm) was chosen; "
+        "9 µm a pixel is inferred. A piece of 13.5 by 9 mm is used.",
+        _PAPER,
+        lambda: stand_ins.sandpaper(_PAPER, _PAPER_PIXEL, grain=grain, seed=seed),
+        f"angular grains of {grain * 1e6:g} µm (FEPA 43-1) in wavy resin, {relief} high.",
     )  # fmt: skip
 
 
 REAL_SURFACES = (
     RealSurface(
         name="coin",
-        title="Coin (US dime, GelSight)",
+        title="Coin",
         file="us_dime_gelsight.npz",
-        pixel_size=63.2e-6,
+        pixel_size=_COIN_PIXEL,
         height_range=None,
-        scale_note="Both scales are the instrument's: 63.2 µm a pixel.",
-        shape=(300, 300),
-        hurst=0.8,
-        rms_slope=0.2,
-        rolloff=4e-3,
-        seed=1,
+        scale_note="US dime, GelSight; both scales are the instrument's: 63.2 µm a pixel.",
+        shape=_COIN,
+        stand_in=lambda: stand_ins.coin(_COIN, _COIN_PIXEL),
+        stand_in_note=(
+            "smooth, 17.6 mm wide, with letters raised by 70 µm, a numeral by 110 µm, and a rim."
+        ),
     ),
-    _sandpaper("40", 425e-6, rms_slope=0.1, rolloff=1.5e-3, seed=2),
-    _sandpaper("120", 115e-6, rms_slope=0.05, rolloff=0.5e-3, seed=3),
+    _sandpaper("P40", seed=2),
+    _sandpaper("P120", seed=3),
 )
