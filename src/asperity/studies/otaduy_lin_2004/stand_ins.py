@@ -1,8 +1,8 @@
 """Surfaces made by code that stand in for a measured coin and for measured sandpaper.
 
 They resemble what they stand for in what a probe meets: the coin is smooth, with a rim, raised
-letters and a raised numeral; sandpaper is angular grains of the width that FEPA 43-1 gives for its grit.
-None of them was measured.
+letters and a raised numeral; sandpaper is angular grains of the width that FEPA 43-1 gives for its
+grit. None of them was measured.
 """
 
 from __future__ import annotations
