@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from asperity.cli import main
+from asperity.cli.result import set_json
 from asperity.runs.run_scene import run_scene
 from asperity.scene.builtin import load_scene
 from asperity.scene.trajectory import ScriptedMotion
@@ -58,9 +59,14 @@ def test_a_model_of_recordings_matches_their_held_out_ends(recordings, tmp_path,
         assert judged["kind"] == kind
 
 
-def test_noise_alone_can_be_chosen(recordings, tmp_path):
+def test_noise_alone_can_be_chosen(recordings, tmp_path, capsys):
     out = tmp_path / "fit"
-    assert main(["fit", *map(str, recordings), "--kind", "noise", "--out", str(out)]) == 0
+    words = ["fit", *map(str, recordings), "--kind", "noise", "--out", str(out)]
+    assert main([*words, "--json"]) == 0
+    set_json(False)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["kind"] == "noise"
+    assert printed["out"] == str(out)
     assert json.loads((out / "fit.json").read_text())["model_xml_loses"] == []
     assert not isinstance(read_model(out / "model.json"), HarmonicModel)
 

@@ -14,6 +14,7 @@ from tyro.conf import Positional, arg
 
 from asperity.cli.motion import motion_of
 from asperity.cli.options import Range, command, in_si
+from asperity.cli.result import print_result
 from asperity.errors import AsperityError
 
 _BUDGET = 1.0
@@ -62,7 +63,7 @@ class CompareCommand:
         from asperity.studies.comparison.claims import choose_claims
         from asperity.studies.comparison.compare import CompareSettings, compare
         from asperity.studies.comparison.own_methods import find_methods
-        from asperity.studies.comparison.write import write_comparison, write_docs
+        from asperity.studies.comparison.write import summary, write_comparison, write_docs
 
         if self.no_properties:
             print("asperity: --no-properties is deprecated: use --claim none", file=sys.stderr)
@@ -83,19 +84,20 @@ class CompareCommand:
             if self.docs is not None:
                 write_docs(folder, self.docs, result, self._command())
         able = [row for row in result.rows if row.reason is None]
-        print(f"{self.out}: {len(able)} of {len(result.rows)} methods render {scene.name}")
+        lines = [f"{self.out}: {len(able)} of {len(result.rows)} methods render {scene.name}"]
         for row in result.rows:
             if row.reason is not None:
-                print(f"  {row.method.name}: not applicable: {row.reason}")
+                lines.append(f"  {row.method.name}: not applicable: {row.reason}")
                 continue
             done = row.rendered
             assert done is not None
             reference = row.method.name == "asperity"
             ratio = "" if reference else f", {done.ratio:.3g} times asperity's"
-            print(
+            lines.append(
                 f"  {row.method.name}: median {1e6 * done.cost[0]:.3g} us{ratio}; "
                 f"{1e3 * done.band_rms:.3g} mN between 20 and 200 Hz"
             )
+        print_result(lines, summary(result, self._command()) | {"out": self.out})
 
     def _command(self) -> str:
         """Return the command that reproduces the page."""

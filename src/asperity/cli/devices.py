@@ -10,7 +10,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import command
-from asperity.cli.result import print_result
+from asperity.cli.result import announce, print_result
 from asperity.errors import AsperityError, require_choice
 
 _WIDTHS = (17, 11, 20, 32)
@@ -81,12 +81,15 @@ class DevicesCommand:
         if entry.steady:
             raise AsperityError(f"{entry.name} cannot be checked: it has no motors and no axes")
         unchecked = device(self.name, calibrated=False, **entry.check_options)
-        outcome = check_device(unchecked, home=entry.home, ask=None if self.yes else _ask)
+        outcome = check_device(
+            unchecked, home=entry.home, ask=None if self.yes else _ask, tell=announce
+        )
         if entry.name == "haply-fake":
-            print("the device is simulated: no calibration is saved")
+            line = "the device is simulated: no calibration is saved"
+            print_result(line, {"device": entry.name, "saved": None})
             return
         path = save_calibration(self.name, outcome.calibration)
-        print(f"saved {path}")
+        print_result(f"saved {path}", {"device": entry.name, "saved": path})
 
 
 def _row(*cells: str) -> list[str]:

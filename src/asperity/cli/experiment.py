@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import sys
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +14,7 @@ from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, with_options
 from asperity.cli.realtime_run import DeviceOptions
+from asperity.cli.result import announce, print_result, wants_json
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
@@ -101,7 +104,7 @@ class ExperimentCommand:
             return self._run_in_page(session)
         if self.device is None:
             return self._run_simulated(session)
-        front: ParticipantInterface = TerminalInterface()
+        front: ParticipantInterface = TerminalInterface(write=sys.stderr if wants_json() else None)
         if self.simulate:
             front = SimulatedInterface(session.design, session.participant, session.number)
         spec = functools.partial(self._spec, self.device)
@@ -130,8 +133,6 @@ class ExperimentCommand:
 
     def _run_in_page(self, session: Session) -> SessionOutcome:
         """Run a session in the page; print the answers on stderr for the experimenter."""
-        import sys
-
         from asperity.cli.realtime_run import parse_device_options, with_coupling
         from asperity.psychophysics.interfaces.page import (
             PageInterface,
@@ -162,7 +163,7 @@ class ExperimentCommand:
             TrialClient(config, show=show) as link,
             Page(link, panels(desk, config, show=show), port=self.port, label=design.name) as page,
         ):
-            print(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)", flush=True)
+            announce(f"{page.url}  ({design.name}, {session.participant}; Ctrl-C pauses)")
             front = PageInterface(desk, lambda line: print(line, file=sys.stderr, flush=True))
             with closing(DevicePresenter(design.stimuli, spec, on_servo=link.feel)) as presenter:
                 return session.run(presenter, front)
@@ -193,24 +194,29 @@ class ExperimentCommand:
         count = len(trial.stimuli)
         adaptive = design.adaptive
         target = getattr(adaptive, "target", None)
-        print(
+        line = (
             f"{self.file}: {design.name}, {design.method}; {len(digests)} stimuli are valid; "
             f"at most {most} {what} of {count} interval{'s' * (count > 1)}, "
             f"{seconds / 60.0:.3g} min of exploration"
             + (f", {breaks} breaks of at least {design.session.break_seconds:g} s" * bool(breaks))
             + (f"; the staircase converges to {100.0 * target:.1f} % correct" if target else "")
         )
-        for line in expected_lines(design):
-            print(f"  {line}")
+        expected = expected_lines(design)
+        facts = {
+            "name": design.name, "method": design.method, "stimuli": len(digests),
+            "most_trials": most, "intervals": count, "exploration_s": seconds, "breaks": breaks,
+            "converges_to": target, "expected": expected,
+        }  # fmt: skip
+        print_result([line, *(f"  {one}" for one in expected)], facts)
 
     def _print(self, outcome: SessionOutcome) -> None:
-        if outcome.complete:
-            print(f"{outcome.folder}: {outcome.answers} answers; the session is complete")
-        else:
-            print(
+        line = f"{outcome.folder}: {outcome.answers} answers; the session is complete"
+        if not outcome.complete:
+            line = (
                 f"{outcome.folder}: paused after {outcome.done} of at most {outcome.most} "
                 f"{outcome.unit}; the same command resumes"
             )
+        print_result(line, dataclasses.asdict(outcome))
 
 
 @command

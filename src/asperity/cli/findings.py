@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from asperity.cli.options import Range, command
+from asperity.cli.result import print_result, wants_json
 from asperity.errors import AsperityError
 
 
@@ -45,7 +46,7 @@ class FindingsCommand:
         from asperity.studies.literature import fit as fits
         from asperity.studies.literature.catalogue import FINDINGS
         from asperity.studies.literature.laboratory import Plan
-        from asperity.studies.literature.table import judge_all, make_columns
+        from asperity.studies.literature.table import document, judge_all, make_columns
         from asperity.studies.literature.write import print_table, write_docs, write_findings
 
         if self.hands & (self.hands - 1):
@@ -54,7 +55,7 @@ class FindingsCommand:
             raise AsperityError(f"--docs {self.docs} is no folder of documentation: no images/")
         data = measured_folder(self.data)
 
-        def judge(folder: Path | None) -> None:
+        def judge(folder: Path | None) -> dict[str, Any]:
             with progress_bars() as bars:
                 fit = fits.read_published_fit()
                 if self.fit:
@@ -76,11 +77,14 @@ class FindingsCommand:
                     write_json(folder / "fit.json", fit)
             if self.docs:
                 write_docs(rows, columns, labs, fit, self.docs)
-            print_table(rows, columns)
+            if not wants_json():
+                print_table(rows, columns)
+            return document(rows, columns)
 
         if self.out is None:
-            judge(None)
+            print_result([], judge(None))
             return
         with result_folder(self.out, overwrite=self.overwrite) as folder:
-            judge(folder)
-        print(f"{self.out}: findings.md, findings.json, findings.csv, figures")
+            found = judge(folder)
+        line = f"{self.out}: findings.md, findings.json, findings.csv, figures"
+        print_result(line, found | {"out": self.out})

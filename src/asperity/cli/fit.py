@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
 from asperity.errors import AsperityError, require_choice
 
 if TYPE_CHECKING:
@@ -98,10 +99,9 @@ class FitCommand:
                 "sources": list(self.sources), "mass_kg": self.mass_kg, "seed": self.seed,
             }  # fmt: skip
             self._write(folder, model, fitted, judged, summary)
-        print(in_words(summary))
-        for note in summary.get("model_xml_loses", []):
-            print(f"model.xml: {note}")
-        print(f"{self.out}: {', '.join(summary['files'])}")
+        notes = [f"model.xml: {note}" for note in summary.get("model_xml_loses", [])]
+        written = f"{self.out}: {', '.join(summary['files'])}"
+        print_result([in_words(summary), *notes, written], summary | {"out": self.out})
 
     def _name(self) -> str:
         """Return the name of the model."""

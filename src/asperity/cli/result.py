@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,16 @@ def set_json(wanted: bool) -> None:
     """Set whether `print_result` prints JSON."""
     global _as_json
     _as_json = wanted
+
+
+def wants_json() -> bool:
+    """Return whether the result is printed as JSON."""
+    return _as_json
+
+
+def announce(line: str) -> None:
+    """Print a line before the result; on stderr with `--json`, whose document stands alone."""
+    print(line, file=sys.stderr if _as_json else sys.stdout, flush=True)
 
 
 def print_result(lines: str | Iterable[str], data: Any) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from asperity.cli.options import Range, command, in_si, with_options
+from asperity.cli.result import print_result
 
 if TYPE_CHECKING:
     from asperity.studies.sweeps.run import SweepProgress
@@ -51,7 +52,7 @@ class SweepCommand:
 
         study = read_study(self.study)
         if self.check:
-            print(f"{self.study}: {_described(study)}")
+            print_result(f"{self.study}: {_described(study)}", _facts(study))
             return
         from asperity.cli.progress import progress_bars
         from asperity.studies.sweeps.run import run_sweep
@@ -83,13 +84,26 @@ class SweepCommand:
                 ) from None
         rate = f", {done.computed / done.seconds:.3g} a second" if done.computed else ""
         before = done.total - done.computed
-        print(
+        lines = [
             f"{out}: {done.total} combinations, {done.done} done, {done.failed} failed; "
             f"{done.computed} computed now in {done.seconds:.1f} s{rate}"
             + (f", {before} earlier" if before else "")
-        )
+        ]
         if done.failed:
-            print(f"  first failure: {done.first_error}")
+            lines.append(f"  first failure: {done.first_error}")
+        print_result(lines, done._asdict())
+
+
+def _facts(study: SweepStudy) -> dict[str, Any]:
+    """Return what a study would run."""
+    axes = [
+        {"name": axis.name, "size": axis.size, "columns": list(axis.columns)}
+        for axis in study.design.axes
+    ]
+    return {
+        "title": study.title, "kind": study.kind, "combinations": study.size, "axes": axes,
+        "stores": list(study.keep), "largest_block": study.block,
+    }  # fmt: skip
 
 
 def _described(study: SweepStudy) -> str:

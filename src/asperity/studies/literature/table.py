@@ -89,12 +89,17 @@ def count_findings(rows: Sequence[FindingResult], column: str) -> tuple[int, int
 
 def as_json(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
     """Return the whole table as JSON."""
-    document = {
+    text = json.dumps(document(rows, columns), indent=2, ensure_ascii=False, allow_nan=False)
+    return text + "\n"
+
+
+def document(rows: Sequence[FindingResult], columns: Sequence[Column]) -> dict[str, Any]:
+    """Return the whole table as plain numbers, texts and lists."""
+    return {
         "schema": 1,
         "columns": [_column(column, rows) for column in columns],
         "findings": [_finding(row) for row in rows],
     }
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def as_csv(rows: Sequence[FindingResult], columns: Sequence[Column]) -> str:
