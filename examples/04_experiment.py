@@ -3,8 +3,9 @@
 import tomllib
 from pathlib import Path
 
-from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse
+from asperity.psychophysics.analysis.analysis import analyse
 from asperity.psychophysics.analysis.results import read_results
+from asperity.psychophysics.analysis.thresholds import AnalysisOptions
 from asperity.psychophysics.design import parse_design
 from asperity.psychophysics.interfaces.protocol import SimulatedInterface
 from asperity.psychophysics.session.presenters import HeadlessPresenter

@@ -6,7 +6,6 @@ from fakes import CHOICE, YES_NO, Nothing, design, document
 from scipy.stats import binom, norm
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse_threshold
 from asperity.psychophysics.analysis.detection import (
     TASKS,
     analyse_detection,
@@ -16,6 +15,7 @@ from asperity.psychophysics.analysis.detection import (
     yes_no,
 )
 from asperity.psychophysics.analysis.results import read_results
+from asperity.psychophysics.analysis.thresholds import AnalysisOptions, analyse_threshold
 from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.expected import expected_interval, expected_lines, simulated_session
 from asperity.psychophysics.interfaces.protocol import SimulatedInterface

@@ -14,8 +14,8 @@ from fakes import CHOICE, MAGNITUDE, PAIRS, Nothing, Person, design, document
 
 from asperity._core.output import write_whole
 from asperity.errors import AsperityError, OutputError
-from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse_threshold
 from asperity.psychophysics.analysis.results import read_results
+from asperity.psychophysics.analysis.thresholds import AnalysisOptions, analyse_threshold
 from asperity.psychophysics.design import ExperimentDesign, read_design
 from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure

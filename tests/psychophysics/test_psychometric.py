@@ -10,8 +10,7 @@ from asperity.psychophysics.analysis.psychometric import FUNCTIONS, Psychometric
 from asperity.psychophysics.analysis.psychometric_fit import fit_psychometric
 from asperity.psychophysics.analysis.psychometric_search import (
     HIGHEST_LAPSE,
-    THRESHOLD,
-    WIDTH,
+    QUANTITIES,
     LikelihoodSearch,
 )
 
@@ -103,28 +102,77 @@ def test_answers_that_say_nothing_are_known():
     assert fit.at_bound
 
 
-@pytest.mark.parametrize("which", [THRESHOLD, WIDTH])
+@pytest.mark.parametrize("quantity", QUANTITIES)
 @pytest.mark.parametrize("lapse", [None, 0.03])
-def test_an_interval_ends_where_the_likelihood_has_fallen(which, lapse):
-    """Beside an optimiser of SciPy's, with the parameter held at the interval's end."""
+def test_an_interval_ends_where_the_likelihood_has_fallen(quantity, lapse):
+    """Beside an optimiser of SciPy's, with the quantity held at the interval's end."""
     x, count = np.array([-1.2, -0.9, -0.6, -0.3, 0.0]), np.full(5, 90.0)
     hits = np.array([46.0, 56.0, 72.0, 84.0, 88.0])
-    search = LikelihoodSearch(x, count, 0.5, "logistic", lapse)
+    search = LikelihoodSearch(x, count, 0.5, "logistic", lapse, 0.8)
     best = search.best(hits[None, :])[0]
     top = search.likelihood(hits, best[None, :])[0]
     fall = 0.5 * chi2.ppf(0.95, 1)
-    for end in search.interval(hits, best, which, fall):
+    low, high = search.bounds
+    if quantity == "lapse":
+        ends = search.interval(hits, best, quantity, fall)
+        assert low[2] <= ends[0] <= best[2] <= ends[1] <= high[2]
+        return
+    for end in search.interval(hits, best, quantity, fall):
 
-        def less(rest, end=end):
-            other, own = rest[0], end
-            row = [own, np.exp(other), rest[1]] if which == THRESHOLD else [other, own, rest[1]]
-            return -search.likelihood(hits, np.array([row]))[0]
+        def row(p):
+            return np.array([[p[0], np.exp(p[1]), p[2]]])
 
-        low, high = search.bounds
-        bounds = [
-            (np.log(low[1]), np.log(high[1])) if which == THRESHOLD else (low[0], high[0]),
-            (low[2], high[2]),
-        ]
-        first = [np.log(best[1]) if which == THRESHOLD else best[0], best[2]]
-        found = minimize(less, first, bounds=bounds, method="Nelder-Mead", options={"xatol": 1e-9})
-        assert top + found.fun == pytest.approx(fall, abs=0.02)
+        bounds = [(low[0], high[0]), tuple(np.log([low[1], high[1]])), (low[2], high[2])]
+        held = {"type": "eq", "fun": lambda p, end=end: search.of(quantity, row(p))[0] - end}
+        found = min(
+            (minimize(lambda p: -search.likelihood(hits, row(p))[0],
+                      (best[0], np.log(best[1]) + shift, best[2]), bounds=bounds, method="SLSQP",
+                      constraints=[held])
+             for shift in (-0.3, 0.0, 0.3)),
+            key=lambda result: result.fun if result.success else np.inf,
+        )  # fmt: skip
+        assert top + found.fun == pytest.approx(fall, abs=0.05)
+
+
+def test_slope_and_level_are_those_of_the_function():
+    f = Psychometric(-0.7, 0.6, 0.03, 0.5, "weibull")
+    assert f.slope == pytest.approx(float(f(-0.7 + 1e-6) - f(-0.7 - 1e-6)) / 2e-6, rel=1e-4)
+    x = np.repeat(np.linspace(-1.4, 0.0, 6), 60)
+    right = np.random.default_rng(2).random(x.size) < f(x)
+    fit = fit_psychometric(x, right, samples=10, proportion=0.8)
+    assert fit.level.low < fit.function.at(0.8) < fit.level.high
+    assert fit.slope.low < fit.function.slope < fit.slope.high
+    assert fit_psychometric(x, right, samples=10, proportion=0.4).level is None
+
+
+PUBLISHED = [
+    # psignifit 3 (Fruend, Haenel & Wichmann 2011, J. Vision 11(6):16), tests of its command line,
+    # `psignifit-mapestimate`: x from 0 by 2, 50 trials each; two intervals, and yes/no with the
+    # lower asymptote equal to the lapse rate. Its width is from F = 0.1 to 0.9.
+    ("logistic", 0.5, 2.0 * np.arange(6), [34, 32, 40, 48, 50, 48], 50,
+     2.751832, 6.403953 * np.log(19.0) / np.log(9.0), 0.015555, 8.071331),
+    ("logistic", None, 2.0 * np.arange(6), [2, 21, 29, 42, 50, 49], 50,
+     3.210313, 6.261821 * np.log(19.0) / np.log(9.0), 0.001765, 10.616),
+    # quickpsy (Linares & Lopez-Moliner 2016, R Journal 8, 122-131), its page on guesses and lapses:
+    # mean and standard deviation of a cumulative normal, and lapse rate.
+    ("normal", 0.5, 0.2 * np.arange(1, 6), [59, 56, 69, 92, 94], 100,
+     0.610, 2.0 * 1.644854 * 0.136, 0.0545, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("function", "guess", "x", "hits", "count", "threshold", "width", "lapse", "deviance"),
+    PUBLISHED,
+)
+def test_published_fits_of_other_programs(
+    function, guess, x, hits, count, threshold, width, lapse, deviance
+):
+    right = np.concatenate([np.arange(count) < k for k in hits])
+    fit = fit_psychometric(
+        np.repeat(x, count), right, guess=guess, function=function, samples=10, quantities=()
+    )
+    assert fit.function.threshold == pytest.approx(threshold, rel=0.001)
+    assert fit.function.width == pytest.approx(width, rel=0.005)
+    assert fit.function.lapse == pytest.approx(lapse, abs=2e-4)
+    if deviance is not None:
+        assert fit.deviance == pytest.approx(deviance, abs=0.01)

@@ -9,9 +9,10 @@ from fakes import PAIRS, design
 from scipy.special import ndtri
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse
+from asperity.psychophysics.analysis.analysis import analyse
 from asperity.psychophysics.analysis.results import AnsweredTrial, SessionResult
 from asperity.psychophysics.analysis.scales import circular_triads, fit_scale, predicted, wins
+from asperity.psychophysics.analysis.thresholds import AnalysisOptions
 from asperity.psychophysics.session.trials import Trial
 
 

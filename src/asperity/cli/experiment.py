@@ -1,4 +1,4 @@
-"""`asperity experiment` and `asperity analyse`."""
+"""`asperity experiment`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import sys
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from asperity.cli.options import Range, command, with_options
+from asperity.cli.options import Range, command
 from asperity.cli.realtime_run import DeviceOptions
 from asperity.cli.result import announce, print_result, wants_json
-from asperity.errors import AsperityError, require_choice
+from asperity.errors import AsperityError
 
 if TYPE_CHECKING:
     from asperity.psychophysics.design import ExperimentDesign
@@ -217,93 +217,3 @@ class ExperimentCommand:
                 f"{outcome.unit}; the same command resumes"
             )
         print_result(line, dataclasses.asdict(outcome))
-
-
-@command
-@dataclass
-class AnalyseCommand:
-    """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures.
-
-    Writes analysis.json and the figures.
-    """
-
-    folder: Annotated[Positional[Path], arg(metavar="FOLDER")]
-    """Folder of a session, or a folder that contains folders of sessions."""
-    function: str = "weibull"
-    """Psychometric function: logistic, normal, weibull."""
-    samples: Annotated[int, Range(100, 100000)] = 1000
-    """Number of bootstrap samples, for the intervals of magnitudes and scales and the deviance of
-    psychometric functions."""
-    confidence: Annotated[float, Range(0.5, 0.999)] = 0.95
-    """Confidence level of the intervals."""
-    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
-    """Seed of the bootstrap."""
-    out: Path | None = None
-    """Folder for the results. Default: FOLDER/analysis."""
-    overwrite: bool = False
-    """Replace an earlier analysis."""
-
-    def run(self) -> None:
-        """Analyse, write, and print the main numbers."""
-        from asperity._core.output import result_folder
-        from asperity.psychophysics.analysis.analysis import AnalysisOptions, analyse
-        from asperity.psychophysics.analysis.psychometric import FUNCTIONS
-        from asperity.psychophysics.analysis.results import read_results
-
-        require_choice("--function", self.function, FUNCTIONS)
-        results = read_results(self.folder)
-        options = with_options(AnalysisOptions, self)
-        out = self.out or self.folder / "analysis"
-        with result_folder(out, overwrite=self.overwrite) as folder:
-            analysis = analyse(results, folder, options)
-        print(f"{out}: {analysis['experiment']}, {analysis['method']}, {len(results)} sessions")
-        for line in _main_numbers(analysis):
-            print(f"  {line}")
-
-
-def _main_numbers(analysis: dict[str, Any]) -> list[str]:
-    """Return the main numbers of an analysis, a line each."""
-    from asperity.psychophysics.analysis.adjustments import adjustment_lines
-    from asperity.psychophysics.analysis.catch_trials import catch_lines
-    from asperity.psychophysics.analysis.detection import detection_lines
-
-    lines = [
-        f"{session['name']}: not complete, {session['answers']} answers"
-        for session in analysis["sessions"]
-        if not session["complete"]
-    ]
-    lines += [
-        f"{session['name']}: a machine answered (--simulate), no person"
-        for session in analysis["sessions"]
-        if session["simulated"]
-    ]
-    for one in (*analysis.get("forced-choice", ()), *analysis.get("odd-one-out", ())):
-        fit = one.get("psychometric")
-        if fit is None:
-            lines.append(f"{one['session']}: {one['not_fitted']}")
-            continue
-        doubt = "; AT THE LIMIT OF THE SEARCH: no threshold found" if fit["at_bound"] else ""
-        lines.append(
-            f"{one['session']}: threshold {fit['threshold']:.4g} "
-            f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
-            f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{doubt}"
-        )
-    lines += detection_lines(analysis.get("yes-no", ()))
-    for method in ("adjustment", "matching"):
-        lines += adjustment_lines(analysis.get(method, ()))
-    lines += catch_lines(analysis["catch"])
-    if "magnitude" in analysis:
-        quadratic, power = analysis["magnitude"]["quadratic"], analysis["magnitude"]["power_law"]
-        if power:
-            lines.append(
-                f"slope in log-log {power['slope']:.3g} ({power['low']:.3g} to {power['high']:.3g})"
-            )
-        if quadratic:
-            peak = f", peak at {quadratic['peak']:.4g}" if quadratic["peak"] else ""
-            lines.append(f"quadratic: R² {quadratic['r_squared']:.3f}{peak}")
-    for method in ("pairs", "ranking"):
-        if method in analysis:
-            scale = analysis[method]["scales"][0]
-            ranked = sorted(zip(scale["values"], analysis[method]["stimuli"], strict=True))[::-1]
-            lines.append("largest first: " + ", ".join(f"{name} ({v:.2f})" for v, name in ranked))
-    return lines

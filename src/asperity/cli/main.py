@@ -21,12 +21,13 @@ from typing import Annotated, Literal
 import tyro
 
 from asperity import __version__
+from asperity.cli.analyse import AnalyseCommand
 from asperity.cli.bake import BakeCommand
 from asperity.cli.compare import CompareCommand
 from asperity.cli.demo import DemoCommand
 from asperity.cli.devices import DevicesCommand
 from asperity.cli.doctor import DoctorCommand
-from asperity.cli.experiment import AnalyseCommand, ExperimentCommand
+from asperity.cli.experiment import ExperimentCommand
 from asperity.cli.export import ExportCommand
 from asperity.cli.findings import FindingsCommand
 from asperity.cli.fit import FitCommand

@@ -86,9 +86,9 @@ def plain_ticks(axis: Axis) -> None:
     """Label a logarithmic axis, whose limits are final, with plain numbers at readable ticks."""
     low, high = sorted(axis.get_view_interval())
     if high / low < 1e4 and high < 1e5:  # 100000 is read less easily than its power
-        fine = (
-            (1, 2, 3, 5, 7) if high / low < 12.0 else (1, 2, 5) if high / low <= 120.0 else (1, 3)
-        )
+        spans = ((2.5, (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8)), (12.0, (1, 2, 3, 5, 7)),
+                 (120.0, (1, 2, 5)), (np.inf, (1, 3)))  # fmt: skip
+        fine = next(numbers for span, numbers in spans if high / low <= span)
         ticks = [m * 10.0**e for e in range(-15, 15) for m in fine]
         axis.set_ticks([t for t in ticks if low <= t <= high])
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))

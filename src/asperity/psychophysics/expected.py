@@ -116,7 +116,7 @@ def expected_interval(
         fits.append(
             fit_psychometric(
                 x, hits, guess=settings.guess, function=design.simulated.function, samples=1,
-                adaptive=settings.adaptive,
+                adaptive=settings.adaptive, quantities=("threshold",),
             )
         )  # fmt: skip
     low, high = np.median([fit.threshold for fit in fits], axis=0)

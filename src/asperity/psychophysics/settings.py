@@ -282,7 +282,7 @@ class ConstantSettings:
     """The method of constant stimuli: each level `repeats` times, in random order."""
 
     levels: tuple[float, ...]
-    repeats: int = 32
+    repeats: int = 40
 
     def __post_init__(self) -> None:
         if len(self.levels) < 2:

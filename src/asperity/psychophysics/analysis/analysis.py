@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity._core.output import write_json
-from asperity.errors import AsperityError
+from asperity._core.output import write_json, write_whole
 from asperity.psychophysics.analysis.adjustments import analyse_adjustments
 from asperity.psychophysics.analysis.catch_trials import catch_summary
-from asperity.psychophysics.analysis.detection import analyse_detection, choice_summary
+from asperity.psychophysics.analysis.detection import analyse_detection
+from asperity.psychophysics.analysis.group import Group, group
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
-from asperity.psychophysics.analysis.psychometric_fit import Fit, fit_psychometric
+from asperity.psychophysics.analysis.methods import methods_text
 from asperity.psychophysics.analysis.results import SessionResult
 from asperity.psychophysics.analysis.scales import (
     Scale,
@@ -23,92 +22,8 @@ from asperity.psychophysics.analysis.scales import (
     predicted,
     wins,
 )
-from asperity.psychophysics.procedures.procedures import quest_plus, staircases
-from asperity.psychophysics.procedures.questplus import QuestPlusSettings
-from asperity.psychophysics.procedures.staircase import Staircase, StaircaseSettings
-
-
-@dataclass(frozen=True)
-class ThresholdAnalysis:
-    """Psychometric analysis of one session of a forced choice."""
-
-    result: SessionResult
-    fit: Fit | None
-    summary: dict[str, Any]
-    tracks: list[Staircase]
-
-
-@dataclass(frozen=True)
-class AnalysisOptions:
-    """Options of an analysis: psychometric function, bootstrap, confidence level."""
-
-    function: str = "weibull"
-    samples: int = 1000
-    confidence: float = 0.95
-    seed: int = 0
-
-
-def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> ThresholdAnalysis:
-    """Return the psychometric function of a session, and the adaptive method's own estimate."""
-    settings, adaptive = result.design.forced_choice, result.design.adaptive
-    x = [i for answered in result.answers if (i := answered.trial.intensity) is not None]
-    right = [bool(answered.hit) for answered in result.answers]
-    summary: dict[str, Any] = {
-        "session": result.name, "complete": result.complete, "simulated": result.simulated,
-        "trials": len(x), "right": float(np.mean(right)), "scale": settings.scale,
-    }  # fmt: skip
-    fit = None
-    try:
-        fit = fit_psychometric(
-            x, right, guess=settings.guess, function=options.function, samples=options.samples,
-            confidence=options.confidence, seed=options.seed,
-            adaptive=settings.adaptive,
-        )  # fmt: skip
-    except AsperityError as error:
-        summary["not_fitted"] = str(error)
-    else:
-        found = fit.function
-        summary["psychometric"] = {
-            "function": found.function, "guess": found.guess, "lapse": found.lapse,
-            "threshold": _level(settings.scale, found.threshold),
-            "threshold_low": _level(settings.scale, fit.threshold.low),
-            "threshold_high": _level(settings.scale, fit.threshold.high),
-            "width": found.width, "width_low": fit.width.low, "width_high": fit.width.high,
-            "confidence": fit.confidence, "deviance": fit.deviance, "deviance_p": fit.deviance_p,
-            "at_bound": fit.at_bound,
-        }  # fmt: skip
-    tracks: list[Staircase] = []
-    if isinstance(adaptive, StaircaseSettings):
-        tracks = staircases(result.design)
-        for answered in result.answers:
-            assert answered.trial.track is not None
-            tracks[answered.trial.track - 1].answer(bool(answered.hit))
-        summary["staircase"] = {
-            "target": adaptive.target,
-            "tracks": [
-                {"trials": t.done, "reversals": len(t.reversal_intensities), "over": t.is_over,
-                 "mean_of_reversals": _level(settings.scale, t.threshold())}
-                for t in tracks
-            ],
-        }  # fmt: skip
-    if isinstance(adaptive, QuestPlusSettings):
-        quest = quest_plus(result.design)
-        for intensity, was in zip(x, right, strict=True):
-            quest.answer(intensity, was)
-        estimate = quest.estimate()
-        summary["quest+"] = {
-            "threshold": _level(settings.scale, estimate["threshold"][0]),
-            "threshold_sd_intensity": estimate["threshold"][1],
-            "width": estimate["width"][0], "lapse": estimate["lapse"][0],
-        }  # fmt: skip
-    summary["d_prime"] = choice_summary(result, fit and fit.function, options.confidence)
-    return ThresholdAnalysis(result, fit, summary, tracks)
-
-
-def _level(scale: str, intensity: float) -> float | None:
-    if not np.isfinite(intensity):
-        return None
-    return float(10.0**intensity) if scale == "log" else float(intensity)
+from asperity.psychophysics.analysis.thresholds import COLUMNS, AnalysisOptions, analyse_threshold
+from asperity.psychophysics.session.tables import ANSWER_COLUMNS, as_csv
 
 
 def orders(results: list[SessionResult], names: list[str]) -> list[list[int]]:
@@ -193,7 +108,10 @@ def _plain(values: Any) -> list[float | None]:
 
 
 def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions) -> dict[str, Any]:
-    """Analyse sessions; write `analysis.json` and figures into a folder; return the numbers.
+    """Analyse sessions of one experiment; write its files into a folder; return the numbers.
+
+    Files: `analysis.json`, `answers.csv` of all sessions, `methods.md`, figures as PNG and SVG, and
+    of forced choices `thresholds.csv`.
 
     Parameters
     ----------
@@ -203,8 +121,18 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         An existing folder.
     options : AnalysisOptions
     """
+    return analyse_condition(results, results[0].design.name, folder, options)[0]
+
+
+def analyse_condition(
+    results: list[SessionResult], name: str, folder: Path, options: AnalysisOptions
+) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Group]]:
+    """Analyse one condition, as `analyse`; return its numbers, its rows of thresholds, and groups.
+
+    Groups are means over participants, by measure.
+    """
     from asperity.drawing import figure_style
-    from asperity.psychophysics.analysis import figures, procedure_figures
+    from asperity.psychophysics.analysis import figures, group_figures, procedure_figures
 
     design = results[0].design
     summary: dict[str, Any] = {
@@ -217,6 +145,7 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         "seed": options.seed, "bootstrap_samples": options.samples,
         "confidence": options.confidence,
     }  # fmt: skip
+    rows: list[dict[str, Any]] = []
     if design.method == "magnitude":
         found = analyse_magnitudes(
             results, samples=options.samples, confidence=options.confidence, seed=options.seed
@@ -227,12 +156,14 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         thresholds = [analyse_threshold(result, options) for result in results]
         summary[design.method] = [threshold.summary for threshold in thresholds]
         for threshold in thresholds:
-            name = threshold.result.name
-            figure_style.save(figures.track_figure(threshold), folder, f"trials_{name}")
+            session = threshold.result.name
+            figure_style.save(figures.track_figure(threshold), folder, f"trials_{session}")
             if threshold.fit is not None:
                 figure_style.save(
-                    figures.psychometric_figure(threshold), folder, f"psychometric_{name}"
+                    figures.psychometric_figure(threshold), folder, f"psychometric_{session}"
                 )
+        rows = [threshold.row(name) for threshold in thresholds]
+        write_whole(folder / "thresholds.csv", as_csv(COLUMNS, rows))
     elif design.method == "yes-no":
         summary["yes-no"] = analyse_detection(results, options.confidence)
         figure = procedure_figures.detection_figure(summary["yes-no"], design)
@@ -246,5 +177,52 @@ def analyse(results: list[SessionResult], folder: Path, options: AnalysisOptions
         figure_style.save(figures.scale_figure(scales, design), folder, "scale")
         figure_style.save(figures.wins_figure(summary[design.method], design), folder, "choices")
     summary["catch"] = catch_summary(results)
+    groups = _groups(results, rows, summary, options)
+    summary["group"] = {measure: one.summary for measure, one in groups.items()}
+    for measure, one in groups.items():
+        if len(one.participants) > 1:
+            figure_style.save(
+                group_figures.people_figure(measure, one, design, options.proportion), folder,
+                f"group_{measure}",
+            )  # fmt: skip
+    write_answers({name: results}, folder)
+    write_whole(folder / "methods.md", methods_text({name: design}, results, options))
     write_json(folder / "analysis.json", summary)
-    return summary
+    return summary, rows, groups
+
+
+def _groups(
+    results: list[SessionResult], rows: list[dict[str, Any]], summary: dict[str, Any],
+    options: AnalysisOptions,
+) -> dict[str, Group]:  # fmt: skip
+    """Return the means over participants of what the method measures."""
+    design = results[0].design
+    measures: dict[str, bool] = {}
+    if design.adaptive is not None:
+        settings = design.forced_choice
+        measures = {"pse": False, "jnd": True}
+        if not settings.signed:
+            measures = {"threshold": settings.scale == "log"}
+            if options.proportion is not None:
+                measures["at_proportion"] = settings.scale == "log"
+    elif design.kind == "adjust" and len(design.standards()) == 1:
+        measures = {"pse": design.matching.scale == "log", "jnd": True}
+        rows = [one["standards"][0] for one in summary[design.method]]
+    elif design.method == "yes-no":
+        measures = {"d_prime": False}
+        rows = [one.get("all_levels") or (one["levels"] or [{}])[0] for one in summary["yes-no"]]
+    known = [{**row, "participant": r.participant} for r, row in zip(results, rows, strict=False)]
+    made = {
+        name: group(known, name, logarithmic=logarithmic, confidence=options.confidence)
+        for name, logarithmic in measures.items()
+    }
+    return {name: one for name, one in made.items() if one is not None}
+
+
+def write_answers(conditions: dict[str, list[SessionResult]], folder: Path) -> None:
+    """Write `answers.csv`: the answers of all sessions as one tidy table."""
+    rows = [
+        {"condition": name, **row}
+        for name, results in conditions.items() for result in results for row in result.rows
+    ]  # fmt: skip
+    write_whole(folder / "answers.csv", as_csv(("condition", *ANSWER_COLUMNS), rows))

@@ -16,14 +16,14 @@ from asperity.psychophysics.analysis.scales import Scale
 from asperity.psychophysics.design import ExperimentDesign
 
 if TYPE_CHECKING:
-    from asperity.psychophysics.analysis.analysis import ThresholdAnalysis
+    from asperity.psychophysics.analysis.thresholds import ThresholdAnalysis
 
 _FACTORS = {"m": (1e3, "mm")}
 """What a reader sees in place of an SI unit."""
 _NAMES = {"bradley-terry": "Bradley-Terry [logit]", "thurstone": "Thurstone, case V [SD]"}
 
 
-def _axis(design: ExperimentDesign) -> tuple[float, str]:
+def value_axis(design: ExperimentDesign) -> tuple[float, str]:
     """Return the factor and label of the axis of an experiment's values."""
     levels = design.stimuli.levels
     label, unit = ("value", "") if levels is None else (levels.label or levels.key, levels.unit)
@@ -31,10 +31,10 @@ def _axis(design: ExperimentDesign) -> tuple[float, str]:
     return factor, f"{label} [{shown}]" if shown else label
 
 
-def _level_axis(design: ExperimentDesign) -> tuple[float, str]:
+def level_axis(design: ExperimentDesign) -> tuple[float, str]:
     """Return the factor and label of the axis of a forced choice's levels."""
     settings = design.forced_choice
-    factor, label = _axis(design)
+    factor, label = value_axis(design)
     if settings.level == "weber":
         name = label.partition(" [")[0]
         return 100.0, f"{name}: comparison {settings.direction} from the standard [%]"
@@ -49,7 +49,7 @@ def _log_range(axes: Axes, low: float, high: float, which: str) -> None:
 
 def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
     """Return normalised magnitudes over the axis, log-log, with the quadratic fit."""
-    factor, label = _axis(design)
+    factor, label = value_axis(design)
     x = found.values * factor
     on_axis = bool(np.isfinite(x).all() and np.all(x > 0.0))
     place = x if on_axis else np.arange(len(x), dtype=np.float64)
@@ -100,7 +100,8 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
     assert fit is not None
     design = result.design
     log = design.forced_choice.scale == "log"
-    factor, label = _level_axis(design)
+    factor, label = level_axis(design)
+    unit = label.partition(" [")[2].rstrip("]")
     x = np.array([answered.trial.intensity for answered in result.answers])
     right = np.array([bool(answered.hit) for answered in result.answers])
     signed = design.forced_choice.signed
@@ -141,7 +142,8 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
         axes.set_ylabel(f"proportion {kind} (area: trials)")
         axes.set_title(
             f"{result.name}: threshold {at:.3g} "
-            f"({shown(fit.threshold.low):.3g} to {shown(fit.threshold.high):.3g}), "
+            f"({shown(fit.threshold.low):.3g} to {shown(fit.threshold.high):.3g}"
+            f"{' ' * bool(unit)}{unit}), "
             f"{len(x)} trials" + ("; simulated" if result.simulated else "")
         )
         figure.tight_layout()
@@ -152,7 +154,7 @@ def track_figure(threshold: ThresholdAnalysis) -> Figure:
     """Return the level of each trial, whether the answer was right, and the reversals' mean."""
     result, design = threshold.result, threshold.result.design
     log = design.forced_choice.scale == "log"
-    factor, label = _level_axis(design)
+    factor, label = level_axis(design)
     with style():
         figure = Figure(figsize=(6.4, 3.5))
         axes = figure.subplots()
@@ -246,6 +248,6 @@ def _shown(design: ExperimentDesign, name: str) -> str:
     """Return the name of a stimulus for a reader: a level in its unit."""
     if design.stimuli.levels is None:
         return name
-    factor, label = _axis(design)
+    factor, label = value_axis(design)
     unit = label.partition(" [")[2].rstrip("]")
     return f"{float(name) * factor:.4g} {unit}".strip()

@@ -30,6 +30,12 @@ FUNCTIONS = {
 _LOGISTIC = 2.0 * math.log(19.0)
 _NORMAL = 2.0 * float(ndtri(0.95))
 _WEIBULL = math.log(-math.log(0.05)) - math.log(-math.log(0.95))
+STEEPNESS = {
+    "logistic": 0.25 * _LOGISTIC,
+    "normal": _NORMAL / math.sqrt(2.0 * math.pi),
+    "weibull": 0.5 * math.log(2.0) * _WEIBULL,
+}
+"""Derivative of F at the threshold, where the width is 1."""
 
 
 @dataclass(frozen=True)
@@ -71,17 +77,15 @@ class Psychometric:
 
     def at(self, right: float) -> float:
         """Return the intensity at which so many answers are right; NaN where there is none."""
+        return float(
+            self.threshold + self.width * place(right, self.lapse, self.guess, self.function)
+        )
+
+    @property
+    def slope(self) -> float:
+        """Derivative of psi at the threshold, per unit of intensity."""
         guess = self.lapse if self.guess is None else self.guess
-        part = (right - guess) / (1.0 - guess - self.lapse)
-        if not 0.0 < part < 1.0:
-            return float("nan")
-        if self.function == "logistic":
-            z = math.log(part / (1.0 - part)) / _LOGISTIC
-        elif self.function == "normal":
-            z = float(ndtri(part)) / _NORMAL
-        else:
-            z = math.log(-math.log(1.0 - part) / math.log(2.0)) / _WEIBULL
-        return self.threshold + self.width * z
+        return (1.0 - guess - self.lapse) * STEEPNESS[self.function] / self.width
 
 
 def probability(
@@ -105,3 +109,21 @@ def probability(
     lapses = np.asarray(lapse, dtype=np.float64)
     chance = lapses if guess is None else guess
     return np.asarray(chance + (1.0 - chance - lapses) * rising)
+
+
+def place(right: float, lapse: ArrayLike, guess: float | None, function: str) -> Array:
+    """Return where so many answers are right, in widths from the threshold; NaN where nowhere."""
+    lapses = np.asarray(lapse, dtype=np.float64)
+    chance = lapses if guess is None else guess
+    part = (right - chance) / (1.0 - chance - lapses)
+    return quantile(np.where((part > 0.0) & (part < 1.0), part, np.nan), function)
+
+
+def quantile(part: ArrayLike, function: str) -> Array:
+    """Return where F has a value between 0 and 1, in widths from the threshold."""
+    rising = np.asarray(part, dtype=np.float64)
+    if function == "logistic":
+        return np.asarray(np.log(rising / (1.0 - rising)) / _LOGISTIC)
+    if function == "normal":
+        return np.asarray(ndtri(rising) / _NORMAL)
+    return np.asarray(np.log(-np.log1p(-rising) / math.log(2.0)) / _WEIBULL)

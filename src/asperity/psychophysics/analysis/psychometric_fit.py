@@ -10,13 +10,14 @@ programs, covers less still.
 The fit itself is judged by such a bootstrap (Wichmann & Hill 2001, Percept. Psychophys. 63,
 1293-1313): answers are drawn from the fitted function and fitted again, and their deviances
 compared. The width estimated from adaptive data is biased towards steepness (Kaernbach 2001, ibid.
-1389-1398) and should not be interpreted.
+1389-1398).
 
 Implemented here because the Python packages for it are under the GPL.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,18 +28,24 @@ from scipy.stats import chi2
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric
-from asperity.psychophysics.analysis.psychometric_search import THRESHOLD, WIDTH, LikelihoodSearch
+from asperity.psychophysics.analysis.psychometric_search import LikelihoodSearch
 
-STRETCH = {"constant": 1.0, "staircase": 1.1, "quest+": 1.25}
-"""What the fall of the likelihood is multiplied by, by the method that chose the levels. Where
-levels depended on the answers, the deviance at the true parameter exceeds the quantile of the
-chi-squared distribution too often; the factor, a Bartlett correction found by simulation, is
-checked by `test_coverage.py`."""
+STRETCH = {
+    "constant": {"threshold": 1.15, "lapse": 1.9},
+    "staircase": {"threshold": 1.05, "width": 1.15, "slope": 1.2, "level": 1.15},
+    "quest+": {"threshold": 1.4, "width": 1.6, "slope": 1.6, "level": 1.4},
+}
+"""What the fall of the likelihood is multiplied by, by the method that chose the levels and the
+quantity; 1 where none is given. With as many trials as people give, and more so where levels
+depended on the answers, the deviance at the true value exceeds the quantile of the chi-squared
+distribution too often; the factor, a Bartlett correction found by simulation, is checked by
+`test_coverage.py`."""
 
 
-def fall_of(confidence: float, adaptive: str) -> float:
+def fall_of(confidence: float, adaptive: str, quantity: str = "threshold") -> float:
     """Return how far the log likelihood falls to the ends of an interval."""
-    return 0.5 * float(chi2.ppf(confidence, 1)) * STRETCH[adaptive]
+    stretch = STRETCH.get(adaptive, {}).get(quantity, 1.0)
+    return 0.5 * float(chi2.ppf(confidence, 1)) * stretch
 
 
 class Interval(NamedTuple):
@@ -55,6 +62,13 @@ class Fit:
     function: Psychometric
     threshold: Interval
     width: Interval
+    slope: Interval
+    """Of psi at the threshold, per unit of intensity."""
+    lapse: Interval
+    level: Interval | None
+    """Of the intensity at which `proportion` are right; None where no proportion was asked for, or
+    where no intensity has it."""
+    proportion: float | None
     confidence: float
     deviance: float
     """Twice the log likelihood ratio to the saturated model."""
@@ -76,6 +90,8 @@ def fit_psychometric(
     confidence: float = 0.95,
     seed: int = 0,
     adaptive: str = "staircase",
+    proportion: float | None = None,
+    quantities: Collection[str] = ("threshold", "width", "slope", "lapse", "level"),
 ) -> Fit:
     """Fit a psychometric function to answers.
 
@@ -99,6 +115,10 @@ def fit_psychometric(
         Of the bootstrap.
     adaptive : {"staircase", "quest+", "constant"}
         What chose the levels: see `STRETCH`.
+    proportion : float, optional
+        Of right answers, lapses among them, at which the level is asked for.
+    quantities : collection of str
+        Those whose intervals are wanted, of `QUANTITIES`; the others are NaN.
 
     Raises
     ------
@@ -115,7 +135,7 @@ def fit_psychometric(
             f"a psychometric function needs at least ten answers at two levels, "
             f"got {trials} at {x.size}"
         )
-    search = LikelihoodSearch(x, count, guess, function, lapse)
+    search = LikelihoodSearch(x, count, guess, function, lapse, proportion or 0.0)
     best = search.best(hits[None, :])[0]
     fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
     rng = np.random.default_rng(seed)
@@ -123,11 +143,18 @@ def fit_psychometric(
     again = search.best(drawn.astype(np.float64))
     deviance = _deviance(hits[None, :], count, search.psi(best[None, :]))[0]
     deviances = _deviance(drawn.astype(np.float64), count, search.psi(again))
-    fall = fall_of(confidence, adaptive)
-    spans = [Interval(*search.interval(hits, best, which, fall)) for which in (THRESHOLD, WIDTH)]
+    level = proportion is not None and np.isfinite(fitted.at(proportion))
+    wanted = [name for name in quantities if name != "level" or level]
+    spans = {
+        name: Interval(*search.interval(hits, best, name, fall_of(confidence, adaptive, name)))
+        for name in wanted
+    }
+    nothing = Interval(float("nan"), float("nan"))
     low, high = search.bounds
     return Fit(
-        fitted, spans[0], spans[1], confidence, float(deviance),
+        fitted, spans.get("threshold", nothing), spans.get("width", nothing),
+        spans.get("slope", nothing), spans.get("lapse", nothing), spans.get("level"),
+        proportion, confidence, float(deviance),
         float(np.mean(deviances >= deviance - 1e-9)), trials,
         bool(np.any((best[:2] <= low[:2] + 1e-9) | (best[:2] >= high[:2] - 1e-9))),
     )  # fmt: skip

@@ -2,20 +2,25 @@
 
 Threshold, width and lapse rate are free within bounds, the lapse rate between 0 and 0.06 (Wichmann
 & Hill 2001, Percept. Psychophys. 63, 1293-1313). The likelihood is evaluated on a coarse grid and
-then on ever smaller ones around the maximum, for many samples, or many values of one parameter
-that is held, at once.
+then on ever smaller ones around the maximum, for many samples, or many values of one quantity
+that is held, at once. A held quantity that is no parameter itself, such as the slope, stands in
+for one: the parameter follows from it and the other two.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
-from asperity.psychophysics.analysis.psychometric import probability
+from asperity.psychophysics.analysis.psychometric import STEEPNESS, place, probability
 
 HIGHEST_LAPSE = 0.06
-THRESHOLD, WIDTH = 0, 1
-"""Of a row of parameters: threshold, width, lapse."""
+QUANTITIES = {"threshold": 0, "level": 0, "width": 1, "slope": 1, "lapse": 2}
+"""Quantities that can be held, and the column of the parameter (threshold, width, lapse) for which
+each stands in. "level" is the intensity at `LikelihoodSearch.proportion` of right answers."""
+_POSITIVE = ("width", "slope")
+"""Searched by their logarithms."""
 _ROUNDS = 24
 _SHRINK = 0.72
 _GRID = (41, 21, 4)
@@ -40,12 +45,16 @@ class LikelihoodSearch:
         See `Psychometric`.
     lapse : float, optional
         Held; otherwise free.
+    proportion : float
+        Of right answers, for the quantity "level".
     """
 
     def __init__(
-        self, x: Array, count: Array, guess: float | None, function: str, lapse: float | None
-    ) -> None:
+        self, x: Array, count: Array, guess: float | None, function: str, lapse: float | None,
+        proportion: float = 0.75,
+    ) -> None:  # fmt: skip
         self._x, self._count, self._guess, self._function = x, count, guess, function
+        self.proportion = proportion
         span = float(x[-1] - x[0])
         finest = float(np.min(np.diff(x)))
         lapses = (0.0, HIGHEST_LAPSE) if lapse is None else (lapse, lapse)
@@ -77,29 +86,45 @@ class LikelihoodSearch:
         out = (hits * np.log(p) + (self._count - hits) * np.log1p(-p)).sum(axis=1)
         return np.asarray(out)
 
-    def profile(self, hits: Array, which: int, values: Array) -> Array:
-        """Return the most log likelihood (k,) with one parameter held, for hits (x,).
+    def profile(self, hits: Array, quantity: str, values: Array) -> Array:
+        """Return the most log likelihood (k,) with one quantity held, for hits (x,).
 
         Parameters
         ----------
-        which : int
-            `THRESHOLD` or `WIDTH`.
+        quantity : str
+            One of `QUANTITIES`.
         values : (k,) array
-            Of that parameter; the width's logarithm.
+            Of that quantity. Where no parameters within the bounds have it, the result is -inf.
         """
-        shape = (1, *_GRID[1:]) if which == THRESHOLD else (_GRID[0], 1, _GRID[2])
+        column = QUANTITIES[quantity]
+        shape = tuple(1 if i == column else n for i, n in enumerate(_GRID))
         rest = self._lattice(shape, self._low, self._high)
-        grid = np.repeat(rest[None], len(values), axis=0)
-        grid[..., which] = values[:, None]
+        grid = self._held(np.repeat(rest[None], len(values), axis=0), quantity, values)
         likely = self._of_grid(grid.reshape(-1, 3), hits[None, :])[0].reshape(grid.shape[:2])
+        likely[~self._inside(grid)] = -np.inf
         at = grid[np.arange(len(values)), np.argmax(likely, axis=1)]
         reach = self._pitch.copy()
-        reach[which] = 0.0
-        found = self._climbed(at, np.repeat(hits[None, :], len(values), axis=0), reach)
-        return self.likelihood(hits, _plain(found))
+        reach[column] = 0.0
+        found = self._climbed(
+            at, np.repeat(hits[None, :], len(values), axis=0), reach, (quantity, values)
+        )
+        return np.where(
+            self._inside(found), self.likelihood(hits, _plain(found)), -np.inf
+        )  # fmt: skip
 
-    def interval(self, hits: Array, best: Array, which: int, fall: float) -> tuple[float, float]:
-        """Return between which values of a parameter the profile is less than `fall` below best.
+    def of(self, quantity: str, parameters: Array) -> Array:
+        """Return a quantity (n,) of parameters (n, 3)."""
+        threshold, width, lapse = parameters.T
+        if quantity == "level":
+            return np.asarray(
+                threshold + width * place(self.proportion, lapse, self._guess, self._function)
+            )
+        if quantity == "slope":
+            return np.asarray(self._height(lapse) / width)
+        return np.asarray(parameters[:, QUANTITIES[quantity]])
+
+    def interval(self, hits: Array, best: Array, quantity: str, fall: float) -> tuple[float, float]:
+        """Return between which values of a quantity the profile is less than `fall` below best.
 
         An end that is not found within the bounds is the bound.
 
@@ -108,23 +133,31 @@ class LikelihoodSearch:
         hits : (x,) array
         best : (3,) array
             Of `best`.
-        which : int
+        quantity : str
         fall : float
             Of the log likelihood.
         """
-        middle = float(np.log(best[which])) if which == WIDTH else float(best[which])
+        middle = float(self.of(quantity, best[None, :])[0])
+        if not np.isfinite(middle):
+            return (float("nan"), float("nan"))
         level = float(self.likelihood(hits, best[None, :])[0]) - fall
-        low, high = (
-            self._end(hits, which, middle, float(side[which]), level)
-            for side in (self._low, self._high)
-        )
-        return (float(np.exp(low)), float(np.exp(high))) if which == WIDTH else (low, high)
+        low, high = (self._end(hits, quantity, middle, far, level) for far in self._reach(quantity))
+        return low, high
 
-    def _end(self, hits: Array, which: int, near: float, far: float, level: float) -> float:
+    def _reach(self, quantity: str) -> tuple[float, float]:
+        """Return the smallest and the largest value of a quantity that is searched."""
+        low, high = self.bounds
+        if quantity == "slope":
+            return float(self._height(high[2]) / high[1]), float(self._height(low[2]) / low[1])
+        column = QUANTITIES[quantity]
+        return float(low[column]), float(high[column])
+
+    def _end(self, hits: Array, quantity: str, near: float, far: float, level: float) -> float:
         """Return where the profile, from a value towards a bound, falls below a level first."""
+        steps = np.geomspace if quantity in _POSITIVE else np.linspace
         for _ in range(_FINER):
-            values = np.linspace(near, far, _STEPS)
-            below = self.profile(hits, which, values) < level
+            values = steps(near, far, _STEPS)
+            below = self.profile(hits, quantity, values) < level
             below[0] = False
             if not below.any():
                 return far
@@ -132,34 +165,67 @@ class LikelihoodSearch:
             near, far = float(values[first - 1]), float(values[first])
         return 0.5 * (near + far)
 
+    def _height(self, lapse: Array) -> Array:
+        """Return the slope at the threshold, where the width is 1."""
+        chance = lapse if self._guess is None else self._guess
+        return np.asarray((1.0 - chance - lapse) * STEEPNESS[self._function])
+
+    def _held(self, grid: Array, quantity: str, values: Array) -> Array:
+        """Return points (k, n, 3) with the parameter that gives the quantity its value (k,)."""
+        out, value = np.array(grid), values[:, None]
+        if quantity == "level":
+            z = place(self.proportion, grid[..., 2], self._guess, self._function)
+            value = value - np.exp(grid[..., 1]) * z
+        elif quantity == "slope":
+            value = np.log(self._height(grid[..., 2]) / value)
+        elif quantity == "width":
+            value = np.log(value)
+        out[..., QUANTITIES[quantity]] = value
+        return out
+
+    def _inside(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points are within the bounds."""
+        small = 1e-9 * (1.0 + np.abs(self._high - self._low))
+        return np.asarray(
+            ((points >= self._low - small) & (points <= self._high + small)).all(axis=-1)
+        )
+
     def _of_grid(self, grid: Array, hits: Array) -> Array:
         """Return the log likelihood (n, k) of k points for hits (n, x)."""
         p = np.clip(self.psi(_plain(grid)), 1e-9, 1.0 - 1e-9)
         # Linear in the hits: one product of matrices for all samples.
         return np.asarray(hits @ (np.log(p) - np.log1p(-p)).T + self._count @ np.log1p(-p).T)
 
-    def _climbed(self, at: Array, hits: Array, reach: Array) -> Array:
+    def _climbed(
+        self, at: Array, hits: Array, reach: Array, held: tuple[str, Array] | None = None
+    ) -> Array:
         """Return the best points (n, 3) near points, for hits (n, x)."""
         offsets = self._lattice(_LOCAL, -np.ones(3), np.ones(3))
         offsets = offsets[(offsets[:, reach == 0.0] == 0.0).all(axis=1)]
         out, chunk = np.array(at), max(1, _MOST // (len(offsets) * self._x.size))
         for first in range(0, len(at), chunk):
             part = slice(first, first + chunk)
-            out[part] = self._refined(at[part], hits[part], offsets, reach)
+            kept = None if held is None else (held[0], held[1][part])
+            out[part] = self._refined(at[part], hits[part], offsets, reach, kept)
         return out
 
-    def _refined(self, at: Array, hits: Array, offsets: Array, reach: Array) -> Array:
+    def _refined(
+        self, at: Array, hits: Array, offsets: Array, reach: Array,
+        held: tuple[str, Array] | None,
+    ) -> Array:  # fmt: skip
         for _ in range(_ROUNDS):
             near = np.clip(at[:, None, :] + offsets * reach, self._low, self._high)
+            near = near if held is None else self._held(near, *held)
             p = self.psi(_plain(near.reshape(-1, 3))).reshape(*near.shape[:2], -1)
             p = np.clip(p, 1e-9, 1.0 - 1e-9)
             likely = np.einsum("nx,nox->no", hits, np.log(p))
             likely += np.einsum("nx,nox->no", self._count - hits, np.log1p(-p))
+            likely[~self._inside(near)] = -np.inf
             at = near[np.arange(len(at)), np.argmax(likely, axis=1)]
             reach = _SHRINK * reach
         return at
 
-    def _lattice(self, shape: tuple[int, int, int], low: Array, high: Array) -> Array:
+    def _lattice(self, shape: tuple[int, ...], low: Array, high: Array) -> Array:
         """Return points (n, 3) between two corners; one value where nothing is free."""
         axes = [
             np.linspace(a, b, n) if free else np.array([0.5 * (a + b)])

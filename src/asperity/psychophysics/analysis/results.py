@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from asperity.errors import AsperityError
 from asperity.psychophysics.design import ExperimentDesign, parse_design
 from asperity.psychophysics.interfaces.protocol import SIMULATED
 from asperity.psychophysics.session.journal import FILE, read_journal
+from asperity.psychophysics.session.tables import answers_table
 from asperity.psychophysics.session.trials import Answer, Trial, standing_answers
 
 
@@ -45,6 +47,8 @@ class SessionResult:
     """Answers to catch trials."""
     taken_back: int = 0
     """Number of answers that were taken back."""
+    rows: tuple[dict[str, Any], ...] = ()
+    """Of `answers.csv`, with practice."""
 
     @property
     def name(self) -> str:
@@ -90,6 +94,26 @@ def read_results(folder: Path) -> list[SessionResult]:
     return answered
 
 
+def read_conditions(folders: Sequence[Path]) -> dict[str, list[SessionResult]]:
+    """Return the sessions of several experiments, each a condition, by its name.
+
+    The name is the experiment's, or where two share one that of the folder.
+
+    Raises
+    ------
+    AsperityError
+        As `read_results`, or two folders have the same name.
+    """
+    read = [read_results(folder) for folder in folders]
+    names = [results[0].design.name for results in read]
+    if len(set(names)) < len(names):
+        names = [folder.resolve().name for folder in folders]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise AsperityError(f"two conditions are named {name!r}; give their files a name each")
+    return dict(zip(names, read, strict=True))
+
+
 def _result(folder: Path) -> SessionResult:
     events = read_journal(folder)
     if not events or events[0]["event"] != "begin":
@@ -111,6 +135,7 @@ def _result(folder: Path) -> SessionResult:
         events[-1]["event"] == "end", any(event["by"] == SIMULATED for event in given),
         tuple(a for a in answers if a.trial.catch),
         sum(event["taken_back"] for event in given),
+        tuple(answers_table(events)),
     )  # fmt: skip
 
 

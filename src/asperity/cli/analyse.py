@@ -1,0 +1,151 @@
+"""`asperity analyse`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from asperity.cli.options import Range, command, with_options
+from asperity.cli.result import print_result
+from asperity.errors import AsperityError, require_choice
+
+
+@command
+@dataclass
+class AnalyseCommand:
+    """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures.
+
+    Several folders are conditions, which are compared within participants. Writes analysis.json or
+    comparison.json, answers.csv, thresholds.csv, methods.md and the figures.
+    """
+
+    folders: Annotated[Positional[tuple[Path, ...]], arg(metavar="FOLDER [FOLDER ...]")]
+    """Folder of a session, or one that contains folders of sessions; one for each condition."""
+    function: str = "weibull"
+    """Psychometric function: logistic, normal, weibull."""
+    samples: Annotated[int, Range(100, 100000)] = 1000
+    """Number of bootstrap samples, for the intervals of magnitudes and scales and the deviance of
+    psychometric functions."""
+    confidence: Annotated[float, Range(0.5, 0.999)] = 0.95
+    """Confidence level of the intervals."""
+    proportion: Annotated[float | None, Range(0.01, 0.999)] = None
+    """Also find the level at which this proportion of answers is right, such as 0.8."""
+    seed: Annotated[int, Range(0, 2**31 - 1)] = 0
+    """Seed of the bootstrap."""
+    out: Path | None = None
+    """Folder for the results. Default: FOLDER/analysis, or comparison beside the first FOLDER."""
+    overwrite: bool = False
+    """Replace an earlier analysis."""
+
+    def run(self) -> None:
+        """Analyse, write, and print the main numbers."""
+        from asperity._core.output import result_folder
+        from asperity.psychophysics.analysis.analysis import analyse
+        from asperity.psychophysics.analysis.conditions import analyse_conditions
+        from asperity.psychophysics.analysis.psychometric import FUNCTIONS
+        from asperity.psychophysics.analysis.results import read_conditions
+        from asperity.psychophysics.analysis.thresholds import AnalysisOptions
+
+        if not self.folders:
+            raise AsperityError("give the folder of a session, or of several")
+        require_choice("--function", self.function, FUNCTIONS)
+        conditions = read_conditions(self.folders)
+        options = with_options(AnalysisOptions, self)
+        first, several = self.folders[0], len(self.folders) > 1
+        out = self.out or (first.resolve().parent / "comparison" if several else first / "analysis")
+        with result_folder(out, overwrite=self.overwrite) as folder:
+            if several:
+                found = analyse_conditions(conditions, folder, options)
+                analyses = found["conditions"]
+            else:
+                found = analyse(next(iter(conditions.values())), folder, options)
+                analyses = {next(iter(conditions)): found}
+        print_result(_lines(out, found, analyses), found)
+
+
+def _lines(out: Path, found: dict[str, Any], analyses: dict[str, Any]) -> Iterator[str]:
+    """Return the main numbers of one or several analyses, a line each."""
+    for name, analysis in analyses.items():
+        count = len(analysis["sessions"])
+        yield f"{name}: {analysis['method']}, {count} session{'s' if count > 1 else ''}"
+        yield from (f"  {line}" for line in _main_numbers(analysis))
+        yield from (f"  {line}" for line in _means(analysis))
+    for measure, compared in found.get("comparisons", {}).items():
+        for one in compared:
+            kind = "ratio" if "ratio" in one else "difference"
+            value, size = one[kind], one["cohens_dz"]
+            holm = f", {one['p_holm']:.3g} after Holm" if len(compared) > 1 else ""
+            yield (
+                f"{one['second']} against {one['first']}, {measure.replace('_', ' ')}: {kind} "
+                f"{_span(value)}, t({one['degrees_of_freedom']}) = {one['t']:.2f}, "
+                f"p = {one['p']:.3g}{holm}, d_z = {_span(size)}, {one['people']} people"
+            )
+        if not compared:
+            yield f"{measure}: fewer than two people took part in two conditions"
+    yield from found.get("notes", ())
+    yield f"{out}: tables, figures, methods.md"
+
+
+def _span(numbers: dict[str, Any]) -> str:
+    if numbers["low"] is None:
+        return f"{numbers['value']:.3g}"
+    return f"{numbers['value']:.3g} ({numbers['low']:.3g} to {numbers['high']:.3g})"
+
+
+def _means(analysis: dict[str, Any]) -> Iterator[str]:
+    """Return the means over participants, a line each."""
+    for measure, one in analysis["group"].items():
+        count = len(one["participants"])
+        if count > 1:
+            kind = "geometric mean" if one["geometric"] else "mean"
+            yield f"{kind} {measure.replace('_', ' ')} of {count} people: {_span(one['mean'])}"
+
+
+def _main_numbers(analysis: dict[str, Any]) -> list[str]:
+    """Return the main numbers of an analysis, a line each."""
+    from asperity.psychophysics.analysis.adjustments import adjustment_lines
+    from asperity.psychophysics.analysis.catch_trials import catch_lines
+    from asperity.psychophysics.analysis.detection import detection_lines
+
+    lines = [
+        f"{session['name']}: not complete, {session['answers']} answers"
+        for session in analysis["sessions"]
+        if not session["complete"]
+    ]
+    machines = [session["name"] for session in analysis["sessions"] if session["simulated"]]
+    if machines:
+        lines.append(f"{', '.join(machines)}: a machine answered (--simulate), no person")
+    for one in (*analysis.get("forced-choice", ()), *analysis.get("odd-one-out", ())):
+        fit = one.get("psychometric")
+        if fit is None:
+            lines.append(f"{one['session']}: {one['not_fitted']}")
+            continue
+        doubt = "; AT THE LIMIT OF THE SEARCH: no threshold found" if fit["at_bound"] else ""
+        lines.append(
+            f"{one['session']}: threshold {fit['threshold']:.4g} "
+            f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
+            f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{doubt}"
+        )
+    lines += detection_lines(analysis.get("yes-no", ()))
+    for method in ("adjustment", "matching"):
+        lines += adjustment_lines(analysis.get(method, ()))
+    lines += catch_lines(analysis["catch"])
+    if "magnitude" in analysis:
+        quadratic, power = analysis["magnitude"]["quadratic"], analysis["magnitude"]["power_law"]
+        if power:
+            lines.append(
+                f"slope in log-log {power['slope']:.3g} ({power['low']:.3g} to {power['high']:.3g})"
+            )
+        if quadratic:
+            peak = f", peak at {quadratic['peak']:.4g}" if quadratic["peak"] else ""
+            lines.append(f"quadratic: R² {quadratic['r_squared']:.3f}{peak}")
+    for method in ("pairs", "ranking"):
+        if method in analysis:
+            scale = analysis[method]["scales"][0]
+            ranked = sorted(zip(scale["values"], analysis[method]["stimuli"], strict=True))[::-1]
+            lines.append("largest first: " + ", ".join(f"{name} ({v:.2f})" for v, name in ranked))
+    return lines
