@@ -76,7 +76,8 @@ class Fit:
     """Part of bootstrap samples with a larger deviance; a small value speaks against the fit."""
     trials: int
     at_bound: bool
-    """Whether threshold or width lies at a bound of the search, so that neither is determined."""
+    """Whether the threshold lies at a bound of the search, or the width at its upper one, so that
+    neither is determined. A width at the lower bound is that of a step between two levels."""
 
 
 def fit_psychometric(
@@ -156,7 +157,7 @@ def fit_psychometric(
         spans.get("slope", nothing), spans.get("lapse", nothing), spans.get("level"),
         proportion, confidence, float(deviance),
         float(np.mean(deviances >= deviance - 1e-9)), trials,
-        bool(np.any((best[:2] <= low[:2] + 1e-9) | (best[:2] >= high[:2] - 1e-9))),
+        bool(best[0] <= low[0] + 1e-9 or np.any(best[:2] >= high[:2] - 1e-9)),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -108,9 +109,12 @@ class SimulatedInterface(ParticipantInterface):
     def __init__(self, design: ExperimentDesign, participant: str = "", session: int = 1) -> None:
         self.settings = s = design.simulated
         self.design = design
+        digest = hashlib.sha256(participant.encode()).digest()
+        own = float(np.random.default_rng([s.seed, *digest[:8]]).normal())
+        self._exponent = s.exponent * 10.0 ** (s.spread * own)
         threshold, guess = 0.0, None
         if design.adaptive is not None:
-            threshold = design.forced_choice.intensity(s.threshold)
+            threshold = design.forced_choice.intensity(s.threshold) + s.spread * own
             guess = design.forced_choice.guess
         self.truth = Psychometric(threshold, s.width, s.lapse, guess, s.function)
         self._seed = [s.seed, _STREAM, *seeds(design, participant, session)]
@@ -207,4 +211,4 @@ class SimulatedInterface(ParticipantInterface):
         if judged is None:
             raise ValueError(f"the stimulus {trial.stimuli[interval].name} has no value to rate")
         judged = max(judged, 1e-300)
-        return math.log10(s.modulus) + s.exponent * math.log10(judged) + s.noise * rng.normal()
+        return math.log10(s.modulus) + self._exponent * math.log10(judged) + s.noise * rng.normal()

@@ -43,6 +43,10 @@ class SimulatedSettings:
         Of yes/no: how far above the mean without the signal "yes" begins [SD].
     bias : float
         Of adjustments: the value that feels equal, as a multiple of the standard.
+    spread : float
+        Standard deviation between participants of the threshold's intensity (forced choices) and of
+        the decimal logarithm of the exponent (magnitudes). It follows from the participant's code,
+        so that it is the same in each condition.
     seed : int
     """
 
@@ -56,6 +60,7 @@ class SimulatedSettings:
     noise: float = 0.1
     criterion: float = 0.5
     bias: float = 1.0
+    spread: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -66,5 +71,6 @@ class SimulatedSettings:
         require_between("lapse", self.lapse, 0.0, 0.5)
         require_between("exponent", self.exponent, -10.0, 10.0)
         require_not_negative("noise", self.noise)
+        require_not_negative("spread", self.spread)
         require_between("criterion", self.criterion, -10.0, 10.0)
         require_positive("bias", self.bias)
