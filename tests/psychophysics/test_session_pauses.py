@@ -1,6 +1,11 @@
 """Taking back an answer, breaks, practice with feedback, languages, catch trials."""
 
 import io
+import multiprocessing
+import os
+import random
+import signal
+import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -20,6 +25,7 @@ from asperity.psychophysics.interfaces.terminal import TerminalInterface
 from asperity.psychophysics.session.journal import read_journal
 from asperity.psychophysics.session.session import Session
 from asperity.psychophysics.session.tables import answers_table
+from asperity.psychophysics.session.trials import standing_answers
 from asperity.psychophysics.texts import FILE, read_texts
 from asperity.scene.document import read_toml
 
@@ -111,6 +117,67 @@ def test_taken_back_and_interrupted_it_goes_on_identically(tmp_path):
     assert answers_of(tmp_path / "parts") == answers_of(tmp_path / "straight")
 
 
+class Fickle(SimulatedInterface):
+    """Mistypes each fourth answer once and takes it back; knows by the journal that it did."""
+
+    def __init__(self, made, session):
+        super().__init__(made, "P1", 1)
+        self._events = session.journal.events
+
+    def _slips(self, number):
+        before = [e["trial"]["number"] for e in self._events if e["event"] == "answer"]
+        return number % 4 == 0 and number not in before
+
+    def answer(self, trial, felt):
+        answer = super().answer(trial, felt)
+        return answer % 3 + 1 if self._slips(trial.number) else answer
+
+    def ready(self, trial, progress):
+        self.last(progress)
+
+    def last(self, progress):
+        standing = standing_answers(self._events)
+        slipped = standing and standing[-1]["trial"]["number"] % 4 == 0
+        if progress.can_take_back and slipped and not standing[-1]["taken_back"]:
+            raise TakenBack
+
+
+def _session_of(made, folder):
+    ExperimentDesign.check_scenes = lambda self: {}
+    with Session(made, folder, "P1", 1) as session:
+        return session.run(Nothing(), Fickle(made, session), sleep=lambda _: None)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_killed_at_random_moments_it_is_the_same_as_undisturbed(tmp_path):
+    settings = {**CHOICE["forced-choice"], "practice": 3, "practice_feedback": False}
+    made = design(
+        CHOICE, method="odd-one-out", forced_choice=None, odd_one_out=settings,
+        catch={"every": 6}, staircase={"trials": 30},
+        session={"take_back": True, "break_every": 7, "break_seconds": 0.0},
+    )  # fmt: skip
+    count = _session_of(made, tmp_path / "whole").answers
+    fork, rng, kills = multiprocessing.get_context("fork"), random.Random(3), 0
+    for _ in range(80):
+        process = fork.Process(target=_session_of, args=(made, tmp_path / "parts"))
+        process.start()
+        if kills < 30:
+            time.sleep(rng.uniform(0.0, 0.08))
+            os.kill(process.pid, signal.SIGKILL)
+        process.join()
+        kills += process.exitcode == -signal.SIGKILL
+        if process.exitcode == 0:
+            break
+    assert kills > 5
+    assert answers_of(tmp_path / "parts") == answers_of(tmp_path / "whole")
+    for name in ("whole", "parts"):
+        events = read_journal(tmp_path / name)
+        taken = [e for e in events if e["event"] == "taken_back"]
+        assert len(taken) == count // 4
+        ended = [e["after"] for e in events if e["event"] == "break_end"]
+        assert ended == sorted(set(ended)) == list(range(7, count, 7))
+
+
 def test_only_the_last_answer_is_taken_back_and_none_after_feedback(tmp_path):
     class Greedy(ParticipantInterface):
         kind = "test"
@@ -140,7 +207,7 @@ def test_only_the_last_answer_is_taken_back_and_none_after_feedback(tmp_path):
 
 def test_breaks_come_and_one_that_is_interrupted_goes_on(tmp_path):
     made = design(CHOICE, session={"break_every": 10, "break_seconds": 90.0})
-    time = [datetime(2026, 1, 1, tzinfo=UTC)]
+    clock = [datetime(2026, 1, 1, tzinfo=UTC)]
 
     class Resting(SimulatedInterface):
         def __init__(self, leaves=False):
@@ -150,19 +217,19 @@ def test_breaks_come_and_one_that_is_interrupted_goes_on(tmp_path):
         def rest(self, seconds, progress):
             self.rests.append((progress.done, seconds))
             if self.leaves:
-                time[0] += timedelta(seconds=40)
+                clock[0] += timedelta(seconds=40)
                 raise Paused
-            time[0] += timedelta(seconds=seconds + 5)
+            clock[0] += timedelta(seconds=seconds + 5)
 
     whole = Resting()
-    count = run(made, tmp_path / "whole", whole, now=lambda: time[0]).answers
+    count = run(made, tmp_path / "whole", whole, now=lambda: clock[0]).answers
     assert whole.rests == [(n, 90.0) for n in range(10, count, 10)]
-    assert not run(made, tmp_path / "parts", Resting(leaves=True), now=lambda: time[0]).complete
+    assert not run(made, tmp_path / "parts", Resting(leaves=True), now=lambda: clock[0]).complete
     events = [e["event"] for e in read_journal(tmp_path / "parts")]
     assert events[-2:] == ["break", "pause"]
-    time[0] += timedelta(seconds=20)
+    clock[0] += timedelta(seconds=20)
     front = Resting()
-    assert run(made, tmp_path / "parts", front, now=lambda: time[0]).complete
+    assert run(made, tmp_path / "parts", front, now=lambda: clock[0]).complete
     # 60 of the 90 seconds are over; the others are rested, and no break comes twice.
     assert front.rests == [(10, 30.0), *whole.rests[1:]]
     assert answers_of(tmp_path / "parts") == answers_of(tmp_path / "whole")
@@ -229,7 +296,7 @@ def test_in_the_terminal_an_answer_is_taken_back_and_a_break_is_waited_for(tmp_p
         session={"take_back": True, "break_every": 1, "break_seconds": 30.0},
     )  # fmt: skip
     clock = iter(range(0, 10000, 10))
-    lines = ["", "9", "", "", "b", "", "3", "", "4", "b", "", "5", ""]
+    lines = ["", "9", "", "", "b", "b", "", "3", "", "4", "b", "", "5", ""]
     written = io.StringIO()
     front = TerminalInterface(
         io.StringIO("\n".join(lines) + "\n"), written, clock=lambda: float(next(clock))
@@ -239,6 +306,7 @@ def test_in_the_terminal_an_answer_is_taken_back_and_a_break_is_waited_for(tmp_p
     assert [(row["answer"], row["taken_back"]) for row in rows] == [(3.0, 1), (5.0, 1)]
     assert "Please rest for another 20 s." in written.getvalue()
     assert "Your last answer was taken back" in written.getvalue()
+    assert written.getvalue().count("no answer that can be taken back") == 1
 
 
 def test_every_language_has_every_text_with_its_fields():

@@ -76,8 +76,10 @@ class TerminalInterface(ParticipantInterface):
 
     def _go_on(self, prompt: str, progress: Progress) -> None:
         """Wait for Enter; raise if the last answer is to be taken back."""
-        if self._line(prompt).lower() in _BACK and progress.can_take_back:
-            raise TakenBack
+        while self._line(prompt).lower() in _BACK:
+            if progress.can_take_back:
+                raise TakenBack
+            self._say(self._texts("not_taken_back"))
 
     def begun(self, interval: int) -> None:
         """Show which interval has begun."""
