@@ -14,6 +14,7 @@ from asperity.psychophysics.analysis.detection import (
     proportion_right,
     yes_no,
 )
+from asperity.psychophysics.analysis.detection_fit import fit_detection
 from asperity.psychophysics.analysis.results import read_results
 from asperity.psychophysics.analysis.thresholds import AnalysisOptions, analyse_threshold
 from asperity.psychophysics.design import ExperimentDesign
@@ -102,6 +103,49 @@ def test_an_observer_of_yes_no_is_recovered(tmp_path):
             assert np.mean([row[name] for row in rows]) == pytest.approx(truth, abs=0.05)
             inside = sum(row[f"{name}_low"] < truth < row[f"{name}_high"] for row in rows)
             assert inside >= binom.ppf(0.001, 60, 0.95)
+
+
+def test_the_level_of_d_prime_1_is_inside_its_interval_as_often_as_it_says():
+    rng, runs, inside, errors = np.random.default_rng(5), 100, 0, []
+    levels, threshold, place = np.array([1.0, 2.0, 4.0]), 2.3, 0.7
+    for _ in range(runs):
+        yes = rng.binomial(80, norm.cdf((levels / threshold) ** 1.3 - place))
+        found = fit_detection(levels, yes, [80] * 3, (rng.binomial(240, norm.cdf(-place)), 240))
+        inside += found.low < threshold < found.high
+        errors.append(np.log(found.threshold / threshold))
+    assert inside >= binom.ppf(0.001, runs, 0.95)
+    assert abs(np.mean(errors)) < 0.05
+    # Exact rates give the truth back.
+    rates = np.round(1e6 * norm.cdf((levels / threshold) ** 1.3 - place))
+    found = fit_detection(levels, rates, [1e6] * 3, (round(1e6 * norm.cdf(-place)), 10**6))
+    assert found.threshold == pytest.approx(threshold, rel=0.01)
+    assert found.exponent == pytest.approx(1.3, rel=0.01)
+    assert found.place == pytest.approx(place, abs=0.01)
+    assert not found.at_bound
+
+
+def test_without_sensitivity_there_is_no_level_of_d_prime_1():
+    assert fit_detection([1.0, 2.0], [20, 20], [50, 50], (40, 100)).at_bound
+    with pytest.raises(AsperityError, match="two distances or more above 0"):
+        fit_detection([1.0, 1.0], [20, 20], [50, 50], (40, 100))
+
+
+@pytest.mark.parametrize(
+    ("level", "standard", "levels", "truth"),
+    [("weber", 1e-4, [0.1, 0.4], 0.2), ("value", 2e-4, [1.6e-4, 0.4e-4], 1.2e-4),
+     ("value", 2e-4, [3e-4, 1e-4], None)],
+)  # fmt: skip
+def test_the_level_of_d_prime_1_is_on_the_side_of_the_signals(level, standard, levels, truth):
+    made = design(
+        YES_NO, yes_no={"standard": standard, "level": level, "levels": levels, "repeats": 300},
+        simulated={"threshold": 0.2 if level == "weber" else 0.8e-4},
+    )  # fmt: skip
+    (found,) = analyse_detection([simulated_session(made, "P2")], 0.95)
+    if truth is None:
+        assert found["fit"] == {}
+    else:
+        assert found["fit"]["level_at_1_low"] < truth < found["fit"]["level_at_1_high"]
+        assert found["fit"]["level_at_1"] == pytest.approx(truth, rel=0.3)
 
 
 def test_the_stimulus_says_what_is_right_in_yes_no():

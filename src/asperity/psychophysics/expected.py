@@ -61,7 +61,7 @@ def expected_lines(design: ExperimentDesign) -> list[str]:
     results = [simulated_session(design, f"check{i + 1}") for i in range(SESSIONS)]
     lines = []
     if design.kind == "yes-no":
-        sessions = analyse_detection(results, 0.95)
+        sessions = analyse_detection(results, 0.95, fitted=False)
         for i, level in enumerate(sessions[0]["levels"]):
             found = _medians([one["levels"][i] for one in sessions], "d_prime")
             lines.append(

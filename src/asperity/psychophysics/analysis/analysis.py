@@ -209,8 +209,11 @@ def _groups(
         measures = {"pse": design.matching.scale == "log", "jnd": True}
         rows = [one["standards"][0] for one in summary[design.method]]
     elif design.method == "yes-no":
-        measures = {"d_prime": False}
-        rows = [one.get("all_levels") or (one["levels"] or [{}])[0] for one in summary["yes-no"]]
+        measures = {"d_prime": False, "level_at_1": True}
+        rows = [
+            {**(one.get("all_levels") or (one["levels"] or [{}])[0]), **one.get("fit", {})}
+            for one in summary["yes-no"]
+        ]
     known = [{**row, "participant": r.participant} for r, row in zip(results, rows, strict=False)]
     made = {
         name: group(known, name, logarithmic=logarithmic, confidence=options.confidence)

@@ -28,8 +28,10 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import beta, norm
 
 from asperity.errors import AsperityError, require_between, require_choice
+from asperity.psychophysics.analysis.detection_fit import fit_detection
 from asperity.psychophysics.analysis.results import AnsweredTrial, SessionResult
 from asperity.psychophysics.design import ExperimentDesign
+from asperity.psychophysics.settings import YesNoSettings
 
 TASKS = ("2afc", "3afc", "oddity")
 """The larger of two, the largest of three, the odd one out of three."""
@@ -189,12 +191,17 @@ def choice_summary(
     }  # fmt: skip
 
 
-def analyse_detection(results: Sequence[SessionResult], confidence: float) -> list[dict[str, Any]]:
-    """Return sensitivity and bias of each session of yes/no, by level and over all levels."""
-    return [_session(result, confidence) for result in results]
+def analyse_detection(
+    results: Sequence[SessionResult], confidence: float, *, fitted: bool = True
+) -> list[dict[str, Any]]:
+    """Return sensitivity and bias of each session of yes/no, by level and over all levels.
+
+    With `fitted` also the level of d' = 1, where there are two levels or more.
+    """
+    return [_session(result, confidence, fitted) for result in results]
 
 
-def _session(result: SessionResult, confidence: float) -> dict[str, Any]:
+def _session(result: SessionResult, confidence: float, fitted: bool) -> dict[str, Any]:
     signals = [a for a in result.answers if a.trial.right == 1]
     without = [a for a in result.answers if a.trial.right == 0]
     summary: dict[str, Any] = {
@@ -212,7 +219,34 @@ def _session(result: SessionResult, confidence: float) -> dict[str, Any]:
     if len(levels) > 1:
         # Of a mixture of levels: how well signals are distinguished from none in this session.
         summary["all_levels"] = _sensitivity(signals, without, confidence)
+    if len(levels) > 1 and fitted:
+        summary["fit"] = _level_at_1(result, summary["levels"], without, confidence)
     return summary
+
+
+def _level_at_1(
+    result: SessionResult, levels: Sequence[dict[str, Any]], without: Sequence[AnsweredTrial],
+    confidence: float,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the level of d' = 1; empty where levels lie on both sides of the standard."""
+    settings = result.design.settings
+    assert isinstance(settings, YesNoSettings)
+    nought = settings.standard if settings.level == "value" else 0.0
+    apart = [row["level"] - nought for row in levels]
+    side = 1.0 if apart[0] > 0.0 else -1.0
+    if any(side * distance <= 0.0 for distance in apart):
+        return {}
+    found = fit_detection(
+        [side * distance for distance in apart], [row["hits"] for row in levels],
+        [row["trials"] for row in levels], (_yes(without), len(without)), confidence,
+    )  # fmt: skip
+    value, *ends = (nought + side * x for x in (found.threshold, found.low, found.high))
+    out: dict[str, Any] = {"at_limit": found.at_bound, "exponent": found.exponent,
+                           "criterion_place": found.place}  # fmt: skip
+    # What lies at the end of the search was not found.
+    keys = ("level_at_1", "level_at_1_low", "level_at_1_high")
+    values = (None, None, None) if found.at_bound else (value, *sorted(ends))
+    return out | dict(zip(keys, values, strict=True))
 
 
 def _sensitivity(
@@ -247,5 +281,15 @@ def detection_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
                 f"c {level['criterion']:+.2f} ({level['criterion_low']:+.2f} to "
                 f"{level['criterion_high']:+.2f}), {level['trials']} + "
                 f"{session['trials_without']} trials"
+            )
+        fit = session.get("fit") or {}
+        if fit.get("level_at_1") is not None:
+            lines.append(
+                f"{session['session']}: d' is 1 at level {fit['level_at_1']:.4g} "
+                f"({fit['level_at_1_low']:.4g} to {fit['level_at_1_high']:.4g})"
+            )
+        elif fit:
+            lines.append(
+                f"{session['session']}: AT THE LIMIT OF THE SEARCH: no level of d' 1 found"
             )
     return lines

@@ -112,7 +112,9 @@ def _axis(measure: str, design: ExperimentDesign, proportion: float | None) -> t
     name = "threshold" if proportion is None or measure == "threshold" else (
         f"level at {100.0 * proportion:g} % right"
     )  # fmt: skip
-    if design.forced_choice.level == "weber":
+    if measure == "level_at_1":
+        name = "level of d' = 1"
+    if getattr(design.settings, "level", "value") == "weber":
         return 100.0, f"{name} [% of the standard]"
     return factor, f"{name} {unit}".strip()
 

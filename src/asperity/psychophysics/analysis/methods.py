@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 REFERENCES = {
     "Bradley & Terry, 1952": "Bradley, R. A., & Terry, M. E. (1952). Biometrika, 39, 324-345.",
     "Cousineau, 2005": "Cousineau, D. (2005). Tutor. Quant. Methods Psychol., 1, 42-45.",
+    "Gourevitch & Galanter, 1967": "Gourevitch, V., & Galanter, E. (1967). Psychometrika, 32, "
+    "25-33.",
+    "Hautus, 1995": "Hautus, M. J. (1995). Behav. Res. Methods, 27, 46-51.",
     "Hartung & Knapp, 2001": "Hartung, J., & Knapp, G. (2001). Stat. Med., 20, 3875-3889.",
     "Hedges, 1981": "Hedges, L. V. (1981). J. Educ. Stat., 6, 107-128.",
     "Holm, 1979": "Holm, S. (1979). Scand. J. Stat., 6, 65-70.",
@@ -43,6 +46,7 @@ REFERENCES = {
     "Venzon & Moolgavkar, 1988": "Venzon, D. J., & Moolgavkar, S. H. (1988). Appl. Stat., 37, "
     "87-94.",
     "Watson, 2017": "Watson, A. B. (2017). J. Vision, 17(3):10.",
+    "Williams, 1949": "Williams, E. J. (1949). Aust. J. Sci. Res. A, 2, 149-168.",
     "Wichmann & Hill, 2001": "Wichmann, F. A., & Hill, N. J. (2001). Percept. Psychophys., 63, "
     "1293-1313.",
 }
@@ -137,7 +141,35 @@ def _procedure(design: ExperimentDesign) -> Iterator[str]:
         )
     practice = getattr(settings, "practice", 0)
     if practice:
-        yield f"The first {practice} trials were practice and were not analysed."
+        what = "adjustments" if design.kind == "adjust" else "trials"
+        shown_right = getattr(settings, "practice_feedback", False)
+        yield (
+            f"The first {practice} {what} were practice and were not analysed"
+            + ("; feedback said whether they were right." if shown_right else ".")
+        )
+    yield from _session(design)
+
+
+def _session(design: ExperimentDesign) -> Iterator[str]:
+    """Yield what is between trials: catch trials, orders, breaks, answers taken back."""
+    if design.catch.every:
+        level = design.highest if design.catch.level is None else design.catch.level
+        yield (
+            f"One catch trial, at a level of {level:g}, came among {design.catch.every} others; "
+            "catch trials were not analysed."
+        )
+    if design.session.balanced and design.kind == "choice" and design.adaptive is not None:
+        yield "The interval of the comparison was balanced within and over participants."
+    elif design.session.balanced and design.method != "yes-no":
+        yield "Orders were those of a Williams design over participants (Williams, 1949)."
+    if design.session.break_every:
+        what = "adjustments" if design.kind == "adjust" else "trials"
+        yield (
+            f"There was a break of at least {design.session.break_seconds:g} s after every "
+            f"{design.session.break_every} {what}."
+        )
+    if design.session.take_back:
+        yield "The last answer could be taken back until the next trial began."
 
 
 def _forced_choice(design: ExperimentDesign, settings: ForcedChoiceSettings) -> Iterator[str]:
@@ -225,6 +257,24 @@ def _analysis(
             "grand one. Exponents are slopes of straight lines in log-log coordinates; intervals "
             f"({percent}) are of Student's t, over participants where there are several and over "
             "the repeats of one otherwise, of the means of stimuli after Cousineau, 2005."
+        )
+    elif isinstance(design.settings, YesNoSettings):
+        yield (
+            "Sensitivity and bias are d' and the criterion c of log-linear rates (Hautus, 1995), "
+            f"with {percent} intervals after Gourevitch & Galanter, 1967."
+        )
+        if len(design.settings.levels) > 1:
+            yield (
+                "The level of d' = 1 is of d' as a power function of the level, fitted by maximum "
+                "likelihood with intervals by profile likelihood (Venzon & Moolgavkar, 1988)."
+            )
+    elif isinstance(design.settings, AdjustmentSettings | MatchingSettings):
+        mean = "geometric mean" if design.matching.scale == "log" else "mean"
+        yield (
+            f"The point of subjective equality is the {mean} of the settings to a standard, the "
+            "just noticeable difference their standard deviation"
+            + (" of logarithms" if design.matching.scale == "log" else "")
+            + f"; {percent} intervals are of Student's t and of chi-squared."
         )
     elif isinstance(design.settings, PairsSettings | RankingSettings):
         yield (

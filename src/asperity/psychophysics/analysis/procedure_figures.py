@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
 from asperity.psychophysics.design import ExperimentDesign
 
 _MILLI = {"m": (1e3, "mm")}
@@ -90,6 +90,7 @@ def adjustments_figure(sessions: Sequence[dict[str, Any]], design: ExperimentDes
             names = [f"{float(name) * factor:.4g}" for name in names]
         if design.matching.scale == "log":
             axes.set_yscale("log")
+            log_scale(axes, x=False, y=True)
         axes.set_xticks(range(len(names)), names)
         axes.set_xlim(-0.6, len(names) - 0.4)
         axes.set_xlabel("standard")
