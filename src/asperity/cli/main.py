@@ -34,6 +34,7 @@ from asperity.cli.fit import FitCommand
 from asperity.cli.options import check_ranges
 from asperity.cli.parser_message import one_line
 from asperity.cli.plot import PlotCommand
+from asperity.cli.predict import PredictCommand
 from asperity.cli.record import RecordCommand, ReplayCommand
 from asperity.cli.result import set_json
 from asperity.cli.run import RunCommand
@@ -69,6 +70,7 @@ COMMANDS = (
     | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
     | Annotated[ExperimentCommand, tyro.conf.subcommand("experiment")]
     | Annotated[AnalyseCommand, tyro.conf.subcommand("analyse")]
+    | Annotated[PredictCommand, tyro.conf.subcommand("predict")]
     | Annotated[DoctorCommand, tyro.conf.subcommand("doctor")]
 )
 """The commands, in the order of the help."""
