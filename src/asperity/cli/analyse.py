@@ -20,11 +20,18 @@ class AnalyseCommand:
     """Analyse the sessions of an experiment: thresholds, magnitudes or scales, with figures.
 
     Several folders are conditions, which are compared within participants. Writes analysis.json or
-    comparison.json, answers.csv, thresholds.csv, methods.md and the figures.
+    comparison.json, answers.csv, thresholds.csv, methods.md and the figures. Tables of answers from
+    elsewhere (CSV, XLSX) are analysed too: magnitude estimates, choices of two, or rankings.
     """
 
     folders: Annotated[Positional[tuple[Path, ...]], arg(metavar="FOLDER [FOLDER ...]")]
-    """Folder of a session, or one that contains folders of sessions; one for each condition."""
+    """Folder of a session, or one that contains folders of sessions; one for each condition. Or
+    tables of answers, all of one form."""
+    columns: tuple[str, ...] = ()
+    """For tables: name=column for columns of other names. Names: participant, stimulus, rating;
+    first, second, chosen; trial, rank; and condition, more than once if need be."""
+    where: tuple[str, ...] = ()
+    """For tables: column=value: keep these rows alone."""
     function: str = "weibull"
     """Psychometric function: logistic, normal, weibull."""
     samples: Annotated[int, Range(100, 100000)] = 1000
@@ -37,7 +44,8 @@ class AnalyseCommand:
     seed: Annotated[int, Range(0, 2**31 - 1)] = 0
     """Seed of the bootstrap."""
     out: Path | None = None
-    """Folder for the results. Default: FOLDER/analysis, or comparison beside the first FOLDER."""
+    """Folder for the results. Default: FOLDER/analysis, or comparison beside the first FOLDER; of
+    tables, beside the first."""
     overwrite: bool = False
     """Replace an earlier analysis."""
 
@@ -52,6 +60,19 @@ class AnalyseCommand:
 
         if not self.folders:
             raise AsperityError("give the folder of a session, or of several")
+        if all(path.is_file() for path in self.folders):
+            from asperity.cli.predict import analyse_table
+
+            analyse_table(
+                self.folders, self.columns, self.where, self.out,
+                samples=self.samples, confidence=self.confidence, seed=self.seed,
+                overwrite=self.overwrite,
+            )  # fmt: skip
+            return
+        if self.columns or self.where:
+            raise AsperityError(
+                f"--columns and --where are for tables, and {self.folders[0]} is no file"
+            )
         require_choice("--function", self.function, FUNCTIONS)
         conditions = read_conditions(self.folders)
         options = with_options(AnalysisOptions, self)

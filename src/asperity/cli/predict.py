@@ -59,9 +59,7 @@ class PredictCommand:
 
         if (self.model is None) == (self.stimuli is None):
             raise AsperityError("give --model, or --stimuli to simulate, and not both")
-        answers = read_answers(
-            (self.answers, *self.more), columns=self.columns, where=self.where
-        )
+        answers = read_answers((self.answers, *self.more), columns=self.columns, where=self.where)
         if self.stimuli is not None:
             values = simulate_model(self.stimuli, self.metric)
         else:
@@ -99,7 +97,7 @@ def _lines(answers: Answers, found: dict[str, Any]) -> list[str]:
         + (f"; the model explains {100.0 * explained:.0f} %" if explained is not None else "")
     )
     if found["turned_round"]:
-        lines.append("  TURNED ROUND: people say less where the model says more")
+        lines.append("  TURNED ROUND: people answer less where the model has more")
     return lines
 
 

@@ -27,7 +27,9 @@ def comparison_figure(found: dict[str, Any]) -> Figure:
         left.set(xlabel=f"log10 of the model: {found['model_name']}", ylabel="people")
         names = ("null", "model", "cells")
         right.plot([levels[name] for name in names], [2, 1, 0], "o-", color="#999999", ms=0, lw=1)
-        for place, name, colour in zip((2, 1, 0), names, (*COLOURS[4:5], *COLOURS[:2]), strict=True):
+        for place, name, colour in zip(
+            (2, 1, 0), names, (*COLOURS[4:5], *COLOURS[:2]), strict=True
+        ):
             right.plot(levels[name], place, "o", color=colour, ms=7)
         shown = {"null": "null: people's\nmeans, chance", "model": "model,\none slope",
                  "cells": "free value\nfor each cell"}  # fmt: skip

@@ -11,7 +11,7 @@ with answers as it is, since its unit is not theirs; one slope b is fitted, and 
 
 The log-likelihoods are given per answer. `explained` is how far the model gets from null to cells,
 0 to 1. With a slope fitted to the same answers this is a description, not a prediction; the slope's
-sign is told, because a model that must be turned round is wrong.
+sign is given, because a model that must be turned round is wrong.
 """
 
 from __future__ import annotations

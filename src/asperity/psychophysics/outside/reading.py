@@ -79,6 +79,8 @@ def _read_one(
 
 def read_table(path: Path) -> pd.DataFrame:
     """Return the table of a file, every cell as it stands; errors are one line."""
+    from zipfile import BadZipFile
+
     import pandas as pd  # slow to import
 
     if not path.is_file():
@@ -94,17 +96,18 @@ def read_table(path: Path) -> pd.DataFrame:
         if kind in (".xlsx", ".xlsm"):
             found = pd.read_excel(path)
         elif kind in (".csv", ".tsv", ".txt"):
-            found = pd.read_csv(path, sep=None, engine="python", encoding="utf-8-sig")
+            with path.open(encoding="utf-8-sig") as file:
+                head = file.readline()
+            separator = max(",;\t", key=head.count)
+            found = pd.read_csv(path, sep=separator, encoding="utf-8-sig")
         else:
             what = kind or "a file without ending"
-            raise AsperityError(
-                f"{path}: cannot read {what} as a table; give .csv, .tsv or .xlsx"
-            )
+            raise AsperityError(f"{path}: cannot read {what} as a table; give .csv, .tsv or .xlsx")
     except ImportError as error:
         raise AsperityError(
             f"{path}: reading Excel files needs openpyxl: pip install 'asperity[excel]'"
         ) from error
-    except (ValueError, OSError, KeyError, UnicodeDecodeError, pd.errors.ParserError) as error:
+    except (ValueError, OSError, KeyError, BadZipFile, pd.errors.ParserError) as error:
         if isinstance(error, AsperityError):
             raise
         raise AsperityError(f"{path}: not a table that can be read: it is empty or damaged") from (

@@ -21,7 +21,7 @@ _LEAST_CELLS = 3
 
 @dataclass(frozen=True)
 class Reliability:
-    """Agreement of raters over cells; None where it cannot be told."""
+    """Agreement of raters over cells; None where it cannot be found."""
 
     raters: int
     reliability: float | None
