@@ -24,6 +24,14 @@ class FindingsCommand:
     """Folder for the table, the page and the figures."""
     docs: Path | None = None
     """Folder of the documentation, for its page findings.md and images/findings_*.png."""
+    halves: bool = False
+    """Choose a metric on half of the findings over 36 hands and three plates, and judge it on the
+    other half (minutes): halves.json in --out."""
+    predictions: Path | None = None
+    """Folder for predictions of conditions that are not among the findings: DATE.md and DATE.json,
+    with a hash."""
+    date: str = ""
+    """Date of the predictions, YYYY-MM-DD. Default: today."""
     fit: bool = False
     """First search for the hand and the metric that fit best (minutes); use them in the last
     column instead of the published fit."""
@@ -40,6 +48,9 @@ class FindingsCommand:
 
     def run(self) -> None:
         """Judge every finding, print the table, and write it."""
+        if self.predictions or self.halves:
+            self._run_ensemble()
+            return
         from asperity._core.output import result_folder, write_json
         from asperity.cli.data_files import measured_folder
         from asperity.cli.progress import progress_bars
@@ -88,3 +99,32 @@ class FindingsCommand:
             found = judge(folder)
         line = f"{self.out}: findings.md, findings.json, findings.csv, figures"
         print_result(line, found | {"out": self.out})
+
+    def _run_ensemble(self) -> None:
+        from asperity._core.output import result_folder, write_json
+        from asperity.cli.progress import progress_bars
+        from asperity.studies.ensemble.halves import judge_ensemble, summarise_halves
+        from asperity.studies.ensemble.members import ensemble_hands
+        from asperity.studies.ensemble.predictions import write_predictions
+
+        if self.halves and self.out is None:
+            raise AsperityError("--halves needs --out, the folder for halves.json")
+        total = len(ensemble_hands())
+        with progress_bars() as bars:
+            if self.halves and self.out:
+                task = bars.add_task("hands", total=total)
+                found = summarise_halves(judge_ensemble(progress=lambda: bars.advance(task)))
+                with result_folder(self.out, overwrite=self.overwrite) as folder:
+                    write_json(folder / "halves.json", found)
+                shares = found["shares"]
+                print(
+                    f"{self.out}: {found['chosen']['name']}, held out: median "
+                    f"{shares['chosen']['second']['median']:.0%}, 20-200 Hz band "
+                    f"{shares['band']['second']['median']:.0%}"
+                )
+            if self.predictions:
+                task = bars.add_task("hands", total=total)
+                path = write_predictions(
+                    self.predictions, self.date, progress=lambda: bars.advance(task)
+                )
+                print(f"{path}: predictions, and the same as JSON beside it")

@@ -10,6 +10,7 @@ from asperity.drawing.pages import filled
 from asperity.errors import AsperityError
 from asperity.studies.literature import fit as fits
 from asperity.studies.literature.catalogue import FINDINGS, SEARCHED
+from asperity.studies.literature.halves_page import read_published_halves
 from asperity.studies.literature.hand_search import HELD_OUT, candidate_measures, sample_hands
 from asperity.studies.literature.laboratory import Laboratory, Plan, judge_or_explain
 from asperity.studies.literature.measures import PAPER
@@ -92,3 +93,18 @@ def test_the_whole_table_comes_out_as_the_page_has_it(table):
     rows, _ = judge_all(columns, findings=without, plan=Plan())
     for finding, verdicts in rows:
         assert [MARKS[verdicts[c.name].holds] for c in columns] == table[finding.id], finding.id
+
+
+def test_the_halves_that_are_shipped_are_of_these_findings(page):
+    halves, words = read_published_halves(), " ".join(page.split())
+    ids = {finding.id for finding in FINDINGS}
+    first, second = (set(halves["halves"][name]) for name in ("first", "second"))
+    assert first.isdisjoint(second)
+    assert first | second == set(halves["findings"]) <= ids
+    assert len(halves["findings"]) >= 25
+    assert halves["hands"] >= 36
+    assert f"is **{halves['chosen']['name']}**" in words
+    held = halves["shares"]
+    better = held["chosen"]["second"]["median"] > held["band"]["second"]["median"]
+    assert ("no better than the 20-200 Hz band" in words) != better
+    assert page.count("(held out).") == len(second)

@@ -7,10 +7,14 @@ from typing import Any
 
 from asperity.drawing.pages import render
 from asperity.studies.literature.catalogue import FINDINGS
+from asperity.studies.literature.halves_page import half_of, read_published_halves
 from asperity.studies.literature.hand_search import UNITS
 from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, count_findings
 
-FIGURES = ("findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit")
+FIGURES = (
+    "findings_table", "findings_halves", "findings_paper", "findings_chosen", "findings_grains",
+    "findings_fit",
+)  # fmt: skip
 
 
 def page(
@@ -34,6 +38,7 @@ def page(
         nowhere=[r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())],
         held_out=_held_out(fit), gained=_gained(fit), result=lambda row: _result(row, columns),
         measured=_measured, chosen=CHOSEN, marks=MARKS, units=UNITS,
+        halves=read_published_halves(), half_of=half_of,
     )  # fmt: skip
 
 

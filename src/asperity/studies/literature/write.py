@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from asperity._core.output import write_whole
 from asperity.drawing import figure_style
 from asperity.studies.literature import figures
+from asperity.studies.literature.halves_page import halves_figure, read_published_halves
 from asperity.studies.literature.laboratory import Laboratory
 from asperity.studies.literature.page import FIGURES, page
 from asperity.studies.literature.table import (
@@ -83,6 +84,7 @@ def figures_of(
     )
     made = {
         "findings_table": figures.table_figure(rows, columns),
+        "findings_halves": halves_figure(read_published_halves()),
         "findings_paper": figures.curves_figure(
             labs[first.name], first.measure, f"{first.measure.name}, the seed paper's; default hand"
         ),
