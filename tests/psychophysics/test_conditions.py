@@ -4,7 +4,7 @@ import csv
 import json
 
 import pytest
-from fakes import CHOICE, Nothing, design, document
+from fakes import CHOICE, MAGNITUDE, Nothing, design, document
 
 from asperity.cli import main
 from asperity.psychophysics.analysis.conditions import file_name
@@ -150,9 +150,44 @@ def test_both_sides_of_the_standard_give_pse_and_jnd(tmp_path, capsys):
     assert set(found["group"]) == {"pse", "jnd"}
 
 
-def test_conditions_of_different_methods_are_refused(compared, tmp_path, capsys):
-    from fakes import MAGNITUDE
+def test_exponents_are_compared_within_people(tmp_path, capsys):
+    own = {"spread": 0.05, "noise": 0.03}
+    folders = [
+        str(sessions(tmp_path / name, document(
+            MAGNITUDE, name=name, seed=seed, simulated={"exponent": exponent, **own})))
+        for name, seed, exponent in (("slow", 3, 0.6), ("fast", 4, 0.8))
+    ]  # fmt: skip
+    assert main(["analyse", *folders]) == 0
+    assert "fast against slow, exponent: difference" in capsys.readouterr().out
+    found = json.loads((tmp_path / "comparison" / "comparison.json").read_text("utf-8"))
+    (one,) = found["comparisons"]["exponent"]
+    assert one["difference"]["low"] < 0.2 < one["difference"]["high"]
+    # The same people: whoever has the higher exponent has it in both conditions.
+    slow, fast = (
+        [person["value"] for person in found["conditions"][name]["group"]["exponent"][
+            "participants"].values()]
+        for name in ("slow", "fast")
+    )  # fmt: skip
+    assert sorted(range(3), key=slow.__getitem__) == sorted(range(3), key=fast.__getitem__)
+    text = (tmp_path / "comparison" / "methods.md").read_text("utf-8")
+    assert "magnitude estimation; Stevens, 1957" in text
+    assert "- Morey" in text
 
+
+def test_methods_of_yes_no_and_adjustment():
+    base = document(CHOICE, forced_choice=None, staircase=None)
+    yes_no = base | {"method": "yes-no", "yes-no": {"standard": 2e-4, "levels": [0.2, 0.4]}}
+    text = methods_text({"one": parse_design(yes_no)}, [], AnalysisOptions())
+    for part in ("In 200 trials there was no signal", "0.2, 0.4", "Hautus, M. J. (1995)"):
+        assert part in text
+    axis = {"standard": 2e-4, "low": 5e-5, "high": 8e-4, "step": 1.1}
+    adjusted = base | {"method": "adjustment", "adjustment": axis}
+    text = methods_text({"one": parse_design(adjusted)}, [], AnalysisOptions())
+    for part in ("method of adjustment", "24 times for each standard", "mean of the settings"):
+        assert part in text
+
+
+def test_conditions_of_different_methods_are_refused(compared, tmp_path, capsys):
     folder, _, _ = compared
     other = sessions(tmp_path / "m", document(MAGNITUDE, name="numbers"), ("P1",))
     assert main(["analyse", str(folder / "a"), str(other), "--out", str(tmp_path / "o")]) == 2

@@ -35,8 +35,8 @@ class AnalyseCommand:
     function: str = "weibull"
     """Psychometric function: logistic, normal, weibull."""
     samples: Annotated[int, Range(100, 100000)] = 1000
-    """Number of bootstrap samples, for the intervals of magnitudes and scales and the deviance of
-    psychometric functions."""
+    """Number of bootstrap samples, for the intervals of scales and the deviance of psychometric
+    functions."""
     confidence: Annotated[float, Range(0.5, 0.999)] = 0.95
     """Confidence level of the intervals."""
     proportion: Annotated[float | None, Range(0.01, 0.999)] = None
@@ -101,7 +101,7 @@ def _lines(out: Path, found: dict[str, Any], analyses: dict[str, Any]) -> Iterat
             value, size = one[kind], one["cohens_dz"]
             holm = f", {one['p_holm']:.3g} after Holm" if len(compared) > 1 else ""
             yield (
-                f"{one['second']} against {one['first']}, {measure.replace('_', ' ')}: {kind} "
+                f"{one['second']} against {one['first']}, {_name(measure)}: {kind} "
                 f"{_span(value)}, t({one['degrees_of_freedom']}) = {one['t']:.2f}, "
                 f"p = {one['p']:.3g}{holm}, d_z = {_span(size)}, {one['people']} people"
             )
@@ -109,6 +109,14 @@ def _lines(out: Path, found: dict[str, Any], analyses: dict[str, Any]) -> Iterat
             yield f"{measure}: fewer than two people took part in two conditions"
     yield from found.get("notes", ())
     yield f"{out}: tables, figures, methods.md"
+
+
+def _name(measure: str) -> str:
+    names = {
+        "pse": "PSE", "jnd": "JND", "d_prime": "d'", "level_at_1": "level of d' = 1",
+        "at_proportion": "level at --proportion",
+    }  # fmt: skip
+    return names.get(measure, measure)
 
 
 def _span(numbers: dict[str, Any]) -> str:
@@ -121,9 +129,9 @@ def _means(analysis: dict[str, Any]) -> Iterator[str]:
     """Return the means over participants, a line each."""
     for measure, one in analysis["group"].items():
         count = len(one["participants"])
-        if count > 1:
+        if count > 1 and measure != "exponent":  # it is the slope over people above
             kind = "geometric mean" if one["geometric"] else "mean"
-            yield f"{kind} {measure.replace('_', ' ')} of {count} people: {_span(one['mean'])}"
+            yield f"{kind} {_name(measure)} of {count} people: {_span(one['mean'])}"
 
 
 def _main_numbers(analysis: dict[str, Any]) -> list[str]:
@@ -162,7 +170,13 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
                 f"slope in log-log {power['slope']:.3g} ({power['low']:.3g} to {power['high']:.3g})"
             )
         if quadratic:
-            peak = f", peak at {quadratic['peak']:.4g}" if quadratic["peak"] else ""
+            # A peak without an interval is that of noise, or far beyond what was presented.
+            peak = (
+                f", peak at {quadratic['peak']:.4g} ({quadratic['peak_low']:.4g} to "
+                f"{quadratic['peak_high']:.4g})"
+                if quadratic["peak_low"] is not None
+                else ", no definite peak"
+            )
             lines.append(f"quadratic: R² {quadratic['r_squared']:.3f}{peak}")
     for method in ("pairs", "ranking"):
         if method in analysis:

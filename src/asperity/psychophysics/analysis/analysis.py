@@ -91,7 +91,7 @@ def magnitudes_summary(found: Magnitudes) -> dict[str, Any]:
         }  # fmt: skip
     exponent = None
     if found.exponent is not None:
-        exponent = dict(zip(("slope", "low", "high"), found.exponent, strict=True))
+        exponent = dict(zip(("slope", "low", "high"), _plain(found.exponent), strict=True))
     return {
         "stimuli": list(found.names), "values": _plain(found.values), "mean": _plain(found.mean),
         "low": _plain(found.low), "high": _plain(found.high),
@@ -100,6 +100,10 @@ def magnitudes_summary(found: Magnitudes) -> dict[str, Any]:
             for name, row in zip(found.sessions, found.by_session, strict=True)
         },
         "quadratic": quadratic, "power_law": exponent,
+        "exponents": {
+            name: dict(zip(("exponent", "exponent_low", "exponent_high"), _plain(one), strict=True))
+            for name, one in found.exponents.items()
+        },
     }  # fmt: skip
 
 
@@ -147,9 +151,7 @@ def analyse_condition(
     }  # fmt: skip
     rows: list[dict[str, Any]] = []
     if design.method == "magnitude":
-        found = analyse_magnitudes(
-            results, samples=options.samples, confidence=options.confidence, seed=options.seed
-        )
+        found = analyse_magnitudes(results, confidence=options.confidence)
         summary["magnitude"] = magnitudes_summary(found)
         figure_style.save(figures.magnitude_figure(found, design), folder, "magnitude")
     elif design.adaptive is not None:
@@ -214,7 +216,12 @@ def _groups(
             {**(one.get("all_levels") or (one["levels"] or [{}])[0]), **one.get("fit", {})}
             for one in summary["yes-no"]
         ]
+    elif design.method == "magnitude":
+        measures = {"exponent": False}
     known = [{**row, "participant": r.participant} for r, row in zip(results, rows, strict=False)]
+    if design.method == "magnitude":
+        own = summary["magnitude"]["exponents"]
+        known = [{**row, "participant": name} for name, row in own.items()]
     made = {
         name: group(known, name, logarithmic=logarithmic, confidence=options.confidence)
         for name, logarithmic in measures.items()

@@ -104,6 +104,8 @@ def _axis(measure: str, design: ExperimentDesign, proportion: float | None) -> t
     """Return the factor and label of a measure's axis."""
     if measure == "d_prime":
         return 1.0, "d'"
+    if measure == "exponent":
+        return 1.0, "exponent of the power law"
     factor, label = value_axis(design)
     unit = label.partition("[")[1] + label.partition("[")[2]
     if measure in ("pse", "jnd"):

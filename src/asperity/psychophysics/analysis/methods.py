@@ -36,6 +36,7 @@ REFERENCES = {
     "Kaernbach, 1991": "Kaernbach, C. (1991). Percept. Psychophys., 49, 227-229.",
     "Levitt, 1971": "Levitt, H. (1971). J. Acoust. Soc. Am., 49, 467-477.",
     "Luce, 1959": "Luce, R. D. (1959). Individual Choice Behavior. Wiley.",
+    "Morey, 2008": "Morey, R. D. (2008). Tutor. Quant. Methods Psychol., 4, 61-64.",
     "Paule & Mandel, 1982": "Paule, R. C., & Mandel, J. (1982). J. Res. Natl. Bur. Stand., 87, "
     "377-385.",
     "Plackett, 1975": "Plackett, R. L. (1975). J. R. Stat. Soc. C, 24, 193-202.",
@@ -109,9 +110,12 @@ def _procedure(design: ExperimentDesign) -> Iterator[str]:
     stimuli = "one stimulus was" if count == 1 else f"{_WORDS.get(count, count)} stimuli were"
     longest = "up to " if shown.self_paced else ""
     pause = f", {shown.pause:g} s apart" if count > 1 else ""
+    order = "" if count == 1 else " one after the other"
+    if count > 1 and not isinstance(settings, AdjustmentSettings | MatchingSettings):
+        order += " in random order"
     yield (
-        f"In each trial {stimuli} presented{' one after the other in random order' * bool(pause)}, "
-        f"for {longest}{shown.seconds:g} s each{pause}, and participants were asked: "
+        f"In each trial {stimuli} presented{order} for {longest}{shown.seconds:g} s"
+        f"{' each' * (count > 1)}{pause}, and participants were asked: "
         f"“{design.question}”"
     )
     if isinstance(settings, ForcedChoiceSettings):
@@ -256,7 +260,8 @@ def _analysis(
             "Estimates were divided by each participant's geometric mean and multiplied by the "
             "grand one. Exponents are slopes of straight lines in log-log coordinates; intervals "
             f"({percent}) are of Student's t, over participants where there are several and over "
-            "the repeats of one otherwise, of the means of stimuli after Cousineau, 2005."
+            "the repeats of one otherwise, of the means of stimuli after Cousineau, 2005, and "
+            "Morey, 2008."
         )
     elif isinstance(design.settings, YesNoSettings):
         yield (
