@@ -164,6 +164,11 @@ def test_an_adjustment_without_end_is_given_up(tmp_path):
         (ADJUSTMENT, {"levels": {"values": [1e-4, 2e-4]}}, "adjustment has low, high"),
         (ADJUSTMENT, {"catch": {"every": 5}}, "catch trials need a right answer"),
         (MATCHING, {"matching": {"standards": [1e-4, 1e-4]}}, "standards must be different"),
+        (
+            MATCHING,
+            {"matching": {"standards": [0.0, 1e-4]}},
+            "standards must be a finite number ab",
+        ),
         (MATCHING, {"matching": {"standards": []}}, "matching needs matching.standards"),
         (MATCHING, {"stimuli": {"a": {}}}, "matching needs matching.standards"),
         (MATCHING, {"levels": None, "stimuli": {"a": {}}}, "matching needs [levels]"),

@@ -260,6 +260,7 @@ def test_expected_intervals():
         (YES_NO, {"levels": {"values": [1.0, 2.0]}}, "yes-no has yes-no.levels"),
         (YES_NO, {"simulated": {"rates": "band_rms"}}, "simulated.rates must be 'parameter'"),
         (YES_NO, {"catch": {"every": 9, "level": 0.0}}, "catch.level: at 0 there is no signal"),
+        (CHOICE, {"catch": {"every": 9, "level": -1.0}}, "catch: level must be a finite number ab"),
         (YES_NO, {"staircase": {}}, "staircase is for the method 'forced-choice', not 'yes-no'"),
     ],
 )

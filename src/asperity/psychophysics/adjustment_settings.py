@@ -61,6 +61,8 @@ class MatchingSettings:
             raise AsperityError(f"low ({self.low:g}) must be below high ({self.high:g})")
         if self.scale == "log":
             require_positive("low", self.low)
+            for standard in self.standards:
+                require_positive("standards", standard)
             if self.step <= 1.0:
                 raise AsperityError(f"step must be a factor above 1, got {self.step:g}")
         if self.intensity(self.step) > self.intensity(self.high) - self.intensity(self.low):

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from asperity.errors import AsperityError, require_between, require_choice
+from asperity.errors import AsperityError, require_between, require_choice, require_positive
 from asperity.psychophysics.adjustment_settings import AdjustmentSettings, MatchingSettings
 from asperity.psychophysics.interfaces.simulated_participants import SimulatedSettings
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
@@ -341,5 +341,9 @@ def _check_catch(design: ExperimentDesign) -> None:
         raise AsperityError(
             f"catch trials need a right answer, which the method {design.method!r} has not"
         )
-    if level is not None and settings.comparison(level) == settings.standard:
+    if level is None:
+        return
+    if getattr(settings, "scale", "linear") == "log":
+        at("catch", partial(require_positive, "level", level))
+    if settings.comparison(level) == settings.standard:
         raise AsperityError(f"catch.level: at {level:g} there is no signal, but the standard")

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, require_positive
 from asperity.psychophysics.analysis.psychometric import Psychometric
 from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.procedures.procedures import seeds
@@ -125,6 +125,8 @@ class SimulatedInterface(ParticipantInterface):
                         f"stimuli.{standard.name}.value is missing: what a simulated participant "
                         "matches by"
                     )
+                if design.matching.scale == "log":
+                    require_positive(f"stimuli.{standard.name}.value", standard.value)
 
     def ask(self, trial: Trial, felt: list[PresentedInterval]) -> Reply:
         """Return the simulated participant's answer."""
