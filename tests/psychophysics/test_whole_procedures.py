@@ -25,6 +25,11 @@ FILES = {
     "any_relief": "detection.png", "odd_relief": "psychometric_P02-1.png",
     "same_relief": "adjustments.svg",
 }  # fmt: skip
+TABLES = {"any_relief": "detection.csv", "same_relief": "adjustments.csv"}
+GROUPS = {
+    "any_relief": {"d_prime", "level_at_1"}, "odd_relief": {"threshold"},
+    "same_relief": {"pse_far", "pse_near", "jnd_far", "jnd_near"},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -48,8 +53,16 @@ def test_an_example_is_checked_simulated_and_analysed(name, tmp_path, monkeypatc
     assert f"P01-1: {found}" in printed
     assert ("catch trials right" in printed) == ("catch" in document)
     assert (folder / "analysis" / FILES[name]).stat().st_size > 5000
+    if name != "odd_relief":
+        with open(folder / "analysis" / TABLES[name], encoding="utf-8") as file:
+            table = list(csv.DictReader(file))
+        assert {row["session"] for row in table} == {"P01-1", "P02-1"}
+        assert len(table) == (6 if name == "any_relief" else 4)
     told = json.loads((folder / "analysis" / "analysis.json").read_text("utf-8"))
     assert len(told[document["method"]]) == 2
+    assert set(told["group"]) == GROUPS[name]
+    methods = (folder / "analysis" / "methods.md").read_text("utf-8")
+    assert "The last answer could be taken back" in methods
     # Every interval was recorded from the scene of its own stimulus.
     with open(folder / "P01-1" / "trials.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

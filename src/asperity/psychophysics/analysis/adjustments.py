@@ -109,6 +109,28 @@ def _estimates(
     return out
 
 
+def measures_by_standard(session: dict[str, Any]) -> dict[str, Any]:
+    """Return PSE and JND of a session with their intervals, named by standard if there are several.
+
+    `pse`, `pse_low`, ..., or `pse_NAME`, `pse_NAME_low`, ...
+    """
+    standards = session["standards"]
+    return {
+        f"{kind}{'' if len(standards) == 1 else '_' + one['standard']}{end}": one[f"{kind}{end}"]
+        for one in standards for kind in ("pse", "jnd") for end in ("", "_low", "_high")
+    }  # fmt: skip
+
+
+def adjustment_rows(sessions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return `adjustments.csv`: a row for each standard of each session."""
+    return [
+        {"session": session["session"], "simulated": session["simulated"],
+         "adjustments": len(one["settings"]),
+         **{key: value for key, value in one.items() if key != "settings"}}
+        for session in sessions for one in session["standards"]
+    ]  # fmt: skip
+
+
 def adjustment_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
     """Return the main numbers of `analyse_adjustments`, a line each."""
     lines = []

@@ -8,9 +8,13 @@ from typing import Any
 import numpy as np
 
 from asperity._core.output import write_json, write_whole
-from asperity.psychophysics.analysis.adjustments import analyse_adjustments
+from asperity.psychophysics.analysis.adjustments import (
+    adjustment_rows,
+    analyse_adjustments,
+    measures_by_standard,
+)
 from asperity.psychophysics.analysis.catch_trials import catch_summary
-from asperity.psychophysics.analysis.detection import analyse_detection
+from asperity.psychophysics.analysis.detection import analyse_detection, detection_rows
 from asperity.psychophysics.analysis.group import Group, group
 from asperity.psychophysics.analysis.magnitudes import Magnitudes, analyse_magnitudes
 from asperity.psychophysics.analysis.methods import methods_text
@@ -170,10 +174,14 @@ def analyse_condition(
         summary["yes-no"] = analyse_detection(results, options.confidence)
         figure = procedure_figures.detection_figure(summary["yes-no"], design)
         figure_style.save(figure, folder, "detection")
+        tidy = detection_rows(summary["yes-no"])
+        write_whole(folder / "detection.csv", as_csv(tuple(tidy[0]) if tidy else (), tidy))
     elif design.kind == "adjust":
         summary[design.method] = analyse_adjustments(results, options.confidence)
         figure = procedure_figures.adjustments_figure(summary[design.method], design)
         figure_style.save(figure, folder, "adjustments")
+        tidy = adjustment_rows(summary[design.method])
+        write_whole(folder / "adjustments.csv", as_csv(tuple(tidy[0]), tidy))
     else:
         summary[design.method], scales = analyse_scales(results, options)
         figure_style.save(figures.scale_figure(scales, design), folder, "scale")
@@ -207,9 +215,11 @@ def _groups(
             measures = {"threshold": settings.scale == "log"}
             if options.proportion is not None:
                 measures["at_proportion"] = settings.scale == "log"
-    elif design.kind == "adjust" and len(design.standards()) == 1:
-        measures = {"pse": design.matching.scale == "log", "jnd": True}
-        rows = [one["standards"][0] for one in summary[design.method]]
+    elif design.kind == "adjust":
+        rows = [measures_by_standard(one) for one in summary[design.method]]
+        names = [key for key in rows[0] if not key.endswith(("_low", "_high"))]
+        logarithmic = design.matching.scale == "log"
+        measures = {name: logarithmic or name.startswith("jnd") for name in names}
     elif design.method == "yes-no":
         measures = {"d_prime": False, "level_at_1": True}
         rows = [

@@ -268,6 +268,15 @@ def _named(name: str, found: Estimate) -> dict[str, float]:
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
 
 
+def detection_rows(sessions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return `detection.csv`: a row for each level of each session."""
+    return [
+        {"session": session["session"], "simulated": session["simulated"], **level,
+         "trials_without": session["trials_without"], "false_alarms": session["false_alarms"]}
+        for session in sessions for level in session["levels"]
+    ]  # fmt: skip
+
+
 def detection_lines(sessions: Sequence[dict[str, Any]]) -> list[str]:
     """Return the main numbers of `analyse_detection`, a line each."""
     lines = []

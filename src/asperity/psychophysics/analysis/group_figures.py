@@ -108,9 +108,11 @@ def _axis(measure: str, design: ExperimentDesign, proportion: float | None) -> t
         return 1.0, "exponent of the power law"
     factor, label = value_axis(design)
     unit = label.partition("[")[1] + label.partition("[")[2]
-    if measure in ("pse", "jnd"):
-        what = {"pse": "point of subjective equality", "jnd": "just noticeable difference"}
-        return factor, f"{what[measure]} {unit}".strip()
+    kind, _, standard = measure.partition("_")
+    what = {"pse": "point of subjective equality", "jnd": "just noticeable difference"}
+    if kind in what:
+        of = f", standard {standard}" if standard else ""
+        return factor, f"{what[kind]}{of} {unit}".strip()
     name = "threshold" if proportion is None or measure == "threshold" else (
         f"level at {100.0 * proportion:g} % right"
     )  # fmt: skip
