@@ -34,6 +34,20 @@ def test_the_interval_has_the_truth_in_it(rho):
     assert np.median(middle) == pytest.approx(rho, abs=0.02 + 0.4 * rho)
 
 
+@pytest.mark.parametrize(("corrected", "lower", "upper"), [(False, 0.0, 0.85), (True, 0.91, 0.99)])
+def test_corrected_intervals_have_the_threshold_in_them(corrected, lower, upper):
+    rng, inside = np.random.default_rng(6), 0
+    for _ in range(120):
+        x, right = answers(rng, 0.08)
+        plain = fit_psychometric(x, right, samples=1, quantities=())
+        rho = overdispersion(x, right, plain.function)[0] if corrected else 0.0
+        fit = fit_psychometric(
+            x, right, samples=1, quantities=("threshold",), rho=rho, adaptive="constant"
+        )
+        inside += fit.threshold.low < TRUTH.threshold < fit.threshold.high
+    assert binom.ppf(0.001, 120, lower) <= inside <= binom.ppf(0.999, 120, upper)
+
+
 def test_few_answers_a_level_say_nothing():
     x = np.repeat(X, 5)
     right = np.random.default_rng(1).random(x.size) < TRUTH(x)

@@ -41,6 +41,8 @@ class AnalyseCommand:
     """Confidence level of the intervals."""
     proportion: Annotated[float | None, Range(0.01, 0.999)] = None
     """Also find the level at which this proportion of answers is right, such as 0.8."""
+    overdispersed: bool = False
+    """Correct estimates and intervals for answers that scatter more than independent ones."""
     seed: Annotated[int, Range(0, 2**31 - 1)] = 0
     """Seed of the bootstrap."""
     out: Path | None = None
@@ -153,11 +155,13 @@ def _main_numbers(analysis: dict[str, Any]) -> list[str]:
         if fit is None:
             lines.append(f"{one['session']}: {one['not_fitted']}")
             continue
+        more = fit["overdispersion_low"] or 0.0
+        scatter = f"; overdispersed ({fit['overdispersion']:.2g})" if more > 0.0 else ""
         doubt = "; AT THE LIMIT OF THE SEARCH: no threshold found" if fit["at_bound"] else ""
         lines.append(
             f"{one['session']}: threshold {fit['threshold']:.4g} "
             f"({fit['threshold_low']:.4g} to {fit['threshold_high']:.4g}), "
-            f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{doubt}"
+            f"{one['trials']} trials, deviance p {fit['deviance_p']:.2g}{scatter}{doubt}"
         )
     lines += detection_lines(analysis.get("yes-no", ()))
     for method in ("adjustment", "matching"):

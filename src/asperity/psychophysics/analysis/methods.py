@@ -48,6 +48,7 @@ REFERENCES = {
     "87-94.",
     "Watson, 2017": "Watson, A. B. (2017). J. Vision, 17(3):10.",
     "Williams, 1949": "Williams, E. J. (1949). Aust. J. Sci. Res. A, 2, 149-168.",
+    "Williams, 1982": "Williams, D. A. (1982). Appl. Stat., 31, 144-148.",
     "Wichmann & Hill, 2001": "Wichmann, F. A., & Hill, N. J. (2001). Percept. Psychophys., 63, "
     "1293-1313.",
 }
@@ -248,6 +249,11 @@ def _analysis(
             f"goodness of fit was judged by the deviance, against {options.samples} samples of a "
             f"parametric bootstrap."
         )
+        if options.overdispersed:
+            yield (
+                "Estimates and intervals were corrected for overdispersion (Williams, 1982), where "
+                "Pearson's statistic exceeded its degrees of freedom."
+            )
         if people > 1:
             yield (
                 "Means over participants are of a random-effects model (Paule & Mandel, 1982) "

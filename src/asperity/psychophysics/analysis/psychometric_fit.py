@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
@@ -42,10 +42,16 @@ distribution too often; the factor, a Bartlett correction found by simulation, i
 `test_coverage.py`."""
 
 
-def fall_of(confidence: float, adaptive: str, quantity: str = "threshold") -> float:
-    """Return how far the log likelihood falls to the ends of an interval."""
+def fall_of(
+    confidence: float, adaptive: str, quantity: str = "threshold", freedom: int | None = None
+) -> float:
+    """Return how far the log likelihood falls to the ends of an interval.
+
+    With `freedom` the overdispersion was estimated, from so many degrees of freedom.
+    """
     stretch = STRETCH.get(adaptive, {}).get(quantity, 1.0)
-    return 0.5 * float(chi2.ppf(confidence, 1)) * stretch
+    fall = chi2.ppf(confidence, 1) if freedom is None else f.ppf(confidence, 1, freedom)
+    return 0.5 * float(fall) * stretch
 
 
 class Interval(NamedTuple):
@@ -93,6 +99,7 @@ def fit_psychometric(
     adaptive: str = "staircase",
     proportion: float | None = None,
     quantities: Collection[str] = ("threshold", "width", "slope", "lapse", "level"),
+    rho: float = 0.0,
 ) -> Fit:
     """Fit a psychometric function to answers.
 
@@ -120,6 +127,10 @@ def fit_psychometric(
         Of right answers, lapses among them, at which the level is asked for.
     quantities : collection of str
         Those whose intervals are wanted, of `QUANTITIES`; the others are NaN.
+    rho : float
+        Overdispersion, of `overdispersion`, by which estimates and intervals are corrected: a level
+        with n answers counts as n / (1 + (n - 1) rho) independent ones (Williams 1982, Appl. Stat.
+        31, 144-148), and the F distribution takes the place of chi-squared.
 
     Raises
     ------
@@ -138,16 +149,25 @@ def fit_psychometric(
         )
     search = LikelihoodSearch(x, count, guess, function, lapse, proportion or 0.0)
     best = search.best(hits[None, :])[0]
-    fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
     rng = np.random.default_rng(seed)
-    drawn = rng.binomial(count.astype(np.int64), np.clip(fitted(x), 0.0, 1.0), (samples, x.size))
+    p = np.clip(search.psi(best[None, :])[0], 0.0, 1.0)
+    drawn = rng.binomial(count.astype(np.int64), p, (samples, x.size))
     again = search.best(drawn.astype(np.float64))
     deviance = _deviance(hits[None, :], count, search.psi(best[None, :]))[0]
     deviances = _deviance(drawn.astype(np.float64), count, search.psi(again))
+    freedom = None
+    if rho > 0.0:
+        weights = 1.0 / (1.0 + (count - 1.0) * rho)
+        hits, freedom = hits * weights, max(x.size - 3, 1)
+        search = LikelihoodSearch(x, count * weights, guess, function, lapse, proportion or 0.0)
+        best = search.best(hits[None, :])[0]
+    fitted = Psychometric(float(best[0]), float(best[1]), float(best[2]), guess, function)
     level = proportion is not None and np.isfinite(fitted.at(proportion))
     wanted = [name for name in quantities if name != "level" or level]
     spans = {
-        name: Interval(*search.interval(hits, best, name, fall_of(confidence, adaptive, name)))
+        name: Interval(
+            *search.interval(hits, best, name, fall_of(confidence, adaptive, name, freedom))
+        )
         for name in wanted
     }
     nothing = Interval(float("nan"), float("nan"))

@@ -46,6 +46,8 @@ class AnalysisOptions:
         Of the bootstrap.
     proportion : float, optional
         Of right answers, at which a level is wanted beside the threshold.
+    overdispersed : bool
+        Whether estimates and intervals are corrected for the overdispersion of each session.
     """
 
     function: str = "weibull"
@@ -53,6 +55,7 @@ class AnalysisOptions:
     confidence: float = 0.95
     seed: int = 0
     proportion: float | None = None
+    overdispersed: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,16 +88,22 @@ def analyse_threshold(result: SessionResult, options: AnalysisOptions) -> Thresh
         "trials": len(x), "right": float(np.mean(right)), "scale": settings.scale,
     }  # fmt: skip
     fit = None
-    try:
-        fit = fit_psychometric(
+
+    def fitted(rho: float) -> Fit:
+        return fit_psychometric(
             x, right, guess=settings.guess, function=options.function, samples=options.samples,
             confidence=options.confidence, seed=options.seed, adaptive=settings.adaptive,
-            proportion=options.proportion,
+            proportion=options.proportion, rho=rho,
         )  # fmt: skip
+
+    try:
+        fit = fitted(0.0)
     except AsperityError as error:
         summary["not_fitted"] = str(error)
     else:
         more = overdispersion(x, right, fit.function, options.confidence)
+        if options.overdispersed and more is not None and more[0] > 0.0:
+            fit = fitted(more[0])
         summary["psychometric"] = _numbers(settings, fit) | _spanned(
             "overdispersion", *(more or (None, None, None))
         )
