@@ -38,7 +38,11 @@ def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Fi
                 colour = "white" if mark == "yes" else "#555555"
                 axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=8)
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
-        axis.set_yticks(range(len(rows)), [finding.title for finding, _ in rows])
+        titles = [
+            f"{finding.title} (by construction)" if finding.by_construction else finding.title
+            for finding, _ in rows
+        ]
+        axis.set_yticks(range(len(rows)), titles)
         names = [column.measure.name.replace("acceleration", "u''") for column in columns]
         # Break names that are wider than their column.
         names = [name if len(name) < 11 else "\n".join(name.rsplit(" ", 2)) for name in names]

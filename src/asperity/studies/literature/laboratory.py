@@ -7,6 +7,7 @@ are kept as the Fourier records from which a hundred metrics are computed at onc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,18 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.dynamics.dragged_hand.hand import Hand
+from asperity.dynamics.dragged_hand.normal_motion import NormalProbe, drag_lifting
 from asperity.errors import AsperityError
 from asperity.geometry.offsets.piecewise import PiecewiseCubic
 from asperity.studies.literature.finding import Finding, Verdict
 from asperity.studies.literature.finger import Finger
 from asperity.studies.literature.measures import STILL, DragRecord, Measure, evaluate_all, record_of
 from asperity.studies.literature.plates import Dots, Paper, Plate, Sinusoids
+from asperity.studies.literature.pressed import pressed_roughness
 from asperity.studies.otaduy_lin_2004.drags import drag_over
 from asperity.studies.otaduy_lin_2004.force_models.otaduy_lin import slope_table
+from asperity.studies.skin.pressed_finger import PressedFinger
 
 _TOLERANCE = 1e-4
 _MAP_TOLERANCE = 1e-2
 """Relative tolerances of slope tables, of shapes and of height maps; enough for the search."""
+
+_PATH_PIXEL = 0.02e-3
+"""Distance of samples of the path of a probe that may lift off [m]."""
+_LEAST_SAMPLES = 64
+_LEAST_LENGTH = 40e-3
+"""Least length of a record of a probe that may lift off [m]."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,11 @@ class Laboratory:
     """The dots that represent those of the experiments; held-out runs use others."""
     sinusoids: Plate = field(default_factory=Sinusoids)
     """The sinusoids of the seed paper's simulations, or the plates that take their place."""
+    skin: PressedFinger | None = None
+    """A finger that is judged by the pressure on its skin, whatever the metric; None: the crude
+    finger of `finger.py`, judged by vibration as a probe is."""
+    normal: NormalProbe | None = None
+    """A probe that also moves along the normal and may lift off; None: constant normal force."""
     tables: Tables = field(default_factory=dict, repr=False)
     measures: tuple[Measure, ...] = ()
     """Metrics needed of every condition: they are computed together."""
@@ -132,6 +147,10 @@ class Laboratory:
     ) -> NDArray[np.float64]:
         """Return the metric over spacings [m], by default those of the plan."""
         spacings = self.plan.places if spacings is None else spacings
+        if self.skin is not None and isinstance(touch.probe, Finger):
+            return np.array(
+                [pressed_roughness(plate, float(s), touch.force, self.skin) for s in spacings]
+            )
         if measure not in self._index:
             return np.array([measure(self.records(plate, float(s), touch)) for s in spacings])
         key = (plate, touch, tuple(float(s) for s in spacings))
@@ -148,6 +167,12 @@ class Laboratory:
     def records(self, plate: Plate, spacing: float, touch: Touch) -> tuple[DragRecord, ...]:
         """Return the drags over a plate, one for each path."""
         key = (plate, spacing, touch)
+        if (
+            key not in self._records
+            and self.normal is not None
+            and not isinstance(touch.probe, Finger)
+        ):
+            self._records[key] = self._lifting(plate, spacing, touch, self.normal)
         if key not in self._records:
             motions = [
                 drag_over(slopes.scaled(touch.force), touch.force, self.hand, touch.speed)
@@ -157,6 +182,23 @@ class Laboratory:
                 STILL if motion is None else record_of(motion, self.hand) for motion in motions
             )
         return self._records[key]
+
+    def _lifting(
+        self, plate: Plate, spacing: float, touch: Touch, probe: NormalProbe
+    ) -> tuple[DragRecord, ...]:
+        """Return the drags of a probe that may lift off, a period or more of each path."""
+        assert isinstance(touch.probe, float)
+        records = []
+        for surface in plate.surfaces(spacing):
+            samples = max(math.ceil(surface.period / _PATH_PIXEL), _LEAST_SAMPLES)
+            path = surface.tracer(touch.probe)(np.arange(samples) * surface.period / samples)
+            run = drag_lifting(
+                path.height, path.slope, surface.period, self.hand, probe,
+                normal_force=touch.force, speed=touch.speed,
+                length=max(surface.period, _LEAST_LENGTH),
+            )  # fmt: skip
+            records.append(record_of(run.motion, self.hand))
+        return tuple(records)
 
     def _slopes(
         self, plate: Plate, spacing: float, probe: float | Finger
