@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from asperity._core.arrays import Array, Mask
 from asperity.baking.nearest import Nearest
-from asperity.drawing.figure_style import style
+from asperity.drawing.figure_style import SMALLEST, style
 from asperity.drawing.renderer.render import Buffers, Lamp, camera_at, halved, hollows, look, shade
 from asperity.geometry.bodies import Body
 from asperity.geometry.displaced.meshes import mesh_sheets
@@ -222,7 +222,7 @@ def _error_panel(
     scale.set_ticks([-limit, 0.0, limit])
     scale.set_ticklabels([f"\N{MINUS SIGN}{limit:g}", "0", f"{limit:g} \N{MICRO SIGN}m"])
     place.xaxis.set_ticks_position("top")
-    place.tick_params(labelsize=8, length=2)
+    place.tick_params(labelsize=SMALLEST, length=2)
     place.grid(False)
     scale.outline.set_linewidth(0.6)
 
@@ -264,4 +264,4 @@ def _scale_bar(axis: Axes, camera: Camera) -> None:
     length = float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest))
     x, y, wide = 0.04 * _COLUMNS, _ROWS + 0.8 * _FOOT, length / (2.0 * camera.pixel)
     axis.plot([x, x + wide], [y, y], color="black", lw=2.2, solid_capstyle="butt", zorder=3)
-    axis.text(x, y - 0.02 * _ROWS, f"{length * 1e3:g} mm", fontsize=8.5, va="bottom", zorder=3)
+    axis.text(x, y - 0.02 * _ROWS, f"{length * 1e3:g} mm", fontsize=SMALLEST, va="bottom", zorder=3)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from asperity.drawing.figure_style import COLOURS, style
+from asperity.drawing.figure_style import COLOURS, PAGE_WIDTH, SMALLEST, style
 from asperity.vibrotactile.distances import HIGHEST, LOWEST, spectrum
 from asperity.vibrotactile.fit import Fitted, Held
 from asperity.vibrotactile.harmonic import HarmonicModel
@@ -26,7 +26,7 @@ def spectra_figure(model: TextureModel, held: Sequence[Held], title: str) -> Fig
     columns = min(len(shown), 3)
     rows = -(-len(shown) // max(columns, 1))
     with style():
-        figure = Figure(figsize=(max(3.4 * columns + 0.4, 6.0), 2.5 * rows + 0.9))
+        figure = Figure(figsize=(max(PAGE_WIDTH * columns / 3, 6.0), 2.6 * rows + 0.9))
         axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
         for axis in axes[len(shown) :]:
             axis.set_visible(False)
@@ -71,9 +71,9 @@ def _spectra(axis: Axes, model: TextureModel, one: Held) -> None:
     top = max(float(np.sqrt(density[inside].max())), float(np.sqrt(made[inside].max())))
     axis.set(yscale="log", ylim=(top * 1e-3, top * 4.0), xlim=(0.0, min(HIGHEST, 0.5 * rate)))
     axis.set_title(
-        f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N: fit {one.match.fit:.2f}, "
+        f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N\nfit {one.match.fit:.2f}, "
         f"rms {one.match.level:.2f}",
-        fontsize=8,
+        fontsize=SMALLEST,
     )
 
 
@@ -90,13 +90,23 @@ def waves_figure(model: TextureModel, held: Sequence[Held], title: str) -> Figur
             axis.plot(time, one.stretch.vibration[:count], color=COLOURS[0], lw=0.9)
             axis.plot(time, one.made[:count] - 2.6 * size, color=COLOURS[1], lw=0.9)
             axis.text(
-                1.01, 0.72, "held out", color=COLOURS[0], transform=axis.transAxes, fontsize=8
+                1.01,
+                0.72,
+                "held out",
+                color=COLOURS[0],
+                transform=axis.transAxes,
+                fontsize=SMALLEST,
             )
             axis.text(
-                1.01, 0.22, "synthesised", color=COLOURS[1], transform=axis.transAxes, fontsize=8
+                1.01,
+                0.22,
+                "synthesised",
+                color=COLOURS[1],
+                transform=axis.transAxes,
+                fontsize=SMALLEST,
             )
             axis.set_title(
-                f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N", fontsize=8
+                f"{one.stretch.speed * 1e3:.0f} mm/s, {one.stretch.force:.2f} N", fontsize=SMALLEST
             )
             # The lower trace is shifted: ticks are the upper one's.
             unit = float(f"{size:.1g}")
@@ -134,7 +144,7 @@ def plane_figure(fitted: Fitted, held: Sequence[Held], title: str) -> Figure:
                 color=COLOURS[1], ms=5.0, label="held out", zorder=4,
             )  # fmt: skip
         bar = figure.colorbar(spots, ax=plane, pad=0.02)
-        bar.ax.set_title("rms [m/s²]", fontsize=8)
+        bar.ax.set_title("rms [m/s²]", fontsize=SMALLEST)
         plane.set(xlabel="speed [mm/s]", ylabel="normal force [N]")
         plane.set_title(title)
         plane.legend(loc="lower center", bbox_to_anchor=(0.5, -0.36), ncols=3)

@@ -54,7 +54,7 @@ def test_the_curve_has_the_quadratic_and_its_peak(grid):
     view = choose_views(grid[1], view="curve", colour="normal_force")[0]
     axis = draw(grid[1], view).axes[0]
     labels = [text.get_text() for text in axis.get_legend().get_texts()]
-    assert labels == [f"normal force {force} N  R² 1.00, peak 1.3 mm" for force in ("0.3", "0.6")]
+    assert labels == [f"normal force {force} N  R² 1, peak 1.3 mm" for force in ("0.3", "0.6")]
     assert axis.get_xscale() == axis.get_yscale() == "log"
     peaks = [line for line in axis.get_lines() if line.get_markersize() == 7.5]
     np.testing.assert_allclose([p.get_xdata()[0] for p in peaks], 1e3 * PEAK, rtol=1e-6)

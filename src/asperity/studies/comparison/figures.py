@@ -11,8 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, style
+from asperity.drawing.figure_style import (
+    COLOURS,
+    COLUMN_WIDTH,
+    SHADE,
+    SMALLEST,
+    plain_ticks,
+    style,
+)
 from asperity.runs.figures import across_mean
+from asperity.runs.third_octaves import third_octaves
 from asperity.studies.baselines import Method
 from asperity.studies.comparison.compare import BAND, Comparison, Rendered, format_number
 
@@ -34,15 +42,15 @@ def _panels(
     """Give a figure of panels for traces to be drawn in, and lay it out afterwards."""
     columns = 2 if count > 1 else 1
     lines = -(-count // columns)
-    height = 0.85 + 1.32 * lines
+    height = 0.95 + 1.4 * lines
     with style():
-        figure = Figure(figsize=(7.6, height))
+        figure = Figure(figsize=(COLUMN_WIDTH, height))
         axes = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axis in axes[count:]:
             axis.set_visible(False)
         top, below = 1.0 - 0.08 / height, 1.0 - 0.33 / height
         figure.text(0.012, top, title, ha="left", va="top", fontsize=11, fontweight="bold")
-        figure.text(0.012, below, subtitle, ha="left", va="top", fontsize=8.5)
+        figure.text(0.012, below, subtitle, ha="left", va="top", fontsize=SMALLEST)
         yield figure, axes[:count].tolist()
         for k, axis in enumerate(axes[:count]):
             if k % 2 == 0:
@@ -114,29 +122,46 @@ def _shown_direction(done: Rendered, direction: Array) -> tuple[Array, str]:
 
 
 def spectra_figure(result: Comparison) -> Figure:
-    """Return the spectra of the tangential force, the band of 20 to 200 Hz marked."""
+    """Return the tangential force in third octaves, the band of 20 to 200 Hz marked."""
     rows = done_rows(result)
-    title = f"{result.scene.name}: spectrum of the tangential force"
+    title = f"{result.scene.name}: tangential force in third octaves"
     subtitle = f"shaded: {BAND[0]:g} to {BAND[1]:g} Hz, with the RMS within; grey: asperity"
-    top = max(1e-9, *(float(done.spectrum.amplitude[1:].max(initial=0.0)) for _, done in rows))
-    with _panels(len(rows), title, subtitle, "frequency [Hz]", "force [N]") as (figure, axes):
-        for axis, (method, done) in zip(axes, rows, strict=True):
-            axis.axvspan(*BAND, color="#f2ead2", zorder=0, lw=0)
-            first = rows[0][1]
-            if done is not first and rows[0][0].name == "asperity":
-                axis.plot(*(part[1:] for part in first.spectrum), color=_GREY, lw=0.8)
-            amplitude = np.maximum(done.spectrum.amplitude[1:], 1e-12)
-            axis.plot(done.spectrum.frequency[1:], amplitude, color=COLOURS[1], lw=0.9)
-            axis.set(yscale="log", ylim=(1e-5 * top, 3.0 * top), xlim=(0.0, 500.0))
+    levels = [_third_octaves(done) for _, done in rows]
+    top = max(1e-6, *(float(rms.max(initial=0.0)) for _, rms in levels))
+    with _panels(len(rows), title, subtitle, "third octave around [Hz]", "force [mN]") as (
+        figure,
+        axes,
+    ):
+        for axis, (method, done), level in zip(axes, rows, levels, strict=True):
+            axis.axvspan(*BAND, color=SHADE, zorder=0, lw=0)
+            if done is not rows[0][1] and rows[0][0].name == "asperity":
+                axis.plot(*levels[0], ".-", color=_GREY, lw=1.0, ms=4)
+            axis.plot(level[0], np.maximum(level[1], 1e-9), ".-", color=COLOURS[1], lw=1.1, ms=4)
+            axis.set(xscale="log", yscale="log", xlim=(8.0, 500.0), ylim=(1e-4 * top, 3.0 * top))
+            axis.set_xticks([10, 20, 50, 100, 200, 500])
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.minorticks_off()
             axis.set_title(f"{method.label}: {format_number(1e3 * done.band_rms)} mN")
+        for axis in axes[:1]:
+            plain_ticks(axis.yaxis)
     return figure
+
+
+def _third_octaves(done: Rendered) -> tuple[Array, Array]:
+    """Return the middle of each band [Hz] and the RMS of the tangential force in it [mN]."""
+    # A Hann window that keeps the height of a line widens it: the power is 1.5 times too large.
+    lines = np.asarray(done.spectrum.amplitude[1:], np.float64) / np.sqrt(1.5)
+    if len(lines) < 2:
+        return np.zeros(0), np.zeros(0)
+    middles, rms = third_octaves(np.asarray(done.spectrum.frequency[1:], np.float64), lines)
+    return middles, 1e3 * rms
 
 
 def cost_figure(result: Comparison) -> Figure:
     """Return the cost of a tick, median and 99th percentile, over asperity's median."""
     rows = done_rows(result)
     with style():
-        figure = Figure(figsize=(7.6, 0.9 + 0.27 * len(rows)))
+        figure = Figure(figsize=(COLUMN_WIDTH, 1.0 + 0.32 * len(rows)))
         axis = figure.subplots()
         for i, (method, done) in enumerate(rows):
             ratio, (median, high) = done.ratio, done.cost
@@ -146,11 +171,13 @@ def cost_figure(result: Comparison) -> Figure:
             axis.plot(ratio, i, "o", color=colour, ms=6)
             axis.plot(worst, i, "|", color=colour, ms=9, mew=1.6)
             axis.annotate(f"{ratio:.3g}", (ratio, i), (0, 5), textcoords="offset points",
-                          ha="center", va="bottom", fontsize=7.5)  # fmt: skip
+                          ha="center", va="bottom", fontsize=SMALLEST)  # fmt: skip
         axis.axvline(1.0, color=_GREY, lw=1.0, zorder=0)
         axis.set_yticks(range(len(rows)), [method.label for method, _ in rows])
         axis.set_ylim(len(rows) - 0.4, -0.75)
-        axis.set(xscale="log", xlabel="cost of a tick over asperity's median in one run (point: "
+        axis.set_xscale("log")
+        plain_ticks(axis.xaxis)
+        axis.set(xlabel="cost of a tick over asperity's median in one run (point: "
                  "median, bar: p99)")  # fmt: skip
         axis.set_title(f"{result.scene.name}: cost per tick")
         figure.tight_layout()

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from asperity import __version__
+from asperity._core.digits import telling
 from asperity.drawing.pages import data_uri, render
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.studies.comparison.claims import CLAIMS, Measured
@@ -14,7 +15,7 @@ from asperity.studies.comparison.compare import BAND, Comparison, MethodResult, 
 
 FIGURES = {
     "traces": "Force along the motion during part of it; asperity's in grey.",
-    "spectra": "Spectra of the tangential force; the band of 20 to 200 Hz is shaded.",
+    "spectra": "The tangential force in third octaves; the band of 20 to 200 Hz is shaded.",
     "cost": "Cost of a tick over asperity's median in the same run.",
 }
 """Name of each figure -> its caption."""
@@ -169,7 +170,11 @@ def _cell(name: str, measured: Measured) -> str:
     if measured.value is None:
         return measured.detail
     verdict = {True: "yes", False: "no", None: "not measured"}[measured.holds]
-    return f"**{verdict}**, {format_number(measured.value)} {CLAIMS[name].unit}"
+    # As many digits as show on which side of the limit the value lies.
+    value = telling([measured.value], [CLAIMS[name].limit])[0]
+    if abs(measured.value) < 1e-3 and abs(CLAIMS[name].limit) >= 1e-3:
+        value = format_number(measured.value)  # noise, far below the limit
+    return f"**{verdict}**, {value} {CLAIMS[name].unit}"
 
 
 def markdown(result: Comparison, command: str, images: Mapping[str, str]) -> str:

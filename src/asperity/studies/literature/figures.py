@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
+from asperity.drawing.figure_style import (
+    COLOURS,
+    COLUMN_WIDTH,
+    MARKERS,
+    SHADE,
+    SMALLEST,
+    log_scale,
+    style,
+)
 from asperity.geometry.offsets.surface import drop_point
 from asperity.studies.literature.conditions import GRAINS, grains_curves
 from asperity.studies.literature.criteria import maximum_of
@@ -28,7 +36,7 @@ _MARK_COLOURS = {"yes": "#0072B2", "no": "#f0d9cc", "skipped": "#e6e6e6"}
 def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Figure:
     """Return the table as a figure, filled where a finding comes out."""
     with style():
-        figure = Figure(figsize=(7.4, 0.31 * len(rows) + 1.2))
+        figure = Figure(figsize=(COLUMN_WIDTH, 0.31 * len(rows) + 1.2))
         axis = figure.subplots()
         for i, (_, verdicts) in enumerate(rows):
             for j, column in enumerate(columns):
@@ -36,7 +44,7 @@ def table_figure(rows: Sequence[FindingResult], columns: Sequence[Column]) -> Fi
                 place = (j - 0.47, i - 0.45)
                 axis.add_patch(Rectangle(place, 0.94, 0.9, color=_MARK_COLOURS[mark], lw=0))
                 colour = "white" if mark == "yes" else "#555555"
-                axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=8)
+                axis.text(j, i, mark, ha="center", va="center", color=colour, fontsize=SMALLEST)
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5))
         titles = [
             f"{finding.title} (by construction)" if finding.by_construction else finding.title
@@ -64,10 +72,10 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
     """Return the curves on which most criteria are based, for one hand and metric."""
     plan = lab.plan
     with style():
-        figure = Figure(figsize=(10.2, 6.2))
-        axes = figure.subplots(2, 3).ravel()
-        probes = [f"D = {d * 1e3:g} mm" for d in plan.diameters]
-        speeds = [f"v = {v * 1e3:g} mm/s" for v in plan.speeds]
+        figure = Figure(figsize=(COLUMN_WIDTH, 9.4))
+        axes = figure.subplots(3, 2).ravel()
+        probes = [f"{d * 1e3:g} mm" for d in plan.diameters]
+        speeds = [f"{v * 1e3:g} mm/s" for v in plan.speeds]
         families: tuple[tuple[str, Plate, str, list[str]], ...] = (
             ("Sinusoids, three probes", lab.sinusoids, "diameter", probes),
             ("Sinusoids, three speeds", lab.sinusoids, "speed", speeds),
@@ -91,10 +99,10 @@ def curves_figure(lab: Laboratory, measure: Measure, title: str) -> Figure:
         for axis in axes:
             log_scale(axis)
             axis.legend(loc="lower center")
-        for axis in axes[3:]:
+        for axis in axes:
             axis.set_xlabel("spacing [mm]")
         axes[4].set_xlabel("width of groove [mm]")
-        for axis in axes[[0, 3]]:
+        for axis in axes[[0, 2, 4]]:
             axis.set_ylabel(f"{measure.name} [{measure.unit}]")
         axes[5].set_ylabel("over its largest")
         figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
@@ -106,11 +114,11 @@ def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
     """Return the curves over grain size, one panel for each hand and metric."""
     sizes = [size for _, size in GRAINS]
     with style():
-        figure = Figure(figsize=(4.4 * len(labs), 3.3))
+        figure = Figure(figsize=(0.5 * COLUMN_WIDTH * len(labs), 3.5))
         axes = np.atleast_1d(figure.subplots(1, len(labs)))
         for axis, (lab, measure) in zip(axes, labs, strict=True):
             for i, row in enumerate(grains_curves(lab, measure)):
-                label = f"D = {lab.plan.diameters[i] * 1e3:g} mm"
+                label = f"probe {lab.plan.diameters[i] * 1e3:g} mm"
                 _draw(axis, np.array(sizes), row, i, label)
             log_scale(axis)
             axis.set_xticks([s * 1e3 for s in sizes], [f"{n}\n{s * 1e3:g}" for n, s in GRAINS])
@@ -123,8 +131,10 @@ def grains_figure(labs: Sequence[tuple[Laboratory, Measure]]) -> Figure:
 def fit_figure(fit: dict[str, Any]) -> Figure:
     """Return profiles over the hand's parameters, and the share of designs for each finding."""
     with style():
-        figure = Figure(figsize=(10.2, 6.6))
-        grid = figure.add_gridspec(2, 3, height_ratios=[1.0, 1.25])
+        names = list(fit["share_of_designs"])
+        height = 0.27 * len(names)
+        figure = Figure(figsize=(COLUMN_WIDTH, 3.6 + height), layout="constrained")
+        grid = figure.add_gridspec(2, 3, height_ratios=[2.4, height])
         for i, (name, parts) in enumerate(fit["profile"].items()):
             axis = figure.add_subplot(grid[0, i])
             edges = np.array(parts["edges"])
@@ -134,33 +144,33 @@ def fit_figure(fit: dict[str, Any]) -> Figure:
                 heights = [np.nan if best is None else best for best in parts[key]]
                 axis.stairs(heights, edges, color=COLOURS[j], lw=1.8 - 0.5 * j, label=label)
             spread = fit["bootstrap"][name]
-            axis.axvspan(spread["low"], spread["high"], color="#f2ead2", zorder=0)
+            axis.axvspan(spread["low"], spread["high"], color=SHADE, zorder=0)
             axis.axvline(fit["chosen"][name], color="#333333", lw=1.0, ls="--")
-            axis.set(xscale="log", xlabel=f"{name} [{UNITS[name]}]", ylim=(0, fit["counted"] + 0.5))
+            axis.set(xlabel=f"{name} [{UNITS[name]}]", ylim=(0, fit["counted"] + 0.5))
+            log_scale(axis, y=False)
             axis.set_yticks(range(0, fit["counted"] + 1, 2))
             if i == 0:
                 axis.set_ylabel(f"most findings, of {fit['counted']}")
-                axis.legend(loc="lower left")
+                axis.legend(loc="lower left", frameon=True, framealpha=0.9, edgecolor="none")
         axis = figure.add_subplot(grid[1, :])
-        names = list(fit["share_of_designs"])
         shares = [100.0 * fit["share_of_designs"][name] for name in names]
         colours = [COLOURS[0] if fit["holds"][name] else "#d3a78f" for name in names]
-        axis.bar(range(len(names)), shares, color=colours, width=0.7)
+        axis.barh(range(len(names)), shares, color=colours, height=0.7)
         for at, share in enumerate(shares):
-            axis.text(at, share + 1.0, f"{share:.2g}", ha="center", fontsize=8)
+            axis.text(share + 1.0, at, f"{share:.2g}", va="center", fontsize=SMALLEST)
         held = set(fit["held_out_findings"])
         labels = [f"{name} (held out)" if name in held else name for name in names]
-        axis.set_xticks(range(len(names)), labels, rotation=35, ha="right")
-        axis.set_ylabel("share of hands and metrics [%]")
+        axis.set_yticks(range(len(names)), labels)
+        axis.invert_yaxis()
+        axis.set_xlabel("share of hands and metrics [%]")
         axis.set_title("Who gets each finding; blue: the chosen hand and metric does")
-        axis.set_ylim(0, 112)
-        axis.grid(axis="x", visible=False)
+        axis.set_xlim(0, 112)
+        axis.grid(axis="y", visible=False)
         figure.suptitle(
-            "Profiles: most findings in each part of a range; shaded: central 90 % of bootstrapped "
-            "choices; dashed: the choice",
-            x=0.01, ha="left", fontsize=9.5,
+            "Profiles: most findings in each part of a range\n"
+            "shaded: central 90 % of bootstrapped choices; dashed: the choice",
+            x=0.01, ha="left", fontsize=10,
         )  # fmt: skip
-        figure.tight_layout()
     return figure
 
 

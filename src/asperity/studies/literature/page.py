@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from asperity._core.digits import telling
 from asperity.drawing.pages import render
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.halves_page import half_of, read_published_halves
@@ -43,7 +44,9 @@ def page(
 
 
 def value_text(value: Any) -> str:
-    """Return a measured value as text: three digits, lists in brackets."""
+    """Return a measured value as text: three digits, in lists more if neighbours need them."""
+    if isinstance(value, list) and value and all(type(one) is float for one in value):
+        return f"[{', '.join(telling(value))}]"
     if isinstance(value, list):
         inner = ", ".join(value_text(entry) for entry in value)
         return f"[{inner}]" if value and not isinstance(value[0], list) else inner

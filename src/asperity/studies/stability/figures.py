@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, SMALLEST, log_scale, style
 from asperity.studies.stability.measure import Stability
 
 
@@ -18,7 +21,7 @@ def stability_figure(result: Stability, title: str, stiffness: float) -> Figure:
     settings = result.settings
     dampings = np.asarray(settings.dampings)
     with style():
-        figure = Figure(figsize=(6.4, 4.4))
+        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
         axis = figure.subplots()
         for i, rate in enumerate(settings.rates):
             colour, marker = COLOURS[i % 6], MARKERS[i % 6]
@@ -33,15 +36,20 @@ def stability_figure(result: Stability, title: str, stiffness: float) -> Figure:
         axis.axhline(stiffness, color="0.4", lw=0.8, ls=":")
         axis.annotate(
             f"the scene's, {stiffness:g} N/m", (dampings[-1], stiffness), (0, 3),
-            textcoords="offset points", fontsize=8, color="0.35", ha="right",
+            textcoords="offset points", fontsize=SMALLEST, color="0.35", ha="right",
         )  # fmt: skip
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        log_scale(axis)
         axis.set_xlabel("damping of device and hand [N s/m]")
         axis.set_ylabel("largest stable stiffness [N/m]")
-        axis.set_title(
-            f"{title}\nlines: Colgate's 2 b / T; full: plain wall; open: textured, median and worst"
-        )
-        axis.legend(title="rate", loc="upper left")
-        figure.tight_layout()
+        axis.set_title(f"{title}: below its mark a stiffness is stable")
+        rates = axis.legend(title="tick rate", loc="upper left")
+        axis.add_artist(rates)
+        grey: dict[str, Any] = {"color": "0.3", "ms": 5.5, "mew": 0.9}
+        kinds = [
+            Line2D([], [], ls="--", label="Colgate's bound, 2 damping x rate", **grey),
+            Line2D([], [], ls="", marker="o", label="plain wall", **grey),
+            Line2D([], [], ls="-", lw=0.5, marker="o", mfc="none",
+                   label="textured: median, and worst place", **grey),
+        ]  # fmt: skip
+        axis.legend(handles=kinds, loc="lower right")
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,16 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, plain_ticks, style
+from asperity._core.digits import plain_number, telling
+from asperity.drawing.figure_style import (
+    COLOURS,
+    MARKERS,
+    PAGE_WIDTH,
+    SMALLEST,
+    log_scale,
+    plain_ticks,
+    style,
+)
 from asperity.errors import AsperityError
 from asperity.studies.otaduy_lin_2004.peak_fit import fit_quadratic
 from asperity.studies.sweeps.batch import FAILED, WAITING
@@ -34,9 +44,9 @@ def draw(data: xr.Dataset, view: SweepView) -> Figure:
         figure: Figure = {"curve": _curve, "map": _map, "effects": _effects}[view.kind](
             data, view, columns, results
         )
-        title = figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=10.5)
+        title = figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=11)
         title.set_fontweight("bold")
-        figure.text(0.99, 0.995, _counted(data), ha="right", va="top", fontsize=7, color="#555555")
+        figure.supxlabel(_counted(data), x=0.99, ha="right", fontsize=SMALLEST, color="#555555")
     return figure
 
 
@@ -51,7 +61,7 @@ def _curve(
     data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values
 ) -> Figure:  # fmt: skip
     """Draw the metric over one parameter: another as colour, the rest as median and quantiles."""
-    figure = Figure(figsize=(6.0, 4.3), layout="constrained")
+    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axis = figure.subplots()
     scale, _ = _scale(data, view.x)
     x = columns[view.x].astype(np.float64)
@@ -91,7 +101,7 @@ def _draw_level(
         fine = np.geomspace(centres[0], centres[-1], 200)
         axis.plot(fine, fit(fine * 1e-3), color=colour, lw=1.0)
         peak = fit.peak_spacing * 1e3
-        label += f"{'  ' * bool(label)}R² {fit.r_squared:.2f}"
+        label += f"{'  ' * bool(label)}R² {telling([fit.r_squared], [1.0])[0]}"
         if centres[0] < peak < centres[-1]:
             axis.plot(
                 peak, float(fit(np.array([peak * 1e-3]))[0]), marker, color=colour, ms=7.5,
@@ -107,7 +117,7 @@ def _draw_level(
 
 def _map(data: xr.Dataset, view: SweepView, columns: dict[str, Values], results: Values) -> Figure:
     """Draw the metric over two parameters as an image, with medians over the others."""
-    figure = Figure(figsize=(6.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     axis = figure.subplots()
     across, up = Groups(columns[view.x], results), Groups(columns[view.y], results)
     heat = np.full((len(up.centres), len(across.centres)), np.nan)
@@ -144,7 +154,7 @@ def _effects(
     panels = len(names) + 1
     across = min(panels, 3)
     down = -(-panels // across)
-    figure = Figure(figsize=(3.3 * across, 2.7 * down + 0.3), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH * across / 3, 2.9 * down + 0.5), layout="constrained")
     axes = np.atleast_1d(figure.subplots(down, across)).ravel()
     bars = axes[0]
     bars.barh(range(len(names)), [100.0 * shares[name] for name in names], color=COLOURS[0])
@@ -152,11 +162,11 @@ def _effects(
     bars.invert_yaxis()
     bars.set_xlim(0, max(100.0 * max(shares.values()) * 1.1, 5.0))
     bars.set_xlabel("% of the variance")
-    bars.set_title(f"Explained by one alone{' (of the logarithm)' if log else ''}", fontsize=8.5)
+    bars.set_title(f"Explained by one alone{',' if log else ''}" + "\nof the logarithm" * log)
     bars.grid(axis="y", visible=False)
     for axis, name in zip(axes[1:], names, strict=False):
         _draw_effect(axis, data, name, columns[name], results, log)
-        axis.set_title(f"{100.0 * shares[name]:.0f} % of the variance", fontsize=8.5)
+        axis.set_title(f"{plain_number(100.0 * shares[name], 2)} % of the variance")
     for axis in axes[panels:]:
         axis.set_visible(False)
     for axis in axes[1:panels:across]:
@@ -208,7 +218,7 @@ def _note_hidden(axis: Axes, data: xr.Dataset, what: str, hidden: set[str]) -> N
     """Title a panel with the parameters over which it shows medians."""
     names = ", ".join(_label(data, str(n)) for n in data.coords if n in hidden)
     if names:
-        axis.set_title(f"{what} over {names}"[:95], fontsize=8)
+        axis.set_title(textwrap.fill(f"{what} over {names}", 70), fontsize=SMALLEST)
 
 
 def _axis_label(data: xr.Dataset, name: str) -> str:
