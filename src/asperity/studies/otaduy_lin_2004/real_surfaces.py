@@ -30,6 +30,8 @@ class RealSurface:
     stand_in: Callable[[], Array]
     """Makes the heights of the stand-in [m], of the same shape and pixel size."""
     stand_in_note: str
+    top_first: bool = False
+    """Whether the rows of the file are a picture's, from the top, as letters on it show."""
 
     def load(self, folder: Path | None) -> tuple[HeightMap, str]:
         """Return the surface, measured if its file is in the folder, and a remark on its origin."""
@@ -39,6 +41,7 @@ class RealSurface:
                 path, pixel_size=self.pixel_size, height_range=self.height_range, missing="fill"
             )
             samples = heights.samples[: self.shape[0], : self.shape[1]]
+            samples = samples[::-1].copy() if self.top_first else samples
             return HeightMap(samples, self.pixel_size), f"Measured. {self.scale_note}"
         return HeightMap(self.stand_in(), self.pixel_size, "wrap"), (
             f"Stand-in made by code, for want of the measured file: {self.stand_in_note}"
@@ -77,6 +80,7 @@ REAL_SURFACES = (
         stand_in_note=(
             "smooth, 17.6 mm wide, with letters raised by 70 µm, a numeral by 110 µm, and a rim."
         ),
+        top_first=True,
     ),
     _sandpaper("P40", seed=2),
     _sandpaper("P120", seed=3),
