@@ -36,10 +36,10 @@ def test_verdicts_can_be_read_off_what_is_written():
         (-2500.0, "-2\u202f500"),
         (1.5, "1.5"),
         (0.0, "0"),
-        (2.5e-5, "0.000025"),
+        (2.5e-5, "2.5 × 10⁻⁵"),
     ],
 )
-def test_no_powers_of_ten_for_readers(value, text):
+def test_powers_of_ten_only_where_they_are_tiny(value, text):
     assert plain_number(value) == text
 
 

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SMALL = 1e-4
+"""Below it, zeros behind the point are harder to count than a power of ten is to read."""
 MOST = 8
 """Significant digits beyond which two numbers count as equal."""
 
@@ -40,11 +43,14 @@ def telling(values: Sequence[float], limits: Sequence[float] = (), *, digits: in
 
 
 def plain_number(value: float, digits: int = 3) -> str:
-    """Return a number of so many significant digits, thousands apart, without a power of ten."""
+    """Return a number of so many significant digits, thousands apart; a power of ten if tiny."""
     rounded = _rounded(value, digits)
     if rounded == 0.0 or not math.isfinite(rounded):
         return f"{rounded:g}"
-    decimals = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)
+    power = math.floor(math.log10(abs(rounded)))
+    if abs(rounded) < _SMALL:
+        return f"{rounded / 10.0**power:.{digits}g} × 10{str(power).translate(SUPERSCRIPTS)}"
+    decimals = max(digits - 1 - power, 0)
     text = f"{rounded:,.{decimals}f}".replace(",", "\u202f")
     return text.rstrip("0").rstrip(".") if decimals else text
 

@@ -17,6 +17,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
+from asperity._core.digits import SUPERSCRIPTS
+
 # Okabe & Ito (2008): distinguishable by colour-blind readers, and in grey by the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
@@ -28,7 +30,6 @@ SMALLEST = 9.0
 """Size of the smallest text in a figure [pt]."""
 SHADE = "#f2ead2"
 """Colour of a band that is marked."""
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
@@ -103,4 +104,4 @@ def _power_of_ten(value: float, _: int) -> str:
     power = round(float(np.log10(value))) if value > 0.0 else 0
     if not np.isclose(value, 10.0**power):
         return f"{value:g}"
-    return f"10{str(power).translate(_SUPERSCRIPTS)}" if power else "1"
+    return f"10{str(power).translate(SUPERSCRIPTS)}" if power else "1"
