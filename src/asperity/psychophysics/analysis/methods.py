@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from asperity.psychophysics.adjustment_settings import AdjustmentSettings, MatchingSettings
 from asperity.psychophysics.analysis.figures import value_axis
+from asperity.psychophysics.analysis.psychometric_fit import STRETCH
 from asperity.psychophysics.analysis.psychometric_search import HIGHEST_LAPSE
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import StaircaseSettings
@@ -52,7 +53,7 @@ REFERENCES = {
     "Wichmann & Hill, 2001": "Wichmann, F. A., & Hill, N. J. (2001). Percept. Psychophys., 63, "
     "1293-1313.",
 }
-_WORDS = {2: "two", 3: "three"}
+_WORDS = {1: "one", 2: "two", 3: "three"}
 _NAMES = {"weibull": "Weibull", "logistic": "logistic", "normal": "cumulative normal"}
 
 
@@ -185,8 +186,8 @@ def _forced_choice(design: ExperimentDesign, settings: ForcedChoiceSettings) -> 
     standard = f"{settings.standard * factor:.4g} {unit}".strip()
     apart = "the comparison" if settings.intervals > 2 else "the other"
     yield (
-        f"The {label} of {settings.intervals - 1} of them was the standard, {standard}, that of "
-        f"{apart} "
+        f"The {label} of {_WORDS[settings.intervals - 1]} of them was the standard, {standard}, "
+        f"that of {apart} "
         f"differed by the level, {of.get(settings.level, 'given as its value')} "
         f"({settings.low:g} to {settings.high:g}, "
         f"{'logarithmic' if settings.scale == 'log' else 'linear'} scale)."
@@ -239,13 +240,15 @@ def _analysis(
     percent = f"{100.0 * options.confidence:g} %"
     if isinstance(design.settings, ForcedChoiceSettings):
         guess = design.settings.guess
+        factor = STRETCH[design.settings.adaptive]["threshold"]
         held = "equal to the lapse rate" if guess is None else f"of {guess:.3g}"
         yield (
             f"A {_NAMES[options.function]} psychometric function with a guess rate {held} and a "
             f"lapse rate between 0 and {HIGHEST_LAPSE:g} (Wichmann & Hill, 2001) was fitted to "
             f"each session by maximum likelihood. The threshold is where it is half-way between "
             f"its asymptotes, the width is from 5 to 95 % of that range (Schütt et al., 2016). "
-            f"Intervals ({percent}) are by profile likelihood (Venzon & Moolgavkar, 1988); "
+            f"Intervals ({percent}) are by profile likelihood (Venzon & Moolgavkar, 1988), its "
+            f"fall multiplied by a factor found by simulation ({factor:g} for the threshold); "
             f"goodness of fit was judged by the deviance, against {options.samples} samples of a "
             f"parametric bootstrap."
         )
