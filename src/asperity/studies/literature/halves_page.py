@@ -14,11 +14,13 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from asperity.drawing.figure_style import style
+from asperity.drawing.figure_style import PAGE_WIDTH, SMALLEST, style
 from asperity.studies.literature.catalogue import FINDINGS
 
 PUBLISHED = Path(__file__).with_name("published_halves.json")
 DESIGNS = {"paper": "max u''", "band": "RMS of u''\n20-200 Hz", "chosen": "choice"}
+_NARROW = {"paper": "max\nu''", "band": "RMS\n20-200\nHz"}
+"""Labels that a column of the figure is wide enough for."""
 _SHADES = LinearSegmentedColormap.from_list("share", ["#ffffff", "#9ecae1", "#08519c"])
 
 
@@ -41,7 +43,7 @@ def halves_figure(halves: dict[str, Any]) -> Figure:
     parts = (("first", "half chosen on"), ("second", "half held out"))
     rows = max(len(halves["halves"][name]) for name, _ in parts) + 1
     with style():
-        figure = Figure(figsize=(11.2, 0.31 * rows + 1.3))
+        figure = Figure(figsize=(PAGE_WIDTH, 0.31 * rows + 1.3))
         for axis, (half, title) in zip(figure.subplots(1, 2), parts, strict=True):
             names = list(halves["halves"][half])
             names.sort(key=lambda name: -halves["findings"][name]["chosen"])
@@ -58,7 +60,10 @@ def halves_figure(halves: dict[str, Any]) -> Figure:
             labels = [*(titles[name] for name in names)]
             places = [*(np.arange(len(names)) + 0.5), rows - 0.5]
             axis.set_yticks(places, [*labels, "median member: share of the half"])
-            axis.set_xticks(np.arange(len(DESIGNS)) + 0.5, list(DESIGNS.values()))
+            axis.set_xticks(
+                np.arange(len(DESIGNS)) + 0.5,
+                [_NARROW.get(name, label) for name, label in DESIGNS.items()],
+            )
             axis.xaxis.tick_top()
             axis.set(xlim=(0, len(DESIGNS)), ylim=(rows, 0))
             axis.set_title(f"{title} [%]", pad=6, loc="center")
@@ -76,4 +81,6 @@ def _cell(axis: Any, column: int, row: int, share: float) -> None:
         [x, x + 1, x + 1, x], [y, y, y + 1, y + 1], color=_SHADES(share / 100.0), ec="white", lw=1.5
     )
     colour = "white" if share > 60.0 else "#222222"
-    axis.text(x + 0.5, y + 0.5, f"{share:.0f}", ha="center", va="center", color=colour, fontsize=8)
+    axis.text(
+        x + 0.5, y + 0.5, f"{share:.0f}", ha="center", va="center", color=colour, fontsize=SMALLEST
+    )
