@@ -64,19 +64,20 @@ def adjustments_figure(sessions: Sequence[dict[str, Any]], design: ExperimentDes
         figure = Figure(figsize=(2.6 + 1.1 * max(len(names), 2), 3.7))
         axes = figure.subplots()
         for i, session in enumerate(sessions):
-            shift = 0.5 * ((i + 1) / (len(sessions) + 1) - 0.5)
+            room = 0.7 / (len(sessions) + 1)
+            shift, beside = (i + 1) * room - 0.35, 0.2 * room
             colour, mark = COLOURS[i % 6], MARKERS[i % 6]
             for place, one in enumerate(session["standards"]):
                 each = np.array(one["settings"]) * factor
                 axes.plot(
-                    np.full(len(each), place + shift - 0.05), each, mark, color=colour, ms=2.8,
+                    np.full(len(each), place + shift - beside), each, mark, color=colour, ms=2.8,
                     alpha=0.4,
                 )  # fmt: skip
                 if one["pse_low"] is None:
                     continue
                 low, mean, high = (factor * one[k] for k in ("pse_low", "pse", "pse_high"))
                 axes.errorbar(
-                    place + shift + 0.05, mean, yerr=[[mean - low], [high - mean]], fmt=mark,
+                    place + shift + beside, mean, yerr=[[mean - low], [high - mean]], fmt=mark,
                     color=colour, ms=5, capsize=2.5,
                     label=session["session"] if place == 0 and len(sessions) <= 6 else None,
                 )  # fmt: skip
