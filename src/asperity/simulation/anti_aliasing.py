@@ -5,7 +5,7 @@ where the probe drops from one ridge to the next, and the harmonics of a jump de
 once a tick, those above half the tick rate alias to tones that are not multiples of 84 Hz.
 
 The idea: between two ticks the tool moves at constant velocity. The wrench is evaluated at
-sub-poses on this path, at least four for the shortest wavelength if more than half of it passes,
+sub-poses on this path, at least two for the shortest wavelength if more than half of it passes,
 and around each jump by repeated bisection until the jump's position is accurate enough. A change
 that continues that of the ticks before is not a jump. The wrench, linear between sub-poses, is
 averaged over time by a window: the tick itself (`"tick"`), or a Dolph-Chebyshev window of 60 dB
@@ -35,11 +35,11 @@ SPAN = {"off": 0, "tick": 1, "band": 5}
 """Length of the window in ticks."""
 BUDGET = 64
 """Largest number of evaluations of the wrench in one tick."""
-PER_WAVE = 4
+PER_WAVE = 2
 """Least number of sub-poses for each of the shortest wavelengths passed, from half of one on."""
 ATTENUATION_DB = 60.0
 """Attenuation of the side lobes of the "band" window [dB]."""
-LEAP = {"tick": 1e-2, "band": 1e-4}
+LEAP = {"tick": 2e-2, "band": 1e-4}
 """Bisection of a jump ends when jump times interval is this fraction of wrench times tick.
 
 It is coarser for "tick": the side lobes of a plain mean are far above the error.

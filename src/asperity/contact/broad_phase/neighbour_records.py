@@ -11,7 +11,7 @@ from asperity._core.kernels import inner_kernel, small_kernel
 from asperity._core.records import copy_record
 from asperity.contact.broad_phase.facet_pairs import STACK
 
-MAX_LISTED = 8192
+MAX_LISTED = 32768
 """Room for pairs in one list."""
 FIRST_WIDTH = 4.0
 """Skin of the first outer list, in skins of the inner list."""

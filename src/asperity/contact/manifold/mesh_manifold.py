@@ -145,8 +145,9 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     first, dropped = space.manifold.count[0].patches, space.manifold.count[0].dropped
     size = half_diagonal(model.facets, query.first) + half_diagonal(model.facets, query.second)
     limit, way_out, count = _first_limit(model, memory, query, overlap), 0.0, 0
-    here, least, space.spent[0] = query, _least_limit(model, query), 0.0
+    here, least = query, _least_limit(model, query)
     for _ in range(_ROUNDS):
+        space.spent[0] = 0.0  # what a discarded round has used up is not missed by the last one
         space.manifold.count[0].patches, space.manifold.count[0].dropped = first, dropped
         here = BodyQuery(
             query.body, query.first, query.second, query.frame_a, query.frame_b, query.step,
@@ -206,7 +207,8 @@ def _first_limit(model, memory, query, overlap):
     """
     limit, farthest = _least_limit(model, query), overlap
     if memory.known[query.body] == 1:
-        farthest = memory.way_out[query.body] + query.step
+        # Without the step: a tool that slides along needs no deeper limit than in the last tick.
+        farthest = memory.way_out[query.body]
     while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
     return limit

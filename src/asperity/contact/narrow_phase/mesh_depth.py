@@ -199,10 +199,12 @@ def region_depths(model, region, query, limits, memory, space, first):
         side_1, side_2 = sides[p, 0], sides[p, 1]
         if single and side_1 * at_1 >= -region.radius and side_2 * at_2 >= -region.radius:
             copy_record(results_out[p], results_out[0])
+            if p > 0:
+                results_out[p].nodes = 0.0  # counted once
             clear(patches_out[p].line_rate)
             continue
         added = _limit_to_sub_region(memory, made_b, lines, side_1, side_2, region.radius)
-        _begin(search, max_nodes / 2, culled, math.inf)
+        _begin(search, max_nodes, culled, math.inf)
         guess = (points[p, 0], points[p, 1])
         ascend_in(textures, stride, count, found[p], memory)
         best_first_search(textures, stride, count, guess, tolerance, memory, space.queue, added)
