@@ -149,3 +149,43 @@ def test_triangles_cost_a_few_times_what_simple_solids_do():
         touch(engine, at)
         touch(simple, at)
     assert _seconds(engine, path) < 12.0 * _seconds(simple, path)
+
+
+def random_solid(rng, corners, size):
+    """Return a random hull round the origin, of a given largest side [m]."""
+    trimesh = pytest.importorskip("trimesh")
+    solid = trimesh.convex.convex_hull(rng.normal(size=(corners, 3)))
+    solid.apply_translation(-solid.bounds.mean(axis=0))
+    solid.apply_scale(size / solid.extents.max())
+    return mesh_from_arrays(solid.vertices, solid.faces)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("kind", ["waves", "self-affine"])
+def test_two_rough_random_solids_that_slide_are_certified(kind, seed):
+    """Wide, deep contact, in which one point may be the deepest of several sub-regions.
+
+    The budget counts the search for it once, and only the last of several rounds of facets.
+    """
+    rng = np.random.default_rng(seed)
+    target, tool = random_solid(rng, 60, 40e-3), random_solid(rng, 200, 12e-3)
+    engine = engine_of(
+        thing("tool", tool, picture(kind, seed=1), "triplanar"),
+        thing("plate", target, picture(kind, seed=2), "triplanar"),
+        stiffness=400.0,
+    )
+    pose = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    high, low = 40e-3, 0.0
+    for _ in range(30):  # as deep as pushes with 0.6 N
+        pose[2] = 0.5 * (high + low)
+        engine.reset()
+        is_light = touch(engine, pose, 0.0).wrench[2] < 0.6
+        high, low = (pose[2], low) if is_light else (high, pose[2])
+    engine.reset()
+    certified = total = 0
+    for _ in range(40):
+        status = touch(engine, pose).status
+        certified, total = certified + int(np.sum(status == 0)), total + len(status)
+        pose[0] += 83e-6
+    assert total >= 40
+    assert certified >= 0.995 * total

@@ -83,6 +83,34 @@ def test_round_convex_meshes_of_single_precision_are_one_piece(no_coacd):
         assert piece_error(mesh, solids) < 1e-8
 
 
+def test_the_reach_beyond_a_piece_is_that_of_the_farthest_corner():
+    """A cube of 3,072 triangles round one that is smaller by 0.2 mm: sqrt(3) times that."""
+    cube = trimesh.creation.box((0.02, 0.02, 0.02))
+    for _ in range(4):
+        cube = cube.subdivide()
+    mesh = mesh_from_arrays(1.02 * cube.vertices, cube.faces)
+    assert piece_error(mesh, (cube.vertices,)) == pytest.approx(2e-4 * 3**0.5, rel=1e-6)
+
+
+def test_of_a_fine_mesh_few_points_are_measured_exactly(monkeypatch):
+    """All lie outside the piece: exact distances from 80,000 points to its facets take minutes."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.01)
+    lumps = 1.0 + 0.02 * np.sin(400.0 * ball.vertices[:, :1])
+    mesh = mesh_from_arrays(ball.vertices * lumps, ball.faces)
+    piece = 0.97 * ball.vertices[::10]
+    measured, exact = [], module._distances
+
+    def counted(points, hull):
+        measured.append(len(points))
+        return exact(points, hull)
+
+    monkeypatch.setattr(module, "_distances", counted)
+    found = piece_error(mesh, (piece,))
+    assert sum(measured) < 0.05 * len(module._samples(mesh.vertices, mesh.faces))
+    points = mesh.vertices[np.argsort(-np.linalg.norm(mesh.vertices, axis=1))[:200]]
+    assert found >= exact(points, ConvexHull(piece)).max() - 1e-12
+
+
 @pytest.mark.slow
 def test_of_very_many_corners_some_are_kept(no_coacd):
     ball = of(trimesh.creation.icosphere(subdivisions=5, radius=0.03))
