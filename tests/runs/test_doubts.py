@@ -18,7 +18,7 @@ def test_fewer_than_99_percent_certified_are_told(statuses, has_note):
     notes = summary_of(load_scene("probe-plate"), {}, rollout)["notes"]
     assert any("certified" in note for note in notes) == has_note
     if has_note:
-        assert "max_nodes (now 4000)" in notes[-1]
+        assert "max_nodes (now 8000)" in notes[-1]
 
 
 def test_searches_that_ran_out_of_time_do_not_call_for_more_boxes():

@@ -28,7 +28,7 @@ FORCE = 0.58
 """Largest normal force with which the motion begins [N]."""
 MAX_NODES = 50_000
 """Limit of the contact search. Heights that include the shape lost by simplification are large, and
-large heights make bounds loose: with the usual 4000 nodes a contact may be missed."""
+large heights make bounds loose: with the usual budget a contact may be missed."""
 _COLOUR = "0.8 0.74 0.63 1"
 
 _XML = """<mujoco model="{name}">
