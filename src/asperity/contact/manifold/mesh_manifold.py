@@ -42,6 +42,8 @@ _DEEP = 0.25
 """Overlap of facets that is looked for at first, over the smaller body's least half side."""
 _THIN = 0.05
 """Part of the smaller body's size beyond which an overlap of facets may lie across a cavity."""
+_SMALL = 0.1
+"""A step that is smaller than this part of the limit does not raise it."""
 _ROUNDS = 10
 """Most times that facets are looked for deeper."""
 
@@ -207,8 +209,11 @@ def _first_limit(model, memory, query, overlap):
     """
     limit, farthest = _least_limit(model, query), overlap
     if memory.known[query.body] == 1:
-        # Without the step: a tool that slides along needs no deeper limit than in the last tick.
         farthest = memory.way_out[query.body]
+        # A tool that slides along hardly needs a deeper limit, and a round for a needless one costs
+        # as much as the tick.
+        if query.step > _SMALL * limit:
+            farthest += query.step
     while limit < RATIO * farthest + query.lowered:
         limit *= 2.0
     return limit
