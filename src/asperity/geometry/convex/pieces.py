@@ -153,7 +153,8 @@ def piece_error(mesh: Mesh, pieces: tuple[Array, ...]) -> float:
     # Only the farthest point counts, and few may be it: an upper bound rules out the others.
     most = np.min([_near_distances(points, hull) for hull in hulls], axis=0)
     order, farthest = np.argsort(-most), noise
-    for some in _chunks(order, _ROWS):
+    for k in range(0, len(order), _ROWS):
+        some = order[k : k + _ROWS]
         if most[some[0]] <= farthest:
             break
         # Outside a corner the distance to the planes is too small: a lower bound.
