@@ -92,7 +92,7 @@ def _traversed(table, tool, transform, limits, lists, facets):
 @pytest.mark.parametrize("speed", [2e-5, 1e-4])
 @pytest.mark.parametrize(
     ("cuts", "rolls", "often"),
-    [(3, False, False), (3, True, False), (4, True, False), (3, False, True)],
+    [(3, False, False), (3, True, False), (5, True, False), (3, False, True)],
 )
 def test_no_facet_that_is_near_is_missed(cuts, speed, rolls, often):
     """Pair by pair, two balls of small facets: one moves around the other, pressed in turns.
@@ -128,7 +128,7 @@ def test_no_facet_that_is_near_is_missed(cuts, speed, rolls, often):
     assert missed == 0
     assert several > 900 * 20
     # The outer list of the finer ball fits only where it is narrow.
-    assert (outer > 600) == (cuts == 3 or speed < 5e-5)
+    assert (outer > 600) == (cuts == 3 or speed < 5e-5), outer
 
 
 @kernel
