@@ -121,7 +121,7 @@ def test_bad_input_of_sound(content, names, capsys, tmp_path):
         assert name in line
 
 
-@pytest.mark.parametrize("arguments", [[], ["studdy"], ["study"], ["study", "force", "--colour"]])
+@pytest.mark.parametrize("arguments", [[], ["studdy"], ["sweep"], ["study", "force", "--colour"]])
 def test_words_that_make_no_command(arguments, capsys):
     assert main(arguments) == 2
     said = capsys.readouterr().err
