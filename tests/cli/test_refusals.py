@@ -173,7 +173,7 @@ def test_bad_options_of_findings(options, names, capsys, tmp_path):
         ("rnu", "unknown: rnu; available subcommands: demo, study, run,"),
         ("export a --kinds csv xyz", "invalid choice 'xyz' for argument '--kinds'. Expected one"),
         ("run probe-plate --coupling", "Missing value for argument '--coupling'"),
-        ("study", "Missing from asperity study: NAME diameter, force, speed, models, or all"),
+        ("sweep", "Missing from asperity sweep: STUDY.toml Fixed parameters, varied parameters"),
     ],
 )
 def test_the_parser_says_in_a_line_what_would_be_valid(arguments, told, capsys):
