@@ -22,7 +22,7 @@ html_show_sphinx = False
 
 # The tutorials are run at every build, in the Python that runs Sphinx.
 nb_execution_mode = "force"
-nb_execution_timeout = 120
+nb_execution_timeout = 600
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_merge_streams = True
