@@ -83,9 +83,12 @@ def test_a_name_for_ridges_with_usual_proportions():
 
 
 def test_a_textured_mesh_lies_on_a_textured_table(model):
-    _, data = settled(model, {"table": BUMPS, "shard": BUMPS}, 600)
-    assert ("shard", "table") in pairs_in_contact(model, data)
-    assert data.body("shard").xpos[2] > -0.01
+    # It falls on a corner and rocks for up to three seconds; no two bounces are alike.
+    surfaces, data = settled(model, {"table": BUMPS, "shard": BUMPS}, 2500)
+    for _ in range(50):
+        surfaces.step(data)
+        assert ("shard", "table") in pairs_in_contact(model, data)
+        assert abs(data.body("shard").xpos[2]) < 2e-4
 
 
 def test_a_ball_rolls_over_a_textured_height_field(model):
