@@ -11,7 +11,6 @@ from scipy.stats import binom
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.adjustments import analyse_adjustments
 from asperity.psychophysics.analysis.results import read_results
-from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.expected import expected_lines, simulated_session
 from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
 from asperity.psychophysics.interfaces.terminal import TerminalInterface
@@ -20,10 +19,7 @@ from asperity.psychophysics.session.journal import read_journal
 from asperity.psychophysics.session.session import Session
 from asperity.psychophysics.session.tables import answers_table
 
-
-@pytest.fixture(autouse=True)
-def _no_scenes(monkeypatch):
-    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
+pytestmark = pytest.mark.usefixtures("without_scenes")
 
 
 def run(made, folder, front):

@@ -17,16 +17,12 @@ from asperity.psychophysics.analysis.detection import (
 from asperity.psychophysics.analysis.detection_fit import fit_detection
 from asperity.psychophysics.analysis.results import read_results
 from asperity.psychophysics.analysis.thresholds import AnalysisOptions, analyse_threshold
-from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.expected import expected_interval, expected_lines, simulated_session
 from asperity.psychophysics.interfaces.protocol import SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure
 from asperity.psychophysics.session.session import Session
 
-
-@pytest.fixture(autouse=True)
-def _no_scenes(monkeypatch):
-    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
+pytestmark = pytest.mark.usefixtures("without_scenes")
 
 
 def odd(**changes):

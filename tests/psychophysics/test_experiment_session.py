@@ -25,11 +25,7 @@ from asperity.psychophysics.session.session import Session
 from asperity.psychophysics.session.tables import answers_table
 from asperity.scene.document import write_toml
 
-
-@pytest.fixture(autouse=True)
-def _no_scenes(monkeypatch):
-    """Sessions look at the scenes; here there are none."""
-    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
+pytestmark = pytest.mark.usefixtures("without_scenes")
 
 
 def run(made, folder, front=None, participant="P1", number=1):

@@ -11,7 +11,6 @@ import pytest
 from fakes import ADJUSTMENT, CHOICE, MAGNITUDE, PAIRS, YES_NO, Nothing, design, document
 
 from asperity.errors import AsperityError
-from asperity.psychophysics.design import ExperimentDesign
 from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
 from asperity.psychophysics.interfaces.terminal import TerminalInterface
 from asperity.psychophysics.session import presenters
@@ -163,12 +162,7 @@ def test_a_device_that_is_not_there_is_refused_before_the_instructions(tmp_path,
     assert told == ["closed"]
 
 
-@pytest.fixture
-def _no_scenes(monkeypatch):
-    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
-
-
-@pytest.mark.usefixtures("_no_scenes")
+@pytest.mark.usefixtures("without_scenes")
 def test_the_terminal_asks_explains_and_pauses(tmp_path):
     made = design(
         MAGNITUDE, magnitude={"blocks": 1, "practice": 1}, levels={"values": [1e-4, 2e-4]},
@@ -207,7 +201,7 @@ def waits(desk, until):
 
 
 @pytest.fixture
-def in_page(_no_scenes):
+def in_page(without_scenes):
     """Return a function that opens a session's page."""
     pytest.importorskip("viser")
     from asperity.psychophysics.interfaces.page import ParticipantPanel, TrialClient, panels

@@ -29,10 +29,7 @@ from asperity.psychophysics.session.trials import standing_answers
 from asperity.psychophysics.texts import FILE, read_texts
 from asperity.scene.document import read_toml
 
-
-@pytest.fixture(autouse=True)
-def _no_scenes(monkeypatch):
-    monkeypatch.setattr(ExperimentDesign, "check_scenes", lambda self: {})
+pytestmark = pytest.mark.usefixtures("without_scenes")
 
 
 def run(made, folder, front, presenter=None, now=lambda: datetime.now(UTC)):

@@ -18,6 +18,7 @@ from scipy.stats import chi2
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
+from asperity.psychophysics.analysis.psychometric_search import profile_end
 
 _REACH = float(np.log(20.0))
 """How far beyond the levels the threshold is looked for, as a logarithm."""
@@ -26,8 +27,8 @@ _PLACES = (-6.0, 6.0)
 _GRID = (33, 13, 25)
 """Values of log threshold, log exponent and place from which the search begins."""
 _ROUNDS, _SHRINK = 26, 0.72
-_STEPS, _FINER = 25, 3
-"""Steps from the best threshold to the end of the search, and how often they are made finer."""
+_STEPS = 25
+"""Steps from the best threshold to the end of the search."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +129,8 @@ class _Search:
     def end(self, near: float, far: float, level: float) -> float:
         """Return where the profile of the threshold falls below a level first, or the far end."""
         pitch = self.pitch * np.array([0.0, 1.0, 1.0])
-        for _ in range(_FINER):
-            values = np.linspace(near, far, _STEPS)
-            below = self.likelihood(self.climbed(self.coarse(values), pitch)) < level
-            below[0] = False
-            if not below.any():
-                return far
-            first = int(np.argmax(below))
-            near, far = float(values[first - 1]), float(values[first])
-        return 0.5 * (near + far)
+        return profile_end(
+            lambda values: self.likelihood(self.climbed(self.coarse(values), pitch)),
+            lambda close, beyond: np.linspace(close, beyond, _STEPS),
+            (near, far), level,
+        )  # fmt: skip

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from asperity._core.arrays import Array
-from asperity.psychophysics.analysis.psychometric import Psychometric
+from asperity.psychophysics.analysis.psychometric import Psychometric, hits_by_level
 
 LEAST_TRIALS = 8
 """Levels with fewer answers say nothing of overdispersion, and are left out."""
@@ -43,9 +43,7 @@ def overdispersion(
         That was fitted to them.
     confidence : float
     """
-    x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
-    count = np.bincount(inverse).astype(np.float64)
-    hits = np.bincount(inverse, weights=np.asarray(right, dtype=np.float64))
+    x, count, hits = hits_by_level(intensities, right)
     used = count >= LEAST_TRIALS
     if np.count_nonzero(used) < 4:
         return None

@@ -88,6 +88,13 @@ class Psychometric:
         return (1.0 - guess - self.lapse) * STEEPNESS[self.function] / self.width
 
 
+def hits_by_level(intensities: ArrayLike, right: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return the different intensities of trials, rising, their numbers of trials, and of hits."""
+    x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
+    hits = np.bincount(inverse, weights=np.asarray(right, dtype=np.float64))
+    return x, np.bincount(inverse).astype(np.float64), np.asarray(hits, dtype=np.float64)
+
+
 def probability(
     intensity: ArrayLike,
     threshold: ArrayLike,

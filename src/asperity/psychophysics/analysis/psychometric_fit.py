@@ -27,7 +27,7 @@ from scipy.stats import chi2, f
 
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
-from asperity.psychophysics.analysis.psychometric import Psychometric
+from asperity.psychophysics.analysis.psychometric import Psychometric, hits_by_level
 from asperity.psychophysics.analysis.psychometric_search import LikelihoodSearch
 
 STRETCH = {
@@ -137,10 +137,7 @@ def fit_psychometric(
     AsperityError
         Fewer than ten answers, or all at one intensity.
     """
-    x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
-    count = np.bincount(inverse).astype(np.float64)
-    weights = np.asarray(right, dtype=np.float64)
-    hits = np.asarray(np.bincount(inverse, weights=weights), dtype=np.float64)
+    x, count, hits = hits_by_level(intensities, right)
     trials = int(count.sum())
     if trials < 10 or x.size < 2:
         raise AsperityError(

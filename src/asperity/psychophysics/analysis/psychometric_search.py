@@ -9,6 +9,8 @@ for one: the parameter follows from it and the other two.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,9 +29,38 @@ _GRID = (41, 21, 4)
 _LOCAL = (3, 3, 3)
 _STEPS = 33
 _FINER = 3
-"""Number of refinements of an interval's end, each by `_STEPS` steps."""
+"""Number of refinements of an interval's end."""
 _MOST = 2_000_000
 """Largest number of probabilities in memory at once."""
+
+
+def profile_end(
+    profile: Callable[[Array], Array], spaced: Callable[[float, float], Array],
+    ends: tuple[float, float], level: float,
+) -> float:  # fmt: skip
+    """Return where a profile likelihood first falls below a level, or the far end of the search.
+
+    Parameters
+    ----------
+    profile : callable
+        Returns the log likelihood (k,) of values (k,).
+    spaced : callable
+        Returns values (k,) from one to another, both included.
+    ends : (float, float)
+        The value of most likelihood, and the far end.
+    level : float
+        Of the log likelihood.
+    """
+    near, far = ends
+    for _ in range(_FINER):
+        values = spaced(near, far)
+        below = profile(values) < level
+        below[0] = False
+        if not below.any():
+            return far
+        first = int(np.argmax(below))
+        near, far = float(values[first - 1]), float(values[first])
+    return 0.5 * (near + far)
 
 
 class LikelihoodSearch:
@@ -141,7 +172,15 @@ class LikelihoodSearch:
         if not np.isfinite(middle):
             return (float("nan"), float("nan"))
         level = float(self.likelihood(hits, best[None, :])[0]) - fall
-        low, high = (self._end(hits, quantity, middle, far, level) for far in self._reach(quantity))
+        steps = np.geomspace if quantity in _POSITIVE else np.linspace
+        low, high = (
+            profile_end(
+                lambda values: self.profile(hits, quantity, values),
+                lambda near, beyond: np.asarray(steps(near, beyond, _STEPS)),
+                (middle, far), level,
+            )
+            for far in self._reach(quantity)
+        )  # fmt: skip
         return low, high
 
     def _reach(self, quantity: str) -> tuple[float, float]:
@@ -151,19 +190,6 @@ class LikelihoodSearch:
             return float(self._height(high[2]) / high[1]), float(self._height(low[2]) / low[1])
         column = QUANTITIES[quantity]
         return float(low[column]), float(high[column])
-
-    def _end(self, hits: Array, quantity: str, near: float, far: float, level: float) -> float:
-        """Return where the profile, from a value towards a bound, falls below a level first."""
-        steps = np.geomspace if quantity in _POSITIVE else np.linspace
-        for _ in range(_FINER):
-            values = steps(near, far, _STEPS)
-            below = self.profile(hits, quantity, values) < level
-            below[0] = False
-            if not below.any():
-                return far
-            first = int(np.argmax(below))
-            near, far = float(values[first - 1]), float(values[first])
-        return 0.5 * (near + far)
 
     def _height(self, lapse: Array) -> Array:
         """Return the slope at the threshold, where the width is 1."""
