@@ -50,12 +50,13 @@ class DemoCommand:
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 first = bars.add_task(studies, total=drags)
-                second = bars.add_task("real surfaces", total=rubs)
-                third = bars.add_task(scenes, total=ticks)
+                # In the order in which they end: the first unfinished one is told.
+                second = bars.add_task(scenes, total=ticks)
+                third = bars.add_task("surfaces", total=rubs)
                 results = run_demo(
                     folder, data, settings=settings,
-                    on_drag=lambda: bars.advance(first), on_rub=lambda: bars.advance(second),
-                    on_ticks=lambda: bars.advance(third),
+                    on_drag=lambda: bars.advance(first), on_ticks=lambda: bars.advance(second),
+                    on_rub=lambda: bars.advance(third),
                 )  # fmt: skip
             results.seconds = {
                 "loading the libraries": loading, **results.seconds,
