@@ -50,7 +50,7 @@ class DemoCommand:
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
                 first = bars.add_task(studies, total=drags)
-                # In the order in which they end: the first unfinished one is told.
+                # In the order in which they end: the line names the first unfinished one.
                 second = bars.add_task(scenes, total=ticks)
                 third = bars.add_task("surfaces", total=rubs)
                 results = run_demo(
