@@ -103,6 +103,7 @@ def panel(page, kind):
 
 def test_paused_is_said_on_every_tab_with_the_button_that_ends_it(shown, tab):
     _, _, timeline = shown
+    tab.get_by_role("tab", name="Surfaces").click()  # and has the focus
     tab.keyboard.press("Space")
     until(lambda: not timeline.is_live)
     for name in ("Hand", "Contact", "Surfaces"):

@@ -13,6 +13,7 @@ from scripted import DT, LIMITS, WALL, Bench, HandClock, wave
 
 from asperity._core import cores as cores_in_use
 from asperity._core.cores import usable_cores
+from asperity.dynamics.passivity.controller import PassivityController
 from asperity.errors import AsperityError
 from asperity.realtime.servo.deadlines import BUSY, SPIN, Pace
 from asperity.realtime.servo.loop import GUARD, STALE
@@ -240,6 +241,22 @@ def test_after_a_stall_of_300_ms_the_force_comes_up_softly():
     assert abs(forces[after + 1]) < 0.02
     assert forces[after + 120] == pytest.approx(0.5, rel=1e-3)
     assert bench.stats.skipped == pytest.approx(299, abs=2)
+
+
+def test_what_late_ticks_have_cost_is_forgiven_to_a_coupling():
+    """Otherwise the force is taken away for ever: without it the hand puts nothing in."""
+    bench = Bench(mode="implicit")
+    controller = bench.loop.passivity = PassivityController(DT)
+    bench.loop.begin(None)
+    controller.reset(-0.01)
+    corrected = []
+    bench.loop.run(ticks=1500, between=lambda: corrected.append(controller.interventions))
+    forces = bench.device.forces
+    assert abs(forces[50]) < 0.1
+    assert corrected[100] > 90
+    assert corrected[-1] == corrected[1000]
+    assert forces[-2] == pytest.approx(WALL * -bench.tool.pose[2], rel=0.01)
+    assert controller.summary()["granted_j"] == pytest.approx(controller.energy, rel=0.1)
 
 
 @pytest.mark.parametrize("how", ["stop", "exception"])

@@ -284,6 +284,9 @@ class ServoLoop:
             wrench, port, passed * self.dt, stored=self.tool.potential
         )
         self._corrected = self.passivity.interventions > before
+        if self._corrected and not self.tool.is_direct:
+            held = self.tool.energy + self.contacts.latest.linear.energy
+            self.passivity.forgive(held, passed * self.dt)
         self.stats.passivity += self._corrected
         return self._felt
 

@@ -14,7 +14,7 @@ from asperity.viewer.notify import attempt, notify
 from asperity.viewer.panels.mouse import MousePanel
 from asperity.viewer.panels.panel import Panel, ViserServer
 from asperity.viewer.panels.scene_view import SceneView
-from asperity.viewer.server.script import QUESTION_MARK, run_in_browsers
+from asperity.viewer.server.script import KEYS, run_in_browsers
 from asperity.viewer.servo_client import ServoClient
 from asperity.viewer.timeline import Timeline
 
@@ -107,7 +107,7 @@ class ActionsPanel(Panel):
         )
         for label, key, do in keys:
             gui.add_command(label, hotkey=key).on_trigger(do)
-        run_in_browsers(server, QUESTION_MARK)
+        run_in_browsers(server, KEYS)
         if self._links is not None:
             server.on_client_connect(self._ask_about_link)
 

@@ -6,18 +6,25 @@ import contextlib
 from typing import Any
 
 _NO_MENU = "button:has(> svg.tabler-icon-adjustments), .tabler-icon-adjustments{display:none}"
-QUESTION_MARK = """
+KEYS = """
 if (!window.asperityKeys) {
   window.asperityKeys = true;
+  const forward = (key, code) => document.documentElement.dispatchEvent(
+    new KeyboardEvent('keydown', {key, code, bubbles: true, cancelable: true}));
   document.addEventListener('keydown', (event) => {
-    if (event.key !== '?' || /^(INPUT|TEXTAREA)$/.test(event.target.tagName)) return;
-    for (const to of [document.documentElement])
-      to.dispatchEvent(new KeyboardEvent('keydown',
-        {key: 'h', code: 'KeyH', bubbles: true, cancelable: true}));
-  });
+    const target = event.target;
+    if (event.key === '?' && !/^(INPUT|TEXTAREA)$/.test(target.tagName)) forward('h', 'KeyH');
+    if (event.key === ' ' && target.getAttribute('role') === 'tab') {
+      event.preventDefault();
+      event.stopPropagation();
+      target.blur();
+      forward(' ', 'Space');
+    }
+  }, true);
 }
 """
-"""viser has no key `?`; it is that of the help, `h`."""
+"""viser has no key `?`, which is that of the help, `h`; and a tab that was clicked keeps the space
+bar to itself."""
 
 
 def run_in_browsers(server: Any, source: str) -> None:
