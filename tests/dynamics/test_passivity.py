@@ -192,7 +192,7 @@ def test_wrong_settings_are_refused():
 
 
 def test_a_tool_on_a_coupling_recovers_from_late_ticks():
-    """A second in which one tick in seven is late by up to 6 ms: 10 N in the coupling without it."""
+    """One tick in seven is late by up to 6 ms for a second, and the coupling holds up to 10 N."""
     scene = load_scene("probe-plate-dots").changed(
         coupling={"mode": "implicit"},
         trajectory={"kind": "slide", "seconds": 3.5, "speed": 0.01, "press_force": 0.8},

@@ -44,6 +44,8 @@ _ACROSS = 220
 """Samples across the detail near a contact."""
 _LIFTED = 0.02
 """Height of that detail above the surface that it lies on, over the relief."""
+_RIM = 0.2
+"""Part of its radius over which the rim of that detail sinks into the coarse surface."""
 _TOOL_COARSER = 1.6
 """Factor on the spacing of the tool, whose relief is mostly hidden."""
 
@@ -272,16 +274,32 @@ def detail_of(
         near = np.linalg.norm(shape.vertices[shape.faces].mean(axis=1) - at, axis=1) < radius
         if near.any():
             used, faces = np.unique(shape.faces[near], return_inverse=True)
-            lifted = _LIFTED * (shape.highest - shape.lowest)
             out.append(
                 replace(
                     shape, name=f"detail-{shape.name}",
-                    vertices=shape.vertices[used] + lifted * shape.normals[used],
+                    vertices=_lifted(shape, used, at, radius),
                     normals=shape.normals[used], colours=shape.colours[used],
                     faces=faces.reshape(-1, 3), places=None, atlas=None,
                 )
             )  # fmt: skip
     return out
+
+
+def _lifted(shape: Drawable, used: NDArray[np.int64], at: Array, radius: float) -> Array:
+    """Return the vertices of a detail round `at`: a little above the surface, so as to cover it.
+
+    The page lowers a coarse surface under its detail by the relief. So towards its rim the detail
+    sinks by as much, and ends in the coarse surface without a step.
+    """
+    relief = shape.highest - shape.lowest
+    points, normals = shape.vertices[used], shape.normals[used]
+    raised = _LIFTED * relief * normals
+    if shape.is_tool:
+        return points + raised
+    rim = np.clip((np.linalg.norm(points - at, axis=1) / radius - 1.0 + _RIM) / _RIM, 0.0, 1.0)
+    rim = (rim * rim * (3.0 - 2.0 * rim))[:, None]
+    up = normals.mean(axis=0)
+    return points + (1.0 - rim) * raised - 1.05 * rim * relief * up / np.linalg.norm(up)
 
 
 def _paint(part: Part, material: SurfaceLook | None) -> Paint:
