@@ -155,7 +155,7 @@ def test_names_that_tell_where_to_add_things_stand_in_the_files_beside_them():
 
 
 @pytest.mark.slow
-def test_shell_blocks_of_the_readme_run_in_order_in_one_fresh_folder(tmp_path):
+def test_shell_blocks_of_the_readme_run_in_order_twice_in_one_fresh_folder(tmp_path):
     """`make` finds its environment made; its tests are only collected."""
     listed = subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard"],
@@ -171,7 +171,7 @@ def test_shell_blocks_of_the_readme_run_in_order_in_one_fresh_folder(tmp_path):
     (fresh / ".venv").symlink_to(sys.prefix)
     made = " ".join(f"-o .venv/installed-{extra}" for extra in ("run", "dev", "view"))
     script = f'set -e\nmake() {{ command make {made} "$@"; }}\n'
-    script += "".join(blocks((ROOT / "README.md").read_text("utf-8"), "sh"))
+    script += 2 * "".join(blocks((ROOT / "README.md").read_text("utf-8"), "sh"))
     environment = os.environ | {"PYTEST_ADDOPTS": "--collect-only -q", "MPLBACKEND": "agg"}
     done = subprocess.run(
         ["sh", "-c", script], cwd=fresh, env=environment, capture_output=True, text=True
