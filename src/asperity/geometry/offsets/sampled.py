@@ -207,6 +207,10 @@ class HeightMap(_Sampled):
         search = self._search(diameter, line=line)
         return lambda u: search(u, np.full_like(u, line))
 
+    def contacts(self, diameter: float, u: Array, v: Array) -> _Found:
+        """Return offset heights over (u, v), and contacts relative to them along u and v [m]."""
+        return self._search(diameter)(u, v)
+
     def offset(self, diameter: float) -> Array:
         """Return the offset surface [m] for a sphere of `diameter` [m], at every sample."""
         v, u = (np.indices(self.samples.shape) + 0.5) * self.pixel_size

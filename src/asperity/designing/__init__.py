@@ -1,0 +1,1 @@
+"""The way back: surfaces that have a wanted roughness, spectrum or distance, ready to print."""
