@@ -2,10 +2,12 @@
 
 The studies (`studies`) move a 1-D hand over the exact offset of a surface at constant normal force.
 Here a 6-DoF hand holds a sphere that touches the sampled plate of `probe-plate` in the full contact
-solver. Two hands are of interest:
+solver. Three hands are of interest:
 
 - *constant*: light and soft along the normal, so that its normal force is constant, and stiff in
   rotation. This is what the studies assume, and must agree with them.
+- *guided*: the same, but on a rail: it cannot move across the path. Over dots this, and not
+  *constant*, is the hand of the 1-D model, because dots push a probe aside;
 - *full*: the same mass, spring and damper in every direction; it regulates the force slowly and
   yields in rotation. The normal force then varies with the texture.
 """
@@ -23,11 +25,12 @@ from asperity.dynamics.simulated_hand.hand import HandSettings, SimulatedHand
 from asperity.errors import require_choice
 from asperity.runs.vibration_metrics import DEFAULT_BAND, band_rms, spectrum
 from asperity.scene.builtin.probe_plate import probe_plate
+from asperity.scene.scene import Scene
 from asperity.scene.trajectory import ScriptedMotion
 from asperity.simulation.simulation import Simulation
 from asperity.studies.otaduy_lin_2004.drags import Condition
 
-HANDS = ("constant", "full")
+HANDS = ("constant", "guided", "full")
 TICK = 1e-4
 """Time step of the hand, finer than that of any device [s]."""
 STIFFNESS = 2000.0
@@ -82,7 +85,7 @@ def drag_in_scene(
     ----------
     condition : Condition
         Spacing, diameter, normal force, speed.
-    kind : {"constant", "full"}
+    kind : {"constant", "guided", "full"}
         See the module.
     hand : Hand, optional
     amplitude : float
@@ -93,11 +96,46 @@ def drag_in_scene(
     hand = hand or Hand()
     texture = {"kind": "sinusoid", "wavelength": condition.spacing, "amplitude": amplitude}
     scene = probe_plate(texture, diameter=condition.diameter)
+    settling = _SETTLING * hand.time_constant
+    period = condition.spacing / condition.speed
+    room = 2.0 * abs(_START) / condition.speed - settling
+    periods = max(math.ceil(0.15 / period), 4)
+    periods = max(min(periods, math.floor(room / period)), 1)
+    return drag_over_plate(scene, condition, periods * period, kind=kind, hand=hand, band=band)
+
+
+def drag_over_plate(
+    scene: Scene,
+    condition: Condition,
+    seconds: float,
+    *,
+    kind: str = "constant",
+    hand: Hand | None = None,
+    band: tuple[float, float] = DEFAULT_BAND,
+    across: float = 0.0,
+) -> SixDofDrag:
+    """Drag the probe of a scene made as `probe-plate` along u; return the metrics of the motion.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its probe has the diameter of the condition, and its texture repeats.
+    condition : Condition
+        Diameter, normal force, speed; the spacing is not used.
+    seconds : float
+        Length of the record, whole periods of the texture [s]; it begins once the hand has
+        settled.
+    kind, hand, band
+        As for `drag_in_scene`.
+    across : float
+        The v of the path [m].
+    """
+    hand = hand or Hand()
     scene = scene.changed(force={"stiffness": STIFFNESS, "anti_alias": "off"})
     simulation = Simulation(scene, dt=TICK)
     press = ScriptedMotion(
         seconds=0.01, press_force=condition.normal_force,
-        start=(_START, 0.0, float(scene.start[2])),
+        start=(_START, across, float(scene.start[2])),
     )  # fmt: skip
     start = simulation.trajectory(press).poses[0]
     velocity = np.zeros(7)
@@ -109,16 +147,15 @@ def drag_in_scene(
     simulated = SimulatedHand(
         target, hand_settings(kind, condition, hand), dt=TICK, centre=simulation.tool.body.centre
     )
-    settling = _SETTLING * hand.time_constant
-    period = condition.spacing / condition.speed
-    room = 2.0 * abs(_START) / condition.speed - settling
-    periods = max(math.ceil(0.15 / period), 4)
-    periods = max(min(periods, math.floor(room / period)), 1)
-    record = round(periods * period / TICK)
-    first = math.ceil(settling / TICK)
+    record = round(seconds / TICK)
+    first = math.ceil(_SETTLING * hand.time_constant / TICK)
     acceleration, force = np.empty(record), np.empty(record)
     for i in range(first + record):
-        wrench = simulation.step(simulated.pose)
+        pose = simulated.pose
+        if kind == "guided":
+            pose = pose.copy()
+            pose[1] = start[1]
+        wrench = simulation.step(pose)
         simulated.advance(wrench)
         if i >= first:
             acceleration[i - first], force[i - first] = simulated.acceleration[0], wrench[2]
