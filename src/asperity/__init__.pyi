@@ -5,6 +5,7 @@ from .contact.body_pair import BodyPair as BodyPair
 from .contact.multibody import MultibodySolver as MultibodySolver
 from .contact.response.settings import ForceSettings as ForceSettings
 from .contact.solver import ContactSolver as ContactSolver
+from .designing.design import design as design
 from .dynamics.virtual_coupling.settings import CouplingSettings as CouplingSettings
 from .errors import AsperityError as AsperityError
 from .geometry.bodies import Body as Body

@@ -25,6 +25,7 @@ from asperity.cli.analyse import AnalyseCommand
 from asperity.cli.bake import BakeCommand
 from asperity.cli.compare import CompareCommand
 from asperity.cli.demo import DemoCommand
+from asperity.cli.design import DesignCommand
 from asperity.cli.devices import DevicesCommand
 from asperity.cli.doctor import DoctorCommand
 from asperity.cli.experiment import ExperimentCommand
@@ -67,6 +68,7 @@ COMMANDS = (
     | Annotated[SweepCommand, tyro.conf.subcommand("sweep")]
     | Annotated[PlotCommand, tyro.conf.subcommand("plot")]
     | Annotated[BakeCommand, tyro.conf.subcommand("bake")]
+    | Annotated[DesignCommand, tyro.conf.subcommand("design")]
     | Annotated[CompareCommand, tyro.conf.subcommand("compare")]
     | Annotated[ExperimentCommand, tyro.conf.subcommand("experiment")]
     | Annotated[AnalyseCommand, tyro.conf.subcommand("analyse")]

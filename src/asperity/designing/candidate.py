@@ -65,9 +65,7 @@ class DesignSettings:
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise AsperityError(f"{name} must be a whole number, 1 or above, got {value!r}")
         if not 1e-4 <= self.tolerance <= 1.0:
-            raise AsperityError(
-                f"tolerance must lie between 0.0001 and 1, got {self.tolerance!r}"
-            )
+            raise AsperityError(f"tolerance must lie between 0.0001 and 1, got {self.tolerance!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +171,8 @@ def unreachable(nearest: DesignedSurface, tolerance: float) -> UnreachableError:
     shown = ", ".join(f"{name} = {one:.4g}" for name, one in nearest.parameters.items())
     wave = demand.speed / np.sqrt(np.prod(demand.measure.band))
     hint = ""
-    if demand.measure.metric == "band_rms" and value < demand.value and wave < 0.2 * demand.diameter:
+    is_low = demand.measure.metric == "band_rms" and value < demand.value
+    if is_low and wave < 0.2 * demand.diameter:
         hint = (
             f"; the waves felt there are {wave * 1e3:.2g} mm long, shorter than a probe of "
             f"{demand.diameter * 1e3:.3g} mm follows"

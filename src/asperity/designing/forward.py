@@ -155,9 +155,7 @@ class TouchBench:
         pending = []
         for diameter in sorted({demand.diameter for demand in self.demands}):
             traced = trace_lines(samples, pixel, diameter, places)
-            touches = sorted({
-                (d.force, d.speed) for d in self.demands if d.diameter == diameter
-            })
+            touches = sorted({(d.force, d.speed) for d in self.demands if d.diameter == diameter})
             for force, speed in touches:
                 lags = []
                 for i, line in enumerate(traced.lines):
@@ -174,9 +172,11 @@ class TouchBench:
         weights = weights_of(values)
         gradient = np.zeros(samples.shape)
         for j, traced, lags, by_lags in pending:
-            by_heights = np.stack([
-                heights_gradient(lag, line, weights[j] * by_lag)
-                for lag, line, by_lag in zip(lags, traced.lines, by_lags, strict=True)
-            ])
+            by_heights = np.stack(
+                [
+                    heights_gradient(lag, line, weights[j] * by_lag)
+                    for lag, line, by_lag in zip(lags, traced.lines, by_lags, strict=True)
+                ]
+            )
             gradient += traced.adjoint(by_heights)
         return values, gradient

@@ -35,7 +35,9 @@ from asperity.designing.pattern_search import Tell
 from asperity.designing.process import wavenumbers
 from asperity.errors import AsperityError, require_between, require_positive
 
-_BANDS = 16
+_GAIN_BANDS = 16
+_GAINS, _NOISE = slice(0, 16), slice(16, None)
+"""Where they are among the unknowns, and where the noise is."""
 _LARGEST_GAIN = 4.0
 """Largest |g|: a factor of 55 on a band's heights."""
 _PENALTY = 300.0
@@ -98,11 +100,11 @@ class FreeProblem:
         prior = np.maximum(q, 1.0 / unknown.rolloff) ** -(unknown.hurst + 1.0)
         prior = prior * settings.process.passed(q)
         prior[0, 0] = 0.0
-        place = np.log(np.maximum(q, least) / least) / math.log(most / least) * (_BANDS - 1)
+        place = np.log(np.maximum(q, least) / least) / math.log(most / least) * (_GAIN_BANDS - 1)
         self._bands = np.stack(
-            [np.maximum(0.0, 1.0 - np.abs(place - i)) for i in range(_BANDS)], axis=0
+            [np.maximum(0.0, 1.0 - np.abs(place - i)) for i in range(_GAIN_BANDS)], axis=0
         )
-        self._bands[-1][place > _BANDS - 1] = 1.0
+        self._bands[-1][place > _GAIN_BANDS - 1] = 1.0
         self._weights = np.full(q.shape, 2.0)
         self._weights[:, 0] = 1.0
         if n % 2 == 0:
@@ -116,14 +118,14 @@ class FreeProblem:
     def unknowns(self) -> Array:
         """Where a search begins."""
         noise = self._noise.ravel() if self.with_noise else np.zeros(0)
-        return np.concatenate([np.zeros(_BANDS), noise])
+        return np.concatenate([np.zeros(_GAIN_BANDS), noise])
 
     def _gain(self, x: Array) -> Array:
-        return np.asarray(self._prior * np.exp(np.tensordot(x[:_BANDS], self._bands, 1)))
+        return np.asarray(self._prior * np.exp(np.tensordot(x[_GAINS], self._bands, 1)))
 
     def _waves(self, x: Array) -> Array:
         n = self.unknown.samples
-        noise = x[_BANDS:].reshape(n, n) if x.size > _BANDS else self._noise
+        noise = x[_NOISE].reshape(n, n) if x.size > _GAIN_BANDS else self._noise
         return np.asarray(self._gain(x) * np.fft.rfft2(noise))
 
     def heights(self, x: Array) -> Array:
@@ -157,15 +159,15 @@ class FreeProblem:
         # Parseval: the real transform holds each wave once, but for its first and last columns.
         shares = self._weights * np.real(np.conj(by_waves) * waves) / n**2
         by_gain = np.tensordot(self._bands, shares, 2)
-        gains = x[:_BANDS]
+        gains = x[_GAINS]
         mean = float(np.mean(gains))
         value = 0.5 * float(np.sum(miss**2)) + over
         # The level is free; only what changes the spectrum's form costs.
         value += _KEPT[0] * float(np.sum((gains - mean) ** 2))
         by_gain += 2.0 * _KEPT[0] * (gains - mean)
-        if x.size == _BANDS:
+        if x.size == _GAIN_BANDS:
             return value, by_gain
-        change = (x[_BANDS:] - self._noise.ravel()) / n
+        change = (x[_NOISE] - self._noise.ravel()) / n
         value += _KEPT[1] * float(np.sum(change**2))
         by_noise = np.fft.irfft2(by_waves * self._gain(x), s=(n, n)).ravel()
         by_noise += 2.0 * _KEPT[1] * change / n
@@ -197,8 +199,8 @@ class FreeProblem:
         for _ in range(4):
             miss = self.wanted - np.log(np.maximum(self.values(x, steps=False), 1e-12))
             degree = self.demands[0].measure.degree
-            x[:_BANDS] += float(np.mean(miss)) / degree
-        x[:_BANDS] = np.clip(x[:_BANDS], -_LARGEST_GAIN, _LARGEST_GAIN)
+            x[_GAINS] += float(np.mean(miss)) / degree
+        x[_GAINS] = np.clip(x[_GAINS], -_LARGEST_GAIN, _LARGEST_GAIN)
         return x
 
     def surface(self, x: Array) -> DesignedSurface:
@@ -221,7 +223,9 @@ def _can_be_made(surface: DesignedSurface, settings: DesignSettings) -> bool:
 def _minimise(problem: FreeProblem, x: Array, tell: Tell | None) -> Array:
     from scipy.optimize import minimize
 
-    bounds = [(-_LARGEST_GAIN, _LARGEST_GAIN)] * _BANDS + [(None, None)] * (x.size - _BANDS)
+    bounds = [(-_LARGEST_GAIN, _LARGEST_GAIN)] * _GAIN_BANDS + [(None, None)] * (
+        x.size - _GAIN_BANDS
+    )
     enough = 0.5 * (0.2 * problem.settings.tolerance) ** 2
 
     def after(intermediate_result: object) -> None:
@@ -287,7 +291,7 @@ def _one_map(
             # The spectrum's form alone does not do it.
             if not problem.with_noise:
                 problem.with_noise = True
-                x = np.concatenate([x[:_BANDS], problem.unknowns[_BANDS:]])
+                x = np.concatenate([x[_GAINS], problem.unknowns[_NOISE]])
         else:
             problem.wanted = original - np.log(surface.reached / smooth)
     assert best is not None

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Indices
 
 
-def spline_gain(turns: Array) -> Array:
+def spline_gain(turns: NDArray[Any]) -> Array:
     """Return the transfer function of B-spline coefficients to heights.
 
     It is symmetric, and so its own adjoint.
@@ -63,7 +65,9 @@ class OffsetLine:
     @cached_property
     def _coefficients(self) -> Array:
         n = self.heights.size
-        return np.asarray(np.fft.irfft(np.fft.rfft(self.heights) / spline_gain(np.fft.rfftfreq(n)), n))
+        return np.asarray(
+            np.fft.irfft(np.fft.rfft(self.heights) / spline_gain(np.fft.rfftfreq(n)), n)
+        )
 
     def _cells(self, places: Array) -> tuple[Indices, Array]:
         """Return the four coefficients' indices (4, m) of each place, and the place in its cell."""

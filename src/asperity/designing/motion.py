@@ -143,9 +143,7 @@ def periodic_lag(
     for stages in _STAGES:
         lag: Lag | None = rest
         for share in stages:
-            lag = _newton(lag, line, share)
-            if lag is None:
-                break
+            lag = None if lag is None else _newton(lag, line, share)
         if lag is not None:
             return lag
     raise AsperityError(

@@ -11,6 +11,7 @@ its targets are then corrected by what the layers change, until the surface with
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -44,7 +45,7 @@ Tell = Callable[[str, float], None]
 """Called with what is done and the largest relative miss so far."""
 
 
-class _Enough(Exception):
+class _EnoughError(Exception):
     """The target is met: a solver need not go on."""
 
 
@@ -81,22 +82,20 @@ class _Problem:
         return found, np.maximum(over, 0.0)
 
     def residuals(self, x: Array) -> Array:
-        """Return the residuals at unknowns; raise `_Enough` where they are small."""
+        """Return the residuals at unknowns; raise `_EnoughError` where they are small."""
         x = np.clip(x, 0.0, 1.0)
         try:
             found, over = self.values(x, steps=False)
         except AsperityError:
             return np.full(len(self.demands) + 2 * len(self._groups), _FAILED)
-        out = np.concatenate(
-            [np.log(np.maximum(found, 1e-12)) - self.wanted, _PENALTY * over]
-        )
+        out = np.concatenate([np.log(np.maximum(found, 1e-12)) - self.wanted, _PENALTY * over])
         cost = float(np.max(np.abs(out)))
         if cost < self.best[0]:
             self.best = cost, np.array(x)
             if self._tell is not None:
                 self._tell(self.unknown.kind, cost)
             if cost < _ENOUGH * self.settings.tolerance:
-                raise _Enough
+                raise _EnoughError
         return out
 
     def jacobian(self, x: Array) -> Array:
@@ -114,7 +113,8 @@ class _Problem:
         """Return the surface at unknowns, with layers."""
         process = self.settings.process
         found, _ = self.values(x, steps=True)
-        tiles, active = {}, []
+        tiles = {}
+        active: list[str] = []
         for spacing, _rows in self._groups:
             samples, pixel = square_samples(self.unknown.field(x, spacing))
             tile = designed_tile(process.to_make(samples, (pixel, pixel)), pixel, process)
@@ -143,28 +143,29 @@ def _search(problem: _Problem, start: Array) -> float:
     from scipy.optimize import least_squares
 
     problem.best = (np.inf, start)
-    try:
+    with contextlib.suppress(_EnoughError):
         least_squares(
             problem.residuals, np.clip(start, 1e-6, 1.0 - 1e-6), problem.jacobian, (0.0, 1.0),
             xtol=1e-5, ftol=1e-6, max_nfev=25,
         )  # fmt: skip
-    except _Enough:
-        pass
     return problem.best[0]
 
 
 def _evolve(problem: _Problem, start: Array) -> None:
     """Search globally, then locally, from `start`."""
-    from scipy.optimize import differential_evolution
+    from scipy.optimize import Bounds, differential_evolution
+
+    def cost(x: Array) -> float:
+        return float(np.sum(problem.residuals(x) ** 2))
 
     problem.best = (np.inf, start)
     try:
         differential_evolution(
-            lambda x: float(np.sum(problem.residuals(x) ** 2)), [(0.0, 1.0)] * start.size,
+            cost, Bounds([0.0] * start.size, [1.0] * start.size),
             x0=np.clip(start, 0.0, 1.0), maxiter=_EVOLUTIONS, popsize=_POPULATION,
             rng=problem.settings.seed, polish=False, tol=0.0,
         )  # fmt: skip
-    except _Enough:
+    except _EnoughError:
         return
     before = problem.best
     _search(problem, before[1])

@@ -151,9 +151,7 @@ def plate_triangles(heights: Array, pixel: float, base: float) -> Array:
     its top.
     """
     rows, columns = heights.shape
-    x, y = (
-        (np.arange(n) - 0.5 * (n - 1)) * pixel for n in (columns, rows)
-    )
+    x, y = ((np.arange(n) - 0.5 * (n - 1)) * pixel for n in (columns, rows))
     top = np.stack([*np.broadcast_arrays(x[None, :], y[:, None]), heights], axis=-1)
     a, b, c, d = top[:-1, :-1], top[:-1, 1:], top[1:, 1:], top[1:, :-1]
     faces = [np.stack(three, axis=2).reshape(-1, 3, 3) for three in ((a, b, c), (a, c, d))]
@@ -201,7 +199,5 @@ def write_base(shape: tuple[int, int], pixel: float, base: float, path: Path) ->
         quads += [(4 + k, 4 + m, m, k), (8 + k, 8 + m, 4 + m, 4 + k)]
     lines = ["# millimetres; the plate without its texture"]
     lines += ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in vertices]
-    lines += [
-        f"f {quad[0] + 1} {quad[i] + 1} {quad[i + 1] + 1}" for quad in quads for i in (1, 2)
-    ]
+    lines += [f"f {quad[0] + 1} {quad[i] + 1} {quad[i + 1] + 1}" for quad in quads for i in (1, 2)]
     path.write_text("\n".join(lines) + "\n", "utf-8")

@@ -19,8 +19,9 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError, require_choice, require_not_negative, require_positive
 
-_ROLL_OFF = 1.25
-"""Waves longer than this many shortest waves are kept whole, as in `HeightField.low_passed`."""
+_LEFT = 0.03
+"""What a map to be made keeps of its shortest wave. A Gaussian leads there: it does not ring, as a
+sharper filter does at the edge of a dot."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +69,8 @@ class ManufactureProcess:
 
     def passed(self, wavenumbers: Array) -> Array:
         """Return the share of each wave [1/m] that a map to be made keeps."""
-        end = 1.0 / self.shortest
-        fade = np.clip((end - wavenumbers) / (end - end / _ROLL_OFF), 0.0, 1.0)
-        return np.asarray(0.5 - 0.5 * np.cos(math.pi * fade))
+        share = wavenumbers * self.shortest
+        return np.where(share <= 1.0, np.exp(math.log(_LEFT) * share**2), 0.0)
 
     def blurred(self, wavenumbers: Array) -> Array:
         """Return the share of each wave [1/m] that the process keeps."""
@@ -106,8 +106,11 @@ def map_limits(samples: Array, pixel: tuple[float, float], *, wraps: bool = True
     """Return slope, relief and smallest feature of a map, `pixel` [m] along u and v."""
     from asperity.texture.height_field import HeightField
 
-    border = "wrap" if wraps else "clamp"
-    shortest = HeightField(samples, pixel, border).shortest_wavelength
+    waves = samples - samples.mean()
+    if not wraps:
+        # Without a window a border is a step, which has short waves that are not the map's.
+        waves = waves * np.hanning(len(waves))[:, None] * np.hanning(waves.shape[1])
+    shortest = HeightField(waves, pixel, "wrap").shortest_wavelength
     slope = float(np.max(facet_slopes(samples, pixel, wraps=wraps)))
     return MapLimits(slope, float(np.ptp(samples)), 0.5 * shortest)
 
@@ -156,4 +159,4 @@ def process_of(preset: str, **changed: float) -> ManufactureProcess:
     valid = [one.name for one in fields(ManufactureProcess) if one.name != "name"]
     for name in changed:
         require_choice("value of a process", name, valid)
-    return replace(PRESETS[preset], **changed)
+    return replace(PRESETS[preset], **changed)  # type: ignore[arg-type]

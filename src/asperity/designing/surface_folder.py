@@ -2,7 +2,7 @@
 
 `heights.tiff` is the tile to make and `made.tiff` what the process makes of it, 32-bit floats in
 metres, the bottom row at v = 0; both repeat. `plate.stl` [mm] is for the machine, `base.obj` the
-plate without texture, onto which `asperity bake` puts it back. The scene has the tile as it is made.
+plate without texture, onto which `asperity bake` puts it back. The scene has the tile as made.
 """
 
 from __future__ import annotations

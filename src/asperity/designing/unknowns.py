@@ -101,7 +101,9 @@ class PatternUnknown:
             for name, (low, high) in self.free.items()
         ])  # fmt: skip
 
-    def table(self, parameters: Mapping[str, float], spacing: float | None = None) -> dict[str, Any]:
+    def table(
+        self, parameters: Mapping[str, float], spacing: float | None = None
+    ) -> dict[str, Any]:
         """Return all arguments of the pattern; `spacing` [m] takes the place of its pitch."""
         known = inspect.signature(PATTERNS[self.kind]).parameters
         table = {**_FIXED.get(self.kind, {}), **self.fixed, **parameters}
