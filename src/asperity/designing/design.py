@@ -126,8 +126,9 @@ def _searched(
             surfaces += found
             seeds += [alone] * len(found)
         elif isinstance(unknown, FreeMap):
+            free_settings = replace(settings, tolerance=request.free_tolerance)
             maps = search_free_map(
-                unknown, request.demands, settings, accept_nearest=request.accept_nearest,
+                unknown, request.demands, free_settings, accept_nearest=request.accept_nearest,
                 tell=searching,
             )  # fmt: skip
             surfaces += maps

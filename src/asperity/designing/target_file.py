@@ -45,6 +45,8 @@ KINDS = ("metric", "spectrum", "surface", "recording", "series")
 _CONDITIONS = ("speed", "diameter", "force")
 _TOP = ("target", "surface", "process", "hand", "plate", "search")
 _MOST_STIMULI = 50
+_FREE_TOLERANCE = 0.05
+"""Of free maps, if none is given; that of patterns is 2 %."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class DesignRequest:
     starts: tuple[Mapping[str, float] | None, ...] = (None,)
     series: SeriesSpec | None = None
     accept_nearest: bool = False
+    free_tolerance: float = _FREE_TOLERANCE
+    """Largest relative miss of a free map."""
     mesh: Path | None = None
     """A closed mesh [mm] that carries the surface as well, OBJ or STL."""
     notes: tuple[str, ...] = ()
@@ -104,8 +108,7 @@ def read_request(target: str | os.PathLike[str] | Mapping[str, Any]) -> DesignRe
     accept = search.pop("accept", "target")
     require_choice("accept in search", accept, ("target", "nearest"))
     unknowns, starts = _surfaces(table.get("surface"))
-    if "tolerance" not in search and any(isinstance(one, FreeMap) for one in unknowns):
-        search["tolerance"] = 0.05
+    free_tolerance = search.get("tolerance", _FREE_TOLERANCE)
     settings = _made(DesignSettings, search | {"process": process, "hand": hand}, "search")
     wanted = dict(table.get("target", {}))
     if not wanted:
@@ -119,7 +122,9 @@ def read_request(target: str | os.PathLike[str] | Mapping[str, Any]) -> DesignRe
     plate = _made(PrintedPlate, plate_table, "plate")
     return DesignRequest(
         kind, demands, unknowns, settings, plate, starts, series, accept == "nearest",
-        None if mesh is None else folder / mesh, notes,
+        free_tolerance,
+        None if mesh is None else folder / mesh,
+        notes,
     )  # fmt: skip
 
 
