@@ -19,6 +19,7 @@ from asperity.viewer.panels.roughness import RoughnessPanel
 from asperity.viewer.panels.scene_view import SceneView
 from asperity.viewer.panels.sound import SoundPanel
 from asperity.viewer.panels.status import StatusPanel
+from asperity.viewer.panels.stimuli import StimuliPanel
 from asperity.viewer.panels.textures import TexturesPanel
 from asperity.viewer.panels.time import TimePanel
 from asperity.viewer.server.server import LOCAL, Page, serve
@@ -83,7 +84,7 @@ def live_panels(
     mouse, view = MousePanel(), SceneView(triangles)
     return [
         StatusPanel(timeline), ActionsPanel(mouse, view, timeline, links, folder), mouse,
-        ControlsPanel(), TexturesPanel(view), view,
+        ControlsPanel(), StimuliPanel(), TexturesPanel(view), view,
     ]  # fmt: skip
 
 
