@@ -20,6 +20,7 @@ from asperity.psychophysics.design import ExperimentDesign, read_design
 from asperity.psychophysics.interfaces.protocol import Paused, SimulatedInterface
 from asperity.psychophysics.procedures.procedures import procedure
 from asperity.psychophysics.session import journal as journal_module
+from asperity.psychophysics.session import session as session_module
 from asperity.psychophysics.session.journal import read_journal
 from asperity.psychophysics.session.session import Session
 from asperity.psychophysics.session.tables import answers_table
@@ -164,6 +165,34 @@ def test_quest_plus_goes_on_where_it_was(tmp_path):
     assert not run(made, tmp_path / "parts", Once(made, "P1", 1)).complete
     assert run(made, tmp_path / "parts", Once(made, "P1", 1)).complete
     assert answers_of(tmp_path / "parts") == answers_of(tmp_path / "whole")
+
+
+def test_tables_are_made_now_and_then_and_at_the_end(tmp_path, monkeypatch):
+    made, counts = design(CHOICE), []
+    real = session_module.write_tables
+    monkeypatch.setattr(
+        session_module, "write_tables",
+        lambda events, folder: (counts.append(len(events)), real(events, folder)),
+    )  # fmt: skip
+    run(made, tmp_path / "s")
+    # At its beginning and its end, however many answers there are.
+    assert len(counts) == 2
+    assert len(rows(tmp_path / "s")) == 60
+
+    class Dying(SimulatedInterface):
+        def ready(self, trial, progress):
+            if trial.number == 20:
+                raise Killed
+
+    with pytest.raises(Killed):
+        run(made, tmp_path / "t", Dying(made, "P1", 1))
+    # What SIGKILL leaves: tables of the beginning, which count for nothing.
+    (tmp_path / "t" / "answers.csv").write_text("")
+    assert len(read_results(tmp_path / "t")[0].answers) == 19
+    monkeypatch.setattr(session_module, "_TABLES_EVERY", -1.0)
+    run(made, tmp_path / "t")
+    assert len(counts) > 40
+    assert answers_of(tmp_path / "t") == answers_of(tmp_path / "s")
 
 
 class Killed(BaseException):

@@ -17,10 +17,10 @@ _KILLER = f"""
 import asperity.studies.sweeps.drag_runs as drags, os
 if not hasattr(drags, "plain_numbers"):  # Dask loads this more than once
     drags.plain_numbers = drags.DragRuns.numbers
-def deadly(self, varied, keep):
+def deadly(self, varied, keep, more):
     if varied.get("speed") == {DEADLY}:
         os._exit(9)
-    return drags.plain_numbers(self, varied, keep)
+    return drags.plain_numbers(self, varied, keep, more)
 drags.DragRuns.numbers = deadly
 """
 

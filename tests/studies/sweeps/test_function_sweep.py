@@ -74,6 +74,47 @@ def test_a_study_is_extended_to_what_it_would_have_been(tmp_path):
     assert all(one[name].identical(other[name]) for name in other.variables)
 
 
+def test_a_number_is_added_without_computing_anew(tmp_path):
+    def study(*keep):
+        hands = {"hand": {"mass": [0.05, 0.1, 0.1], "stiffness": [300.0, 300.0, 500.0]}}
+        return {"schema": 1, "keep": list(keep), "vary": {"speed": [0.05, 0.1]},
+                "zip": {"person": hands}}  # fmt: skip
+
+    path, whole = tmp_path / "a.zarr", tmp_path / "b.zarr"
+    run_sweep(study("band_rms"), path, workers=0)
+    assert set(open_sweep(path).data_vars) == {"band_rms", "state", "error"}
+    with pytest.raises(AsperityError, match="--extend if it only has other values or numbers"):
+        run_sweep(study("band_rms", "motion_status"), path, workers=0)
+    both = study("band_rms", "motion_status")
+    assert run_sweep(both, path, workers=0, extend=True).computed == 0
+    run_sweep(both, whole, workers=0)
+    one, other = open_sweep(path), open_sweep(whole)
+    assert all(one[name].identical(other[name]) for name in other.variables)
+    # ... and taken away, and back.
+    for keep in (["motion_status"], ["band_rms"]):
+        assert run_sweep(study(*keep), path, workers=0, extend=True).computed == 0
+    assert open_sweep(path)["band_rms"].equals(other["band_rms"])
+
+
+def test_a_client_of_ones_own_is_used_and_left_open(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    offset = 0.25
+    axes = {"x": [1.0, 2.0, 3.0]}
+    here = asperity.sweep(lambda x: x + offset, axes, tmp_path / "a.zarr", workers=0)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None,
+        host="127.0.0.1",
+    ) as cluster, distributed.Client(cluster) as client:  # fmt: skip
+        there = asperity.sweep(lambda x: x + offset, axes, tmp_path / "b.zarr", client=client)
+        assert client.status == "running"
+        with pytest.raises(AsperityError, match="give only one of workers, scheduler and client"):
+            asperity.sweep(
+                lambda x: x, {"x": [1.0]}, tmp_path / "c.zarr", client=client, workers=1
+            )
+    assert here["value"].equals(there["value"])
+    assert '"where": "scheduler"' in there.attrs["sessions"]
+
+
 def test_what_takes_too_long_fails_with_its_reason(tmp_path):
     def endless(x):
         while x > 1:

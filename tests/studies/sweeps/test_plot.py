@@ -25,7 +25,7 @@ def made(path, vary, number, design=None):
     values = number(columns)
     with open_store(path, study, block_size=study.size) as store:
         for block in store.blocks:
-            results = BlockResults.empty(block.size, 1)
+            results = BlockResults.empty(block.size, len(study.numbers))
             results.values[:, 0], results.states[:] = values[block.places], DONE
             store.write(block, results)
     return open_sweep(path)

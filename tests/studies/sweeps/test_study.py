@@ -66,6 +66,39 @@ def test_a_list_goes_along_together():
     assert found == [{"speed": 0.05, "diameter": 2e-3}, {"speed": 0.1, "diameter": 3e-3}]
 
 
+HANDS = {"mass": [0.05, 0.1, 0.1], "stiffness": [300.0, 300.0, 500.0]}
+
+
+@pytest.mark.parametrize("kind", ["grid", "sobol"])
+def test_rows_of_a_table_cross_the_other_axes(kind):
+    vary, design = {"speed": [0.05, 0.1]}, {"kind": kind}
+    if kind == "sobol":
+        vary["diameter"], design["count"] = {"from": 2e-3, "to": 3e-3}, 4
+    document = study(vary, zip={"person": {"hand": HANDS}}, design=design)
+    found = combinations(document)
+    rows = list(zip(*HANDS.values(), strict=True))
+    assert len(found) == 6 * design.get("count", 1)
+    assert {(row["hand.mass"], row["hand.stiffness"]) for row in found} == set(rows)
+    assert found[0]["speed"] == found[2]["speed"]  # hands share the table of slopes
+    axis = read_study(document).design.axes[-1]
+    assert (axis.name, axis.size) == ("person", 3)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [({"speed": {"hand": HANDS}}, "zip.speed: the store has something else of that name"),
+     ({"p": {"hand": HANDS | {"damping": [2.0]}}}, "equally many values, got 3 of hand.mass"),
+     ({"p": {"hand": {"mass": [0.1, 0.1], "damping": [2, 2.0]}}}, "row 0.1, 2.0 twice"),
+     ({"p": {"speed": [0.1], "hand": HANDS}}, "speed is under vary and under zip.p"),
+     ({"p": {"hand": HANDS | {"mass": [99.0]}}}, "zip.p.hand.mass must lie between 0.001 and 10"),
+     ({"p": {"hand": {"mass": [0.1]}}}, "at least two parameters"),
+     ({"p": {"hand": HANDS | {"damping": {"from": 1, "to": 2}}}}, "must be a list of values")],
+)  # fmt: skip
+def test_tables_that_are_not_valid(table, words):
+    with pytest.raises(AsperityError, match=words):
+        read_study(study({"speed": [0.05]}, zip=table))
+
+
 def test_a_folder_of_maps_is_a_variation(tmp_path):
     (tmp_path / "maps").mkdir()
     for name in ("b", "a"):

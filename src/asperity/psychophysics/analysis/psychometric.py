@@ -89,10 +89,16 @@ class Psychometric:
 
 
 def hits_by_level(intensities: ArrayLike, right: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return the different intensities of trials, rising, their numbers of trials, and of hits."""
-    x, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
-    hits = np.bincount(inverse, weights=np.asarray(right, dtype=np.float64))
-    return x, np.bincount(inverse).astype(np.float64), np.asarray(hits, dtype=np.float64)
+    """Return the different intensities of trials, rising, their numbers of trials, and of hits.
+
+    Intensities that differ by rounding alone, by less than 1e-7 of their range, are one.
+    """
+    values, inverse = np.unique(np.asarray(intensities, dtype=np.float64), return_inverse=True)
+    first = np.diff(values) > 1e-7 * np.ptp(values)
+    first = np.concatenate([np.ones(min(values.size, 1), dtype=np.bool_), first])
+    at = (np.cumsum(first) - 1)[inverse]
+    hits = np.bincount(at, weights=np.asarray(right, dtype=np.float64))
+    return values[first], np.bincount(at).astype(np.float64), np.asarray(hits, dtype=np.float64)
 
 
 def probability(

@@ -28,28 +28,36 @@ from scipy.stats import chi2, f
 from asperity._core.arrays import Array
 from asperity.errors import AsperityError
 from asperity.psychophysics.analysis.psychometric import Psychometric, hits_by_level
-from asperity.psychophysics.analysis.psychometric_search import LikelihoodSearch
+from asperity.psychophysics.analysis.psychometric_search import QUANTITIES, LikelihoodSearch
 
 STRETCH = {
-    "constant": {"threshold": 1.15, "lapse": 1.9},
-    "staircase": {"threshold": 1.05, "width": 1.15, "slope": 1.2, "level": 1.15},
-    "quest+": {"threshold": 1.4, "width": 1.6, "slope": 1.6, "level": 1.4},
+    ("staircase", 2): (1.2, 1.28, 1.22, 1.27, 0.63),
+    ("staircase", 3): (1.1, 1.17, 1.13, 1.17, 0.63),
+    ("quest+", 2): (1.31, 1.23, 1.4, 1.42, 0.77),
+    ("quest+", 3): (1.16, 1.1, 1.24, 1.24, 0.69),
+    ("constant", 2): (1.06, 1.05, 1.1, 1.1, 1.35),
+    ("constant", 3): (1.05, 1.04, 1.08, 1.08, 1.35),
+    ("constant", None): (1.08, 1.04, 1.0, 1.04, 1.35),
 }
-"""What the fall of the likelihood is multiplied by, by the method that chose the levels and the
-quantity; 1 where none is given. With as many trials as people give, and more so where levels
-depended on the answers, the deviance at the true value exceeds the quantile of the chi-squared
-distribution too often; the factor, a Bartlett correction found by simulation, is checked by
-`test_coverage.py`."""
+"""What the fall of the likelihood is multiplied by, of each of `QUANTITIES`, by the method that
+chose the levels and the number of intervals; None where levels lie on both sides of the standard.
+With as many trials as people give, and more so where levels depended on the answers, the deviance
+at the true value exceeds the quantile of the chi-squared distribution too often, and that of the
+lapse rate, which lies near its bounds, too rarely. The factors, Bartlett corrections found by
+simulation, are checked by `test_coverage.py`."""
 
 
 def fall_of(
-    confidence: float, adaptive: str, quantity: str = "threshold", freedom: int | None = None
-) -> float:
+    confidence: float, adaptive: str, quantity: str = "threshold", freedom: int | None = None,
+    guess: float | None = 0.5,
+) -> float:  # fmt: skip
     """Return how far the log likelihood falls to the ends of an interval.
 
     With `freedom` the overdispersion was estimated, from so many degrees of freedom.
     """
-    stretch = STRETCH.get(adaptive, {}).get(quantity, 1.0)
+    intervals = None if guess is None else 3 if guess < 0.4 else 2
+    factors = STRETCH.get((adaptive, intervals), STRETCH[adaptive, 2])
+    stretch = dict(zip(QUANTITIES, factors, strict=True))[quantity]
     fall = chi2.ppf(confidence, 1) if freedom is None else f.ppf(confidence, 1, freedom)
     return 0.5 * float(fall) * stretch
 
@@ -163,7 +171,7 @@ def fit_psychometric(
     wanted = [name for name in quantities if name != "level" or level]
     spans = {
         name: Interval(
-            *search.interval(hits, best, name, fall_of(confidence, adaptive, name, freedom))
+            *search.interval(hits, best, name, fall_of(confidence, adaptive, name, freedom, guess))
         )
         for name in wanted
     }

@@ -1,10 +1,11 @@
 """Maximum of the likelihood of a psychometric function, and its profiles.
 
 Threshold, width and lapse rate are free within bounds, the lapse rate between 0 and 0.06 (Wichmann
-& Hill 2001, Percept. Psychophys. 63, 1293-1313). The likelihood is evaluated on a coarse grid and
-then on ever smaller ones around the maximum, for many samples, or many values of one quantity
-that is held, at once. A held quantity that is no parameter itself, such as the slope, stands in
-for one: the parameter follows from it and the other two.
+& Hill 2001, Percept. Psychophys. 63, 1293-1313). The likelihood is evaluated on a coarse grid, from
+whose best point Fisher scoring goes on (damped after Marquardt 1963, J. Soc. Ind. Appl. Math. 11,
+431-441), for many sessions or samples, or many values of one quantity that is held, at once. A held
+quantity that is no parameter itself, such as the slope, stands in for one: the parameter follows
+from it and the other two.
 """
 
 from __future__ import annotations
@@ -23,11 +24,14 @@ QUANTITIES = {"threshold": 0, "level": 0, "width": 1, "slope": 1, "lapse": 2}
 each stands in. "level" is the intensity at `LikelihoodSearch.proportion` of right answers."""
 _POSITIVE = ("width", "slope")
 """Searched by their logarithms."""
-_ROUNDS = 24
-_SHRINK = 0.72
-_GRID = (41, 21, 4)
-_LOCAL = (3, 3, 3)
-_STEPS = 33
+_ROUNDS = 60
+_CLOSE = 1e-6
+"""Gain of the log likelihood at which scoring ends."""
+_STARTS = 4
+_STEP = 1e-6
+"""Of differences, as a part of the range of a parameter."""
+_GRID = (21, 13, 3)
+_STEPS = 13
 _FINER = 3
 """Number of refinements of an interval's end."""
 _MOST = 2_000_000
@@ -52,26 +56,33 @@ def profile_end(
         Of the log likelihood.
     """
     near, far = ends
+    part = 0.5
     for _ in range(_FINER):
         values = spaced(near, far)
-        below = profile(values) < level
+        heights = profile(values)
+        below = heights < level
         below[0] = False
         if not below.any():
             return far
-        first = int(np.argmax(below))
-        near, far = float(values[first - 1]), float(values[first])
-    return 0.5 * (near + far)
+        last = int(np.argmax(below)) - 1
+        near, far = float(values[last]), float(values[last + 1])
+        if np.isfinite(heights[last + 1]):
+            above, drop = heights[last] - level, heights[last] - heights[last + 1]
+            part = float(np.clip(above / drop, 0.0, 1.0))
+    return near + part * (far - near)
 
 
 class LikelihoodSearch:
     """The likelihood over threshold, log width and lapse rate, and its maximum.
 
+    Of one session, or of many (n) whose levels differ.
+
     Parameters
     ----------
-    x : (m,) array
+    x : (m,) or (n, m) array
         Intensities, rising.
-    count : (m,) array
-        Trials at each.
+    count : (m,) or (n, m) array
+        Trials at each; 0 where a session has fewer levels than others.
     guess, function
         See `Psychometric`.
     lapse : float, optional
@@ -84,64 +95,79 @@ class LikelihoodSearch:
         self, x: Array, count: Array, guess: float | None, function: str, lapse: float | None,
         proportion: float = 0.75,
     ) -> None:  # fmt: skip
-        self._x, self._count, self._guess, self._function = x, count, guess, function
+        self._x, self._count = np.atleast_2d(x), np.atleast_2d(count)
+        self._guess, self._function = guess, function
         self.proportion = proportion
-        span = float(x[-1] - x[0])
-        finest = float(np.min(np.diff(x)))
+        self._levels, self._at_level = np.unique(self._x, return_inverse=True)
+        self._at_level = self._at_level.reshape(self._x.shape)
+        ends = [_ends(*row) for row in zip(self._x, self._count, strict=True)]
+        first, last, finest = np.array(ends).T
+        span = last - first
         lapses = (0.0, HIGHEST_LAPSE) if lapse is None else (lapse, lapse)
-        widths = (0.5 * finest, 4.0 * span)
-        self._low = np.array([x[0] - 0.5 * span, np.log(widths[0]), lapses[0]])
-        self._high = np.array([x[-1] + 0.5 * span, np.log(widths[1]), lapses[1]])
-        self._free = self._high > self._low
-        self._pitch = (self._high - self._low) / (np.array(_GRID) - 1)
+        held = np.ones_like(span)
+        self._low = np.stack([first - 0.5 * span, np.log(0.5 * finest), lapses[0] * held], 1)
+        self._high = np.stack([last + 0.5 * span, np.log(4.0 * span), lapses[1] * held], 1)
+        self._corners = self._low.min(axis=0), self._high.max(axis=0)
+        self._free = self._corners[1] > self._corners[0]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """Lowest and highest threshold, width, lapse."""
-        return _plain(self._low), _plain(self._high)
+        """Lowest and highest threshold, width, lapse (3,) of one session."""
+        return _plain(self._low[0]), _plain(self._high[0])
 
     def psi(self, parameters: Array) -> Array:
-        """Return the probabilities (n, x) of parameters (n, 3): threshold, width, lapse."""
-        t, w, lapse = (parameters[:, i, None] for i in range(3))
-        return probability(self._x, t, w, lapse, self._guess, self._function)
+        """Return the probabilities (n, m) of parameters (n, 3): threshold, width, lapse."""
+        return self._psi_at(self._x, parameters)
+
+    def _psi_at(self, x: Array, parameters: Array) -> Array:
+        """Return the probabilities (..., m) at intensities of parameters (..., 3), not 0 nor 1."""
+        t, w, lapse = (parameters[..., i, None] for i in range(3))
+        p = probability(x, t, w, lapse, self._guess, self._function)
+        return np.clip(p, 1e-9, 1.0 - 1e-9)
 
     def best(self, hits: Array) -> Array:
-        """Return threshold, width, lapse (n, 3) of most likelihood for hits (n, x)."""
-        grid = self._lattice(_GRID, self._low, self._high)
-        at = grid[np.argmax(self._of_grid(grid, hits), axis=1)]
-        return _plain(self._climbed(at, hits, self._pitch))
+        """Return threshold, width, lapse (n, 3) of most likelihood for hits (n, m)."""
+        grid = self._lattice(None)
+        likely = self._of_grid(grid, hits)
+        likely = np.where(self._inside(grid, self._low, self._high), likely, -np.inf)
+        return _plain(self._highest(grid[None], likely, hits, self._free))
 
     def likelihood(self, hits: Array, parameters: Array) -> Array:
-        """Return the log likelihood (n,) of parameters (n, 3), for hits (n, x) or (x,)."""
-        p = np.clip(self.psi(parameters), 1e-9, 1.0 - 1e-9)
+        """Return the log likelihood (n,) of parameters (n, 3), for hits (n, m) or (m,)."""
+        p = self.psi(parameters)
         out = (hits * np.log(p) + (self._count - hits) * np.log1p(-p)).sum(axis=1)
         return np.asarray(out)
 
     def profile(self, hits: Array, quantity: str, values: Array) -> Array:
-        """Return the most log likelihood (k,) with one quantity held, for hits (x,).
+        """Return the most log likelihood with one quantity held.
 
         Parameters
         ----------
+        hits : (m,) or (n, m) array
         quantity : str
             One of `QUANTITIES`.
         values : (k,) array
-            Of that quantity. Where no parameters within the bounds have it, the result is -inf.
+            Of that quantity; one value for hits of many sessions. Where no parameters within the
+            bounds have it, the result is -inf.
+
+        Returns
+        -------
+        (k,) or (n,) array
         """
-        column = QUANTITIES[quantity]
-        shape = tuple(1 if i == column else n for i, n in enumerate(_GRID))
-        rest = self._lattice(shape, self._low, self._high)
+        hits = np.atleast_2d(hits)
+        rest = self._lattice(QUANTITIES[quantity])
         grid = self._held(np.repeat(rest[None], len(values), axis=0), quantity, values)
-        likely = self._of_grid(grid.reshape(-1, 3), hits[None, :])[0].reshape(grid.shape[:2])
-        likely[~self._inside(grid)] = -np.inf
-        at = grid[np.arange(len(values)), np.argmax(likely, axis=1)]
-        reach = self._pitch.copy()
-        reach[column] = 0.0
-        found = self._climbed(
-            at, np.repeat(hits[None, :], len(values), axis=0), reach, (quantity, values)
-        )
-        return np.where(
-            self._inside(found), self.likelihood(hits, _plain(found)), -np.inf
-        )  # fmt: skip
+        likely = self._of_grid(grid.reshape(-1, 3), hits)
+        inside = self._inside(grid.reshape(-1, 3), self._low, self._high)
+        likely = np.where(inside, likely, -np.inf).reshape(len(hits), *grid.shape[:2])
+        # One row for each value, or for each session.
+        likely = likely.reshape(-1, grid.shape[1])
+        every = np.broadcast_to(hits, (len(likely), hits.shape[1]))
+        held = quantity, np.broadcast_to(values, len(likely))
+        free = self._free & (np.arange(3) != QUANTITIES[quantity])
+        found = self._highest(grid, likely, every, free, held)
+        inside = self._inside(found[:, None], self._low, self._high)[:, 0]
+        return np.where(inside, self.likelihood(every, _plain(found)), -np.inf)
 
     def of(self, quantity: str, parameters: Array) -> Array:
         """Return a quantity (n,) of parameters (n, 3)."""
@@ -209,55 +235,182 @@ class LikelihoodSearch:
         out[..., QUANTITIES[quantity]] = value
         return out
 
-    def _inside(self, points: Array) -> NDArray[np.bool_]:
-        """Return which points are within the bounds."""
-        small = 1e-9 * (1.0 + np.abs(self._high - self._low))
-        return np.asarray(
-            ((points >= self._low - small) & (points <= self._high + small)).all(axis=-1)
-        )
+    @staticmethod
+    def _inside(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+        """Return which points (k, 3) or (n, k, 3) are within bounds (n, 3), as (n, k)."""
+        low, high = low[:, None], high[:, None]
+        small = 1e-9 * (1.0 + np.abs(high - low))
+        return np.asarray(((points >= low - small) & (points <= high + small)).all(axis=-1))
 
     def _of_grid(self, grid: Array, hits: Array) -> Array:
-        """Return the log likelihood (n, k) of k points for hits (n, x)."""
-        p = np.clip(self.psi(_plain(grid)), 1e-9, 1.0 - 1e-9)
+        """Return the log likelihood (n, k) of k points for hits (n, m)."""
+        p = self._psi_at(self._levels, _plain(grid))
         # Linear in the hits: one product of matrices for all samples.
-        return np.asarray(hits @ (np.log(p) - np.log1p(-p)).T + self._count @ np.log1p(-p).T)
+        right, wrong = np.log(p), np.log1p(-p)
+        return np.asarray(
+            self._spread(hits) @ (right - wrong).T + self._spread(self._count) @ wrong.T
+        )
+
+    def _spread(self, numbers: Array) -> Array:
+        """Return numbers (n, m) of each session's levels as those (n, k) of all levels."""
+        if len(self._x) == 1:
+            return numbers
+        out = np.zeros((len(self._x), self._levels.size))
+        np.add.at(out, (np.arange(len(self._x))[:, None], self._at_level), numbers)
+        return out
+
+    def _highest(
+        self, grid: Array, likely: Array, hits: Array, free: NDArray[np.bool_],
+        held: tuple[str, Array] | None = None,
+    ) -> Array:  # fmt: skip
+        """Return the points (n, 3) of most likelihood uphill of the best points of a grid.
+
+        There may be several maxima, such as that of a step between two levels: the best points of
+        narrow, middle and wide functions are gone on from.
+
+        Parameters
+        ----------
+        grid : (k, g, 3) array
+            k is n, or 1 for all.
+        likely : (n, g) array
+        hits : (n, m) array
+        free : (3,) array
+            Which parameters may change.
+        held : (str, (n,) array), optional
+            A quantity and its values, from which the parameter follows for which it stands in.
+        """
+        by = grid[0, :, 1 if free[1] else 0]
+        parts = np.linspace(by.min(), by.max(), _STARTS + 1)[1:-1]
+        rows, part = np.arange(len(likely)), np.searchsorted(parts, by)
+        out, most = np.zeros((len(likely), 3)), np.full(len(likely), -np.inf)
+        for i in range(_STARTS):
+            start = np.argmax(np.where(part == i, likely, -np.inf), axis=1)
+            found = self._climbed(grid[rows % len(grid), start], hits, free, held)
+            now = self.likelihood(hits, _plain(found))
+            out = np.where((now > most)[:, None], found, out)
+            most = np.maximum(most, now)
+        return out
 
     def _climbed(
-        self, at: Array, hits: Array, reach: Array, held: tuple[str, Array] | None = None
+        self, at: Array, hits: Array, free: NDArray[np.bool_], held: tuple[str, Array] | None
     ) -> Array:
-        """Return the best points (n, 3) near points, for hits (n, x)."""
-        offsets = self._lattice(_LOCAL, -np.ones(3), np.ones(3))
-        offsets = offsets[(offsets[:, reach == 0.0] == 0.0).all(axis=1)]
-        out, chunk = np.array(at), max(1, _MOST // (len(offsets) * self._x.size))
+        """Return the points (n, 3) to which scoring leads from points."""
+        out, chunk = np.array(at), max(1, _MOST // (4 * self._x.shape[1]))
         for first in range(0, len(at), chunk):
             part = slice(first, first + chunk)
             kept = None if held is None else (held[0], held[1][part])
-            out[part] = self._refined(at[part], hits[part], offsets, reach, kept)
+            own = part if len(self._x) > 1 else slice(None)
+            climb = _Climb(self, hits[part], np.flatnonzero(free), kept, own)
+            out[part] = climb.from_points(at[part])
         return out
 
-    def _refined(
-        self, at: Array, hits: Array, offsets: Array, reach: Array,
-        held: tuple[str, Array] | None,
-    ) -> Array:  # fmt: skip
+    def _lattice(self, held: int | None) -> Array:
+        """Return points (n, 3) between the bounds; one value of what is held or not free."""
+        (low, high), axes = self._corners, []
+        for i, count in enumerate(_GRID):
+            if i == held or not self._free[i]:
+                axes.append(np.array([0.5 * (low[i] + high[i])]))
+            else:
+                axes.append(np.linspace(low[i], high[i], count))
+        if len(axes[0]) > 1:  # a step lies between two levels
+            between = 0.5 * (self._levels[1:] + self._levels[:-1])
+            axes[0] = np.union1d(axes[0], between)
+        return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+
+
+class _Climb:
+    """Damped Fisher scoring of many maxima at once, within bounds.
+
+    Parameters
+    ----------
+    search : LikelihoodSearch
+    hits : (n, m) array
+    free : (k,) array of int
+        The parameters that change.
+    held : (str, (n,) array) or None
+    own : slice
+        The rows of the search's sessions; all of a single one.
+    """
+
+    def __init__(
+        self, search: LikelihoodSearch, hits: Array, free: NDArray[np.intp],
+        held: tuple[str, Array] | None, own: slice,
+    ) -> None:  # fmt: skip
+        self._search, self._hits, self._free, self._held = search, hits, free, held
+        rows = np.broadcast_to
+        self._x = rows(search._x[own], hits.shape)
+        self._count = rows(search._count[own], hits.shape)
+        self._low = rows(search._low[own], (len(hits), 3))
+        self._high = rows(search._high[own], (len(hits), 3))
+
+    def from_points(self, at: Array) -> Array:
+        """Return the points (n, 3) to which scoring from points leads."""
+        at, damping = np.array(at), np.full(len(at), 1e-3)
+        likely, live = np.full(len(at), -np.inf), np.arange(len(at))
+        likely = self._likely(at, live, self._psi(at, live))
         for _ in range(_ROUNDS):
-            near = np.clip(at[:, None, :] + offsets * reach, self._low, self._high)
-            near = near if held is None else self._held(near, *held)
-            p = self.psi(_plain(near.reshape(-1, 3))).reshape(*near.shape[:2], -1)
-            p = np.clip(p, 1e-9, 1.0 - 1e-9)
-            likely = np.einsum("nx,nox->no", hits, np.log(p))
-            likely += np.einsum("nx,nox->no", self._count - hits, np.log1p(-p))
-            likely[~self._inside(near)] = -np.inf
-            at = near[np.arange(len(at)), np.argmax(likely, axis=1)]
-            reach = _SHRINK * reach
+            step = self._step(at[live], live, damping[live])
+            moved = np.clip(at[live] + step, self._low[live], self._high[live])
+            moved = self._on(moved, live)
+            now = self._likely(moved, live, self._psi(moved, live))
+            better = now > likely[live]
+            gain = np.where(better, now, 0.0) - np.where(better, likely[live], 0.0)
+            at[live[better]], likely[live[better]] = moved[better], now[better]
+            damping[live] = np.where(better, damping[live] / 6.0, damping[live] * 6.0)
+            # Over once a good step gains nothing, or no step however small does.
+            over = (better & (gain < _CLOSE)) | (damping[live] > 1e9)
+            live = live[~over]
+            if not live.size:
+                break
         return at
 
-    def _lattice(self, shape: tuple[int, ...], low: Array, high: Array) -> Array:
-        """Return points (n, 3) between two corners; one value where nothing is free."""
-        axes = [
-            np.linspace(a, b, n) if free else np.array([0.5 * (a + b)])
-            for a, b, n, free in zip(low, high, shape, self._free, strict=True)
-        ]
-        return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    def _on(self, points: Array, live: NDArray[np.intp]) -> Array:
+        """Return points (n, 3) with the held quantity in place."""
+        if self._held is None:
+            return points
+        quantity, values = self._held
+        return self._search._held(points[:, None], quantity, values[live])[:, 0]
+
+    def _psi(self, points: Array, live: NDArray[np.intp]) -> Array:
+        return self._search._psi_at(self._x[live], _plain(points))
+
+    def _likely(self, points: Array, live: NDArray[np.intp], p: Array) -> Array:
+        hits, low, high = self._hits[live], self._low[live], self._high[live]
+        out = (hits * np.log(p) + (self._count[live] - hits) * np.log1p(-p)).sum(axis=1)
+        inside = self._search._inside(points[:, None], low, high)[:, 0]
+        return np.where(inside, out, -np.inf)
+
+    def _step(self, at: Array, live: NDArray[np.intp], damping: Array) -> Array:
+        """Return the damped scoring steps (n, 3)."""
+        p, low, high = self._psi(at, live), self._low[live], self._high[live]
+        slopes = []
+        for column in self._free:
+            # Away from the bound, so that both points are within.
+            apart = _STEP * (high[:, column] - low[:, column])
+            apart = np.where(at[:, column] + apart > high[:, column], -apart, apart)
+            near = np.array(at)
+            near[:, column] += apart
+            slopes.append((self._psi(self._on(near, live), live) - p) / apart[:, None])
+        slope, weight = np.stack(slopes, axis=1), 1.0 / (p * (1.0 - p))  # (n, k, m), (n, m)
+        uphill = np.einsum("nkm,nm->nk", slope, (self._hits[live] - self._count[live] * p) * weight)
+        curved = np.einsum("nkm,nlm,nm->nkl", slope, slope, self._count[live] * weight)
+        # Parameters at a bound beyond which it rises stay there.
+        here, small = at[:, self._free], 1e-12
+        stuck = (here <= low[:, self._free] + small) & (uphill < 0.0)
+        stuck |= (here >= high[:, self._free] - small) & (uphill > 0.0)
+        uphill[stuck] = 0.0
+        curved *= ~stuck[:, :, None] & ~stuck[:, None, :]
+        size = np.einsum("nkk->nk", curved)
+        size += damping[:, None] * size + np.where(size > 1e-9, 1e-9, 1.0)
+        out = np.zeros_like(at)
+        out[:, self._free] = np.linalg.solve(curved, uphill[:, :, None])[:, :, 0]
+        return out
+
+
+def _ends(x: Array, count: Array) -> tuple[float, float, float]:
+    """Return the lowest and the highest level of a session, and the least distance of two."""
+    used = x[count > 0.0]
+    return float(used[0]), float(used[-1]), float(np.min(np.diff(used)))
 
 
 def _plain(points: Array) -> Array:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity._core.output import output_errors
 from asperity.errors import AsperityError
 from asperity.psychophysics.session.trials import PresentedInterval
 from asperity.psychophysics.stimuli import Stimuli, Stimulus
@@ -90,7 +91,8 @@ class HeadlessPresenter(Presenter):
         begun()
         earlier = self._earlier.get((stimulus.name, seconds))
         if earlier is not None and earlier[0].is_file():
-            shutil.copyfile(earlier[0], recording)
+            with output_errors(recording):
+                shutil.copyfile(earlier[0], recording)
             return replace(earlier[1], recording=recording.name)
         scene = self._scene(stimulus)
         motion = scene.motion

@@ -3,7 +3,7 @@
 A session writes into its folder:
 
     experiment.toml    the design
-    journal.jsonl      every event; all other tables are derived from it
+    journal.jsonl      every event; the tables are derived from it, now and then and at the end
     answers.csv        a row for each answer
     trials.csv         a row for each interval that was presented
     recordings/        NUMBER-INTERVAL.h5: every tick of it
@@ -44,6 +44,8 @@ from asperity.studies.sweeps.batch import machine
 
 SCHEMA = 1
 RECORDINGS = "recordings"
+_TABLES_EVERY = 30.0
+"""Time between two versions of the tables while a session runs [s]."""
 _CODE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 _CHANGED = {
     "design": "the experiment's file", "scenes": "a scene or texture that it presents",
@@ -135,7 +137,12 @@ class Session:
             )  # fmt: skip
         (self.folder / RECORDINGS).mkdir(mode=0o700, exist_ok=True)
         write_whole(self.folder / "experiment.toml", write_toml(self.design.document))
+        self._write_tables()
+
+    def _write_tables(self) -> None:
+        """Make the tables from the journal, which alone counts."""
         write_tables(self.journal.events, self.folder)
+        self._tables_at = time.monotonic()
 
     def _resume(self, events: list[dict[str, Any]], digests: dict[str, Any]) -> None:
         begin = events[0]
@@ -223,7 +230,10 @@ class Session:
                         machine=machine(), language=self.design.texts.language,
                     )  # fmt: skip
                     interface.welcome(self.design, self.progress)
-                self._run_trials(presenter, interface, sleep)
+                try:
+                    self._run_trials(presenter, interface, sleep)
+                finally:
+                    self._write_tables()
             except OutputError as error:
                 raise OutputError(
                     f"{error}; all {self.answers} answers are kept, and the same command resumes"
@@ -264,7 +274,6 @@ class Session:
                 if self.progress.can_take_back:
                     self.journal.append("taken_back", time=self._time(), by=interface.kind)
                     self._replay()
-                    write_tables(self.journal.events, self.folder)
                     interface.taken_back()
 
     def _rest(self, trial: Trial, interface: ParticipantInterface) -> None:
@@ -336,7 +345,8 @@ class Session:
         # From here on the answer is on the disk.
         self.procedure.answer(trial, answer)
         self.answers += 1
-        write_tables(self.journal.events, self.folder)
+        if time.monotonic() - self._tables_at > _TABLES_EVERY:
+            self._write_tables()
         if right is not None and self._gives_feedback(trial, right):
             interface.feedback(right)
 

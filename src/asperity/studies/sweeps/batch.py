@@ -34,6 +34,8 @@ class Batch(NamedTuple):
     folder: str
     seed: int
     keep: tuple[str, ...]
+    more: tuple[str, ...]
+    """Numbers that a combination gives besides; NaN where it does not."""
     columns: Mapping[str, list[Any]]
     """Varied parameters: key -> values, one for each of the n combinations."""
     program: str
@@ -46,7 +48,7 @@ class BatchOutcome(NamedTuple):
     """Results of a batch of n combinations."""
 
     values: NDArray[np.float64]
-    """Kept numbers (n, numbers); NaN where the combination failed."""
+    """Numbers (n, keep and more); NaN where the combination failed."""
     states: NDArray[np.int8]
     """`DONE` or `FAILED` (n,)."""
     errors: list[str]
@@ -118,15 +120,15 @@ def run_batch(batch: Batch) -> BatchOutcome:
         )
     count = len(next(iter(batch.columns.values())))
     runs = runner(batch.kind, batch.fixed, Path(batch.folder), batch.seed)
-    values = np.full((count, len(batch.keep)), np.nan)
+    values = np.full((count, len(batch.keep) + len(batch.more)), np.nan)
     states = np.full(count, DONE, np.int8)
     errors = [""] * count
     for i in range(count):
         varied = {key: column[i] for key, column in batch.columns.items()}
         try:
             with time_limit(batch.limit):
-                numbers = runs.numbers(varied, batch.keep)
-            for name, number in zip(batch.keep, numbers, strict=True):
+                numbers = runs.numbers(varied, batch.keep, batch.more)
+            for name, number in zip(batch.keep, numbers, strict=False):
                 if not math.isfinite(number):
                     raise AsperityError(f"{name} came out as {number}")
             values[i] = numbers

@@ -107,7 +107,9 @@ class SweepDesign:
         }
 
 
-def read_variation(key: str, spec: Any, folder: Path, whole: bool = False) -> Variation:
+def read_variation(
+    key: str, spec: Any, folder: Path, whole: bool = False, table: str = "vary"
+) -> Variation:
     """Read and check how one parameter varies.
 
     Parameters
@@ -121,8 +123,10 @@ def read_variation(key: str, spec: Any, folder: Path, whole: bool = False) -> Va
         Folder to which relative paths refer.
     whole : bool
         Whether the parameter takes whole numbers only; then a number n stands for 0 to n - 1.
+    table : str
+        The table in which it stands: `vary`, or `zip.NAME`, in which values may repeat.
     """
-    where = f"vary.{key}"
+    where = f"{table}.{key}"
     if whole and type(spec) is int and 1 <= spec <= MOST:
         spec = {"from": 0, "to": spec - 1, "count": spec} if spec > 1 else [0]
     if isinstance(spec, list):
@@ -146,7 +150,7 @@ def read_variation(key: str, spec: Any, folder: Path, whole: bool = False) -> Va
     values = _files(where, spec, folder) if form == "folder" else spec[form]
     if not isinstance(values, list) or not values:
         raise AsperityError(f"{where}.{form} must be a list of at least one value, got {values!r}")
-    if len({_identity(value) for value in values}) != len(values):
+    if table == "vary" and len({_identity(value) for value in values}) != len(values):
         twice = next(v for v in values if values.count(v) > 1)
         raise AsperityError(f"{where} has the value {twice!r} twice")
     return Variation(key, list(values), 0.0, 1.0, False, False, form == "choose")
@@ -220,8 +224,9 @@ def _files(where: str, spec: Mapping[str, Any], folder: Path) -> list[str]:
 
 
 def read_design(
-    spec: Mapping[str, Any], variations: Sequence[Variation], inner: Sequence[str]
-) -> SweepDesign:
+    spec: Mapping[str, Any], variations: Sequence[Variation], inner: Sequence[str],
+    zipped: Mapping[str, Sequence[Variation]] | None = None,
+) -> SweepDesign:  # fmt: skip
     """Return the combinations of variations according to `[design]`.
 
     Parameters
@@ -231,6 +236,8 @@ def read_design(
     variations : sequence of Variation
     inner : sequence of str
         Prefixes of keys whose axes come last, because neighbours along them share work.
+    zipped : mapping, optional
+        Name -> variations that go along together, as one axis of that name.
     """
     require_keys(spec, "design", ("kind", "count", "seed"))
     kind = spec.get("kind", "grid")
@@ -244,8 +251,9 @@ def read_design(
         variations = [_every(v) for v in variations]
     drawn = [v for v in variations if v.drawn]
     fixed = [v for v in variations if not v.drawn]
-    fixed.sort(key=lambda v: v.key.startswith(tuple(inner)))
     axes = [Axis(v.key, {v.key: v.values or []}) for v in fixed]
+    axes += [_zipped(name, together) for name, together in (zipped or {}).items()]
+    axes.sort(key=lambda axis: all(key.startswith(tuple(inner)) for key in axis.columns))
     if kind not in ("grid", "list"):
         axes = [_sampled(kind, spec, seed, drawn), *axes]
     elif drawn:
@@ -255,6 +263,8 @@ def read_design(
             f'"latin-hypercube" or "sobol"); give {"values" if what == "choose" else "count"}'
         )
     elif kind == "list":
+        if zipped:
+            raise AsperityError("zip does not go with a list, in which all go along together")
         axes = [_together(axes)]
     design = SweepDesign(kind, seed, tuple(axes))
     if design.size > MOST:
@@ -268,6 +278,21 @@ def _every(variation: Variation) -> Variation:
         return variation
     values = list(range(int(variation.low), int(variation.high) + 1))
     return variation._replace(values=values, drawn=False)
+
+
+def _zipped(name: str, variations: Sequence[Variation]) -> Axis:
+    """Return variations that go along together, each row of values once."""
+    sizes = {v.key: len(v.values or []) for v in variations}
+    if len(set(sizes.values())) != 1:
+        counts = ", ".join(f"{size} of {key}" for key, size in sizes.items())
+        raise AsperityError(f"zip.{name}: all need equally many values, got {counts}")
+    columns = {v.key: v.values or [] for v in variations}
+    rows = list(zip(*columns.values(), strict=True))
+    known = [tuple(map(_identity, row)) for row in rows]
+    if len(set(known)) != len(rows):
+        twice = next(row for row, one in zip(rows, known, strict=True) if known.count(one) > 1)
+        raise AsperityError(f"zip.{name} has the row {', '.join(map(str, twice))} twice")
+    return Axis(name, columns)
 
 
 def _together(axes: Sequence[Axis]) -> Axis:

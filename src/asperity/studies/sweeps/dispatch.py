@@ -59,7 +59,7 @@ def make_batch(
     """Return the batch of the combinations with these numbers, each of at most `limit` seconds."""
     return Batch(
         study.kind, {**study.fixed, **study.extras}, str(study.folder), study.design.seed,
-        study.keep,
+        study.keep, study.more,
         study.design.columns(list(map(int, numbers))), program(), limit,
     )  # fmt: skip
 
@@ -136,7 +136,7 @@ def _run(
                 outcome = submit(alone, "-alone").result()
             except KilledWorker:
                 outcome = BatchOutcome(
-                    np.full((1, len(study.keep)), np.nan), np.array([FAILED], np.int8),
+                    np.full((1, len(study.numbers)), np.nan), np.array([FAILED], np.int8),
                     ["every worker that ran it died"], machine(),
                 )  # fmt: skip
             except Exception as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -155,8 +156,10 @@ class DragRuns(Runner):
 
     _simulators: dict[tuple[Any, ...], DragSimulator] = field(default_factory=dict, init=False)
 
-    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Run one combination and return its numbers `keep`."""
+    def numbers(
+        self, varied: Mapping[str, Any], keep: Sequence[str], more: Sequence[str] = ()
+    ) -> list[float]:
+        """Run one combination and return its numbers `keep`, then `more`."""
         values = {**self.fixed, **varied}
         drag = drag_of(values)
         options = drag.stimulus
@@ -172,12 +175,19 @@ class DragRuns(Runner):
             )
         simulator = self._simulators[key].with_hand(drag.hand, drag.band)
         condition = Condition(drag.spacing, drag.diameter, drag.normal_force, drag.speed)
-        return [
-            float(simulator.motion(condition).status)
-            if name == "motion_status"
-            else simulator.metric(name, condition)
-            for name in keep
-        ]
+
+        def number(name: str) -> float:
+            if name == "motion_status":
+                return float(simulator.motion(condition).status)
+            return simulator.metric(name, condition)
+
+        found = [number(name) for name in keep]
+        for name in more:
+            try:
+                found.append(number(name))
+            except AsperityError:  # it fails where it is asked for, not here
+                found.append(math.nan)
+        return found
 
     def _seed(self, drag: DragCombination) -> int:
         """Return the seed derived from the parameters of the surface, or of the noise.

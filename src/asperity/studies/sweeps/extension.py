@@ -36,7 +36,7 @@ def places_in(data: xr.Dataset, study: SweepStudy) -> list[NDArray[np.int64]]:
     elif any(older.get(name, digest) != digest for name, digest in study.files.items()):
         problem = "files that it names have changed"
     elif any(name not in data for name in study.keep):
-        problem = "it lacks numbers that are to be kept now, which need all its combinations again"
+        problem = "it lacks numbers that are to be kept now"
     if problem:
         raise AsperityError(f"the store cannot be extended to this study: {problem}")
     found = []

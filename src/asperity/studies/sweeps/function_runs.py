@@ -87,8 +87,10 @@ class FunctionRuns(Runner):
 
     _function: Callable[..., Any] | None = field(default=None, init=False)
 
-    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Call the function once and return its numbers `keep`."""
+    def numbers(
+        self, varied: Mapping[str, Any], keep: Sequence[str], more: Sequence[str] = ()
+    ) -> list[float]:
+        """Call the function once and return its numbers `keep`; there are no others."""
         if self._function is None:
             self._function = pickle.loads(self.fixed["pickle"])
         found = outputs(self._function(**varied))

@@ -19,6 +19,8 @@ from asperity.studies.sweeps.study import SweepStudy
 
 SCHEMA = 1
 """Version of the store's layout, its attribute `asperity_sweep`."""
+MORE = "more"
+"""Group of the numbers that are stored, but not named under `keep`."""
 
 
 def create_store(
@@ -85,6 +87,8 @@ def _create_arrays(path: Path, study: SweepStudy, block_size: int) -> None:
 
         for name in study.keep:
             create_array(name, "f8", np.nan, study.attributes(name))
+        for name in study.more:
+            create_array(f"{MORE}/{name}", "f8", np.nan, study.attributes(name))
         states = {"long_name": "0 waiting, 1 done, 2 failed", "units": "1"}
         create_array("state", "i1", WAITING, states)
         create_array("error", str, "", {"long_name": "why a combination failed"})

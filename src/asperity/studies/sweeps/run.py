@@ -226,7 +226,7 @@ def _write_outcomes(
         if results is None and states[block.places].any():
             results = store.read(block)
             results.states[:] = states[block.places]
-        results = results or BlockResults.empty(block.size, len(store.study.keep))
+        results = results or BlockResults.empty(block.size, len(store.study.numbers))
         results.insert(job.places, outcome)
         if (results.states == WAITING).any():
             incomplete[block.first] = results

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -237,8 +238,10 @@ class SceneRuns(Runner):
 
     _scenes: dict[str, Scene] = field(default_factory=dict, init=False)
 
-    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Run one combination and return its numbers `keep`."""
+    def numbers(
+        self, varied: Mapping[str, Any], keep: Sequence[str], more: Sequence[str] = ()
+    ) -> list[float]:
+        """Run one combination and return its numbers `keep`, then `more`."""
         values = {"dt": _Own.dt, **self.fixed, **varied}
         scene = self._scene_of(values)
         given = {key.partition(".")[2]: values[key] for key in _HAND if key in values}
@@ -248,7 +251,7 @@ class SceneRuns(Runner):
         missing = next((name for name in keep if name not in found), None)
         if missing is not None:
             raise AsperityError(f"{missing} needs hand = true")
-        return [float(found[name]) for name in keep]
+        return [float(found.get(name, math.nan)) for name in (*keep, *more)]
 
     def _scene_of(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of a combination; equal bodies are reused from the one before."""

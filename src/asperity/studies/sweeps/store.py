@@ -42,7 +42,7 @@ from asperity.studies.sweeps.batch import (
 )
 from asperity.studies.sweeps.blocks import SweepBlock, blocks
 from asperity.studies.sweeps.extension import places_in
-from asperity.studies.sweeps.new_store import SCHEMA, consolidate, create_store
+from asperity.studies.sweeps.new_store import MORE, SCHEMA, consolidate, create_store
 from asperity.studies.sweeps.study import SweepStudy
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class BlockResults:
     """Results of the combinations of one block."""
 
     values: NDArray[np.float64]
-    """Kept numbers (size, numbers); NaN where there is none."""
+    """`SweepStudy.numbers` (size, numbers); NaN where there is none."""
     states: NDArray[np.int8]
     """`WAITING`, `DONE` or `FAILED` (size,)."""
     errors: NDArray[np.object_]
@@ -89,13 +89,12 @@ class BlockResults:
         self.states[places] = outcome.states
         self.errors[places] = outcome.errors
 
-    @property
-    def complete(self) -> bool:
-        """Whether all combinations that are done have finite numbers; others may wait.
+    def complete(self, kept: int) -> bool:
+        """Whether all combinations that are done have so many finite numbers; others may wait.
 
         A block of which some wait is one of a store that was extended.
         """
-        return bool(np.isfinite(self.values[self.states == DONE]).all())
+        return bool(np.isfinite(self.values[self.states == DONE, :kept]).all())
 
 
 class SweepStore:
@@ -114,7 +113,8 @@ class SweepStore:
 
         self.path, self.study = path, study
         self._group = zarr.open_group(str(path), mode="r+", zarr_format=3)
-        names = (*study.keep, "error", "state")
+        self._numbers = (*study.keep, *(f"{MORE}/{name}" for name in study.more))
+        names = (*self._numbers, "error", "state")
         self._arrays: dict[str, Any] = {name: self._group[name] for name in names}
         self._chunk = tuple(self._arrays["state"].chunks)
         self.blocks = list(blocks(study.design.shape, self._chunk))
@@ -125,15 +125,15 @@ class SweepStore:
         """Return the results of a block. What Zarr raises for a damaged chunk passes through."""
         states = np.asarray(self._arrays["state"][block.slices], np.int8).ravel()
         if not states.any():
-            return BlockResults.empty(block.size, len(self.study.keep))
-        columns = [self._arrays[name][block.slices].ravel() for name in self.study.keep]
+            return BlockResults.empty(block.size, len(self._numbers))
+        columns = [self._arrays[name][block.slices].ravel() for name in self._numbers]
         errors = np.asarray(self._arrays["error"][block.slices]).astype(object).ravel()
         return BlockResults(np.stack(columns, axis=1), states, errors)
 
     def write(self, block: SweepBlock, results: BlockResults) -> None:
         """Write the results of a block: numbers, errors, and then its states."""
         with output_errors(self.path):
-            for name, column in zip(self.study.keep, results.values.T, strict=True):
+            for name, column in zip(self._numbers, results.values.T, strict=True):
                 self._arrays[name][block.slices] = column.reshape(block.shape)
             # An array of empty texts takes its file away, if an earlier run left one.
             self._arrays["error"][block.slices] = results.errors.reshape(block.shape)
@@ -155,7 +155,7 @@ class SweepStore:
             except Exception:  # codecs raise all kinds for a damaged chunk
                 self._remove(block)
                 continue
-            if results.complete:
+            if results.complete(len(self.study.keep)):
                 states[block.places] = results.states
             elif results.states.any():
                 self._remove(block)
@@ -241,19 +241,24 @@ def open_store(
 def _extend(path: Path, study: SweepStudy, block_size: int, any_version: bool) -> None:
     """Replace a store by one of a study with other values, with all results that both have."""
     _check_program(path, any_version)
-    older = open_sweep(path)
+    older = _with_more(path, open_sweep(path))
     places = places_in(older, study)
     # As arrays with the new axes' order, and a waiting combination at the end of each for -1.
     order = [axis.name for axis in study.design.axes]
     older = older.transpose(*order)
 
     def taken(name: str, empty: Any) -> NDArray[Any]:
+        if name not in older:  # what an earlier version did not store
+            return np.full(study.design.shape, empty)
         values = older[name].values
         padded = np.pad(values.astype(object), [(0, 1)] * values.ndim, constant_values=empty)
         return np.asarray(padded[np.ix_(*places)])
 
     states = taken("state", WAITING).astype(np.int8)
-    numbers = [taken(name, np.nan).astype(np.float64) for name in study.keep]
+    numbers = [taken(name, np.nan).astype(np.float64) for name in study.numbers]
+    # What gave no number that is kept now is to say why.
+    lacking = ~np.isfinite(numbers[: len(study.keep)]).all(axis=0)
+    states[(states == DONE) & lacking] = WAITING
     errors = taken("error", "")
     sessions = older.attrs["sessions"]
 
@@ -270,6 +275,17 @@ def _extend(path: Path, study: SweepStudy, block_size: int, any_version: bool) -
         store.write_sessions()
 
     create_store(path, study, block_size, fill)
+
+
+def _with_more(path: Path, data: xr.Dataset) -> xr.Dataset:
+    """Return the results of a store with the numbers that were stored besides."""
+    import xarray as xr
+    import zarr
+
+    if MORE not in zarr.open_group(str(path), mode="r"):
+        return data
+    with xr.open_zarr(path, group=MORE, chunks=None, consolidated=False) as more:
+        return data.assign({str(name): array for name, array in more.load().data_vars.items()})
 
 
 def is_store(path: Path) -> bool:
@@ -291,7 +307,8 @@ def _check_origin(path: Path, study: SweepStudy, any_version: bool) -> None:
     if found["fingerprint"] != study.fingerprint:
         raise AsperityError(
             f"{path} holds another study, {found['title']!r}, or files that it names have changed "
-            "since; give another store with --out, --extend if it only has other values, or "
+            "since; give another store with --out, --extend if it only has other values or "
+            "numbers, or "
             "--overwrite to begin anew"
         )
     _check_program(path, any_version)

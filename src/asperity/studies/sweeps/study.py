@@ -15,10 +15,15 @@ diameter = 3e-3
 [vary]
 spacing = { from = 0.5e-3, to = 3.5e-3, count = 40, scale = "log" }
 speed = [0.042, 0.083, 0.169]
+
+[zip.person]                  # rows of a table, as one axis
+hand.mass = [0.05, 0.1]
+hand.stiffness = [300, 500]
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -41,7 +46,7 @@ Each is imported when needed: importing scenes takes as long as importing all th
 """
 _BLOCKS = 20
 """Least number of blocks of a large study: an interrupted sweep loses the blocks in progress."""
-_KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary")
+_KEYS = ("schema", "title", "kind", "keep", "design", "fixed", "vary", "zip")
 
 
 @dataclass
@@ -55,8 +60,13 @@ class Runner:
     seed: int
     """Part of every seed that is derived from content."""
 
-    def numbers(self, varied: Mapping[str, Any], keep: Sequence[str]) -> list[float]:
-        """Run one combination and return its numbers `keep`."""
+    def numbers(
+        self, varied: Mapping[str, Any], keep: Sequence[str], more: Sequence[str] = ()
+    ) -> list[float]:
+        """Run one combination and return its numbers `keep`, then `more`.
+
+        Of `more`, NaN stands for what the combination does not give.
+        """
         raise NotImplementedError
 
 
@@ -134,6 +144,16 @@ class SweepStudy:
     extras: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @property
+    def more(self) -> tuple[str, ...]:
+        """Numbers that a combination gives besides, stored so that they may be kept later."""
+        return tuple(name for name in _kind_of(self.kind).NUMBERS if name not in self.keep)
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """All numbers that are stored: `keep`, then `more`."""
+        return (*self.keep, *self.more)
+
+    @property
     def size(self) -> int:
         """How many combinations there are."""
         return self.design.size
@@ -205,27 +225,58 @@ def _study(document: Mapping[str, Any], folder: Path, name: str, text: str) -> S
     require_choice("kind", kind, KINDS)
     if not isinstance(title, str):
         raise AsperityError(f"title must be a text, got {title!r}")
-    for section in ("design", "fixed", "vary"):
+    for section in ("design", "fixed", "vary", "zip"):
         require_table(document.get(section, {}), section)
     of = _kind_of(kind)
     keep = _kept(document.get("keep", list(of.DEFAULT_KEEP)), of)
     fixed = of.checked(flatten(document.get("fixed", {})), "fixed", folder)
-    varied = flatten(document.get("vary", {}), LEAF)
-    if not varied:
+    tables = {"vary": flatten(document.get("vary", {}), LEAF)} | _zipped(document, of)
+    if not any(tables.values()):
         raise AsperityError("vary is empty: name at least one parameter with several values")
-    for key in varied:
-        if key in fixed:
-            raise AsperityError(f"{key} is under fixed and under vary; remove one of them")
-    require_keys(varied, "vary", [*of.KEYS, *(k for k in varied if k.startswith("bodies."))])
-    variations = [
-        _checked(read_variation(key, spec, folder, key in of.WHOLE), of, folder)
-        for key, spec in varied.items()
-    ]
-    of.check_together(keep, fixed, {v.key: v.extremes for v in variations}, folder)
-    design = read_design(document.get("design", {}), variations, of.INNER)
-    named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in variations}
+    _refuse_twice({"fixed": fixed} | tables)
+    read = {where: _variations(table, where, of, folder) for where, table in tables.items()}
+    every = [variation for some in read.values() for variation in some]
+    of.check_together(keep, fixed, {v.key: v.extremes for v in every}, folder)
+    rows = {where.removeprefix("zip."): some for where, some in read.items() if where != "vary"}
+    design = read_design(document.get("design", {}), read["vary"], of.INNER, rows)
+    named = {key: [value] for key, value in fixed.items()} | {v.key: v.extremes for v in every}
     files = {name: hash_file(path) for name, path in of.files_of(named, folder).items()}
     return SweepStudy(title, kind, keep, fixed, design, folder, text, files)
+
+
+def _zipped(document: Mapping[str, Any], of: StudyKind) -> dict[str, dict[str, Any]]:
+    """Return the tables under `[zip]`: `zip.NAME` -> dotted key -> values."""
+    out = {}
+    for name, table in document.get("zip", {}).items():
+        require_table(table, f"zip.{name}")
+        rows = out[f"zip.{name}"] = flatten(table, LEAF)
+        if name in (*of.KEYS, *of.NUMBERS, "sample", "combination", "state", "error"):
+            raise AsperityError(f"zip.{name}: the store has something else of that name")
+        if len(rows) < 2:
+            raise AsperityError(f"zip.{name} must name at least two parameters")
+        for key, spec in rows.items():
+            if not isinstance(spec, list):
+                raise AsperityError(f"zip.{name}.{key} must be a list of values, got {spec!r}")
+    return out
+
+
+def _refuse_twice(tables: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise if a parameter is in two tables."""
+    for (one, first), (other, second) in itertools.combinations(tables.items(), 2):
+        for key in second:
+            if key in first:
+                raise AsperityError(f"{key} is under {one} and under {other}; remove one of them")
+
+
+def _variations(
+    table: Mapping[str, Any], where: str, of: StudyKind, folder: Path
+) -> list[Variation]:
+    """Return the variations of a table, checked."""
+    require_keys(table, where, [*of.KEYS, *(k for k in table if k.startswith("bodies."))])
+    return [
+        _checked(read_variation(key, spec, folder, key in of.WHOLE, where), where, of, folder)
+        for key, spec in table.items()
+    ]
 
 
 def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
@@ -238,10 +289,10 @@ def _kept(names: Any, of: StudyKind) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _checked(variation: Variation, of: StudyKind, folder: Path) -> Variation:
+def _checked(variation: Variation, where: str, of: StudyKind, folder: Path) -> Variation:
     """Return a variation whose values are valid and have the parameter's type."""
     key = variation.key
-    values = [of.checked({key: value}, "vary", folder)[key] for value in variation.extremes]
+    values = [of.checked({key: value}, where, folder)[key] for value in variation.extremes]
     if variation.values is not None:
         return variation._replace(values=values)
     if not all(type(v) in (int, float) and math.isfinite(v) for v in values):

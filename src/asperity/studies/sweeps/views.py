@@ -31,12 +31,10 @@ class SweepView:
 
 
 def parameter_names(data: xr.Dataset) -> list[str]:
-    """Return the parameters that vary: all coordinates except the numbers of samples."""
-    return [
-        str(name)
-        for name in data.coords
-        if name not in ("sample", "combination") and data[name].ndim == 1
-    ]
+    """Return the parameters that vary: all coordinates except the numbers of samples and rows."""
+    along = [(str(name), data[name].dims[0]) for name in data.coords if data[name].ndim == 1]
+    numbers = {axis for name, axis in along if name != axis}
+    return [name for name, _ in along if name not in numbers]
 
 
 def is_number(data: xr.Dataset, name: str) -> bool:
