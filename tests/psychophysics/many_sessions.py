@@ -86,10 +86,11 @@ def by_level(x, hits):
     most = max(len(row[0]) for row in rows)
 
     def filled(part, end):
+        """Return rows of one length; `end` fills them, or their last value."""
+        fills = [row[part][-1] if end is None else end for row in rows]
         return np.stack([
-            np.concatenate([row[part], np.full(most - len(row[0]), row[part][-1] if end is None else end)])
-            for row in rows
+            np.pad(row[part], (0, most - len(row[0])), constant_values=fill)
+            for row, fill in zip(rows, fills, strict=True)
         ])  # fmt: skip
 
-    levels, count, hit = filled(0, None), filled(1, 0.0), filled(2, 0.0)
-    return levels, count, hit
+    return filled(0, None), filled(1, 0.0), filled(2, 0.0)

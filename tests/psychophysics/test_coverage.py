@@ -116,8 +116,8 @@ def test_many_sessions_at_once_are_those_of_the_procedures(name, intervals):
     tracks = len(getattr(made.adaptive, "start", (0.0,)))
     for session in range(3):
         # The answers to each track, in their order.
-        rows = [list(zip(*part, strict=True)) for part in zip(
-            np.split(x[session], tracks), np.split(hits[session], tracks), strict=True)]  # fmt: skip
+        parts = zip(np.split(x[session], tracks), np.split(hits[session], tracks), strict=True)
+        rows = [list(zip(*part, strict=True)) for part in parts]
         steps, presented = procedure(made, "P1", 1), []
         while (trial := steps.next()) is not None:
             row = rows[(trial.track or 1) - 1]

@@ -40,7 +40,8 @@ class SweepCommand:
     any_version: bool = False
     """Resume a store that was begun with another version of asperity or of its packages."""
     extend: bool = False
-    """Take over what the store of a study with fewer or other values has of this one."""
+    """Take over what the store of a study with other values, or other numbers under keep, has of
+    this one."""
     limit_s: Annotated[float | None, Range(1e-3, 1e6, "s")] = None
     """Longest time of one combination; one that takes longer fails."""
     overwrite: bool = False

@@ -108,9 +108,7 @@ def test_a_client_of_ones_own_is_used_and_left_open(tmp_path):
         there = asperity.sweep(lambda x: x + offset, axes, tmp_path / "b.zarr", client=client)
         assert client.status == "running"
         with pytest.raises(AsperityError, match="give only one of workers, scheduler and client"):
-            asperity.sweep(
-                lambda x: x, {"x": [1.0]}, tmp_path / "c.zarr", client=client, workers=1
-            )
+            asperity.sweep(lambda x: x, {"x": [1.0]}, tmp_path / "c.zarr", client=client, workers=1)
     assert here["value"].equals(there["value"])
     assert '"where": "scheduler"' in there.attrs["sessions"]
 

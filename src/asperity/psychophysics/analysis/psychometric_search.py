@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity.psychophysics.analysis.psychometric import STEEPNESS, place, probability
+from asperity.psychophysics.analysis.scoring import Climb, plain
 
 HIGHEST_LAPSE = 0.06
 QUANTITIES = {"threshold": 0, "level": 0, "width": 1, "slope": 1, "lapse": 2}
@@ -24,12 +25,7 @@ QUANTITIES = {"threshold": 0, "level": 0, "width": 1, "slope": 1, "lapse": 2}
 each stands in. "level" is the intensity at `LikelihoodSearch.proportion` of right answers."""
 _POSITIVE = ("width", "slope")
 """Searched by their logarithms."""
-_ROUNDS = 60
-_CLOSE = 1e-6
-"""Gain of the log likelihood at which scoring ends."""
 _STARTS = 4
-_STEP = 1e-6
-"""Of differences, as a part of the range of a parameter."""
 _GRID = (21, 13, 3)
 _STEPS = 13
 _FINER = 3
@@ -113,13 +109,13 @@ class LikelihoodSearch:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest threshold, width, lapse (3,) of one session."""
-        return _plain(self._low[0]), _plain(self._high[0])
+        return plain(self._low[0]), plain(self._high[0])
 
     def psi(self, parameters: Array) -> Array:
         """Return the probabilities (n, m) of parameters (n, 3): threshold, width, lapse."""
-        return self._psi_at(self._x, parameters)
+        return self.psi_at(self._x, parameters)
 
-    def _psi_at(self, x: Array, parameters: Array) -> Array:
+    def psi_at(self, x: Array, parameters: Array) -> Array:
         """Return the probabilities (..., m) at intensities of parameters (..., 3), not 0 nor 1."""
         t, w, lapse = (parameters[..., i, None] for i in range(3))
         p = probability(x, t, w, lapse, self._guess, self._function)
@@ -129,8 +125,8 @@ class LikelihoodSearch:
         """Return threshold, width, lapse (n, 3) of most likelihood for hits (n, m)."""
         grid = self._lattice(None)
         likely = self._of_grid(grid, hits)
-        likely = np.where(self._inside(grid, self._low, self._high), likely, -np.inf)
-        return _plain(self._highest(grid[None], likely, hits, self._free))
+        likely = np.where(self.inside(grid, self._low, self._high), likely, -np.inf)
+        return plain(self._highest(grid[None], likely, hits, self._free))
 
     def likelihood(self, hits: Array, parameters: Array) -> Array:
         """Return the log likelihood (n,) of parameters (n, 3), for hits (n, m) or (m,)."""
@@ -156,9 +152,9 @@ class LikelihoodSearch:
         """
         hits = np.atleast_2d(hits)
         rest = self._lattice(QUANTITIES[quantity])
-        grid = self._held(np.repeat(rest[None], len(values), axis=0), quantity, values)
+        grid = self.with_held(np.repeat(rest[None], len(values), axis=0), quantity, values)
         likely = self._of_grid(grid.reshape(-1, 3), hits)
-        inside = self._inside(grid.reshape(-1, 3), self._low, self._high)
+        inside = self.inside(grid.reshape(-1, 3), self._low, self._high)
         likely = np.where(inside, likely, -np.inf).reshape(len(hits), *grid.shape[:2])
         # One row for each value, or for each session.
         likely = likely.reshape(-1, grid.shape[1])
@@ -166,8 +162,8 @@ class LikelihoodSearch:
         held = quantity, np.broadcast_to(values, len(likely))
         free = self._free & (np.arange(3) != QUANTITIES[quantity])
         found = self._highest(grid, likely, every, free, held)
-        inside = self._inside(found[:, None], self._low, self._high)[:, 0]
-        return np.where(inside, self.likelihood(every, _plain(found)), -np.inf)
+        inside = self.inside(found[:, None], self._low, self._high)[:, 0]
+        return np.where(inside, self.likelihood(every, plain(found)), -np.inf)
 
     def of(self, quantity: str, parameters: Array) -> Array:
         """Return a quantity (n,) of parameters (n, 3)."""
@@ -222,7 +218,7 @@ class LikelihoodSearch:
         chance = lapse if self._guess is None else self._guess
         return np.asarray((1.0 - chance - lapse) * STEEPNESS[self._function])
 
-    def _held(self, grid: Array, quantity: str, values: Array) -> Array:
+    def with_held(self, grid: Array, quantity: str, values: Array) -> Array:
         """Return points (k, n, 3) with the parameter that gives the quantity its value (k,)."""
         out, value = np.array(grid), values[:, None]
         if quantity == "level":
@@ -236,7 +232,7 @@ class LikelihoodSearch:
         return out
 
     @staticmethod
-    def _inside(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    def inside(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
         """Return which points (k, 3) or (n, k, 3) are within bounds (n, 3), as (n, k)."""
         low, high = low[:, None], high[:, None]
         small = 1e-9 * (1.0 + np.abs(high - low))
@@ -244,7 +240,7 @@ class LikelihoodSearch:
 
     def _of_grid(self, grid: Array, hits: Array) -> Array:
         """Return the log likelihood (n, k) of k points for hits (n, m)."""
-        p = self._psi_at(self._levels, _plain(grid))
+        p = self.psi_at(self._levels, plain(grid))
         # Linear in the hits: one product of matrices for all samples.
         right, wrong = np.log(p), np.log1p(-p)
         return np.asarray(
@@ -286,7 +282,7 @@ class LikelihoodSearch:
         for i in range(_STARTS):
             start = np.argmax(np.where(part == i, likely, -np.inf), axis=1)
             found = self._climbed(grid[rows % len(grid), start], hits, free, held)
-            now = self.likelihood(hits, _plain(found))
+            now = self.likelihood(hits, plain(found))
             out = np.where((now > most)[:, None], found, out)
             most = np.maximum(most, now)
         return out
@@ -300,7 +296,8 @@ class LikelihoodSearch:
             part = slice(first, first + chunk)
             kept = None if held is None else (held[0], held[1][part])
             own = part if len(self._x) > 1 else slice(None)
-            climb = _Climb(self, hits[part], np.flatnonzero(free), kept, own)
+            sessions = self._x[own], self._count[own], self._low[own], self._high[own]
+            climb = Climb(self, sessions, hits[part], np.flatnonzero(free), kept)
             out[part] = climb.from_points(at[part])
         return out
 
@@ -318,103 +315,7 @@ class LikelihoodSearch:
         return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
 
 
-class _Climb:
-    """Damped Fisher scoring of many maxima at once, within bounds.
-
-    Parameters
-    ----------
-    search : LikelihoodSearch
-    hits : (n, m) array
-    free : (k,) array of int
-        The parameters that change.
-    held : (str, (n,) array) or None
-    own : slice
-        The rows of the search's sessions; all of a single one.
-    """
-
-    def __init__(
-        self, search: LikelihoodSearch, hits: Array, free: NDArray[np.intp],
-        held: tuple[str, Array] | None, own: slice,
-    ) -> None:  # fmt: skip
-        self._search, self._hits, self._free, self._held = search, hits, free, held
-        rows = np.broadcast_to
-        self._x = rows(search._x[own], hits.shape)
-        self._count = rows(search._count[own], hits.shape)
-        self._low = rows(search._low[own], (len(hits), 3))
-        self._high = rows(search._high[own], (len(hits), 3))
-
-    def from_points(self, at: Array) -> Array:
-        """Return the points (n, 3) to which scoring from points leads."""
-        at, damping = np.array(at), np.full(len(at), 1e-3)
-        likely, live = np.full(len(at), -np.inf), np.arange(len(at))
-        likely = self._likely(at, live, self._psi(at, live))
-        for _ in range(_ROUNDS):
-            step = self._step(at[live], live, damping[live])
-            moved = np.clip(at[live] + step, self._low[live], self._high[live])
-            moved = self._on(moved, live)
-            now = self._likely(moved, live, self._psi(moved, live))
-            better = now > likely[live]
-            gain = np.where(better, now, 0.0) - np.where(better, likely[live], 0.0)
-            at[live[better]], likely[live[better]] = moved[better], now[better]
-            damping[live] = np.where(better, damping[live] / 6.0, damping[live] * 6.0)
-            # Over once a good step gains nothing, or no step however small does.
-            over = (better & (gain < _CLOSE)) | (damping[live] > 1e9)
-            live = live[~over]
-            if not live.size:
-                break
-        return at
-
-    def _on(self, points: Array, live: NDArray[np.intp]) -> Array:
-        """Return points (n, 3) with the held quantity in place."""
-        if self._held is None:
-            return points
-        quantity, values = self._held
-        return self._search._held(points[:, None], quantity, values[live])[:, 0]
-
-    def _psi(self, points: Array, live: NDArray[np.intp]) -> Array:
-        return self._search._psi_at(self._x[live], _plain(points))
-
-    def _likely(self, points: Array, live: NDArray[np.intp], p: Array) -> Array:
-        hits, low, high = self._hits[live], self._low[live], self._high[live]
-        out = (hits * np.log(p) + (self._count[live] - hits) * np.log1p(-p)).sum(axis=1)
-        inside = self._search._inside(points[:, None], low, high)[:, 0]
-        return np.where(inside, out, -np.inf)
-
-    def _step(self, at: Array, live: NDArray[np.intp], damping: Array) -> Array:
-        """Return the damped scoring steps (n, 3)."""
-        p, low, high = self._psi(at, live), self._low[live], self._high[live]
-        slopes = []
-        for column in self._free:
-            # Away from the bound, so that both points are within.
-            apart = _STEP * (high[:, column] - low[:, column])
-            apart = np.where(at[:, column] + apart > high[:, column], -apart, apart)
-            near = np.array(at)
-            near[:, column] += apart
-            slopes.append((self._psi(self._on(near, live), live) - p) / apart[:, None])
-        slope, weight = np.stack(slopes, axis=1), 1.0 / (p * (1.0 - p))  # (n, k, m), (n, m)
-        uphill = np.einsum("nkm,nm->nk", slope, (self._hits[live] - self._count[live] * p) * weight)
-        curved = np.einsum("nkm,nlm,nm->nkl", slope, slope, self._count[live] * weight)
-        # Parameters at a bound beyond which it rises stay there.
-        here, small = at[:, self._free], 1e-12
-        stuck = (here <= low[:, self._free] + small) & (uphill < 0.0)
-        stuck |= (here >= high[:, self._free] - small) & (uphill > 0.0)
-        uphill[stuck] = 0.0
-        curved *= ~stuck[:, :, None] & ~stuck[:, None, :]
-        size = np.einsum("nkk->nk", curved)
-        size += damping[:, None] * size + np.where(size > 1e-9, 1e-9, 1.0)
-        out = np.zeros_like(at)
-        out[:, self._free] = np.linalg.solve(curved, uphill[:, :, None])[:, :, 0]
-        return out
-
-
 def _ends(x: Array, count: Array) -> tuple[float, float, float]:
     """Return the lowest and the highest level of a session, and the least distance of two."""
     used = x[count > 0.0]
     return float(used[0]), float(used[-1]), float(np.min(np.diff(used)))
-
-
-def _plain(points: Array) -> Array:
-    """Return points with the width in place of its logarithm."""
-    out = np.array(points)
-    out[..., 1] = np.exp(out[..., 1])
-    return out

@@ -185,7 +185,7 @@ class DragRuns(Runner):
         for name in more:
             try:
                 found.append(number(name))
-            except AsperityError:  # it fails where it is asked for, not here
+            except AsperityError:  # only what is to be kept makes a combination fail
                 found.append(math.nan)
         return found
 

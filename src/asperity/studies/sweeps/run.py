@@ -104,7 +104,8 @@ def run_sweep(
     any_version : bool
         Resume a store that another version began.
     extend : bool
-        Take over what a store of a study with fewer or other values, else the same, has of this.
+        Take over what a store of a study with other values, or other numbers under `keep`, else
+        the same, has of this.
     limit : float, optional
         Longest time of one combination [s]; one that takes longer fails with that reason.
     client : distributed.Client, optional

@@ -180,8 +180,9 @@ class SweepStore:
 
     def write_sessions(self) -> None:
         """Store `sessions`."""
-        self._group.attrs["sessions"] = json.dumps(self.sessions, ensure_ascii=False)
-        consolidate(self._group)
+        with output_errors(self.path):
+            self._group.attrs["sessions"] = json.dumps(self.sessions, ensure_ascii=False)
+            consolidate(self._group)
 
 
 @contextmanager
