@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from asperity.psychophysics.analysis.psychometric_search import LikelihoodSearch
 
 _ROUNDS = 60
-_CLOSE = 1e-6
+_CLOSE = 1e-8
 """Gain of the log likelihood at which scoring ends."""
+_PARTS = (1.0, 0.5, 0.2)
+"""Of a step, of which the best is gone."""
 _STEP = 1e-6
 """Of differences, as a part of the range of a parameter."""
 
@@ -51,15 +53,20 @@ class Climb:
         likely = self._likely(at, live, self._psi(at, live))
         for _ in range(_ROUNDS):
             step = self._step(at[live], live, damping[live])
-            moved = np.clip(at[live] + step, self._low[live], self._high[live])
-            moved = self._on(moved, live)
-            now = self._likely(moved, live, self._psi(moved, live))
+            moved, now = at[live], np.full(len(live), -np.inf)
+            # Where the function fits badly, whole steps go too far.
+            for part in _PARTS:
+                tried = np.clip(at[live] + part * step, self._low[live], self._high[live])
+                tried = self._on(tried, live)
+                height = self._likely(tried, live, self._psi(tried, live))
+                moved = np.where((height > now)[:, None], tried, moved)
+                now = np.maximum(now, height)
             better = now > likely[live]
             gain = np.where(better, now, 0.0) - np.where(better, likely[live], 0.0)
             at[live[better]], likely[live[better]] = moved[better], now[better]
             damping[live] = np.where(better, damping[live] / 6.0, damping[live] * 6.0)
-            # Over once a good step gains nothing, or no step however small does.
-            over = (better & (gain < _CLOSE)) | (damping[live] > 1e9)
+            # Over once a long step gains nothing, or no step however short does.
+            over = (better & (gain < _CLOSE) & (damping[live] < 1e-2)) | (damping[live] > 1e9)
             live = live[~over]
             if not live.size:
                 break
