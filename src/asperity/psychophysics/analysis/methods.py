@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from asperity.psychophysics.adjustment_settings import AdjustmentSettings, MatchingSettings
 from asperity.psychophysics.analysis.figures import value_axis
-from asperity.psychophysics.analysis.psychometric_fit import STRETCH
+from asperity.psychophysics.analysis.psychometric_fit import stretch_of
 from asperity.psychophysics.analysis.psychometric_search import HIGHEST_LAPSE
 from asperity.psychophysics.procedures.questplus import QuestPlusSettings
 from asperity.psychophysics.procedures.staircase import StaircaseSettings
@@ -240,7 +240,7 @@ def _analysis(
     percent = f"{100.0 * options.confidence:g} %"
     if isinstance(design.settings, ForcedChoiceSettings):
         guess = design.settings.guess
-        factor = STRETCH[design.settings.adaptive]["threshold"]
+        factor = stretch_of(design.settings.adaptive, guess)["threshold"]
         held = "equal to the lapse rate" if guess is None else f"of {guess:.3g}"
         yield (
             f"A {_NAMES[options.function]} psychometric function with a guess rate {held} and a "

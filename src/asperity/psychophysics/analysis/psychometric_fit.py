@@ -47,6 +47,13 @@ lapse rate, which lies near its bounds, too rarely. The factors, Bartlett correc
 simulation, are checked by `test_coverage.py`."""
 
 
+def stretch_of(adaptive: str, guess: float | None) -> dict[str, float]:
+    """Return the factors of `STRETCH` by quantity, for a method and its guess rate."""
+    intervals = None if guess is None else 3 if guess < 0.4 else 2
+    factors = STRETCH.get((adaptive, intervals), STRETCH[adaptive, 2])
+    return dict(zip(QUANTITIES, factors, strict=True))
+
+
 def fall_of(
     confidence: float, adaptive: str, quantity: str = "threshold", freedom: int | None = None,
     guess: float | None = 0.5,
@@ -55,9 +62,7 @@ def fall_of(
 
     With `freedom` the overdispersion was estimated, from so many degrees of freedom.
     """
-    intervals = None if guess is None else 3 if guess < 0.4 else 2
-    factors = STRETCH.get((adaptive, intervals), STRETCH[adaptive, 2])
-    stretch = dict(zip(QUANTITIES, factors, strict=True))[quantity]
+    stretch = stretch_of(adaptive, guess)[quantity]
     fall = chi2.ppf(confidence, 1) if freedom is None else f.ppf(confidence, 1, freedom)
     return 0.5 * float(fall) * stretch
 
