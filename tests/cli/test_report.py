@@ -68,8 +68,9 @@ def test_the_page_is_self_contained_and_complete(demo, page):
     assert links
     assert all(link.startswith(("data:", "#")) for link in links)
     assert page.count("<audio") == len(REAL_SURFACES) * len(SOUND_PROBES)
-    # Three studies with one metric and with all, speed by another metric, models; four of surfaces.
-    assert page.count("<img") == 8 + 4 + 4 * len(SCENES) + len(PICTURED)
+    # Three studies with one metric and with all, speed by another metric, models; two of the
+    # ensemble; four of surfaces.
+    assert page.count("<img") == 8 + 2 + 4 + 4 * len(SCENES) + len(PICTURED)
     for claim in results.claims:
         assert f"<code>{claim['id']}</code>" in page
     assert "How long it took" in page

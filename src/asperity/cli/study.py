@@ -42,7 +42,8 @@ class StudyCommand:
     """diameter, force, speed, models, or all"""
     ensemble: bool = False
     """Judge the claims for 36 hands, five amplitudes and eight plates of dots: ensemble.json,
-    ensemble.csv, ensemble.md and figures. Takes no other option than --out and --overwrite."""
+    ensemble.csv, ensemble.md, members.json and figures. Takes no other option than --out and
+    --overwrite."""
     surface: str = "sinusoid"
     """sinusoid, trapezoid, square, dots, self-affine, or a file of heights."""
     metric: str = "max_acceleration"

@@ -10,7 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from asperity._core.arrays import Array
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
+from asperity.drawing.figure_style import (
+    COLOURS,
+    MARKERS,
+    PAGE_WIDTH,
+    SHADE,
+    SMALLEST,
+    log_scale,
+    style,
+)
 from asperity.psychophysics.analysis.magnitudes import Magnitudes
 from asperity.psychophysics.analysis.scales import Scale
 from asperity.psychophysics.design import ExperimentDesign
@@ -79,7 +87,7 @@ def magnitude_figure(found: Magnitudes, design: ExperimentDesign) -> Figure:
                 if found.peak is not None and found.values[0] < top < found.values[-1]:
                     axes.axvspan(
                         max(found.peak[0] * factor, x[0]), min(found.peak[1] * factor, x[-1]),
-                        color="#f2ead2", zorder=0, label="interval of its peak",
+                        color=SHADE, zorder=0, label="interval of its peak",
                     )  # fmt: skip
             reach = (x[-1] / x[0]) ** 0.05
             _log_range(axes, x[0] / reach, x[-1] * reach, "x")
@@ -120,7 +128,7 @@ def psychometric_figure(threshold: ThresholdAnalysis) -> Figure:
         figure = Figure(figsize=(5.4, 3.7))
         axes = figure.subplots()
         axes.axvspan(
-            float(shown(fit.threshold.low)), float(shown(fit.threshold.high)), color="#f2ead2",
+            float(shown(fit.threshold.low)), float(shown(fit.threshold.high)), color=SHADE,
             zorder=0,
         )  # fmt: skip
         axes.plot(shown(fine), fit.function(fine), color=COLOURS[0])
@@ -224,7 +232,7 @@ def wins_figure(summary: dict[str, Any], design: ExperimentDesign) -> Figure:
     with np.errstate(invalid="ignore"):
         part = np.where(both > 0.0, table / both, np.nan)[np.ix_(order, order)]
     with style():
-        size = 2.2 + 0.5 * len(order)
+        size = min(2.2 + 0.5 * len(order), PAGE_WIDTH - 1.2)
         figure = Figure(figsize=(size + 1.2, size))
         axes = figure.subplots()
         image = axes.imshow(part, cmap="cividis", vmin=0.0, vmax=1.0)
@@ -235,11 +243,13 @@ def wins_figure(summary: dict[str, Any], design: ExperimentDesign) -> Figure:
             for j, column in enumerate(order):
                 if both[row, column] > 0.0:
                     axes.text(
-                        j, i, f"{table[row, column]:g}", ha="center", va="center", fontsize=8,
-                        color="white" if part[i, j] < 0.55 else "black",
+                        j, i, f"{table[row, column]:g}", ha="center", va="center",
+                        fontsize=SMALLEST, color="white" if part[i, j] < 0.55 else "black",
                     )  # fmt: skip
         axes.set_title("How often the row was put before the column")
-        figure.colorbar(image, ax=axes, shrink=0.8, pad=0.03).ax.set_title("part", fontsize=8)
+        figure.colorbar(image, ax=axes, shrink=0.8, pad=0.03).ax.set_title(
+            "part", fontsize=SMALLEST
+        )
         figure.tight_layout()
     return figure
 

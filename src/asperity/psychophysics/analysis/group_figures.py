@@ -9,7 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from asperity._core.arrays import Array
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
+from asperity.drawing.figure_style import (
+    COLOURS,
+    MARKERS,
+    PAGE_WIDTH,
+    SMALLEST,
+    log_scale,
+    style,
+)
 from asperity.psychophysics.analysis.detection import Estimate
 from asperity.psychophysics.analysis.figures import value_axis
 from asperity.psychophysics.analysis.group import Group, PairedComparison
@@ -58,7 +65,9 @@ def conditions_figure(
     shift = np.linspace(-0.13, 0.13, len(people)) if len(people) > 1 else np.zeros(1)
     everything = []
     with style():
-        figure = Figure(figsize=(2.3 + 1.3 * len(groups), 3.7), layout="constrained")
+        figure = Figure(
+            figsize=(min(2.3 + 1.3 * len(groups), PAGE_WIDTH), 3.7), layout="constrained"
+        )
         axes = figure.subplots()
         for k, name in enumerate(people):
             place, rows = [], []
@@ -85,7 +94,7 @@ def conditions_figure(
         axes.set_ylabel(label)
         _limits(axes, np.concatenate(everything), groups[first].logarithmic, "y")
         if len(compared) == 1:
-            axes.set_title(_title(compared[0]), fontsize=8.5)
+            axes.set_title(_title(compared[0]), fontsize=SMALLEST)
         figure.legend(loc="outside right center")
     return figure
 
@@ -96,7 +105,7 @@ def _title(one: PairedComparison) -> str:
     p = "p < 0.001" if one.p < 0.001 else f"p = {one.p:.3f}"
     return (
         f"{kind} {value:.3g} ({low:.3g} to {high:.3g})\n"
-        f"t({one.people - 1}) = {one.t:.2f}, {p}, $d_z$ = {one.effect_size.value:.2f}"
+        f"t({one.people - 1}) = {one.t:.2f}, {p}, dz = {one.effect_size.value:.2f}"
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from asperity.drawing.figure_style import COLOURS, MARKERS, log_scale, style
+from asperity.drawing.figure_style import COLOURS, MARKERS, PAGE_WIDTH, log_scale, style
 from asperity.psychophysics.design import ExperimentDesign
 
 _MILLI = {"m": (1e3, "mm")}
@@ -61,7 +61,7 @@ def adjustments_figure(sessions: Sequence[dict[str, Any]], design: ExperimentDes
     names = [standard.name for standard in design.standards()]
     values = [standard.value for standard in design.standards()]
     with style():
-        figure = Figure(figsize=(2.6 + 1.1 * max(len(names), 2), 3.7))
+        figure = Figure(figsize=(min(2.6 + 1.1 * max(len(names), 2), PAGE_WIDTH), 3.7))
         axes = figure.subplots()
         for i, session in enumerate(sessions):
             room = 0.7 / (len(sessions) + 1)

@@ -12,13 +12,15 @@ from matplotlib.figure import Figure
 from asperity._core.arrays import Array
 from asperity._core.output import write_json
 from asperity.drawing import figure_style
-from asperity.drawing.figure_style import COLOURS, MARKERS, style
+from asperity.drawing.figure_style import COLOURS, COLUMN_WIDTH, MARKERS, style
 from asperity.psychophysics.analysis.scales import fit_scale
 from asperity.psychophysics.outside.answers import Answers
 from asperity.psychophysics.outside.reliability import mean_over_raters, rater_reliability
 
 _SHOWN = 84
 """Most stimuli on the axis of a figure."""
+_ROW = 0.19
+"""Height of a stimulus in the figure [inch]."""
 
 
 def comparable_ratings(answers: Answers) -> tuple[Array, str]:
@@ -103,7 +105,7 @@ def means_figure(summary: dict[str, Any]) -> Figure:
         key=lambda s: first[s]["value"] if s in first and first[s]["value"] is not None else np.inf,
     )[:_SHOWN]
     with style():
-        figure = Figure(figsize=(max(4.5, min(0.16 * len(order) + 2.0, 13.0)), 3.4))
+        figure = Figure(figsize=(COLUMN_WIDTH, 1.0 + _ROW * max(len(order), 4)))
         axis = figure.subplots()
         for i, name in enumerate(conditions):
             cells = by_condition[name]
@@ -114,16 +116,15 @@ def means_figure(summary: dict[str, Any]) -> Figure:
             values = np.array([row["value"] for row in rows])
             if rows and rows[0]["low"] is not None:
                 ends = np.array([[row["low"], row["high"]] for row in rows], dtype=float).T
-                axis.vlines(places, *ends, color=COLOURS[i % 6], lw=1.0, alpha=0.5)
+                axis.hlines(places, *ends, color=COLOURS[i % 6], lw=1.0, alpha=0.5)
             axis.plot(
-                places, values, MARKERS[i % 6], color=COLOURS[i % 6], ms=4.0, mew=0.0,
+                values, places, MARKERS[i % 6], color=COLOURS[i % 6], ms=4.0, mew=0.0,
                 label=name or None,
             )  # fmt: skip
-        turned = len(order) > 20
-        axis.set_xticks(range(len(order)), order, rotation=90 if turned else 0,
-                        fontsize=6 if turned else 8)  # fmt: skip
-        axis.grid(axis="x", visible=False)
-        axis.set(xlim=(-0.8, len(order) - 0.2), xlabel="stimulus", ylabel=_axis_label(summary))
+        # Names stand beside each other only if they are rows.
+        axis.set_yticks(range(len(order)), order)
+        axis.grid(axis="y", visible=False)
+        axis.set(ylim=(len(order) - 0.2, -0.8), ylabel="stimulus", xlabel=_axis_label(summary))
         if len(conditions) > 1:
             axis.legend()
         figure.tight_layout()

@@ -13,10 +13,8 @@ if they need files of measured surfaces, or if over dots they are another one on
 
 from __future__ import annotations
 
-import multiprocessing
-import os
+import functools
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +24,7 @@ from numpy.typing import NDArray
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.runs.vibration_metrics import DEFAULT_BAND
 from asperity.studies.ensemble.members import PATHS, ensemble_hands
+from asperity.studies.ensemble.processes import over_items
 from asperity.studies.literature.catalogue import FINDINGS
 from asperity.studies.literature.finding import Finding
 from asperity.studies.literature.fit import as_json
@@ -113,27 +112,11 @@ def judge_ensemble(
     measures = measures or candidates()
     hands = tuple(hands or ensemble_hands())
     findings = findings or counted_findings()
-    names = [finding.id for finding in findings]
-    count = processes or min(os.cpu_count() or 1, 4)
-    holds = np.zeros((len(hands), len(plates), len(measures), len(findings)), dtype=bool)
-    if count == 1:
-        tables: Tables = {}
-        for i, hand in enumerate(hands):
-            holds[i] = _judge_hand(hand, measures, names, plates, tables)
-            if progress:
-                progress()
-        return FindingsTable(findings, measures, hands, holds)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
-        futures = {
-            pool.submit(_judge_hand, hand, measures, names, plates): i
-            for i, hand in enumerate(hands)
-        }
-        for future in as_completed(futures):
-            holds[futures[future]] = future.result()
-            if progress:
-                progress()
-    return FindingsTable(findings, measures, hands, holds)
+    judge = functools.partial(
+        _judge_hand, measures=measures, names=[finding.id for finding in findings], plates=plates
+    )
+    found = over_items(judge, hands, processes=processes, progress=progress)
+    return FindingsTable(findings, measures, hands, np.stack(found))
 
 
 _TABLES: Tables = {}
@@ -145,7 +128,6 @@ def _judge_hand(
     measures: tuple[Measure, ...],
     names: Sequence[str],
     plates: tuple[Dots, ...],
-    tables: Tables = _TABLES,
 ) -> NDArray[np.bool_]:
     """Return the verdicts of one hand, shape (plates, metrics, findings)."""
     by_name = {finding.id: finding for finding in FINDINGS}
@@ -156,7 +138,7 @@ def _judge_hand(
         # Conditions without dots are the same for every plate: their drags and curves are shared.
         lab = Laboratory(
             hand, Plan(spacings=SPACINGS, heights=(0.5 * dots.height, dots.height)), dots=dots,
-            sinusoids=dots, tables=tables, measures=measures, _curves=shared, _records=records,
+            sinusoids=dots, tables=_TABLES, measures=measures, _curves=shared, _records=records,
         )  # fmt: skip
         for j, measure in enumerate(measures):
             for k, name in enumerate(names):

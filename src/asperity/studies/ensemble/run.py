@@ -5,10 +5,8 @@ One task is one plate: its slope tables do not depend on the hand, so that all h
 
 from __future__ import annotations
 
-import multiprocessing
-import os
+import functools
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.studies.ensemble.members import EnsembleSettings
+from asperity.studies.ensemble.processes import over_items
 from asperity.studies.ensemble.questions import PAPER_CLAIMS, PEOPLE_CLAIMS, PlateClaim
 from asperity.studies.literature.laboratory import Laboratory, Plan, Tables
 from asperity.studies.literature.measures import COLUMNS, PAPER, Measure
@@ -78,26 +77,18 @@ def run_ensemble(
     settings : EnsembleSettings, optional
         Defaults as in the class.
     processes : int, optional
-        Number of processes; by default one a core, at most four. 1 starts none. More than 1 needs
-        a script that guards its start by `if __name__ == "__main__"`.
+        As for `over_items`.
     progress : callable, optional
         Called after each plate.
     """
     settings = settings or EnsembleSettings()
-    if processes is not None and processes < 1:
-        raise AsperityError(f"processes must be at least 1, got {processes}")
     waves, dots = settings.sinusoids(), settings.dots()
     # Plates of dots take longest: they go first, so that no process waits for the last one.
     plates: list[Sinusoids | Dots] = [*dots, *waves]
-    count = processes or min(os.cpu_count() or 1, 4)
-    if count == 1:
-        found = []
-        for plate in plates:
-            found.append(_judge_plate(plate, settings))
-            if progress:
-                progress()
-    else:
-        found = _in_processes(plates, settings, count, progress)
+    found = over_items(
+        functools.partial(_judge_plate, settings=settings), plates, processes=processes,
+        progress=progress,
+    )  # fmt: skip
     split, hands = len(dots), settings.hands
 
     def answer(
@@ -114,23 +105,6 @@ def run_ensemble(
         answer(PAPER_CLAIMS, METRIC_NAMES[:1], waves, found[split:]),
         answer(PEOPLE_CLAIMS, METRIC_NAMES, dots, found[:split]),
     )
-
-
-def _in_processes(
-    plates: list[Sinusoids | Dots],
-    settings: EnsembleSettings,
-    count: int,
-    progress: Callable[[], None] | None,
-) -> list[NDArray[np.bool_]]:
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context) as pool:
-        futures = {pool.submit(_judge_plate, plate, settings): i for i, plate in enumerate(plates)}
-        found: list[NDArray[np.bool_]] = [np.zeros(0, dtype=bool)] * len(plates)
-        for future in as_completed(futures):
-            found[futures[future]] = future.result()
-            if progress:
-                progress()
-    return found
 
 
 def _judge_plate(plate: Sinusoids | Dots, settings: EnsembleSettings) -> NDArray[np.bool_]:

@@ -9,11 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from asperity._core.output import write_json
 from asperity.drawing import figure_style
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.ensemble.figures import claims_figure, hands_figure
 from asperity.studies.ensemble.run import Answer, EnsembleResult
+from asperity.studies.ensemble.stored import members_document
 from asperity.studies.literature.plates import Dots
 
 QUESTIONS = {
@@ -25,11 +27,12 @@ NOTED_HANDS = {"default hand": Hand(), "default hand, b = 10 N s/m": Hand(dampin
 
 
 def write_ensemble(result: EnsembleResult, folder: Path) -> dict[str, Any]:
-    """Write ensemble.json, ensemble.csv, ensemble.md and two figures; return the summary."""
+    """Write ensemble.json, .csv and .md, members.json and two figures; return the summary."""
     summary = summarise(result)
     (folder / "ensemble.json").write_text(
         json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
     )
+    write_json(folder / "members.json", members_document(result))
     (folder / "ensemble.csv").write_text(members_csv(result), "utf-8")
     (folder / "ensemble.md").write_text("\n".join(tables(result)), "utf-8")
     figure_style.save(claims_figure(result), folder, "ensemble_claims")
