@@ -16,6 +16,7 @@ from asperity.studies.ensemble import predictions
         (["study", "speed", "--ensemble"], "leave out name, or --ensemble"),
         (["study", "--ensemble", "--hand.mass-kg", "0.1"], "leave out hand, or --ensemble"),
         (["findings", "--halves"], "--halves needs --out"),
+        (["findings", "--parts"], "--parts needs --out"),
         (["predict", "none.csv", "--model", "m.csv"], "none.csv: no such file"),
     ],
 )

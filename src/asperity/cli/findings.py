@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,10 +24,14 @@ class FindingsCommand:
     out: Path | None = None
     """Folder for the table, the page and the figures."""
     docs: Path | None = None
-    """Folder of the documentation, for its page findings.md and images/findings_*.png."""
+    """Folder of the documentation, for findings.md, findings_details.md and
+    images/findings_*.png."""
     halves: bool = False
     """Choose a metric on half of the findings over 36 hands and three plates, and judge it on the
     other half (minutes): halves.json in --out."""
+    parts: bool = False
+    """Judge the findings over 36 hands and three plates with each part that the paper leaves out
+    (minutes): parts.json in --out."""
     predictions: Path | None = None
     """Folder for predictions of conditions that are not among the findings: DATE.md and DATE.json,
     with a hash."""
@@ -48,17 +53,24 @@ class FindingsCommand:
 
     def run(self) -> None:
         """Judge every finding, print the table, and write it."""
-        if self.predictions or self.halves:
+        if self.predictions or self.halves or self.parts:
             self._run_ensemble()
             return
         from asperity._core.output import result_folder, write_json
         from asperity.cli.data_files import measured_folder
         from asperity.cli.progress import progress_bars
+        from asperity.studies.ensemble.parts import parts_summary, read_parts
+        from asperity.studies.ensemble.parts_figures import page_figures
         from asperity.studies.literature import fit as fits
         from asperity.studies.literature.catalogue import FINDINGS
         from asperity.studies.literature.laboratory import Plan
         from asperity.studies.literature.table import document, judge_all, make_columns
-        from asperity.studies.literature.write import print_table, write_docs, write_findings
+        from asperity.studies.literature.write import (
+            Ensemble,
+            print_table,
+            write_docs,
+            write_findings,
+        )
 
         if self.hands & (self.hands - 1):
             raise AsperityError(f"--hands must be a power of 2, got {self.hands}")
@@ -82,12 +94,14 @@ class FindingsCommand:
                     data=data,
                     progress=lambda: bars.advance(task),
                 )
+            stored = read_parts()
+            ensemble = Ensemble(parts_summary(stored), page_figures(stored))
             if folder:
-                write_findings(rows, columns, labs, fit, folder)
+                write_findings(rows, columns, labs, fit, ensemble, folder)
                 if self.fit:
                     write_json(folder / "fit.json", fit)
             if self.docs:
-                write_docs(rows, columns, labs, fit, self.docs)
+                write_docs(rows, columns, labs, fit, ensemble, self.docs)
             if not wants_json():
                 print_table(rows, columns)
             return document(rows, columns)
@@ -101,30 +115,51 @@ class FindingsCommand:
         print_result(line, found | {"out": self.out})
 
     def _run_ensemble(self) -> None:
-        from asperity._core.output import result_folder, write_json
         from asperity.cli.progress import progress_bars
-        from asperity.studies.ensemble.halves import judge_ensemble, summarise_halves
         from asperity.studies.ensemble.members import ensemble_hands
         from asperity.studies.ensemble.predictions import write_predictions
 
-        if self.halves and self.out is None:
-            raise AsperityError("--halves needs --out, the folder for halves.json")
+        for name in ("halves", "parts"):
+            if getattr(self, name) and self.out is None:
+                raise AsperityError(f"--{name} needs --out, the folder for {name}.json")
         total = len(ensemble_hands())
         with progress_bars() as bars:
-            if self.halves and self.out:
-                task = bars.add_task("hands", total=total)
-                found = summarise_halves(judge_ensemble(progress=lambda: bars.advance(task)))
-                with result_folder(self.out, overwrite=self.overwrite) as folder:
-                    write_json(folder / "halves.json", found)
+
+            def task(name: str) -> Callable[[], None]:
+                bar = bars.add_task(name, total=total)
+                return lambda: bars.advance(bar)
+
+            if self.out and (self.halves or self.parts):
+                self._write_ensemble(self.out, task)
+            if self.predictions:
+                path = write_predictions(self.predictions, self.date, progress=task("hands"))
+                print(f"{path}: predictions, and the same as JSON beside it")
+
+    def _write_ensemble(self, out: Path, task: Callable[[str], Callable[[], None]]) -> None:
+        """Write halves.json and parts.json, and print what they come to."""
+        from asperity._core.output import result_folder, write_json
+        from asperity.studies.ensemble.halves import judge_ensemble, summarise_halves
+        from asperity.studies.ensemble.parts import (
+            judge_parts,
+            parts_document,
+            parts_summary,
+        )
+
+        with result_folder(out, overwrite=self.overwrite) as folder:
+            if self.halves:
+                found = summarise_halves(judge_ensemble(progress=task("hands, for halves")))
+                write_json(folder / "halves.json", found)
                 shares = found["shares"]
                 print(
-                    f"{self.out}: {found['chosen']['name']}, held out: median "
+                    f"{out}: {found['chosen']['name']}, held out: median "
                     f"{shares['chosen']['second']['median']:.0%}, 20-200 Hz band "
                     f"{shares['band']['second']['median']:.0%}"
                 )
-            if self.predictions:
-                task = bars.add_task("hands", total=total)
-                path = write_predictions(
-                    self.predictions, self.date, progress=lambda: bars.advance(task)
+            if self.parts:
+                table = judge_parts(progress=task("hands, for parts"))
+                write_json(folder / "parts.json", parts_document(table))
+                medians = parts_summary(table)["median"]
+                print(
+                    f"{out}: median member, 20-200 Hz band {medians['band']['all']:.0%}, with "
+                    f"every part {medians['pooled_tissue_lift_skin']['all']:.0%} of the findings"
                 )
-                print(f"{path}: predictions, and the same as JSON beside it")

@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
+from asperity.studies.ensemble.figures import claims_figure, hands_figure
 from asperity.studies.ensemble.members import EnsembleSettings
 from asperity.studies.ensemble.processes import as_text, from_text, over_items
 from asperity.studies.ensemble.run import run_ensemble
 from asperity.studies.ensemble.stored import PUBLISHED, members_document, read_ensemble
 from asperity.studies.ensemble.write import summarise
+from figure_text import smallest_text
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 ROOT = DOCS.parent
@@ -86,6 +89,14 @@ def test_the_readme_has_the_median_members(stored):
     assert f"{paper:g} of 8 claims" in readme
     assert f"**{own:g} of 7**" in readme
     assert f"**{band:g} of 7**" in readme
+
+
+def test_letters_are_large_enough_in_a_column_of_the_documentation(stored):
+    for draw in (claims_figure, hands_figure):
+        figure = draw(stored)
+        assert figure.get_figwidth() <= COLUMN_WIDTH
+        points, text = smallest_text(figure)
+        assert points >= SMALLEST, text
 
 
 def test_verdicts_as_text():

@@ -14,7 +14,7 @@ from asperity.studies.literature.halves_page import read_published_halves
 from asperity.studies.literature.hand_search import HELD_OUT, candidate_measures, sample_hands
 from asperity.studies.literature.laboratory import Laboratory, Plan, judge_or_explain
 from asperity.studies.literature.measures import PAPER
-from asperity.studies.literature.page import FIGURES, value_text
+from asperity.studies.literature.page import DETAIL_FIGURES, FIGURES, value_text
 from asperity.studies.literature.table import MARKS, judge_all, make_columns
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -26,32 +26,49 @@ def page():
 
 
 @pytest.fixture(scope="module")
-def table(page):
+def details():
+    return (DOCS / "findings_details.md").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def table(details):
     """Return the marks of each finding in the page's table, by id."""
     row = r"^\| `([\w.]+)` [^|]+\| [^|]+\| \w+(?:, by construction)? \| (.+) \|$"
-    rows = re.findall(row, page, re.MULTILINE)
+    rows = re.findall(row, details, re.MULTILINE)
     return {name: marks.replace("*", "").split(" | ") for name, marks in rows}
 
 
-def test_the_page_lists_the_findings_of_the_code(page, table):
+def test_the_page_lists_the_findings_of_the_code(details, table):
     assert list(table) == [finding.id for finding in FINDINGS]
     for finding in FINDINGS:
-        assert f"### {finding.title}\n" in page
-        assert finding.criterion in page
-        assert finding.people in page
+        assert f"## {finding.title}\n" in details
+        assert finding.criterion in details
+        assert finding.people in details
         for marks in table.values():
             assert len(marks) == 5
             assert set(marks) <= set(MARKS.values())
 
 
-def test_the_page_has_its_figures(page):
-    for name in FIGURES:
-        assert f"images/{name}.png" in page
-        assert (DOCS / "images" / f"{name}.png").stat().st_size > 10_000
+def test_the_pages_have_their_figures(page, details):
+    for text, names in ((page, FIGURES), (details, DETAIL_FIGURES)):
+        assert re.findall(r"images/(\w+)\.png", text) == list(names)
+        for name in names:
+            assert (DOCS / "images" / f"{name}.png").stat().st_size > 10_000
 
 
-def test_the_page_agrees_with_the_fit_that_is_shipped(page):
-    fit, words = fits.read_published_fit(), " ".join(page.split())
+def test_every_finding_has_its_source_and_how_surely_it_is_known(page):
+    for finding in FINDINGS:
+        row = re.search(rf"^\| \[?{re.escape(finding.title)}.*$", page, re.MULTILINE)
+        assert row, finding.id
+        for source in finding.sources:
+            assert source.short in row[0], finding.id
+        assert f"| {finding.sureness.name.lower()} |" in row[0], finding.id
+        # In both columns of shares; a finger with skin cannot fail three more.
+        assert (row[0].count("by construction") == 2) == finding.by_construction, finding.id
+
+
+def test_the_page_agrees_with_the_fit_that_is_shipped(details):
+    fit, words = fits.read_published_fit(), " ".join(details.split())
     assert f"{fit['chosen']['name']} with a hand of" in words
     assert f"**{fit['got']} of {fit['counted']}**" in words
     assert f"{fit['hands_as_good']['hands']} of {fit['hands']} hands" in words
@@ -95,7 +112,7 @@ def test_the_whole_table_comes_out_as_the_page_has_it(table):
         assert [MARKS[verdicts[c.name].holds] for c in columns] == table[finding.id], finding.id
 
 
-def test_the_halves_that_are_shipped_are_of_these_findings(page):
+def test_the_halves_that_are_shipped_are_of_these_findings(page, details):
     halves, words = read_published_halves(), " ".join(page.split())
     ids = {finding.id for finding in FINDINGS}
     first, second = (set(halves["halves"][name]) for name in ("first", "second"))
@@ -103,8 +120,8 @@ def test_the_halves_that_are_shipped_are_of_these_findings(page):
     assert first | second == set(halves["findings"]) <= ids
     assert len(halves["findings"]) >= 25
     assert halves["hands"] >= 36
-    assert f"is **{halves['chosen']['name']}**" in words
+    assert f"was taken: {halves['chosen']['name']}." in words
     held = halves["shares"]
     better = held["chosen"]["second"]["median"] > held["band"]["second"]["median"]
-    assert ("no better than the 20-200 Hz band" in words) != better
-    assert page.count("(held out).") == len(second)
+    assert ("never saw, the choice is no better than the band" in words) != better
+    assert details.count("(held out);") == len(second)

@@ -12,7 +12,6 @@ import datetime
 import hashlib
 import itertools
 import json
-import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ from asperity._core.output import write_whole
 from asperity.dynamics.dragged_hand.hand import Hand
 from asperity.errors import AsperityError
 from asperity.studies.ensemble.members import DAMPINGS, MASSES, PATHS, STIFFNESSES, ensemble_hands
-from asperity.studies.literature.halves_page import read_published_halves
+from asperity.studies.literature.halves_page import chosen_measure, read_published_halves
 from asperity.studies.literature.laboratory import Laboratory, Tables, Touch
 from asperity.studies.literature.measures import COLUMNS, PAPER, Measure
 from asperity.studies.literature.plates import Dots, Gratings
@@ -245,12 +244,8 @@ def _cell(values: dict[str, float]) -> str:
 def published_measures() -> tuple[dict[str, Measure], dict[str, str]]:
     """Return the metrics that predictions are made for, and what each was fitted on."""
     halves = read_published_halves()
-    stored = halves["chosen"]
-    power = math.inf if stored["power"] is None else stored["power"]
-    band = tuple(stored["band"]) if stored["band"] else None
-    chosen = Measure(stored["kind"], stored["signal"], band, power, stored["transmission"])
     first = ", ".join(halves["halves"]["first"])
-    return {"paper": PAPER, "band": COLUMNS["band_rms"], "chosen": chosen}, {
+    return {"paper": PAPER, "band": COLUMNS["band_rms"], "chosen": chosen_measure()}, {
         "paper": "nothing; it is the metric of Otaduy & Lin (2004).",
         "band": "nothing by search; it was taken after the paper's metric had missed the effect of "
         "speed in the seed paper's third plate.",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -189,13 +189,10 @@ class Laboratory:
         """Return the drags of a probe that may lift off, a period or more of each path."""
         assert isinstance(touch.probe, float)
         records = []
-        for surface in plate.surfaces(spacing):
-            samples = max(math.ceil(surface.period / _PATH_PIXEL), _LEAST_SAMPLES)
-            path = surface.tracer(touch.probe)(np.arange(samples) * surface.period / samples)
+        for heights, slopes, period in _traced(plate, spacing, touch.probe):
             run = drag_lifting(
-                path.height, path.slope, surface.period, self.hand, probe,
-                normal_force=touch.force, speed=touch.speed,
-                length=max(surface.period, _LEAST_LENGTH),
+                heights, slopes, period, self.hand, probe, normal_force=touch.force,
+                speed=touch.speed, length=max(period, _LEAST_LENGTH),
             )  # fmt: skip
             records.append(record_of(run.motion, self.hand))
         return tuple(records)
@@ -214,6 +211,19 @@ class Laboratory:
                     tables.append(slope_table(surface, probe, tolerance=tolerance))
             self.tables[key] = tuple(tables)
         return self.tables[key]
+
+
+@lru_cache(maxsize=1024)
+def _traced(
+    plate: Plate, spacing: float, probe: float
+) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], float], ...]:
+    """Return heights [m] and slopes of one period of each path of a probe, and the period [m]."""
+    traced = []
+    for surface in plate.surfaces(spacing):
+        samples = max(math.ceil(surface.period / _PATH_PIXEL), _LEAST_SAMPLES)
+        path = surface.tracer(probe)(np.arange(samples) * surface.period / samples)
+        traced.append((path.height, path.slope, surface.period))
+    return tuple(traced)
 
 
 def judge_or_explain(finding: Finding, lab: Laboratory, measure: Measure) -> Verdict:

@@ -37,7 +37,8 @@ _LEAST_HARMONICS = 64
 _HANN_SQUARED = 8.0 / 3.0
 """Factor by which a Hann window reduces power."""
 SIGNALS = ("acceleration", "force", "velocity", "position")
-KINDS = ("largest", "largest_abs", "norm", "threshold", *CHANNELS, "pooled")
+KINDS = ("largest", "largest_abs", "norm", "threshold", *CHANNELS, "pooled", "summed")
+_ALL_CHANNELS = {"pooled": "channels pooled", "summed": "channels summed"}
 _UNITS = {"acceleration": "m/s²", "force": "N", "velocity": "m/s", "position": "m"}
 
 
@@ -82,7 +83,8 @@ class Measure:
 
     kind: str = "norm"
     """One of `KINDS`: max u'', max |u''|, a norm, threshold-weighted power of u'', the response of
-    one of the skin's channels to u - v t, or all three pooled with saturation."""
+    one of the skin's channels to u - v t, or all three pooled, with saturation or summed as they
+    are."""
     signal: str = "acceleration"
     """One of `SIGNALS`, for a norm."""
     band: tuple[float, float] | None = None
@@ -103,8 +105,8 @@ class Measure:
     @property
     def name(self) -> str:
         """A short name, for tables."""
-        if self.kind in (*CHANNELS, "pooled"):
-            what = "channels pooled" if self.kind == "pooled" else f"{self.kind.upper()} channel"
+        if self.kind in (*CHANNELS, *_ALL_CHANNELS):
+            what = _ALL_CHANNELS.get(self.kind, f"{self.kind.upper()} channel")
             return f"{what}, through tissue" if self.transmission else what
         if self.kind != "norm":
             return {"largest": "max u''", "largest_abs": "max |u''|"}.get(
@@ -118,7 +120,7 @@ class Measure:
     @property
     def unit(self) -> str:
         """Unit of the value."""
-        if self.kind in ("threshold", *CHANNELS, "pooled"):
+        if self.kind in ("threshold", *CHANNELS, *_ALL_CHANNELS):
             return "1"
         return _UNITS["acceleration" if self.kind != "norm" else self.signal]
 
@@ -129,7 +131,7 @@ class Measure:
     def together(self, values: ArrayLike) -> NDArray[np.float64]:
         """Return the metric of consecutive equal strokes from their values (first axis)."""
         strokes = np.asarray(values, dtype=np.float64)
-        if self.kind in ("threshold", "pooled"):
+        if self.kind in ("threshold", *_ALL_CHANNELS):
             return np.asarray(np.mean(strokes, axis=0))
         if self.kind in CHANNELS:
             return np.asarray(np.sqrt(np.mean(strokes**2, axis=0)))
@@ -182,6 +184,8 @@ def _of_one(record: DragRecord, measures: Sequence[Measure]) -> list[float]:
             return response(measure.kind, measure.transmission)
         if measure.kind == "pooled":
             return POOLING.intensity({c: response(c, measure.transmission) for c in CHANNELS})
+        if measure.kind == "summed":
+            return sum(response(c, measure.transmission) for c in CHANNELS)
         if measure.kind == "threshold":
             lines_at = np.sqrt(squares(signal))
             return hann * threshold_weighted_power(record.frequencies, lines_at)

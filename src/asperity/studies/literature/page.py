@@ -1,4 +1,8 @@
-"""The documentation page `findings.md`, rendered from the table and the fit; none of it by hand."""
+"""The documentation's pages on the findings, rendered from stored results, table and fit.
+
+`findings.md` is what a reader wants to know; `findings_details.md` has each finding with what was
+simulated and measured.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +16,41 @@ from asperity.studies.literature.halves_page import half_of, read_published_halv
 from asperity.studies.literature.hand_search import UNITS
 from asperity.studies.literature.table import CHOSEN, MARKS, Column, FindingResult, count_findings
 
-FIGURES = (
-    "findings_table", "findings_halves", "findings_paper", "findings_chosen", "findings_grains",
-    "findings_fit",
+FIGURES = ("findings_ensemble", "findings_hands")
+"""Of the page."""
+DETAIL_FIGURES = (
+    "findings_table", "findings_paper", "findings_chosen", "findings_grains", "findings_fit",
 )  # fmt: skip
+"""Of the page with the findings one by one."""
 
 
-def page(
-    rows: Sequence[FindingResult], columns: Sequence[Column], fit: dict[str, Any], images: str = ""
+def page(parts: dict[str, Any], images: str = "") -> str:
+    """Return the page as Markdown; it needs no simulation.
+
+    Parameters
+    ----------
+    parts : dict
+        As `asperity.studies.ensemble.parts.parts_summary` returns it.
+    images : str
+        Folder of the figures, relative to the page, with a slash at its end.
+    """
+    return render(
+        "findings.md",
+        parts=parts, images=images, findings=FINDINGS, count=len(FINDINGS),
+        can_fail=sum(not finding.by_construction for finding in FINDINGS),
+        percent="{:.0%}".format, heights=_listed([f"{1e3 * h:g}" for h in parts["plates"]]),
+        halves=read_published_halves(), half_of=half_of,
+    )  # fmt: skip
+
+
+def details_page(
+    rows: Sequence[FindingResult],
+    columns: Sequence[Column],
+    fit: dict[str, Any],
+    parts: dict[str, Any],
+    images: str = "",
 ) -> str:
-    """Return the page as Markdown.
+    """Return the page with the findings one by one, as Markdown.
 
     Parameters
     ----------
@@ -29,12 +58,12 @@ def page(
         As `judge_all` returns and takes them.
     fit : dict
         As `run_fit` returns it.
-    images : str
-        Folder of the figures, relative to the page, with a slash at its end.
+    parts, images
+        As for `page`.
     """
     return render(
-        "findings.md",
-        rows=rows, columns=columns, fit=fit, images=images, count=len(FINDINGS),
+        "findings_details.md",
+        rows=rows, columns=columns, fit=fit, images=images, parts=parts,
         tallies=["{} of {}".format(*count_findings(rows, column.name)) for column in columns],
         nowhere=[r.finding.title for r in rows if not any(v.holds for v in r.verdicts.values())],
         held_out=_held_out(fit), gained=_gained(fit), result=lambda row: _result(row, columns),
@@ -55,6 +84,11 @@ def value_text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.3g}"
     return "none" if value is None else str(value)
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Return words as a list in a sentence."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def _result(row: FindingResult, columns: Sequence[Column]) -> str:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
 from asperity._core.output import write_whole
 from asperity.drawing import figure_style
 from asperity.studies.literature import figures
-from asperity.studies.literature.halves_page import halves_figure, read_published_halves
 from asperity.studies.literature.laboratory import Laboratory
-from asperity.studies.literature.page import FIGURES, page
+from asperity.studies.literature.page import DETAIL_FIGURES, details_page, page
 from asperity.studies.literature.table import (
     CHOSEN,
     MARKS,
@@ -75,7 +74,7 @@ def figures_of(
     labs: dict[str, Laboratory],
     fit: dict[str, Any],
 ) -> dict[str, Figure]:
-    """Return every figure by name."""
+    """Return every figure of the page with the findings one by one, by name."""
     first, last = columns[0], columns[-1]
     hand = last.hand
     title = (
@@ -84,7 +83,6 @@ def figures_of(
     )
     made = {
         "findings_table": figures.table_figure(rows, columns),
-        "findings_halves": halves_figure(read_published_halves()),
         "findings_paper": figures.curves_figure(
             labs[first.name], first.measure, f"{first.measure.name}, the seed paper's; default hand"
         ),
@@ -94,8 +92,17 @@ def figures_of(
         ),
         "findings_fit": figures.fit_figure(fit),
     }
-    assert tuple(made) == FIGURES
+    assert tuple(made) == DETAIL_FIGURES
     return made
+
+
+class Ensemble(NamedTuple):
+    """What the pages show of the ensemble, from `asperity.studies.ensemble`."""
+
+    parts: dict[str, Any]
+    """As `parts_summary` returns it."""
+    figures: dict[str, Figure]
+    """The figures `FIGURES` of the page, by name."""
 
 
 def write_findings(
@@ -103,13 +110,16 @@ def write_findings(
     columns: Sequence[Column],
     labs: dict[str, Laboratory],
     fit: dict[str, Any],
+    ensemble: Ensemble,
     folder: Path,
 ) -> None:
-    """Write findings.json, findings.csv, findings.md and the figures (PNG, SVG) into a folder."""
+    """Write findings.json, findings.csv, both pages and the figures (PNG, SVG) into a folder."""
     (folder / "findings.json").write_text(as_json(rows, columns), "utf-8")
     (folder / "findings.csv").write_text(as_csv(rows, columns), "utf-8")
-    (folder / "findings.md").write_text(page(rows, columns, fit), "utf-8")
-    for name, figure in figures_of(rows, columns, labs, fit).items():
+    (folder / "findings.md").write_text(page(ensemble.parts), "utf-8")
+    details = details_page(rows, columns, fit, ensemble.parts)
+    (folder / "findings_details.md").write_text(details, "utf-8")
+    for name, figure in (ensemble.figures | figures_of(rows, columns, labs, fit)).items():
         figure_style.save(figure, folder, name)
 
 
@@ -118,9 +128,12 @@ def write_docs(
     columns: Sequence[Column],
     labs: dict[str, Laboratory],
     fit: dict[str, Any],
+    ensemble: Ensemble,
     docs: Path,
 ) -> None:
-    """Write the page findings.md into the folder of the documentation, its figures in images/."""
-    for name, figure in figures_of(rows, columns, labs, fit).items():
+    """Write both pages into the folder of the documentation, their figures in images/."""
+    for name, figure in (ensemble.figures | figures_of(rows, columns, labs, fit)).items():
         figure.savefig(docs / "images" / f"{name}.png", dpi=130)
-    write_whole(docs / "findings.md", page(rows, columns, fit, "images/"))
+    write_whole(docs / "findings.md", page(ensemble.parts, "images/"))
+    details = details_page(rows, columns, fit, ensemble.parts, "images/")
+    write_whole(docs / "findings_details.md", details)

@@ -1,0 +1,148 @@
+"""Figures of the findings over the ensemble: findings against models, and hands that flip one."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
+from asperity.drawing.shares import draw_hands, draw_scale, draw_shares, label_stiffness, make_bare
+from asperity.studies.ensemble.parts import PartsTable
+from asperity.studies.literature.halves_page import half_of, read_published_halves
+
+SHOWN = (
+    ("vibration of the hand", (("paper", "max u''"), ("band", "20-200 Hz"), ("chosen", "choice"))),
+    ("the skin's channels", (
+        ("sa1_tissue", "SA1"), ("fa1_tissue", "FA1"), ("fa2_tissue", "FA2"),
+        ("pooled_tissue", "pooled"),
+    )),
+    ("parts added", (
+        ("band_lift", "band, lift-off"), ("band_skin", "band, skin"),
+        ("pooled_tissue_lift_skin", "pooled, both"),
+    )),
+)  # fmt: skip
+"""Groups of columns: designs, and what stands above them."""
+GROUPS = (
+    ("Through a probe: size, force, place of the peak", (
+        "probe.inverted_u", "diameter.higher", "diameter.smaller_spacing", "force.place",
+        "drop.follows", "drop.near", "static.too_low", "cones.inverted_u", "cones.probe_size",
+    )),
+    ("Through a probe: speed", ("speed.large", "speed.small", "speed.peak", "passive.speed")),
+    ("Through a probe: other surfaces", ("gratings.level", "grit.generated", "sinusoids.descend")),
+    ("Bare finger, or finger beside probe", (
+        "finger.line", "finger.dots", "finger.jitter", "finger.small_elements", "finger.ridges",
+        "finger.speed", "finger.groove_over_rate", "finger.textures", "finger.low_relief",
+        "gratings.groove", "textures.alike",
+    )),
+    ("By construction: not counted", ("force.rougher", "finger.force", "probe.smoothest")),
+)  # fmt: skip
+"""The findings of the picture by what they are about."""
+FLIPPING = ("speed.large", "speed.small", "speed.peak", "drop.near")
+"""Findings that depend most on the hand."""
+_LABELS = 3.45
+"""Room for the names of findings [inch]."""
+_ROW = 0.238
+"""Height of a row [inch]."""
+_HEADS = 1.4
+"""Room for the names of columns [inch]."""
+_FOOT = 0.3
+"""Room below the cells [inch]."""
+
+
+def page_figures(table: PartsTable) -> dict[str, Figure]:
+    """Return the figures of the documentation's page on the findings, by name."""
+    return {"findings_ensemble": ensemble_figure(table), "findings_hands": flips_figure(table)}
+
+
+def ensemble_figure(table: PartsTable) -> Figure:
+    """Return findings against models, shaded by the share of the members that get them."""
+    names = [name for _, columns in SHOWN for name, _ in columns]
+    order = [finding.id for finding in table.findings]
+    rows = sum(len(ids) + 1 for _, ids in GROUPS) + 1
+    total = _ROW * rows + _HEADS + _FOOT
+    with style():
+        figure = Figure(figsize=(COLUMN_WIDTH, total))
+        axis = figure.add_axes((
+            _LABELS / COLUMN_WIDTH, _FOOT / total,
+            (COLUMN_WIDTH - _LABELS - 0.08) / COLUMN_WIDTH, _ROW * rows / total,
+        ))  # fmt: skip
+        axis.set(xlim=(0, len(names)), ylim=(rows, 0))
+        halves = read_published_halves()
+        titles = {
+            one.id: f"{one.title} †" if half_of(one.id, halves) == "held out" else one.title
+            for one in table.findings
+        }
+        ticks, labels, top = [], [], 0
+        for title, ids in GROUPS:
+            left = -_LABELS / (COLUMN_WIDTH - _LABELS - 0.08) * len(names)
+            axis.text(left + 0.1, top + 0.6, title, fontweight="bold", fontsize=SMALLEST,
+                      va="center")  # fmt: skip
+            top += 1
+            shares = np.array([[table.share(name, one) for name in names] for one in ids])
+            places = [order.index(one) for one in ids]
+            counts = np.stack([table.counts(name)[places] for name in names], axis=1)
+            draw_shares(axis, shares, counts, top)
+            ticks += [top + i + 0.5 for i in range(len(ids))]
+            labels += [titles[one] for one in ids]
+            top += len(ids)
+        for j, name in enumerate(names):
+            axis.text(j + 0.5, rows - 0.45, f"{100.0 * table.median(name):.0f}", ha="center",
+                      va="center", fontweight="bold")  # fmt: skip
+        axis.set_yticks([*ticks, rows - 0.45], [*labels, "median member, of those that count"])
+        _name_columns(axis)
+        make_bare(axis)
+        members = len(table.hands) * len(table.plates)
+        figure.text(
+            0.01, 0.1 / total, f"Share of {members} members in which a finding comes out [%]. "
+            "†: the choice never saw it.",
+            fontsize=SMALLEST, color="#444444", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def _name_columns(axis: Axes) -> None:
+    """Write the names of columns above them, and of their groups above these."""
+    axis.set_xticks([])
+    at = 0
+    for title, columns in SHOWN:
+        for j, (_, label) in enumerate(columns):
+            axis.text(at + j + 0.5, -0.2, label, rotation=90, ha="center", va="bottom",
+                      fontsize=SMALLEST)  # fmt: skip
+        axis.text(at + 0.5 * len(columns), -5.1, textwrap.fill(title, 14), ha="center",
+                  va="center", fontsize=SMALLEST, color="#444444")  # fmt: skip
+        axis.plot([at + 0.1, at + len(columns) - 0.1], [-4.2, -4.2], color="#999999", lw=0.8,
+                  clip_on=False)  # fmt: skip
+        at += len(columns)
+        if at < 10:
+            axis.axvline(at, color="#333333", lw=1.0)
+
+
+def flips_figure(table: PartsTable) -> Figure:
+    """Return for which m, k and b findings come out, shaded by the share of the plates."""
+    columns = (("paper", "max u''"), ("band", "RMS 20-200 Hz"), ("chosen", "choice"))
+    ids = [finding.id for finding in table.findings]
+    titles = {finding.id: finding.title for finding in table.findings}
+    with style():
+        figure = Figure(figsize=(COLUMN_WIDTH, 6.3))
+        axes = figure.subplots(len(FLIPPING), len(columns), squeeze=False)
+        for line, one in zip(axes, FLIPPING, strict=True):
+            for axis, (name, _) in zip(line, columns, strict=True):
+                shares = table.of(name)[..., ids.index(one)].mean(axis=1)
+                draw_hands(axis, table.hands, shares)
+                if axis is not line[0]:
+                    axis.set_yticklabels([])
+            words = textwrap.fill(titles[one], 17)
+            line[0].set_ylabel(f"{words}\n\nm [g]", fontsize=SMALLEST)
+        for axis, (_, title) in zip(axes[0], columns, strict=True):
+            axis.set_title(title, loc="center", pad=20)
+            label_stiffness(axis, table.hands)
+        for axis in axes[:-1].flat:
+            axis.set_xticklabels([])
+        for axis in axes[-1]:
+            axis.set_xlabel("b [N s/m], within k [N/m]", fontsize=SMALLEST)
+        figure.tight_layout(w_pad=0.8, h_pad=1.0, rect=(0, 0.075, 1, 1))
+        draw_scale(figure, (0.72, 0.045, 0.26, 0.018), "share of the plates [%]")
+    return figure
