@@ -45,7 +45,9 @@ class DemoCommand:
         loading = time.perf_counter() - start
         drags, rubs, ticks = steps(settings)
         announce_compiling("mesh_tick")
-        studies = compile_notice("studies", "dynamics.dragged_hand.integrator", "force_at")
+        studies = compile_notice(
+            "studies", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+        )
         scenes = compile_notice("scenes", "contact.mesh_tick", "mesh_tick")
         with result_folder(self.out / "demo", overwrite=self.overwrite) as folder:
             with progress_bars() as bars:

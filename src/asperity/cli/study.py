@@ -122,7 +122,9 @@ class StudyCommand:
         with result_folder(out, overwrite=self.overwrite) as folder:
             simulator = settings.simulator()
             with progress_bars() as bars:
-                notice = compile_notice("studies", "dynamics.dragged_hand.integrator", "force_at")
+                notice = compile_notice(
+                    "studies", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+                )
                 task = bars.add_task(notice, total=total)
                 results = {
                     name: run_study(
@@ -159,7 +161,9 @@ class StudyCommand:
         out = self.out or Path("out/ensemble")
         with result_folder(out, overwrite=self.overwrite) as folder:
             with progress_bars() as bars:
-                notice = compile_notice("plates", "dynamics.dragged_hand.integrator", "force_at")
+                notice = compile_notice(
+                    "plates", "dynamics.dragged_hand.periodic_motion", "drag_until_repeat"
+                )
                 task = bars.add_task(notice, total=total)
                 result = run_ensemble(settings, progress=lambda: bars.advance(task))
             summary = write_ensemble(result, folder)

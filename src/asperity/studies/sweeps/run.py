@@ -25,7 +25,7 @@ _LOG = logging.getLogger(__name__)
 _LOG_INTERVAL = 30.0
 """Time between log lines about progress [s]."""
 _KERNELS = {
-    "drag": ("dynamics.dragged_hand.integrator", "force_at"),
+    "drag": ("dynamics.dragged_hand.periodic_motion", "drag_until_repeat"),
     "scene": ("contact.geom_tick", "tick"),
 }
 """Module and name of a kernel that a combination of either kind needs."""
