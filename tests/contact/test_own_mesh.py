@@ -5,12 +5,14 @@ picture may be as rough as grain of one pixel.
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from naive_meshes import ball_mesh, engine_of, thing, touch, with_uv
+from naive_meshes import ball_mesh, engine_of, roller, thing, touch, with_uv
 
 from asperity.geometry.bodies import Body, Geom
+from asperity.geometry.facets.facets import mesh_facets
 from asperity.geometry.mesh.mesh import mesh_from_arrays
 from asperity.texture.height_field import HeightField
 
@@ -189,3 +191,58 @@ def test_two_rough_random_solids_that_slide_are_certified(kind, seed):
         pose[0] += 83e-6
     assert total >= 40
     assert certified >= 0.995 * total
+
+
+def pen():
+    """Return a cone that points down, its tip at the origin, 6 mm high."""
+    phi = 2 * np.pi * np.arange(24) / 24
+    rim = np.column_stack([2e-3 * np.cos(phi), 2e-3 * np.sin(phi), np.full(24, 6e-3)])
+    k, after = np.arange(24), (np.arange(24) + 1) % 24
+    sides = np.column_stack([k, np.full(24, 24), after])
+    top = np.column_stack([np.full(24, 25), k, after])
+    vertices = np.concatenate([rim, [[0, 0, 0], [0, 0, 6e-3]]])
+    return mesh_from_arrays(vertices, np.concatenate([sides, top]), hard_angle=40.0)
+
+
+def coin(uv_noise):
+    """Return a body whose ends are fans of 64 triangles, with a picture on it."""
+    texture = picture("waves")
+    mesh = with_uv(roller(12e-3, 1e-3, 64), texture, seed=3)
+    noise = uv_noise * np.random.default_rng(1).uniform(-1.0, 1.0, mesh.uv.shape)
+    return thing("coin", replace(mesh, uv=mesh.uv + noise), texture, "uv"), texture
+
+
+@pytest.mark.parametrize("uv_noise", [0.0, 1e-7, 1e-4], ids=["exact", "single", "coarse"])
+def test_a_tip_on_the_seam_of_two_triangles_feels_the_texture_there(uv_noise):
+    """Facets that meet in a line have no common area, and an edge of either must not turn F."""
+    target, texture = coin(uv_noise)
+    engine = engine_of(thing("tool", pen()), target, stiffness=400.0)
+    mesh = target.body.mesh
+    top = np.flatnonzero(np.all(mesh.vertices[mesh.faces][:, :, 2] > 0.0, axis=1))
+    steepest = max(np.abs(d).max() for d in texture.derivatives(*np.meshgrid(
+        *(np.linspace(0, s, 300) for s in texture.size)))[1:3])  # fmt: skip
+    for x in np.linspace(-11e-3, -1e-3, 21):
+        engine.reset()
+        pose = np.array([x, 0.0, 1e-3 - 3e-4, 1.0, 0.0, 0.0, 0.0])
+        felt = touch(engine, pose)
+        assert felt.status.tolist() == [0]
+        heights = []
+        for k in top:  # the tip is on the edge of two of them
+            corners, uv = mesh.vertices[mesh.faces[k]][:, :2], mesh.uv[k] * texture.size
+            share = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), [x, 0.0, 1.0])
+            if share.min() > -1e-9:
+                heights.append(texture.heights(*(share @ uv)[:, None])[0])
+        assert felt.depth[0] == pytest.approx(3e-4 + max(heights), abs=2e-9)
+        assert np.hypot(*felt.wrench[:2]) < 1.5 * steepest * felt.wrench[2]
+
+
+def test_texture_coordinates_in_single_precision_leave_a_flat_face_whole():
+    for uv_noise, most in ((0.0, 160), (1e-7, 160), (1e-4, 256)):
+        target, _ = coin(uv_noise)
+        mesh = target.body.mesh
+        facets = mesh_facets(
+            mesh.vertices, mesh.faces, mesh.normals, mesh.uv * target.body.texture.size
+        )
+        assert len(facets) <= most
+        if uv_noise == 1e-4:
+            assert len(facets) == 256

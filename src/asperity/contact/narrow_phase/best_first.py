@@ -274,13 +274,17 @@ def best_first_search(textures, stride, count, guess, tolerance, memory, queue, 
         grain = min(_grain(textures, patch), grain)
         x0, x1, y0, y1 = _box_of(nodes[number], candidate)
         while True:
-            large = max(x1 - x0, y1 - y0)
+            large, box = max(x1 - x0, y1 - y0), (x0, x1, y0, y1)
             is_done = large < SMALLEST or used + 4 > MAX_NODES
             if above <= search.incumbent + tolerance and large <= _RESOLVED * grain:
                 is_done = True
                 search.nodes += 1.0
-                resolve_once(textures, pair, (x0, x1, y0, y1), above, search)
+                resolve_once(textures, pair, box, above, search)
             elif is_done:
+                # Facets that only meet along an edge have a box without width, not divided before.
+                if large < SMALLEST:
+                    evaluate_node(textures, pair, box, above, search)
+                    above = min(above, search.last_bound)
                 search.upper_bound = max(search.upper_bound, above)
             if is_done:
                 if added == 0:

@@ -18,6 +18,8 @@ from asperity.contact.narrow_phase.surface_patch import entries
 
 ON_EDGE = 10.0 * FEASIBLE
 """Distance from an edge at which a point is on it [m]."""
+_CORNER = 1e-3
+"""Sine of the angle from which on two edges meet in a corner."""
 _PARALLEL = 1e-6
 """Sine of the angle between edges below which they are parallel."""
 
@@ -29,6 +31,18 @@ def _edge_of(limits, count, owner):
         if limits[i].owner == owner and limits[i].g > -ON_EDGE:
             return True, limits[i].g_x, limits[i].g_y
     return False, 0.0, 0.0
+
+
+@inner_kernel
+def _is_corner(limits, count, owner, across_x, across_y):
+    """Return whether a point lies on another edge of a body than that across (x, y)."""
+    is_corner, size = False, math.hypot(across_x, across_y)
+    for i in range(count):
+        limit = limits[i]
+        if limit.owner == owner and limit.g > -ON_EDGE:
+            turn = abs(limit.g_x * across_y - limit.g_y * across_x)
+            is_corner = is_corner or turn > _CORNER * size * math.hypot(limit.g_x, limit.g_y)
+    return is_corner
 
 
 @inner_kernel
@@ -81,9 +95,15 @@ def _fill_slope_normal(textures, patch, other, is_a, at, search, out):
     if not on_edge:
         on_edge, across_x, across_y = _edge_of(limits, count, 1)
     on_other_edge, over_x, over_y = _edge_of(limits, count, 2)
+    is_corner = _is_corner(limits, count, 1, across_x, across_y)
+    is_other_corner = _is_corner(limits, count, 2, over_x, over_y)
     sign, other_sign = (-1.0, 1.0) if is_a else (1.0, -1.0)
     out[2] = 1.0
-    if on_edge and on_other_edge:
+    if on_edge and on_other_edge and (is_corner or is_other_corner):
+        # A corner slides on the other body, be it on an edge of that: its slope counts.
+        is_certain = is_corner != is_other_corner
+        from_other = is_corner if is_certain else is_a
+    elif on_edge and on_other_edge:
         # Both edges in (u, v, n); m is perpendicular to them.
         surface_at(textures, patch, at.x, at.y, point)
         across, e = _across_and_along(point, across_x, across_y, sign)

@@ -12,7 +12,7 @@ Positions on a facet are `a = (x, y)` in its plane. The displacement direction o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ from asperity.geometry.mesh.topology import edges_of
 
 MOST_SIDES = 8
 _SAME = 1e-9
+_ALIKE = 1e-2
+"""Difference of texture maps below which triangles of a plane may have one."""
+_SAME_PLACE = 1e-6
+"""Distance on the texture that counts as none, over its size: eight times single precision."""
 _LEAST_LENGTH = 0.2  # of w before normalisation: opposite corner normals have no mean direction
 
 
@@ -112,16 +116,44 @@ def mesh_facets(vertices: Array, faces: Indices, normals: Array, uv: Array | Non
     if uv is None:
         uv = np.zeros((len(faces), 3, 2))
     single = _triangles(points, normals, uv)
-    groups = _plane_groups(faces, points, normals, single)
-    sizes = np.bincount(groups)
-    alone = sizes[groups] == 1
-    out = [taken(single, alone)]
+    groups, planes = _plane_groups(faces, points, normals, single)
+    alone, polygons = [], []
+    for members in _members(planes):
+        numbers = np.unique(groups[members])
+        whole = _with_one_map(single, points, uv, members) if len(numbers) > 1 else None
+        if whole is not None:
+            polygons.append(_polygons(whole, 0, points[members]))
+            continue
+        for number in numbers:
+            same = members[groups[members] == number]
+            if len(same) == 1:
+                alone.append(same[0])
+            else:
+                polygons.append(_polygons(single, int(same[0]), points[same]))
+    return joined([taken(single, np.array(sorted(alone), dtype=np.int64)), *polygons])
+
+
+def _members(groups: Indices) -> list[Indices]:
+    """Return the triangles of each group, in the order of their numbers."""
     order = np.argsort(groups, kind="stable")
-    starts = np.searchsorted(groups[order], np.arange(len(sizes) + 1))
-    for group in np.flatnonzero(sizes > 1):
-        members = order[starts[group] : starts[group + 1]]
-        out.append(_polygons(single, int(members[0]), points[members]))
-    return joined(out)
+    return np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+
+
+def _with_one_map(single: Facets, points: Array, uv: Array, members: Indices) -> Facets | None:
+    """Return the first of some triangles of a plane, with a texture map that fits all, if any does.
+
+    Texture coordinates from files and from unwrapping have single precision, so that the maps of
+    neighbouring triangles differ by more than rounding; what is felt does not.
+    """
+    first = taken(single, members[:1])
+    flat = (points[members].reshape(-1, 3) - first.origin[0]) @ first.axes[0, :2].T
+    wanted = uv[members].reshape(-1, 2)
+    ones = np.column_stack([np.ones(len(flat)), flat])
+    fitted = np.linalg.lstsq(ones, wanted, rcond=None)[0]
+    size = float(np.max(np.abs(uv)))
+    if np.max(np.abs(ones @ fitted - wanted)) > _SAME_PLACE * size:
+        return None
+    return replace(first, uv=fitted.T[None])
 
 
 def _triangles(points: Array, normals: Array, uv: Array) -> Facets:
@@ -166,8 +198,13 @@ def taken(facets: Facets, which: NDArray) -> Facets:
     return Facets(**{f.name: getattr(facets, f.name)[which] for f in fields(Facets)})
 
 
-def _plane_groups(faces: Indices, points: Array, normals: Array, single: Facets) -> Indices:
-    """Return an index for each triangle, equal for those that form one planar piece."""
+def _plane_groups(
+    faces: Indices, points: Array, normals: Array, single: Facets
+) -> tuple[Indices, Indices]:
+    """Return two indices for each triangle: equal for those of one planar piece, and of one plane.
+
+    Those of one planar piece have the same texture map as well.
+    """
     corners = _merged_places(points.reshape(-1, 3)).reshape(-1, 3)
     i, j = edges_of(corners).pairs.T // 3
     level = np.all(np.abs(normals - single.axes[:, None, 2]) < 1e-7, axis=(1, 2))
@@ -176,11 +213,14 @@ def _plane_groups(faces: Indices, points: Array, normals: Array, single: Facets)
     span = float(np.max(np.ptp(points.reshape(-1, 3), axis=0)))
     off = np.abs(np.einsum("ij,ij->i", single.origin[j] - single.origin[i], f[i]))
     close &= off < 1e-8 * span
-    close &= np.all(np.abs(_in_space(single, i) - _in_space(single, j)) < 1e-7, axis=(1, 2))
-    there = np.abs(_at_origin(single, i) - _at_origin(single, j))
-    close &= np.all(there < 1e-7 * span, axis=1)
-    i, j = i[close], j[close]
-    return mesh_checks.joined(len(faces), i, j)
+    turn = np.abs(_in_space(single, i) - _in_space(single, j)).max(axis=(1, 2))
+    there = np.abs(_at_origin(single, i) - _at_origin(single, j)).max(axis=1)
+    same = close & (turn < 1e-7) & (there < 1e-7 * span)
+    alike = close & (turn < _ALIKE) & (there < _ALIKE * span)
+    count = len(faces)
+    return mesh_checks.joined(count, i[same], j[same]), mesh_checks.joined(
+        count, i[alike], j[alike]
+    )
 
 
 def _merged_places(places: Array) -> Indices:
