@@ -76,6 +76,32 @@ def test_a_value_may_be_named_missing(tmp_path) -> None:
     like(read_heights(tmp_path / "a.tif", **options, nodata=-1e4, missing="fill"))
 
 
+def test_pixels_outside_a_mask_are_missing(tmp_path) -> None:
+    path, inside = tmp_path / "a.tif", np.ones(SHARE.shape, dtype=bool)
+    inside[3:5, 7:10] = False
+    with tifffile.TiffWriter(path) as file:
+        file.write((1e6 * RELIEF * SHARE).astype(np.float32))
+        file.write(inside, subfiletype=4, photometric="minisblack")
+    with pytest.raises(SurfaceError, match="6 of 2640 values are missing"):
+        read_heights(path, pixel_size=PIXEL, unit="um")
+    like(read_heights(path, pixel_size=PIXEL, unit="um", missing="fill"))
+
+
+def test_factor_and_offset_of_gdal_are_applied(tmp_path) -> None:
+    items = "".join(
+        f'<Item name="{name}" sample="0" role="{name.lower()}">{value}</Item>'
+        for name, value in (("SCALE", 0.002), ("OFFSET", -7.5))
+    )
+    tags = [(42112, "s", 0, f"<GDALMetadata>{items}</GDALMetadata>", True)]
+    tags += [(42113, "s", 0, "-32768", True)]
+    stored = np.round((1e6 * RELIEF * SHARE + 7.5) / 0.002).astype(np.int16)
+    stored[5, 6] = -32768
+    tifffile.imwrite(tmp_path / "a.tif", stored, extratags=tags)
+    found = read_heights(tmp_path / "a.tif", pixel_size=PIXEL, unit="um", missing="fill")
+    like(found)
+    assert found.samples.min() == pytest.approx(0.0, abs=5e-9)
+
+
 def test_nodata_may_be_infinite_and_pixels_compressed(tmp_path) -> None:
     heights = (200 * SHARE).astype(np.float32)
     heights[3, 4] = -np.inf

@@ -69,6 +69,8 @@ def test_gwyddion_s_export_says_its_scale(tmp_path: Path, language: str) -> None
         ("Pixel size: 10 µm\nHeight unit: nm\n", 1e9),
         ("x-pixel size [um]\t10\ny-pixel size [um]\t10\nZ Unit\tum\n", 1e6),
         ("X Range = 0.3 mm\nY Range = 0.2 mm\nUnits = nm\n", 1e9),
+        ("X pixels,30\nX pitch,10.0,um\nY pitch,10.0,um\nZ unit,um\n", 1e6),
+        ("ncols 30\nnrows 20\ncellsize 0,00001\nNODATA_value -9999\n", 1.0),
     ],
 )  # fmt: skip
 def test_other_heads_say_their_scale(tmp_path: Path, head: str, factor: float) -> None:
@@ -103,7 +105,7 @@ def test_separators_and_decimal_commas(tmp_path: Path, separator: str, comma: bo
     same(read_heights(path, pixel_size=PIXEL))
 
 
-@pytest.mark.parametrize("word", ["Bad", "NaN", "---", "N/A", "#N/A", "1.#QNAN", "BAD", "MASKED"])
+@pytest.mark.parametrize("word", ["Bad", "NaN", "---", "N/A", "#N/A", "1.#QNAN", "1e38"])
 @pytest.mark.parametrize("separator", [" ", ",", ";", "\t"])
 def test_words_for_missing_values(tmp_path: Path, word: str, separator: str) -> None:
     lines = rows(1e6 * HEIGHTS, separator).split("\n")
@@ -112,6 +114,20 @@ def test_words_for_missing_values(tmp_path: Path, word: str, separator: str) -> 
     with pytest.raises(SurfaceError, match="1 of 600 values are missing"):
         read_heights(path, pixel_size=PIXEL)
     same(read_heights(path, pixel_size=PIXEL, missing="fill"), atol=3e-6)
+
+
+@pytest.mark.parametrize("word", ["No Data", "no value", "Not measured"])
+def test_two_words_for_a_missing_value(tmp_path: Path, word: str) -> None:
+    lines = rows(1e6 * HEIGHTS, "\t").split("\n")
+    lines[4] = lines[4].replace(lines[4].split("\t")[2], word)
+    path = write(tmp_path / "a.txt", "z_um\n" + "\n".join(lines))
+    with pytest.raises(SurfaceError, match="1 of 600 values are missing"):
+        read_heights(path, pixel_size=PIXEL)
+
+
+def test_names_with_units_may_be_set_apart_by_spaces_alone(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.dat", "# x [um] y [um] z [nm]\n" + rows(XYZ * [1e6, 1e6, 1e9]))
+    same(read_heights(path))
 
 
 @pytest.mark.parametrize("order", ["rows", "columns", "shuffled"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import struct
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,16 +22,71 @@ _INSIDE = (
 """Exceptions of readers whose words are about their own insides."""
 
 
+MOST_UNPACKED = 2**28
+"""Bytes that a packed text may have, unpacked."""
+_GZIP = b"\x1f\x8b"
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+_ZEROS = 0.6
+"""Share of every second byte that is zero in a Western text of UTF-16, at least."""
+
+
+def content_of(path: Path, most: int | None = None) -> bytes:
+    """Return the bytes of a file, or the first `most` of them; unpacked if gzip packed them.
+
+    Raises
+    ------
+    AsperityError
+        A packed file that is damaged, or larger than `MOST_UNPACKED` when unpacked.
+    """
+    with path.open("rb") as file:
+        if file.read(2) != _GZIP:
+            file.seek(0)
+            return file.read() if most is None else file.read(most)
+        file.seek(0)
+        unpack = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
+        try:
+            data = unpack.decompress(file.read(), most or MOST_UNPACKED)
+        except zlib.error:
+            raise AsperityError(f"{path}: it is damaged: gzip cannot unpack it") from None
+    if most is None and not unpack.eof:
+        why = (
+            f"has more than {MOST_UNPACKED >> 20} MiB" if unpack.unconsumed_tail else "is cut short"
+        )
+        raise AsperityError(f"{path}: unpacked it {why}; valid: a file that is not packed")
+    return data
+
+
+def suffix_of(path: Path, packed: Sequence[str] = ()) -> str:
+    """Return the suffix of a file in lower case; behind it `.gz` is left out of those `packed`."""
+    suffix, inner = path.suffix.lower(), Path(path.stem).suffix.lower()
+    return inner if suffix == ".gz" and inner in packed else suffix
+
+
+def encodings_of(data: bytes) -> tuple[str, ...]:
+    """Return the encodings that a text may have, the likeliest first."""
+    for mark, name in _MARKS:
+        if data.startswith(mark):
+            return (name,)
+    head = data[:4096]
+    if len(head) > 3:
+        for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[0::2])):
+            if zeros.count(0) > _ZEROS * (len(head) // 2):
+                return (name,)
+    return "utf-8", "cp1252", "latin-1"
+
+
 def text_of(data: bytes) -> str:
-    """Return a text in UTF-8, in UTF-16 or UTF-32 with a byte-order mark, or else in Latin-1.
+    """Return a text in UTF-8, in UTF-16 or UTF-32 with or without a byte-order mark, or Latin-1.
 
     Its lines end as Python's do.
     """
-    marks = {
-        b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\xff\xfe": "utf-16",
-        b"\xfe\xff": "utf-16",
-    }  # fmt: skip
-    encoding = next((name for mark, name in marks.items() if data.startswith(mark)), "utf-8")
+    encoding = encodings_of(data)[0]
     try:
         text = data.decode(encoding, errors="strict" if encoding == "utf-8" else "replace")
     except UnicodeDecodeError:
@@ -59,6 +116,7 @@ def reading(
     suffixes: Sequence[str],
     *,
     valid: str = "",
+    packed: Sequence[str] = (),
     error: type[AsperityError] = AsperityError,
 ) -> Iterator[str]:
     """Check that `path` is a file of a known kind; turn what its reader raises into one line.
@@ -72,6 +130,8 @@ def reading(
         In lower case; the context is the one that the file has.
     valid : str
         Description of the valid kinds of file; by default the suffixes.
+    packed : sequence of str
+        Suffixes that may have `.gz` behind them.
     error : type
         Of the error to raise; an `AsperityError` of the reader is left as it is.
     """
@@ -79,7 +139,7 @@ def reading(
     def refuse(reason: str) -> NoReturn:
         raise error(f"{path}: {reason}") from None
 
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path, packed)
     try:
         if not path.exists():
             refuse("there is no such file")

@@ -6,7 +6,6 @@ and words for missing values differ from program to program; numbers are parsed 
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity._core.arrays import Array
+from asperity._core.files import content_of, encodings_of
 from asperity.errors import AsperityError
 
 _MISSING_WORDS = """
@@ -31,29 +31,15 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
 _WORD = re.compile(r"[^\s,;]+")
 _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 _COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
+_TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
+"""Words for a missing value that are two."""
 _LOOKED_AT = 40
 """Rows from which the separator is found."""
-_BOMS = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
 
 
 def decoded(content: bytes) -> str | None:
     """Return text, whatever its encoding; None for bytes that are no text."""
-    encodings = [name for mark, name in _BOMS if content.startswith(mark)][:1]
-    head = content[:4096]
-    if not encodings and len(head) > 3:
-        half = len(head) // 2
-        encodings = [
-            name
-            for name, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[0::2]))
-            if zeros.count(0) > 0.6 * half
-        ]
-    for encoding in encodings or ["utf-8", "cp1252", "latin-1"]:
+    for encoding in encodings_of(content):
         try:
             text = content.decode(encoding)
         except UnicodeDecodeError:
@@ -85,7 +71,9 @@ class TextTable:
         for line in reversed(self.header):
             if re.match(r"\s*[\w -]+:\s", line):
                 continue
-            for separator in (self.separator, "\t", ";", ","):
+            # Spaces alone separate names where each may have a unit: other lines are titles.
+            spaced = (None,) if "[" in line or "(" in line else ()
+            for separator in (self.separator, "\t", ";", ",", *spaced):
                 cells = line.rstrip(separator).split(separator) if separator else None
                 found = _NAMES.findall(line) if cells is None else cells
                 if len(found) == self.columns and any(re.search(r"[^\W\d]", n) for n in found):
@@ -117,6 +105,7 @@ class TextTable:
         """Return the text with `nan` for missing values, and numbers as NumPy reads them."""
         body = re.sub(r"[\x00\x1a\f]", "", body.replace("−", "-").replace('"', ""))
         body = re.sub(r"(?i)(?<=\d)d(?=[+-]?\d)", "e", body)
+        body = _TWO_WORDS.sub("nan", body)
         if self.separator is None:
             return _WORD.sub(_word, body)
         lines = []
@@ -182,7 +171,7 @@ def read_text_table(
     AsperityError
         No text, or no row of numbers.
     """
-    text = decoded(path.read_bytes())
+    text = decoded(content_of(path))
     if text is None:
         kind = path.suffix.lower()
         raise error(f"{path}: cannot be read as a {kind} file: no text; valid: rows of numbers")
@@ -275,7 +264,7 @@ def is_number(word: str) -> bool:
 
 def _is_row(line: str, texts: bool) -> bool:
     """Return whether a line is a row of numbers, words for missing values among them."""
-    words = _WORD.findall(_bare(line).replace('"', " "))
+    words = _WORD.findall(_TWO_WORDS.sub("nan", _bare(line).replace('"', " ")))
     if not words or line.lstrip().startswith(("%", "//")):
         return False
     numbers = sum(_NUMBER.fullmatch(word.replace("−", "-")) is not None for word in words)

@@ -24,7 +24,7 @@ from asperity.errors import SurfaceError
 from asperity.texture.files.colours import grey
 from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
-from asperity.texture.files.tiff_scale import tiff_pixel_size
+from asperity.texture.files.tiff_scale import gdal_scale, tiff_pixel_size
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".exr")
 _TURNS = {
@@ -267,6 +267,16 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         pixels = np.moveaxis(pixels, 0, -1)
     orientation = page.tags.get(_ORIENTATION)
     picture = _without_nodata(_Picture(pixels, notes, None, tiff_pixel_size(file)), page)
+    stated = gdal_scale(page)
+    if stated is not None and pixels.ndim == 2:
+        note = f"values times {stated[0]:g} plus {stated[1]:g}, as the file states (GDAL)"
+        values = picture.pixels.astype(np.float64) * stated[0] + stated[1]
+        picture = picture._replace(pixels=values, notes=(*picture.notes, note))
+    if len(file.pages) > 1 and file.pages[1].is_mask and picture.missing is None:
+        inside = file.pages[1].asarray()
+        if inside.shape == pixels.shape[:2]:
+            clear = f"{np.count_nonzero(inside == 0)} pixels are missing, as the file's mask states"
+            picture = picture._replace(missing=inside == 0, notes=(clear,))
     return _upright(picture, 1 if orientation is None else int(orientation.value))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array, Mask
-from asperity._core.files import reading
+from asperity._core.files import content_of, reading, suffix_of
 from asperity._core.text_table import decoded
 from asperity._core.units import SHORT
 from asperity.errors import SurfaceError, require_choice
@@ -28,12 +28,18 @@ from asperity.texture.files.doubts import doubts, sentinel_note
 from asperity.texture.files.images import IMAGE_SUFFIXES, is_park_tiff, read_image
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
+from asperity.texture.files.nanonis import load_scan
 from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.surfer import load_grid
 from asperity.texture.files.text import load_text
 
 TEXT_SUFFIXES = ARRAY_SUFFIXES[2:]
 _EITHER = (".asc", ".dat", ".xyz")
 """Suffixes of text and of instruments' files."""
+_NEVER = 1e30
+"""Programs write larger numbers only for what is missing."""
+PACKED = (*TEXT_SUFFIXES, *_EITHER)
+"""Suffixes of texts, which may have `.gz` behind them."""
 _KNOWN = (
     f"an image ({', '.join(IMAGE_SUFFIXES)}); an array or text "
     f"({', '.join(ARRAY_SUFFIXES)}); an instrument's file (.x3p, .sdf, .sur, "
@@ -147,6 +153,12 @@ def read_heights(
             refuse(path, f"nodata must be a number, got {nodata!r}")
         values[values == nodata] = np.nan
     low, high = float(values.min()), float(values.max())
+    if max(-low, high) >= _NEVER and nodata is None:
+        never = np.abs(values) >= _NEVER
+        if not never.all():
+            notes.append(f"values beyond {_NEVER:g} are taken for missing ones")
+            values[never] = np.nan
+            low, high = float(values.min()), float(values.max())
     if nodata is None and (doubtful := sentinel_note(values, low, high)) is not None:
         notes.append(doubtful)
     if not (math.isfinite(low) and math.isfinite(high)):
@@ -229,12 +241,13 @@ def _load(
     path: Path, array: str | None, colour: str | None, pixels: tuple[float, float] | None
 ) -> Stored:
     """Return the contents of the file at `path`, whatever its format."""
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path, PACKED)
     if array is not None and suffix != ".npz":
         refuse(path, "array= chooses among the arrays of an .npz file; leave it out")
     if colour is not None and suffix not in IMAGE_SUFFIXES:
         refuse(path, "colour= states what the colours of an image mean; leave it out")
-    with reading(path, "heights", [*_LOADERS], valid=_KNOWN, error=SurfaceError):
+    known = [*_LOADERS]
+    with reading(path, "heights", known, valid=_KNOWN, packed=PACKED, error=SurfaceError):
         load = _LOADERS[suffix]
         if suffix in (".tif", ".tiff") and colour is None and is_park_tiff(path):
             load = load_instrument
@@ -248,8 +261,7 @@ def _load(
 
 
 def _is_text(path: Path) -> bool:
-    with path.open("rb") as file:
-        return decoded(file.read(4096)) is not None
+    return decoded(content_of(path, 4096)) is not None
 
 
 _LOADERS: dict[str, Callable[[Path], Stored]] = {
@@ -258,6 +270,8 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
     ".npy": load_npy,
     ".npz": load_npz,
     **dict.fromkeys(TEXT_SUFFIXES, load_text),
+    ".grd": load_grid,
+    ".sxm": load_scan,
 }
 
 

@@ -12,6 +12,7 @@ from asperity._core.arrays import Array
 from asperity._core.text_table import TextTable, is_number, read_text_table
 from asperity._core.units import LENGTHS, named_unit, short_unit
 from asperity.errors import SurfaceError
+from asperity.texture.files.interferometers import is_wyko, is_zygo, load_wyko, load_zygo
 from asperity.texture.files.points import Grid, on_grid, profile, scattered
 from asperity.texture.files.stored import Stored, check_size, refuse
 from asperity.texture.files.text_header import Header, read_header
@@ -38,7 +39,11 @@ def load_text(path: Path, pixel_size: float | None = None) -> Stored:
         Step of the map of points that lie on no grid [m].
     """
     check_size(path, path.stat().st_size // 16)
+    if is_zygo(path):
+        return load_zygo(path)
     table = read_text_table(path, error=SurfaceError)
+    if is_wyko(table):
+        return load_wyko(table)
     values = table.values()
     values = values[:, ~np.isnan(values).all(axis=0)] if np.isnan(values[0]).any() else values
     names = table.names

@@ -31,13 +31,15 @@ _LABELS = {
     "pixel": """pixel size; pixelsize; pixel_size; pixel spacing; pixelgröße; pixelgrösse; cellsize;
         cell size; xy calibration; lateral resolution; lateral sampling; pixel width and height;
         taille de pixel; taille du pixel; sampling interval; sample spacing; tamaño de píxel;
-        dimensione pixel; grid spacing; lateral calibration; resolution xy; xy resolution""",
+        dimensione pixel; grid spacing; pixel pitch;
+        xy-kalibrierung; calibrage xy; étalonnage xy; lateral calibration;
+        resolution xy; xy resolution""",
     "pixel_x": """pixel size x; x pixel size; x-pixel size; dx; x step; x spacing; x increment;
         x resolution; pixel width; x-step; stepx; step x; xscale; x scale; pixel size (x); xdim;
-        spacing x; delta x; x-increment; xinc; pixelbreite""",
+        spacing x; delta x; x-increment; xinc; pixelbreite; x pitch; pitch x""",
     "pixel_y": """pixel size y; y pixel size; y-pixel size; dy; y step; y spacing; y increment;
         y resolution; pixel height; y-step; stepy; step y; yscale; y scale; pixel size (y); ydim;
-        spacing y; delta y; y-increment; yinc; pixelhöhe""",
+        spacing y; delta y; y-increment; yinc; pixelhöhe; y pitch; pitch y""",
     "factor": """height conversion factor (-> m); z factor""",
     "bit": "bit2nm",
     "nodata": "nodata_value; nodata value; nodata; no data value; missing value; novalue",
@@ -50,6 +52,10 @@ _GRID = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "
 """Labels of ESRI's ASCII grid."""
 _POWER = re.compile(r"(?:([\d.]+)\s*[×x*·]\s*)?\b10(?:<sup>|\^)([+-]?\d+)(?:</sup>)?\s*")
 """Powers of ten, as Gwyddion writes them."""
+_STEP = re.compile(r"pitch|step|spacing|sampling|resolution|pixel|increment|interval|distance")
+"""Words of labels of lengths that are not those of the whole map."""
+_PICTURE = {"horizontal", "vertical", "vertikal", "horizontale", "verticale"}
+"""Labels of Keyence's numbers of samples."""
 _PAIR = re.compile(r"\s*([^:=\t,;]+?)\s*[:=\t,;]\s*(.+?)\s*$")
 _SPACED = re.compile(r"\s*([^\W\d][\w ]*?)\s+([+-]?[\d.].*?)\s*$")
 _VALUE = re.compile(
@@ -127,7 +133,7 @@ def _findings(
         if meaning == "unit" and metres is not None:
             units = (text, number * metres)
             continue
-        if bare in _GRID:
+        if bare in _GRID or bare in _PICTURE:
             found["grid"] = 1.0
         if meaning in ("nodata", "factor"):
             found[meaning] = number
@@ -138,7 +144,8 @@ def _findings(
             if metres is not None or bare in ("cellsize", "dx", "dy"):
                 found.setdefault(meaning, number * (metres or 1.0))
         elif metres is not None and number > 0.0:
-            lengths.append((label, number * metres))
+            if meaning or not _STEP.search(bare):
+                lengths.append((label, number * metres))
             if meaning in ("width", "height"):
                 found.setdefault(meaning, number * metres)
         elif meaning in ("width", "height"):
@@ -149,7 +156,9 @@ def _findings(
 def _pairs(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
     for line in lines:
         line = _POWER.sub(lambda m: f"{m.group(1) or 1}e{m.group(2)} ", line.replace('"', ""))
-        match = _PAIR.fullmatch(line) or _SPACED.fullmatch(line)
+        match, spaced = _PAIR.fullmatch(line), _SPACED.fullmatch(line)
+        if match is None or (spaced and spaced.group(1).casefold() in (*_GRID, "nodata_value")):
+            match = spaced  # the comma may be a decimal one
         if match:
             yield match.group(1).strip(), match.group(2)
 

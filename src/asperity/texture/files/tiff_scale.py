@@ -1,4 +1,4 @@
-"""The pixel size that a TIFF states: ImageJ's, OME's and GeoTIFF's ways."""
+"""The scale that a TIFF states: pixel size as ImageJ, OME and GeoTIFF write it, values as GDAL."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from asperity._core.units import length_of
 
 _RESOLUTIONS = (282, 283)
 _PIXEL_SCALE, _GEO_KEYS = 33550, 34735
+_GDAL = 42112
+"""GDAL's tag for what it knows of the values, in XML."""
 _MODEL_TYPE, _PROJECTED = 1024, 1
 
 
@@ -60,3 +62,24 @@ def _geotiff(file: Any) -> tuple[float, float] | None:
     if dict(entries).get(_MODEL_TYPE) != _PROJECTED:
         return None  # degrees
     return float(scale.value[0]), float(scale.value[1])
+
+
+def gdal_scale(page: Any) -> tuple[float, float] | None:
+    """Return factor and offset of the first channel's values as GDAL states them, else None."""
+    tag = page.tags.get(_GDAL)
+    if tag is None:
+        return None
+    text = tag.value.decode("utf-8", "replace") if isinstance(tag.value, bytes) else str(tag.value)
+    found = {"SCALE": 1.0, "OFFSET": 0.0}
+    for item in re.findall(r"<Item\b([^>]*)>([^<]*)</Item>", text):
+        name = re.search(r'name="(SCALE|OFFSET)"', item[0])
+        sample = re.search(r'sample="(\d+)"', item[0])
+        if name is None or (sample is not None and int(sample.group(1)) != 0):
+            continue
+        try:
+            found[name.group(1)] = float(item[1])
+        except ValueError:
+            return None
+    scale, offset = found["SCALE"], found["OFFSET"]
+    good = math.isfinite(scale) and math.isfinite(offset) and scale != 0.0
+    return (scale, offset) if good and (scale, offset) != (1.0, 0.0) else None
