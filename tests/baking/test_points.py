@@ -1,5 +1,7 @@
 """Point clouds of other programs, and what a map made of them keeps."""
 
+import gzip
+import re
 import struct
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 import asperity
 from asperity.baking.cloud import map_of_points
 from asperity.baking.points import holds_points, read_points
+from asperity.baking.sources import kind_of
 from asperity.errors import AsperityError
 
 COUNT = 300
@@ -37,6 +40,12 @@ TEXTS = {
     "cr.xyz": PLAIN.replace("\n", "\r"),
     "utf16.txt": PLAIN.encode("utf-16"), "mark.xyz": b"\xef\xbb\xbf" + PLAIN.encode(),
     "commented.xyz": PLAIN.replace("\n", "  # seen\n"), "blank.xyz": PLAIN.replace("\n", "\n\n"),
+    "every.csv": "x,y,z\n" + re.sub(r"[^,\n]+", r'"\g<0>"', lines(DATA, ",")),
+    "fortran.xyz": re.sub(r"(?<=\d)(?=\s)", "D+00", PLAIN),
+    "packed.xyz.gz": gzip.compress(PLAIN.encode()), "zip.csv.gz": gzip.compress(PLAIN.encode()),
+    "bare16.xyz": PLAIN.encode("utf-16-le"), "bare16.txt": PLAIN.encode("utf-16-be"),
+    "normals.txt": lines(np.column_stack([DATA, np.full((COUNT, 3), 0.5)])),
+    "numbered.txt": lines(np.column_stack([np.arange(COUNT), DATA])),
 }  # fmt: skip
 
 
@@ -48,7 +57,7 @@ def test_texts_of_points(tmp_path, name):
     found = read_points(path)
     assert found.places == pytest.approx(DATA)
     assert found.unit == ("mm" if name == "german.csv" else None)
-    assert path.suffix in (".xyz", ".pts") or holds_points(path)
+    assert kind_of(path) == "points"
 
 
 def test_maps_of_heights_are_no_points(tmp_path):
@@ -61,6 +70,42 @@ def test_maps_of_heights_are_no_points(tmp_path):
     ):  # fmt: skip
         path.write_text(text)
         assert not holds_points(path)
+
+
+TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Of a scanner, as PTX has it: for rows x y z."""
+
+
+def ptx(places, shape, shift):
+    head = [*map(str, shape), "0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    head += [" ".join(map(str, [*row, 0])) for row in TURN] + [" ".join(map(str, [*shift, 1]))]
+    body = np.column_stack([places, np.full(len(places), 0.5)])
+    return "\n".join(head) + "\n" + lines(body)
+
+
+def test_scans_of_ptx_are_put_together(tmp_path):
+    shift = np.array([5.0, 6.0, 7.0])
+    own = (DATA - shift) @ TURN.T
+    own[[3, 200]] = 0.0
+    path = tmp_path / "a.ptx"
+    path.write_text(ptx(own[:120], (12, 10), shift) + ptx(own[120:], (20, 9), shift))
+    found = read_points(path)
+    assert found.places == pytest.approx(np.delete(DATA, [3, 200], axis=0), abs=1e-3)
+    assert found.notes[0] == "2 scans put together"
+    assert "2 points at 0 0 0" in found.notes[1]
+    assert kind_of(path) == "points"
+
+
+def test_ptx_that_is_cut_short_is_refused(tmp_path):
+    path = tmp_path / "a.ptx"
+    whole = ptx(DATA, (20, 15), np.zeros(3))
+    for wrong, why in (
+        (whole[:-300], "counts 300 points"), (whole[:20], "line 1 begins no scan"),
+        (whole.replace("\n20\n", "\nmany\n", 1).replace("20\n", "x\n", 1), "begins no scan"),
+    ):  # fmt: skip
+        path.write_text(wrong)
+        with pytest.raises(AsperityError, match=why):
+            read_points(path)
 
 
 def pcd(form, *, fields="x y z intensity", kind="F", order=(0, 1, 2), end="\n"):

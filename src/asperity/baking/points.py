@@ -1,4 +1,4 @@
-"""Points from files: text of any program, PLY, PCD, LAS and LAZ.
+"""Points from files: text of any program, PTX, PLY, PCD, LAS and LAZ.
 
 Text is read whatever stands between its numbers and whatever stands above them: a count (Leica,
 FARO), names of columns (which say where x, y and z are, and in which unit), comments; decimal
@@ -18,16 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
-from asperity._core.files import columns_of, reading, text_of
+from asperity._core.files import columns_of, content_of, reading, text_of
+from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
 from asperity.geometry.mesh.contents import stated_unit
 from asperity.geometry.mesh.ply import positions, read_elements, read_head
 
-POINTS = (".xyz", ".pts", ".pcd", ".las", ".laz")
+POINTS = (".xyz", ".pts", ".ptx", ".pcd", ".las", ".laz")
 TEXTS = (".asc", ".txt", ".csv", ".dat")
+PACKED = (*POINTS[:3], *TEXTS)
+"""Suffixes that may have `.gz` behind them."""
 """Text that may be points or a map of heights."""
 FEWEST = 16
+_FEW, _LONG = 9, 16
+"""Columns of points at most, and lines a column from which they are no map."""
 _SAMPLE = 200
 """Lines from which the form of a text is found."""
 _FORMS = ((";", ","), (",", "."), (None, "."), (None, ","))
@@ -40,6 +45,8 @@ _AXES = {
 _HEADING = re.compile(
     r"^([a-z:0-9-]+?)(?:[\s_]*coordinates?)?(?:[\s_]*[\[(]([a-zµμ]+)[\])]|[\s_]+([a-zµμ]+))?$"
 )
+_FORTRAN = re.compile(r"(?<=\d)[dD](?=[+-]\d)")
+"""The sign before a power of ten, as Fortran writes it."""
 _MAP_HEADS = re.compile(r"^\W*(ncols|channel|width|height|rows)\b", re.IGNORECASE | re.MULTILINE)
 _MOST_PACKED = 200
 """By how much LAZ may pack points."""
@@ -87,7 +94,7 @@ def read_points(path: Path) -> Points:
     AsperityError
         A file that cannot be read, or with fewer than 16 points; one line.
     """
-    with reading(path, "points", (*POINTS, *TEXTS, ".ply")) as suffix:
+    with reading(path, "points", (*POINTS, *TEXTS, ".ply"), packed=PACKED) as suffix:
         if suffix == ".ply":
             head = read_head(path)
             unit = stated_unit("\n".join(head.comments))
@@ -96,6 +103,9 @@ def read_points(path: Path) -> Points:
             found = Points(_pcd(path))
         elif suffix in (".las", ".laz"):
             found = _las(path)
+        elif suffix == ".ptx":
+            places, notes = read_ptx(path)
+            found = Points(places, None, notes)
         else:
             found = _text(path)
     good = np.isfinite(found.places).all(axis=1)
@@ -111,19 +121,27 @@ def holds_points(path: Path) -> bool:
     """Return whether a text holds points rather than a map of heights.
 
     It does if its columns are named x, y and z, or if it has three, or three and whole numbers
-    behind them, as colours are.
+    behind them, as colours are, or if it has few columns and many more lines.
     """
-    with path.open("rb") as file:
-        text = text_of(file.read(20_000))
-    lines = text.split("\n")
+    lines = _lines(content_of(path, 20_000))
     form = _form(lines[:-1] or lines)
     if form is None or form.width > 12 or _MAP_HEADS.search("\n".join(lines[: form.first])):
         return False
     if form.names or form.width == 3:
         return True
     rows = [line for line in lines[form.first : -1] if line.strip()]
+    if form.width <= _FEW and len(rows) > _LONG * form.width:
+        return True
     more = [_numbers(row, form.separator, form.decimal)[3:] for row in rows[:_SAMPLE]]
     return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
+
+
+def _lines(data: bytes) -> list[str]:
+    """Return the lines of a text, without quotes, its numbers as Python writes them."""
+    text = text_of(data).replace('"', "")
+    if _FORTRAN.search(text[:2000]):
+        text = _FORTRAN.sub("e", text)
+    return text.split("\n")
 
 
 def _numbers(line: str, separator: str | None, decimal: str) -> list[float]:
@@ -154,16 +172,7 @@ def _form(lines: list[str]) -> _Form | None:
                 int(row[0]) for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])
             ]
             count = counts[-1] if counts else None
-            form = _Form(
-                first,
-                separator,
-                decimal,
-                width,
-                columns,
-                names,
-                units,
-                count,
-            )
+            form = _Form(first, separator, decimal, width, columns, names, units, count)
             best = (share, form)
     return None if best is None else best[1]
 
@@ -190,7 +199,7 @@ def _heading(
 
 def _text(path: Path) -> Points:
     """Return the points in a text."""
-    lines = text_of(path.read_bytes()).split("\n")
+    lines = _lines(content_of(path))
     form = _form(lines[: 4 * _SAMPLE])
     if form is None:
         shown = next((line.strip() for line in lines if line.strip()), "")[:40]

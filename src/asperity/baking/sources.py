@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from asperity._core.arrays import Array
-from asperity.baking.points import POINTS, TEXTS, holds_points
+from asperity._core.files import suffix_of
+from asperity.baking.points import PACKED, POINTS, TEXTS, holds_points
 from asperity.errors import AsperityError, require_choice
 from asperity.geometry.mesh.checks import LARGEST, SMALLEST, UNITS
 from asperity.geometry.mesh.contents import Contents
@@ -31,7 +32,7 @@ _GUESSES = ("m", "mm", "cm", "in", "um", "dm")
 
 def kind_of(path: Path) -> str:
     """Return "mesh", "points" or "heights", the kind of a file; refuse others."""
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path, (*PACKED, ".tsv"))
     if not path.exists():
         raise AsperityError(f"{path}: there is no such file")
     if path.is_dir():

@@ -25,6 +25,8 @@ _HEIGHTS = re.compile(
 _NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", "unnamed: 0", "y/x")
 """Names of a first column that numbers the rows of a matrix."""
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
+_LONG = 16
+"""Rows a column from which few columns are hardly a map."""
 _FEW = 8
 """Columns of points, at most: with colours or normals behind x, y and z."""
 
@@ -207,6 +209,9 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         notes.append("its first row is the top of the map")
     elif min(rows, columns) > 1:
         notes.append("its first row is at v = 0, the bottom")
+    if 4 <= columns <= _FEW and rows > _LONG * columns:
+        notes.append(f"a map of {columns} columns and {rows} rows: are they points, x, y and z in "
+                     "each line? Keep three columns, or name them")  # fmt: skip
     if header.nodata is not None:
         notes.append(f"values of {header.nodata:g} are missing (nodata)")
     heading = table.header[-1][:60] if table.header and not header.picture else ""
