@@ -354,3 +354,13 @@ def test_a_constant_blue_is_no_component_of_the_normals(tmp_path: Path, blue: in
     found = HeightField.from_file(tmp_path / "a.png", pixel_size=1e-5, kind="normal", border="wrap")
     assert found.relief == pytest.approx(2 * 0.8 * 32e-5 / (2 * np.pi), rel=0.03)
     assert any("blue is constant: it is found from red and green" in n for n in found.notes)
+
+
+def test_a_full_blue_beside_slopes_is_normalised(tmp_path: Path) -> None:
+    tall = 2.0
+    h_v, h_u = np.gradient(tall * RELIEF * SHARE, PIXEL)
+    slopes = np.stack([-h_u, h_v, np.ones_like(h_u)], axis=-1)  # green is up, rows run down
+    path = save8(0.5 * (slopes + 1.0), tmp_path / "a.png")
+    found = read_normal_map(path, pixel_size=PIXEL)
+    like(found, relief=tall * RELIEF, off=0.05)
+    assert any("normalised to 1" in note for note in found.notes)

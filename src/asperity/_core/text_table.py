@@ -74,7 +74,9 @@ class TextTable:
             # Spaces alone separate names where each may have a unit: other lines are titles.
             spaced = (None,) if "[" in line or "(" in line else ()
             for separator in (self.separator, "\t", ";", ",", *spaced):
-                cells = line.rstrip(separator).split(separator) if separator else None
+                cells = line.split(separator) if separator else None
+                if cells is not None and len(cells) != self.columns:
+                    cells = line.rstrip(separator).split(separator)
                 found = _NAMES.findall(line) if cells is None else cells
                 if len(found) == self.columns and any(re.search(r"[^\W\d]", n) for n in found):
                     return tuple(name.strip().strip("\"'").strip() for name in found)
@@ -210,6 +212,7 @@ def _wrong_word(line: str, separator: str | None, columns: int) -> str:
     cells = [cell.strip(' \r"') for cell in _bare(line).split(separator)]
     words = [c for c in cells if c.lower() not in MISSING and not _NUMBER.fullmatch(c) and c]
     few = len(cells) == columns > 1 and 0 < len(words) < 0.5 * columns
+    few = few and any(_NUMBER.fullmatch(c) for c in cells)  # else it is a line of units
     # The first cell alone names rows and columns that are numbered.
     return words[0][:40] if few and words != cells[:1] else ""
 

@@ -45,6 +45,7 @@ _OTHER = _set(
 """Words of columns that are no poses."""
 _AXES = {"0": "w", "1": "x", "2": "y", "3": "z", "i": "x", "j": "y", "k": "z", "real": "w",
          "scalar": "w", "re": "w", "r": "w"} | {axis: axis for axis in "wxyz"}  # fmt: skip
+_ANGLES = re.compile(r"\b(roll|pitch|yaw|euler|azimuth|heading|deg|rad|r[xyz])\b", re.IGNORECASE)
 _FUSED = re.compile(r"(q|quat|rot|ori|o|r|p|t|pos|tip|trans)([wxyz0-3ijkr])")
 _KNOWN = "time, x, y, z, qw, qx, qy, qz, as pos_x, tx, position.x, quat_w, orientation.w and others"
 
@@ -61,6 +62,8 @@ class Layout(NamedTuple):
     nanoseconds: int | None = None
     """The column of nanoseconds beside whole seconds."""
     left_out: tuple[str, ...] = ()
+    rate: float | None = None
+    """Frames in a second, if the first column counts them."""
 
 
 def _words(name: str) -> list[str]:
@@ -79,7 +82,7 @@ def _words(name: str) -> list[str]:
     return out
 
 
-def _meaning(name: str) -> str | None:
+def meaning_of(name: str) -> str | None:
     """Return what a column holds: one of `COLUMNS`, "axis?" for x to w alone, or None."""
     words = _words(name)
     if not words or _OTHER & {*words[:-1]}:
@@ -109,11 +112,16 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
     """
     found: dict[str, list[int]] = {}
     for at, name in enumerate(names):
-        meaning = _meaning(name)
+        meaning = meaning_of(name)
         if meaning is not None:
             found.setdefault(meaning, []).append(at)
     # x alone is a place, unless only its neighbours are; then it is part of a quaternion.
     bare = {axis: found.pop(f"{axis}?", []) for axis in "xyzw"}
+    for axis in "xyz":  # of two, the one that states a length is a place
+        long = [at for at in bare[axis] if named_unit(names[at], LENGTHS)]
+        if len(bare[axis]) == 2 and len(long) == 1 and bare["w"]:
+            found.setdefault(axis, long)
+            bare[axis].remove(long[0])
     turned = all(f"q{axis}" in found for axis in "xyz")
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
         # Beside them, tx is a torque: it is left out.
@@ -135,8 +143,11 @@ def _checked(path: object, names: Sequence[str], found: dict[str, list[int]]) ->
     if lacking:
         turned = {"qw", "qx", "qy", "qz"} & {*lacking}
         what = "quaternions are wanted; " if turned else ""
+        if turned and _ANGLES.search(" ".join(names).replace("_", " ")):
+            what = "angles are not read, as their order is not stated: quaternions are wanted; "
+        shown = ", ".join(filter(None, names))
         raise AsperityError(
-            f"{path}: no column named {', '.join(lacking)} among {', '.join(names)[:90]}; "
+            f"{path}: no column named {', '.join(lacking)} among {shown[:70]}; "
             f"{what}valid: {_KNOWN}"
         )
     places = tuple(found[name][0] for name in COLUMNS)
@@ -147,7 +158,7 @@ def _checked(path: object, names: Sequence[str], found: dict[str, list[int]]) ->
         raise AsperityError(f"{path}: x, y and z are in different units; valid: one unit")
     length = lengths.pop()
     used = {*places, nanoseconds}
-    left_out = tuple(name for at, name in enumerate(names) if at not in used)
+    left_out = tuple(n.strip() for at, n in enumerate(names) if at not in used and n.strip())
     return Layout(
         places, time and time[1], length and length[1], nanoseconds, left_out
     )  # fmt: skip
@@ -162,5 +173,8 @@ def layout_in_order(path: object, order: str, count: int) -> Layout:
             f"({', '.join(COLUMNS)}, and - for others), got {order!r}"
         )
     if len(names) > count:
-        raise AsperityError(f"{path}: {count} numbers in a row; valid: 8 ({', '.join(names)})")
+        raise AsperityError(
+            f"{path}: {count} numbers in a row, but order= names {len(names)} columns; valid: one "
+            "for each"
+        )
     return Layout(tuple(names.index(name) for name in COLUMNS))

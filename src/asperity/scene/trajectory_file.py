@@ -15,7 +15,9 @@ from asperity._core.files import reading
 from asperity._core.text_table import TextTable, read_text_table
 from asperity._core.units import LENGTHS, TIMES
 from asperity.errors import AsperityError, require_choice
-from asperity.scene.pose_columns import COLUMNS, ORDERS, Layout, layout_in_order, layout_of
+from asperity.scene.clock_times import in_seconds
+from asperity.scene.pose_columns import COLUMNS, ORDERS, Layout, layout_in_order
+from asperity.scene.pose_names import named_layout
 from asperity.scene.trajectory import Trajectory
 
 ROUNDED = 0.02
@@ -192,12 +194,17 @@ def _no_names(path: Path, order: str | None, count: int) -> tuple[Layout, tuple[
     """Return the layout of columns without names, and the note that states it."""
     if count != len(COLUMNS) and order is None:
         valid = ", ".join(COLUMNS)
-        raise AsperityError(f"{path}, line 1: {count} numbers; valid: 8 ({valid}), or names above")
-    layout = layout_in_order(path, order or "wxyz", count)
+        matrices = ", as matrices without times (KITTI)" if count == 12 else ""
+        raise AsperityError(
+            f"{path}, line 1: {count} numbers{matrices}; valid: 8 ({valid}), or names above"
+        )
+    usual = "xyzw" if path.suffix.lower() == ".tum" else "wxyz"
+    layout = layout_in_order(path, order or usual, count)
     if order is not None:
         return layout, ()
-    names = ", ".join(ORDERS["wxyz"])
-    return layout, (f"no names of columns: taken as {names}; order='xyzw' changes that",)
+    other = "xyzw" if usual == "wxyz" else "wxyz"
+    names = ", ".join(ORDERS[usual])
+    return layout, (f"no names of columns: taken as {names}; order={other!r} changes that",)
 
 
 def _read_arrays(path: Path, order: str | None) -> _Table:
@@ -223,7 +230,7 @@ def _read_arrays(path: Path, order: str | None) -> _Table:
 
 
 def _read_text(path: Path, order: str | None) -> _Table:
-    text = read_text_table(path, texts=True)
+    text, note = in_seconds(read_text_table(path, texts=True))
     origins = tuple(map("line {}".format, text.rows_at()))
     names = text.names
     notes: tuple[str, ...] = ()
@@ -236,6 +243,7 @@ def _read_text(path: Path, order: str | None) -> _Table:
             notes = (f"columns in the order {order}, as given; their names: {known}",)
         elif layout.left_out:
             notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
+    notes = (*notes, note) if note else notes
     if layout.unit is None:
         layout = layout._replace(unit=_in_comments(text, _LENGTH_WORD, LENGTHS))
     if layout.time_unit is None:
@@ -247,6 +255,16 @@ def _read_text(path: Path, order: str | None) -> _Table:
         start, values[:, 0] = _exact(text, columns[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
+    if layout.rate is not None:
+        values[:, 0] = (values[:, 0] - values[0, 0]) / layout.rate
+        notes = (*notes, f"times are frames at {layout.rate:g} Hz, as the file states")
+    missing = np.atleast_1d(np.isnan(values[:, 1:]).all(axis=1))
+    if missing.any() and not missing.all():
+        count, where = int(np.count_nonzero(missing)), origins[int(np.argmax(missing))]
+        notes = (*notes, f"{count} of {len(values)} poses are missing and left out, the first in "
+                 f"{where}: the path across is that of the neighbours")  # fmt: skip
+        origins = tuple(o for o, gone in zip(origins, missing, strict=True) if not gone)
+        values = values[~missing]
     return _Table(values, layout, notes, origins, names is not None or order is not None, start)
 
 
@@ -260,19 +278,7 @@ def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]
 def _named(path: Path, text: TextTable, names: tuple[str, ...], order: str | None) -> Layout:
     if order is not None:
         return layout_in_order(path, order, text.columns)
-    try:
-        return layout_of(path, names)
-    except AsperityError as error:
-        # Names in two lines, as "Position, Position" above "X, Y".
-        above = [line.split(text.separator) for line in text.header]
-        for line in reversed(above):
-            joined = [f"{a.strip()} {b}" for a, b in zip(line, names, strict=False)]
-            if len(line) == len(names):
-                try:
-                    return layout_of(path, joined)
-                except AsperityError:
-                    continue
-        raise error from None
+    return named_layout(path, text, names)
 
 
 def _exact(text: TextTable, column: int, values: Array) -> tuple[float, Array]:

@@ -153,7 +153,9 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:
     alone = np.ptp(blue) == 0.0 and (
         blue.max() < 0.5 or (blue.min() > 0.99 and across.max() > 0.02)
     )
-    if alone and across.max() < 1.05:
+    # A full blue may also be of slopes, which are normals before they are normalised.
+    slopes = bool(alone and blue.min() > 0.99) and _are_slopes(vectors)
+    if alone and across.max() < 1.05 and not slopes:
         vectors[..., 2] = np.sqrt(np.maximum(1.0 - across, 0.0))
         return vectors, "blue is constant: it is found from red and green"
     length = np.linalg.norm(vectors, axis=2)
@@ -164,12 +166,32 @@ def unit_vectors(pixels: NDArray[Any]) -> tuple[Array, str]:
     # Scaled, averaged or clipped normals: none is far from a unit vector, few lie on their side.
     near = np.mean(off < 0.45) > 0.98 and np.mean(vectors[..., 2] > 0.0) > 0.98
     leans = np.abs(vectors[..., :2].mean(axis=(0, 1))).max()
-    if not (upright and near and leans < 0.25):
+    if not (upright and (near or slopes) and leans < 0.25):
         return vectors, "-"
     vectors /= np.maximum(length, 1e-6)[..., None]
     return vectors, (
         f"its normals have lengths of {length.min():.2f} to {length.max():.2f}: normalised to 1"
     )
+
+
+_CURL = 0.5
+"""Largest curl of slopes, of that of noise."""
+
+
+def _are_slopes(vectors: Array) -> bool:
+    """Return whether red and green are slopes rather than components of unit vectors.
+
+    The slopes of a surface have no curl, whichever way green points.
+    """
+    z = np.sqrt(np.maximum(1.0 - vectors[..., 0] ** 2 - vectors[..., 1] ** 2, 1e-4))
+    curls = []
+    for slopes in (vectors[..., :2], vectors[..., :2] / z[..., None]):
+        a = np.diff(slopes[..., 0], axis=0)[:, 1:] + np.diff(slopes[..., 0], axis=0)[:, :-1]
+        b = np.diff(slopes[..., 1], axis=1)[1:] + np.diff(slopes[..., 1], axis=1)[:-1]
+        size = float(np.sum(a**2) + np.sum(b**2))
+        least = min(float(np.sum((a - b) ** 2)), float(np.sum((a + b) ** 2)))
+        curls.append(least / size if size > 0.0 else 1.0)
+    return curls[0] < min(curls[1], _CURL)
 
 
 def _refuse_colours(path: Path, pixels: NDArray[Any]) -> NoReturn:
