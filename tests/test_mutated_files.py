@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import io
 import re
+import resource
+import struct
 import time
 import zipfile
 from pathlib import Path
@@ -22,9 +25,10 @@ LONGEST = 300
 """Characters of a refusal, its path left out."""
 INSIDE = re.compile(r"Error\b.?[:(]|Traceback|has no attribute|can't decode|column index")
 """Words of Python's that a refusal has not."""
-SECONDS = 10.0
-TIMES = 250
-"""Mutations of each seed; ten times as many in a run by hand, with other random numbers."""
+SECONDS, BYTES = 10.0, 2 << 30
+"""Time and memory that a file may take."""
+TIMES = 1000
+"""Mutations of each seed."""
 V, U = np.mgrid[0:12, 0:16]
 H = np.sin(U / 3.0) + np.cos(V / 2.0)
 NUMBERS = [b"0", b"-1", b"1e400", b"-1e-400", b"nan", b"9" * 30, b"65536", b"4294967295", b"1e9"]
@@ -81,6 +85,33 @@ def sdf() -> bytes:
     return ("aISO-1.0\n" + head + "*\n" + text(H, " ") + "*\n").encode()
 
 
+def sxm() -> bytes:
+    head = (
+        ":NANONIS_VERSION:\n2\n:SCAN_PIXELS:\n 16 12\n:SCAN_RANGE:\n 1.6E-4 1.2E-4\n:SCAN_DIR:\n"
+        "down\n:SCAN_ANGLE:\n 0.0\n:DATA_INFO:\n\tChannel\tName\tUnit\tDirection\tCalibration\n"
+        "\t0\tCurrent\tA\tforward\t1E-9\n\t14\tZ\tm\tboth\t2E-8\n\n:SCANIT_END:\n\n\n"
+    )
+    return head.encode() + b"\x1a\x04" + np.tile((1e-6 * H).astype(">f4"), (3, 1)).tobytes()
+
+
+def surfer() -> bytes:
+    ends = struct.pack("<4shh6d", b"DSBB", 16, 12, 0.0, 1.5e-4, 0.0, 1.1e-4, -2e-5, 2e-5)
+    return ends + (1e-5 * H).astype("<f4").tobytes()
+
+
+def zygo() -> bytes:
+    head = (
+        'Zygo ASCII Data File - Format 2\n0 8 2 1 0 ""\n0 0 0 0 0 0\n0 0 16 12\n""\n""\n""\n'
+        '0 0.5 6.328e-07 0 1 0 1e-5 0\n16 12 0 0 ""\n0 0 0\n0 1 20 2\n0 ""\n1 0\n""\n#\n#\n'
+    )
+    return (head + text(np.round(1e5 * H), " ") + "#\n").encode()
+
+
+def wyko() -> bytes:
+    head = "Wyko ASCII Data File Format 0\t0\t1\nX Size\t12\nY Size\t16\nWavelength\t7\t4\t632.8\n"
+    return (head + "Pixel_size\t7\t4\t0.01\nRAW_DATA\t3\t768\t\n" + text(H, "\t")).encode()
+
+
 GREY = np.round(127 + 60 * H).astype(np.uint8)
 COLOUR = np.stack([GREY, GREY[::-1], 255 - GREY], axis=-1)
 POINTS = np.column_stack([U.ravel(), V.ravel(), H.ravel()])
@@ -106,8 +137,19 @@ HEIGHTS = {
     "rgb.tif": tiff(COLOUR, photometric="rgb"),
     "a.x3p": x3p(),
     "a.sdf": sdf(),
+    "a.sxm": sxm(),
+    "a.grd": surfer(),
+    "text.grd": ("DSAA\n16 12\n0 1.5e-4\n0 1.1e-4\n-2 2\n" + text(1e-5 * H, " ")).encode(),
+    "zygo.asc": zygo(),
+    "wyko.asc": wyko(),
+    "packed.txt.gz": gzip.compress((HEAD + text(H, "\t")).encode()),
 }
+VICON = "Objects\n100\n,,Tool:Tool,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
+FRAMES = np.column_stack([np.arange(9), np.zeros(9), np.tile([0, 0, 0, 1, 5, 6, 7], (9, 1))])
+CLOCK = "".join(f"2024-01-10T10:31:0{k}.25,0,0,0.1,1,0,0,0\n" for k in range(9))
 POSE_FILES = {
+    "vicon.csv": (VICON + text(FRAMES)).encode(),
+    "clock.csv": ("time,x,y,z,qw,qx,qy,qz\n" + CLOCK).encode(),
     "head.csv": ("time,x [mm],y [mm],z [mm],qw,qx,qy,qz\n" + text(POSES)).encode(),
     "tum.txt": ("# timestamp tx ty tz qx qy qz qw\n" + text(POSES, " ")).encode("utf-16"),
     "bare.csv": text(POSES, ";").replace(".", ",").encode(),
@@ -166,7 +208,8 @@ def tried(read, path: Path, content: bytes, **options: object) -> str:
 def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.CaptureFixture) -> None:
     if name in ("a.x3p", "a.sdf"):
         pytest.importorskip("SurfaceTopography", reason="reads files of instruments")
-    options = {} if name in ("gwyddion.txt", "a.x3p", "a.sdf") else dict(SCALE)
+    scaled = ("gwyddion.txt", "a.x3p", "a.sdf", "a.sxm", "zygo.asc", "wyko.asc")
+    options = {} if name in scaled else dict(SCALE)
     colour = {"colour": "luminance"} if name in ("colour.png", "rgb.tif") else {}
     (tmp_path / name).write_bytes(HEIGHTS[name])
     HeightField.from_file(tmp_path / name, **options, **colour)  # it may compile
@@ -177,6 +220,7 @@ def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.Captu
         content = mutated(HEIGHTS[name], rng)
         refused += bool(tried(HeightField.from_file, tmp_path / name, content, **options))
     assert refused > 0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < BYTES
     assert capfd.readouterr().err == ""
 
 

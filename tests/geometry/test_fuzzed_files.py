@@ -1,6 +1,7 @@
 """Damaged files of every kind: each is read, or refused in one line, soon and in little memory."""
 
 import base64
+import gzip
 import json
 import resource
 import struct
@@ -93,6 +94,15 @@ def pcd(form):
     return head.encode() + struct.pack("<II", len(packed), len(whole)) + packed
 
 
+def ptx():
+    head = "8\n5\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n5 6 7 1\n"
+    return (head + rows(np.column_stack([POINTS, np.full(40, 0.5)]))).encode()
+
+
+def packed():
+    return gzip.compress(rows(POINTS).encode())
+
+
 def las():
     head = struct.pack("<4sHHIHH8sBB32s32sHHHIIBHI5I", b"LASF", 0, 0, 0, 0, 0, b"", 1, 2, b"", b"",
                        1, 2026, 227, 227, 0, 0, 20, 40, 40, 0, 0, 0, 0)  # fmt: skip
@@ -110,6 +120,7 @@ FILES = {
     "named.csv": (read_points, lambda: b"x;y;z\n" + rows(POINTS).replace(" ", ";").encode()),
     "points.ply": (read_points, lambda: ply("ascii")),
     "a.pcd": (read_points, lambda: pcd("ascii")),
+    "a.ptx": (read_points, ptx), "packed.xyz.gz": (read_points, packed),
     "binary.pcd": (read_points, lambda: pcd("binary")),
     "packed.pcd": (read_points, lambda: pcd("binary_compressed")), "a.las": (read_points, las),
 }  # fmt: skip

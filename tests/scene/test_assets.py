@@ -109,6 +109,10 @@ def test_maps_that_are_not_used_are_named(tile):
     scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
     assert noted(scene, "material 'tile': its displacement map", "is not there")
     assert noted(scene, "material 'b'", "cover no area, so its maps are not used: tile_NormalGL")
+    (mesh.parent / "tile_NormalGL.png").unlink()
+    (mesh.parent / "tile_seen.png").write_bytes(pictures()["Color"])
+    scene = asperity.make_scene(tool="sphere:3mm", target=tile())
+    assert noted(scene, "pictures beside it that are not used: ", "tile_seen.png")
     smooth = asperity.make_scene(
         tool="sphere:3mm", target=tile(["map_Kd tile_Color.png"], ["Color"])
     )
@@ -132,6 +136,8 @@ def test_a_folder_of_maps_is_a_texture(tile, tmp_path):
     scene = asperity.make_scene(tool="sphere:3mm", target=mesh, target_texture=folder)
     assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.08)
     assert noted(scene, "Bricks_2K_Displacement.png", "slopes are those of Bricks_2K_NormalGL.png")
+    scene = asperity.make_scene(tool="sphere:3mm", target="box:40x40x10mm", target_texture=folder)
+    assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.08)
     (tmp_path / "none").mkdir()
     (tmp_path / "none" / "photo.png").write_bytes(b"x")
     with pytest.raises(AsperityError, match=r"no file in this folder is named .*photo.png"):
@@ -227,6 +233,26 @@ def test_solids_in_one_word(text, kind, size):
 def test_solids_that_are_none(text, said):
     with pytest.raises(AsperityError, match=said):
         primitive(text)
+
+
+def test_files_that_are_not_there_are_refused_with_what_would_be(tile):
+    for wrong in ("cube:3mm", "sphere 3mm"):
+        with pytest.raises(AsperityError, match=r"no such file: .*; valid: .* sphere:3mm \(sphere"):
+            asperity.make_scene(tool=wrong, target="box:40x40x10mm")
+    with pytest.raises(AsperityError, match=r"no such file: knurled:1mm; valid: .* knurl:0.8mm"):
+        asperity.make_scene(tool="sphere:3mm", tool_texture="knurled:1mm", target="box:9x9x9mm")
+    assert primitive("Sphere: 3mm")[0].kind == "sphere"
+
+
+@pytest.mark.parametrize(("kind", "up"), [("n", True), ("N_DX", False)])
+def test_names_as_unreal_s_and_names_that_state_green(tile, kind, up):
+    mesh = tile()
+    name = "T_tile_N.png" if kind == "n" else "tile_normal_dx.png"
+    (mesh.parent / name).write_bytes(pictures()["NormalGL"])
+    scene = asperity.make_scene(tool="sphere:3mm", target=mesh)
+    assert target_of(scene).texture.relief == pytest.approx(80e-6, rel=0.2)
+    assert noted(scene, "does green point up?") == up
+    assert noted(scene, "green points down, as the file's name states") != up
 
 
 def test_patterns_in_one_word():

@@ -338,7 +338,8 @@ def test_include_defaults_and_assets_in_folders(load):
 @pytest.mark.parametrize(
     ("xml", "said"),
     [
-        ("<mujoco><asset><hfield file='no.png' size='1 1 1 1'/></asset></mujoco>", "no.png"),
+        ("<mujoco><asset><hfield file='no.png' size='1 1 1 1'/></asset></mujoco>",
+         "names the file 'no.png', which cannot be opened; valid"),
         ("<mujoco><worldbody><geom type='sphere'", "is not MJCF"),
         ("no xml", "is not MJCF"),
     ],

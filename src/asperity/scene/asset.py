@@ -56,6 +56,8 @@ def own_textures(
         found = {"": maps} if any(kind in maps for kind in FELT) else {}
     elif len(mesh.materials) == 1 and mesh.material is not None and mesh.material.min() >= 0:
         found = {"": next(iter(found.values()))}
+    if not found and (unused := _unused(files, path, mesh)):
+        notes.append(f"pictures beside it that are not used: {', '.join(unused)[:160]}")
     if mesh.uv is None and found:
         names = [picture.name for maps in found.values() for picture in maps.values()]
         notes.append(
@@ -80,6 +82,18 @@ def own_textures(
     if out and "" not in out and smooth:
         notes.append(f"smooth, since no map is there for them: {', '.join(smooth)[:200]}")
     return out
+
+
+def _unused(files: list[Path], path: Path, mesh: Mesh) -> list[str]:
+    """Return the pictures beside a mesh with its name in theirs that no material names."""
+    named = {m.name for material in mesh.materials for m in material.maps.values()}
+    return [
+        file.name
+        for file in sorted(files)
+        if file.suffix.lower() in IMAGE_SUFFIXES
+        and path.stem.lower() in file.stem.lower()
+        and file.name not in named
+    ]
 
 
 def part_of(mesh: Mesh, name: str) -> Mesh:

@@ -35,7 +35,7 @@ from asperity.scene.mesh import body_mesh, body_pieces, uv_size
 from asperity.scene.mjcf import MODEL, compiled, mesh_assets, mesh_geoms
 from asperity.scene.placement import fall, slide_over
 from asperity.scene.scene import Scene, scene_of
-from asperity.scene.shorthand import file_table, pattern, primitive
+from asperity.scene.shorthand import PRIMITIVES, file_table, pattern, primitive
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
 
 HEIGHT_RANGE = 2e-4
@@ -49,6 +49,9 @@ _FAR = 10.0
 _LEAST = 4
 """Vertices that MuJoCo draws a mesh of."""
 _COLOURS = {"tool": "0.42 0.55 0.72 1", "target": "0.8 0.74 0.63 1"}
+
+_SOLID = f"a file of a mesh, or a solid such as sphere:3mm ({', '.join(PRIMITIVES)})"
+_PATTERN = "a file of heights, a folder of maps, or a pattern such as knurl:0.8mm"
 
 File = str | Path | Mapping[str, Any]
 
@@ -228,7 +231,10 @@ def _texture(
     if isinstance(texture, str | Path) and str(texture) and Path(texture).expanduser().is_dir():
         key, folder = f"{which}_texture", Path(texture).expanduser()
         maps = at(key, lambda: folder_maps(folder))
-        return at(key, lambda: texture_of(maps, notes)), maps
+        laid = at(key, lambda: texture_of(maps, notes))
+        if laid is not None:  # as on what it is laid asks
+            del laid["mapping"]
+        return laid, maps
     named = pattern(texture) if isinstance(texture, str) else None
     if named is not None:
         table, note = named
@@ -259,7 +265,8 @@ def _table(key: str, source: File) -> dict[str, Any]:
     if isinstance(out.get("file"), str | Path):
         path = Path(out["file"]).expanduser().absolute()
         if not path.is_file():
-            raise AsperityError(f"{key}: no such file: {out['file']}")
+            valid = _PATTERN if key.endswith("_texture") else _SOLID
+            raise AsperityError(f"{key}: no such file: {str(out['file'])[-120:]}; valid: {valid}")
         out["file"] = str(path)
     return out
 

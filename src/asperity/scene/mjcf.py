@@ -58,7 +58,7 @@ def compiled(xml: str) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
-        raise AsperityError(f"scene.xml is not MJCF: {_line(error)}") from None
+        raise AsperityError(_refusal("scene.xml", error)) from None
 
 
 def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
@@ -87,7 +87,7 @@ def read_mjcf(path: Path) -> tuple[str, tuple[str, ...]]:
         notes = _without_pictures(spec)
         return spec.to_xml(), notes
     except (ValueError, OSError) as error:
-        raise AsperityError(f"{path} is not MJCF: {_line(error)}") from None
+        raise AsperityError(_refusal(path, error)) from None
 
 
 def _write_in(mesh: Any, model: mujoco.MjModel) -> None:
@@ -117,8 +117,16 @@ def _without_pictures(spec: Any) -> tuple[str, ...]:
     return (f"pictures on materials are left out: {', '.join(names)}",) if names else ()
 
 
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]
+def _refusal(path: object, error: Exception) -> str:
+    """Return in one line why MuJoCo does not read a file."""
+    reason = " ".join(str(error).split())
+    lost = re.search(r"Error opening file '([^']*)'", reason)
+    if lost:
+        return (
+            f"{path} names the file {lost.group(1)[-150:]!r}, which cannot be opened; valid: a "
+            "path from its folder, or from meshdir, texturedir or assetdir"
+        )
+    return f"{path} is not MJCF: {reason[:250]}"
 
 
 def model_mesh(model: mujoco.MjModel, number: int) -> tuple[Array, Indices]:

@@ -74,6 +74,7 @@ def primitive(text: str) -> tuple[Geom, str] | None:
         A solid with sizes that are not valid; one line.
     """
     kind, colon, rest = text.partition(":")
+    kind = kind.strip().lower()
     if kind not in PRIMITIVES:
         return None
     names = PRIMITIVES[kind].split(" x ")
@@ -116,6 +117,7 @@ def pattern(text: str) -> tuple[dict[str, Any], str] | None:
         A pattern with parameters that are not valid; one line.
     """
     kind, _, rest = text.partition(":")
+    kind = kind.strip().lower()
     if kind not in PATTERNS:
         return None
     usual = EXAMPLES[kind]

@@ -176,6 +176,8 @@ _BY_NAME = {
     "roughness": ("roughness", "rough", "rgh"),
 }
 """Words in names of files that stand for kinds of maps (ambientCG, Poly Haven, Substance, ...)."""
+_UNREAL = {"n": "normal", "h": "displacement", "d": "colour", "bc": "colour", "r": "roughness"}
+"""Last letters of names that begin with T_, as Unreal's pictures do."""
 _SUFFIXES = (".tif", ".tiff", ".png", ".exr", ".jpg", ".jpeg")
 """Of pictures, those that keep more of the heights first."""
 
@@ -193,7 +195,8 @@ def maps_by_name(files: Iterable[Path], stem: str | None = None) -> dict[str, Ma
     for path in sorted(files):
         if path.suffix.lower() not in _SUFFIXES or not path.is_file():
             continue
-        if stem is not None and not path.stem.lower().startswith(stem.lower()):
+        begins = path.stem.lower().removeprefix("t_")
+        if stem is not None and not begins.startswith(stem.lower().removeprefix("t_")):
             continue
         kind = _kind_of(path.stem)
         if kind is not None:
@@ -210,6 +213,8 @@ def _kind_of(stem: str) -> str | None:
     """Return the kind of map that the last telling word in a name stands for."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem)
     words = [*re.split(r"[\W_]+", spaced.lower()), *re.split(r"[\W_]+", stem.lower())]
+    if stem[:2] in ("T_", "t_") and words[-1] in _UNREAL:
+        return _UNREAL[words[-1]]
     return next(
         (kind for word in reversed(words) for kind, names in _BY_NAME.items() if word in names),
         None,

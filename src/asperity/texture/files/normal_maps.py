@@ -27,6 +27,7 @@ computer vision problems", IEEE Trans. Pattern Anal. Mach. Intell. 12, 435-446.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,10 @@ from asperity.texture.files.reading import Heights
 from asperity.texture.files.stored import refuse
 
 _GREEN = {"opengl": "up", "directx": "down"}
+_IN_NAME = re.compile(
+    r"(?:[\W_](?:(gl|opengl)|dx|directx)|(?<=[a-z])(?-i:(?:(GL|OpenGL)|DX|DirectX)))(?=[\W_\d]|$)",
+    re.IGNORECASE,
+)
 CONVENTIONS = ("opengl", "directx", "auto")
 STEEPEST = 20.0
 """Normals with a larger slope (87 degrees), or that point down, are limited to it."""
@@ -109,7 +114,7 @@ def read_normal_map(
     except AsperityError as error:
         refuse(path, str(error))
     vectors, notes = _read_vectors(path)
-    convention = _convention(vectors, convention, notes)
+    convention = _convention(vectors, convention, path.stem, notes)
     h_u, h_v = _slopes(vectors, convention, notes)
     notes.append(f"integrated from normals, green {_GREEN[convention]} the picture ({convention})")
     samples = integrate_slopes(h_u, h_v, (pu, pv), border=border)
@@ -156,14 +161,23 @@ def curl_agreement(vectors: Array) -> float:
     return 2.0 * float(across_u @ across_v) / power if power > 0.0 else 0.0
 
 
-def _convention(vectors: Array, given: str, notes: list[str]) -> str:
-    """Return whether green points up or down, and note how sure that is."""
+def _convention(vectors: Array, given: str, name: str, notes: list[str]) -> str:
+    """Return whether green points up or down, and note how sure that is.
+
+    As the map's curl shows, else as the last part of the file's name states (`wood_nor_dx`).
+    """
     agreement = curl_agreement(vectors)
     found = "opengl" if agreement >= 0.0 else "directx"
     sure = abs(agreement) > _SURE
     if given == "auto":
         if sure:
             notes.append(f"green points {_GREEN[found]}, found from the map's own curl")
+            return found
+        stated = _IN_NAME.search(name)
+        if stated:
+            found = "opengl" if any(stated.groups()) else "directx"
+            notes.append(f"green points {_GREEN[found]}, as the file's name states: the map does "
+                         "not tell")  # fmt: skip
             return found
         notes.append(
             "does green point up? The map does not tell; opengl is taken, hills and valleys along "
