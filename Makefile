@@ -44,7 +44,7 @@ SERVO_SECONDS ?= 600
 bench: $(VENV)/installed-compare     ## speed, as ratios in one run; with the peers that it is compared to
 	@mkdir -p $(OUT); missed=; \
 	$(BIN)/python benchmarks/bench_meshes.py --figure $(OUT)/growth.svg || missed="$$missed meshes"; \
-	for name in studies contact mujoco devices energy hand_study sweep page; do \
+	for name in studies contact mujoco devices energy hand_study sweep page read; do \
 	  $(BIN)/python benchmarks/bench_$$name.py || missed="$$missed $$name"; \
 	done; $(BIN)/python benchmarks/bench_servo.py --seconds $(SERVO_SECONDS) --empty 0.2 --kills 100 \
 	  || missed="$$missed servo"; test -z "$$missed" || { echo "missed a bar, or failed:$$missed"; exit 1; }

@@ -15,6 +15,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.files import content_of, encodings_of
+from asperity._core.large_tables import numbers_of
 from asperity.errors import AsperityError
 
 _MISSING_WORDS = """
@@ -33,6 +34,7 @@ _NAMES = re.compile(r"\S+(?:\s*[\[(][^\])]*[\])])?")
 _COMMENT = re.compile(r"(?i)(?<!\.)#(?!n/?a|name|value|div|num|#)")
 _TWO_WORDS = re.compile(r"(?i)\b(no|not)[ _](data|value|measured)\b")
 """Words for a missing value that are two."""
+_BLANK = re.compile(r"\n[ \t\r]*\n")
 _LOOKED_AT = 40
 """Rows from which the separator is found."""
 
@@ -98,6 +100,9 @@ class TextTable:
             raise
 
     def _parsed(self, body: str, columns: list[int] | None) -> Array:
+        found = numbers_of(body, self.separator, columns)
+        if found is not None and (columns is not None or found.shape[1] == self.columns):
+            return found
         return np.loadtxt(
             body.split("\n"), delimiter=self.separator, comments="#", ndmin=2, usecols=columns,
             encoding=None,
@@ -127,7 +132,7 @@ class TextTable:
     def rows_at(self) -> Sequence[int]:
         """Return the number of the line of each row."""
         body = self.body.rstrip("\n")
-        if not any(mark in body for mark in ("#", "\n\n", "\n ", "\n\t", "\n\r")):
+        if "#" not in body and _BLANK.search(body) is None:
             return range(self.first_line, self.first_line + body.count("\n") + 1)
         lines = enumerate(self.body.split("\n"), self.first_line)
         return [number for number, line in lines if _bare(line).strip()]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from asperity._core.arrays import Array
 from asperity._core.files import columns_of, content_of, reading, text_of
+from asperity._core.large_tables import numbers_of
 from asperity.baking.ptx import read_ptx
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import UNITS
@@ -123,7 +123,7 @@ def holds_points(path: Path) -> bool:
     It does if its columns are named x, y and z, or if it has three, or three and whole numbers
     behind them, as colours are, or if it has few columns and many more lines.
     """
-    lines = _lines(content_of(path, 20_000))
+    lines = _plain(content_of(path, 20_000)).split("\n")
     form = _form(lines[:-1] or lines)
     if form is None or form.width > 12 or _MAP_HEADS.search("\n".join(lines[: form.first])):
         return False
@@ -136,12 +136,10 @@ def holds_points(path: Path) -> bool:
     return len(rows) > 2 * form.width and all(v == int(v) and v >= 0 for row in more for v in row)
 
 
-def _lines(data: bytes) -> list[str]:
-    """Return the lines of a text, without quotes, its numbers as Python writes them."""
+def _plain(data: bytes) -> str:
+    """Return a text without quotes, its numbers as Python writes them."""
     text = text_of(data).replace('"', "")
-    if _FORTRAN.search(text[:2000]):
-        text = _FORTRAN.sub("e", text)
-    return text.split("\n")
+    return _FORTRAN.sub("e", text) if _FORTRAN.search(text[:2000]) else text
 
 
 def _numbers(line: str, separator: str | None, decimal: str) -> list[float]:
@@ -199,10 +197,11 @@ def _heading(
 
 def _text(path: Path) -> Points:
     """Return the points in a text."""
-    lines = _lines(content_of(path))
-    form = _form(lines[: 4 * _SAMPLE])
+    text = _plain(content_of(path))
+    lines = text.split("\n", 4 * _SAMPLE)[: 4 * _SAMPLE]
+    form = _form(lines)
     if form is None:
-        shown = next((line.strip() for line in lines if line.strip()), "")[:40]
+        shown = next(filter(None, map(str.strip, lines)), "")[:40]
         raise AsperityError(
             f"{path}: no line of it holds three numbers; it begins with {shown!r}; "
             "valid: x, y and z in each line"
@@ -214,21 +213,12 @@ def _text(path: Path) -> Points:
     if form.decimal == "," and any("," in line for line in lines[form.first :][:_SAMPLE]):
         notes.append("its numbers have decimal commas")
 
-    def coordinates() -> Iterator[float]:
-        for number, line in enumerate(lines[form.first :], start=form.first + 1):
-            line = line.partition("#")[0]
-            values = _numbers(line, form.separator, form.decimal)
-            if len(values) >= form.width or len(values) > max(form.columns):
-                yield from (values[k] for k in form.columns)
-            elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
-                shown = line.strip()[:40]
-                raise AsperityError(f"{path}: line {number} is {shown!r}; valid: x, y and z")
-
-    rest = lines[form.first :]
-    if form.decimal == ",":
-        rest = [line.replace(",", ".") for line in rest]
-    found = columns_of(rest, form.columns, form.separator)
-    places = np.fromiter(coordinates(), dtype=np.float64).reshape(-1, 3) if found is None else found
+    body = text.split("\n", form.first)[form.first]
+    points = body.replace(",", ".") if form.decimal == "," else body
+    found = numbers_of(points, form.separator, form.columns)
+    if found is None:
+        found = columns_of(points.split("\n"), form.columns, form.separator)
+    places = _line_by_line(path, body.split("\n"), form) if found is None else found
     if form.names and form.columns != (0, 1, 2):
         named = ", ".join(
             f"{axis} from column {k + 1}" for axis, k in zip("xyz", form.columns, strict=True)
@@ -243,6 +233,20 @@ def _text(path: Path) -> Points:
         places = places * factors
         notes.append(f"x, y and z are in {', '.join(form.units)}, as their names state")
     return Points(places, unit, tuple(notes))
+
+
+def _line_by_line(path: Path, lines: list[str], form: _Form) -> Array:
+    """Return points (n, 3) among lines of which some hold none."""
+    places = []
+    for number, line in enumerate(lines, start=form.first + 1):
+        line = line.partition("#")[0]
+        values = _numbers(line, form.separator, form.decimal)
+        if len(values) >= form.width or len(values) > max(form.columns):
+            places.append([values[k] for k in form.columns])
+        elif line.strip() and not (len(values) == 1 or line.lstrip()[:2] == "//"):
+            shown = line.strip()[:40]
+            raise AsperityError(f"{path}: line {number} is {shown!r}; valid: x, y and z")
+    return np.array(places, dtype=np.float64).reshape(-1, 3)
 
 
 def _counts_lines(lines: list[str], form: _Form) -> bool:

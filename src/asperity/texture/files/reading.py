@@ -36,6 +36,8 @@ from asperity.texture.files.text import load_text
 TEXT_SUFFIXES = ARRAY_SUFFIXES[2:]
 _EITHER = (".asc", ".dat", ".xyz")
 """Suffixes of text and of instruments' files."""
+_AT_ONCE = 2**16
+"""Samples that are converted together."""
 _NEVER = 1e30
 """Programs write larger numbers only for what is missing."""
 PACKED = (*TEXT_SUFFIXES, *_EITHER)
@@ -147,12 +149,12 @@ def read_heights(
         stored = _as_given(stored, pixels)
     notes = list(stored.notes)
     size = _pixel_size(path, stored, pixels, height_range, notes)
-    values = _shaped(path, stored.values)
+    values, low, high = _shaped(path, stored.values)
     if nodata is not None:
         if isinstance(nodata, bool) or not isinstance(nodata, int | float | np.number):
             refuse(path, f"nodata must be a number, got {nodata!r}")
         values[values == nodata] = np.nan
-    low, high = float(values.min()), float(values.max())
+        low, high = float(values.min()), float(values.max())
     if max(-low, high) >= _NEVER and nodata is None:
         never = np.abs(values) >= _NEVER
         if not never.all():
@@ -275,15 +277,23 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
 }
 
 
-def _shaped(path: Path, stored: NDArray[Any]) -> Array:
-    """Return stored values as a new array of floats."""
+def _shaped(path: Path, stored: NDArray[Any]) -> tuple[Array, float, float]:
+    """Return stored values as a new array of floats, the least and the largest; NaN if any is."""
     if np.squeeze(stored).ndim > 2:
         refuse(path, f"it holds values of shape {stored.shape}; valid: a line or a matrix")
     check_size(path, *stored.shape)
-    values = np.squeeze(np.array(stored, dtype=np.float64, order="C"))
-    if values.size < 2:
+    source = np.squeeze(stored)
+    if source.size < 2:
         refuse(path, f"heights need 2 samples or more along each axis, got {stored.shape}")
-    return values
+    values, extremes = np.empty(source.shape), []
+    # Some rows at a time, so that what is looked for stays in a processor's cache.
+    rows = max(1, _AT_ONCE * len(source) // source.size)
+    for first in range(0, len(source), rows):
+        part = values[first : first + rows]
+        part[...] = source[first : first + rows]
+        extremes.append((part.min(), part.max()))
+    lowest, highest = zip(*extremes, strict=True)
+    return values, float(np.min(lowest)), float(np.max(highest))
 
 
 def _pixel_size(
