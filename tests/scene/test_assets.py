@@ -321,3 +321,25 @@ def test_the_table_of_the_scale_states_what_is_sure(tile):
     scene = asperity.make_scene(tool="sphere:3mm", target=mesh, target_texture=given, unit="m")
     assert [row.source for row in scale_rows(scene)][:2] == ["given: unit m", "given"]
     assert scale_table(asperity.load_scene("probe-plate")) == ""
+
+
+@pytest.mark.parametrize("kind", ["npy", "csv", "headed", "points"])
+def test_the_table_states_which_unit_is_assumed(tmp_path, kind):
+    v, u = np.mgrid[0:40, 0:40]
+    values = 1e-5 * np.sin(u / 3)
+    path = tmp_path / ("a.npy" if kind == "npy" else "a.csv")
+    if kind == "npy":
+        np.save(path, values)
+    elif kind == "points":
+        columns = [1e-4 * u.ravel(), 1e-4 * v.ravel(), values.ravel()]
+        np.savetxt(path, np.column_stack(columns), header="x,y,z", delimiter=",", comments="")
+    else:
+        head = {"header": "z [um]", "comments": ""} if kind == "headed" else {}
+        np.savetxt(path, values * (1e6 if kind == "headed" else 1.0), delimiter=",", **head)
+    texture = {"file": str(path)} | ({} if kind == "points" else {"pixel_size": 1e-4})
+    scene = asperity.make_scene(tool="sphere:3mm", target="box:9x9x5mm", target_texture=texture)
+    extent, relief = (row.source for row in scale_rows(scene))
+    assert relief == (
+        "read: a.csv" if kind == "headed" else f"ASSUMED: unit m ({path.name} states none)"
+    )
+    assert extent == ("ASSUMED: unit m (a.csv states none)" if kind == "points" else "given")

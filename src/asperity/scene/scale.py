@@ -69,7 +69,7 @@ def _texture_rows(scene: Scene, body: Body, table: Table) -> list[ScaleRow]:
     assert field is not None
     size = " x ".join(f"{1e3 * side:.4g}" for side in field.size)
     pixel = " x ".join(dict.fromkeys(length(side) for side in field.pixel_size))
-    sources = _sources(scene, table)
+    sources = _sources(scene, table, body.name)
     return [
         ScaleRow(body.name, "texture", f"{size} mm, pixels of {pixel}", sources[0]),
         ScaleRow(body.name, "relief", length(field.relief), sources[1]),
@@ -82,23 +82,28 @@ def _material_rows(scene: Scene, body: Body, name: str, table: Table) -> list[Sc
     pair = size if isinstance(size, list | tuple) else [size]
     pixel = " x ".join(dict.fromkeys("?" if side is None else length(side) for side in pair))
     height = "as its file has it" if relief is None else length(relief)
-    sources = _sources(scene, table)
+    sources = _sources(scene, table, f"{body.name}: {name}")
     return [
         ScaleRow(body.name, f"texture of {name}", f"pixels of {pixel}", sources[0]),
         ScaleRow(body.name, f"relief of {name}", height, sources[1]),
     ]
 
 
-def _sources(scene: Scene, table: Table) -> tuple[str, str]:
-    """Return where the extent of a texture and its relief come from."""
+def _sources(scene: Scene, table: Table, of: str) -> tuple[str, str]:
+    """Return where the extent of a texture and its relief come from; `of`: how its notes begin."""
     name = Path(table["file"]).name
+    no_unit = next((n for n in scene.notes if n.startswith(f"{of}: no unit is stated: ")), "")
 
     def source(key: str, keys: tuple[str, ...]) -> str:
         chosen = next((n for n in scene.notes if f"no {key} for {name}: " in n), None)
         if chosen is not None:
-            why = chosen.partition(": ")[2].partition("mm")[2].strip(" ,") or "default"
-            return f"{ASSUMED}: {why}"
-        return f"{GIVEN}" if any(k in table for k in keys) else f"{READ}: {name}"
+            why = chosen.partition(": ")[2].partition("mm")[2].strip(" ,")
+            return f"{ASSUMED}: {'the default' if why == '(default)' else why}"
+        if any(k in table for k in keys):
+            return GIVEN
+        if no_unit and (key != "size" or "x, y" in no_unit):
+            return f"{ASSUMED}: unit m ({name} states none)"
+        return f"{READ}: {name}"
 
     of_normals = str(table.get("kind", "")).startswith("normal") and "height_range" not in table
     relief = f"{READ}: from the normals and the size" if of_normals else None

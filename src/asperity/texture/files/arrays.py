@@ -11,7 +11,7 @@ import numpy as np
 
 from asperity._core.units import SHORT
 from asperity.errors import SurfaceError
-from asperity.texture.files.stored import Stored, check_size, level_step, refuse
+from asperity.texture.files.stored import NO_UNIT, Stored, check_size, level_step, refuse
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv", ".txt", ".tsv")
 """Of arrays and text."""
@@ -38,7 +38,7 @@ def _numbers(path: Path, values: Any, unit: str = "") -> Stored:
     if values.dtype.kind in "ui" and not unit:
         notes = ("whole numbers are read as grey levels",)
         return Stored(values, notes, scale=None, step=level_step(values))
-    return Stored(values, (), None, scale, unit)
+    return Stored(values, () if unit else (NO_UNIT,), None, scale, unit)
 
 
 def load_npz(path: Path, array: str | None = None) -> Stored:
@@ -56,7 +56,8 @@ def load_npz(path: Path, array: str | None = None) -> Stored:
     found = _HEIGHT_KEY.fullmatch(name)
     stored = _numbers(path, arrays[name], found.group(1) if found else "")
     if stored.scale is not None:
-        stored = stored._replace(notes=(f"array {name!r}, in {stored.unit or 'm'}",))
+        said = f", in {stored.unit}" if stored.unit else ""
+        stored = stored._replace(notes=(f"array {name!r}{said}", *stored.notes))
     for key, sizes in arrays.items():
         named = _PIXEL_KEY.fullmatch(key)
         if named and sizes.dtype.kind in "iuf" and sizes.size in (1, 2):

@@ -29,7 +29,7 @@ from asperity.texture.files.images import IMAGE_SUFFIXES, is_park_tiff, read_ima
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
 from asperity.texture.files.nanonis import load_scan
-from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.stored import NO_UNIT, Stored, check_size, refuse
 from asperity.texture.files.surfer import load_grid
 from asperity.texture.files.text import load_text
 
@@ -148,6 +148,8 @@ def read_heights(
     elif stored.sizes_follow and pixels is not None and stored.pixel_size is not None:
         stored = _as_given(stored, pixels)
     notes = list(stored.notes)
+    if height_range is not None and NO_UNIT in notes:
+        notes.remove(NO_UNIT)
     size = _pixel_size(path, stored, pixels, height_range, notes)
     values, low, high = _shaped(path, stored.values)
     if nodata is not None:

@@ -14,6 +14,11 @@ MAX_SAMPLES = 2**27
 """Largest map that is read [samples]: 8192 x 16384, 1 GiB as heights."""
 
 
+NO_UNIT = "no unit is stated: heights in m; unit= changes that"
+NO_UNITS = "no unit is stated: x, y and heights in m; unit= changes that"
+"""Notes on files that do not say what their numbers are."""
+
+
 class Stored(NamedTuple):
     """Contents of a file: heights in some unit, or grey levels without a scale."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.files import content_of
 from asperity.errors import SurfaceError
-from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.stored import NO_UNITS, Stored, check_size, refuse
 
 _BLANK = 1.70141e38
 """Heights from here on are missing."""
@@ -39,8 +39,7 @@ def load_grid(path: Path) -> Stored:
     except (ValueError, IndexError, struct.error, UnicodeDecodeError, OverflowError):
         refuse(path, f"damaged or cut short; {_VALID}")
     values = np.where(np.abs(values) >= blank, np.nan, values)
-    note = "no unit is stated: x, y and heights in m"
-    return Stored(values, (note,), size, 1.0, sizes_follow=True)
+    return Stored(values, (NO_UNITS,), size, 1.0, sizes_follow=True)
 
 
 def _shape(path: Path, columns: int, rows: int) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from asperity._core.units import LENGTHS, named_unit, short_unit
 from asperity.errors import SurfaceError
 from asperity.texture.files.interferometers import is_wyko, is_zygo, load_wyko, load_zygo
 from asperity.texture.files.points import Grid, on_grid, profile, scattered
-from asperity.texture.files.stored import Stored, check_size, refuse
+from asperity.texture.files.stored import NO_UNIT, NO_UNITS, Stored, check_size, refuse
 from asperity.texture.files.text_header import Header, read_header
 
 _AXIS = re.compile(r"(?:^|.*[\s_./-])([xyz])(?:$|[\s_.,/:(\[-].*)", re.IGNORECASE)
@@ -130,7 +130,7 @@ def _from_columns(
         notes.append(f"its heights are in {other.group(1)!r}, which is no length")
         return Stored(grid.values, tuple(notes), size, None, other.group(1))
     if not said:
-        notes.append("no unit is stated: x, y and heights in m")
+        notes.append(NO_UNITS)
     elif stated[0] and stated[-1] and stated[0] != stated[-1]:
         notes.append(f"places in {stated[0][0]}, heights in {word}")
     else:
@@ -177,7 +177,7 @@ def _without_axes(stored: Stored, names: Sequence[str] | None) -> Stored:
             return stored
         # What the corner names is the unit of the places, not of the heights.
         notes = tuple(note for note in notes if not note.startswith("heights in "))
-        notes = (*notes, f"places in {unit[0]}", "no unit is stated: heights in m")
+        notes = (*notes, f"places in {unit[0]}", NO_UNIT)
         size = abs(steps[0]) * unit[1], steps[1] * unit[1]
         return stored._replace(pixel_size=size, scale=1.0, unit="", notes=notes)
     first = [
@@ -221,7 +221,7 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         notes.append(f"its values are in {header.unit!r}, which is no length")
         return Stored(values, tuple(notes), size, None, header.unit)
     if header.scale is None:
-        notes.append("no unit is stated: heights in m")
+        notes.append(NO_UNIT)
         return Stored(values, tuple(notes), size, 1.0)
     said = header.unit or short_unit(header.scale)
     notes.append(f"heights in {said}, as the file states")
