@@ -72,6 +72,9 @@ def test_a_grid_cut_short_is_refused(tmp_path: Path, form: str, share: float) ->
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(SurfaceError, match="damaged or cut short; valid: a grid of Surfer"):
         read_heights(path)
+    head = f"ncols {COLUMNS}\nnrows {ROWS}\nxllcorner 0\nyllcorner 0\ncellsize {STEP}\n"
+    path.write_text(head + rows(TOP))
+    same(read_heights(path))  # ESRI's have the suffix too
     path.write_bytes(b"CDF\x01" + bytes(100))
     with pytest.raises(SurfaceError, match="no grid of Surfer; valid"):
         read_heights(path)

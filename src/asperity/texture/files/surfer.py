@@ -12,8 +12,10 @@ import numpy as np
 
 from asperity._core.arrays import Array
 from asperity._core.files import content_of
+from asperity._core.text_table import decoded
 from asperity.errors import SurfaceError
 from asperity.texture.files.stored import NO_UNITS, Stored, check_size, refuse
+from asperity.texture.files.text import load_text
 
 _BLANK = 1.70141e38
 """Heights from here on are missing."""
@@ -30,6 +32,8 @@ def load_grid(path: Path) -> Stored:
     """
     data = content_of(path)
     reader = {b"DSAA": _text, b"DSBB": _surfer_6, b"DSRB": _surfer_7}.get(data[:4])
+    if reader is None and decoded(data[:4096]) is not None:
+        return load_text(path)  # ESRI's grids have this suffix too
     if reader is None:
         refuse(path, f"no grid of Surfer; {_VALID}")
     try:
