@@ -177,6 +177,16 @@ def test_scattered_points_are_interpolated_aloud(tmp_path: Path) -> None:
     assert np.abs(found.samples - right)[5:-5, 5:-5].max() < 2e-6
 
 
+def test_points_with_more_behind_and_maps_in_one_column_are_doubted(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    path = write(tmp_path / "a.txt", rows(1e-5 * rng.normal(size=(200, 6))))
+    assert any("are they points" in note for note in read_heights(path, pixel_size=PIXEL).notes)
+    for count, doubted in ((64 * 64, True), (64 * 64 + 1, False)):
+        path = write(tmp_path / "b.txt", rows(1e-6 * rng.normal(size=(count, 1))))
+        notes = read_heights(path, pixel_size=PIXEL).notes
+        assert any("is it a map of 64 x 64?" in note for note in notes) == doubted
+
+
 def test_two_columns_are_a_profile(tmp_path: Path) -> None:
     x = np.arange(50) * 2e-6
     z = 1e-6 * np.sin(x / 1e-5)

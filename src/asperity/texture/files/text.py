@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +26,8 @@ _HEIGHTS = re.compile(
 _NUMBERING = ("", "row", "index", "idx", "n", "nr", "no", "y", "line", "zeile", "unnamed: 0", "y/x")
 """Names of a first column that numbers the rows of a matrix."""
 _BRACKET = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]")
+_SIDE = 64
+"""Of a square map, from which a column that has all its heights is suspected."""
 _LONG = 16
 """Rows a column from which few columns are hardly a map."""
 _FEW = 8
@@ -209,6 +212,10 @@ def _matrix(table: TextTable, values: Array, header: Header) -> Stored:
         notes.append("its first row is the top of the map")
     elif min(rows, columns) > 1:
         notes.append("its first row is at v = 0, the bottom")
+    side = math.isqrt(rows)
+    if columns == 1 and side >= _SIDE and side * side == rows:
+        doubt = f"is it a map of {side} x {side}? Put each of its rows in a line"
+        notes.append(f"a line of {rows} heights: {doubt}")
     if 4 <= columns <= _FEW and rows > _LONG * columns:
         notes.append(f"a map of {columns} columns and {rows} rows: are they points, x, y and z in "
                      "each line? Keep three columns, or name them")  # fmt: skip
