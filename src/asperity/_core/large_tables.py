@@ -16,7 +16,7 @@ import numpy as np
 
 from asperity._core.arrays import Array
 
-LARGE = 500_000
+LARGE = 200_000
 """Characters from which a text is large."""
 
 

@@ -155,7 +155,10 @@ def _form(lines: list[str]) -> _Form | None:
     """Return how lines hold points; None if they hold none."""
     lines = [line.partition("#")[0] if line.lstrip()[:1] != "#" else line for line in lines]
     best: tuple[int, _Form] | None = None
+    marks = {".", *(mark for mark in ";," if any(mark in line for line in lines[: 2 * _SAMPLE]))}
     for separator, decimal in _FORMS:
+        if (separator or decimal) not in marks:
+            continue
         rows = [_numbers(line, separator, decimal) for line in lines[: 2 * _SAMPLE]]
         widths = [len(row) for row in rows if len(row) >= 3]
         if not widths:
@@ -166,10 +169,8 @@ def _form(lines: list[str]) -> _Form | None:
         if best is None or share > best[0]:
             names, units = _heading(lines[:first], separator, width)
             columns = tuple(names.index(axis) for axis in "xyz") if names else (0, 1, 2)
-            counts = [
-                int(row[0]) for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])
-            ]
-            count = counts[-1] if counts else None
+            counts = [row[0] for row in rows[:first] if len(row) == 1 and row[0] == int(row[0])]
+            count = int(counts[-1]) if counts else None
             form = _Form(first, separator, decimal, width, columns, names, units, count)
             best = (share, form)
     return None if best is None else best[1]
@@ -220,10 +221,8 @@ def _text(path: Path) -> Points:
         found = columns_of(points.split("\n"), form.columns, form.separator)
     places = _line_by_line(path, body.split("\n"), form) if found is None else found
     if form.names and form.columns != (0, 1, 2):
-        named = ", ".join(
-            f"{axis} from column {k + 1}" for axis, k in zip("xyz", form.columns, strict=True)
-        )
-        notes.append(named)
+        places_of = zip("xyz", form.columns, strict=True)
+        notes.append(", ".join(f"{axis} from column {k + 1}" for axis, k in places_of))
     if form.counted is not None and len(places) < form.counted:
         notes.append(f"it is cut short: it counts {form.counted} points and has {len(places)}")
     known = [unit for unit in form.units if unit]

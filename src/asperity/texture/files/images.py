@@ -49,6 +49,10 @@ _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
 _PNG_COLOURS = {2: "RGB", 4: "LA", 6: "RGBA"}
 
 
+class PreviewOnlyError(Exception):
+    """A TIFF by a microscope of Park Systems, whose picture is not its heights."""
+
+
 class _Picture(NamedTuple):
     """Pixels, the first row at the top, and which of them have no data."""
 
@@ -57,6 +61,8 @@ class _Picture(NamedTuple):
     missing: NDArray[np.bool_] | None = None
     pixel_size: tuple[float, float] | None = None
     """As the file states it [m]"""
+    preview: bool = False
+    """Whether the heights stand elsewhere in the file."""
 
 
 def read_image(path: Path, colour: str | None = None) -> Stored:
@@ -75,6 +81,8 @@ def read_image(path: Path, colour: str | None = None) -> Stored:
         that nothing states the meaning of.
     """
     picture = _read(path)
+    if picture.preview and colour is None:
+        raise PreviewOnlyError(path)
     stored = grey(path, np.flipud(picture.pixels), picture.notes, colour)
     stored = stored._replace(pixel_size=picture.pixel_size)
     if picture.missing is None:
@@ -205,18 +213,9 @@ def _orientation(image: Any) -> int:
         return 1
 
 
-def is_park_tiff(path: Path) -> bool:
-    """Return whether a TIFF is of a microscope by Park Systems: its picture is but a preview."""
-    try:
-        with _open_tiff(path) as file:
-            return _PARK in file.pages[0].tags
-    except Exception:  # whatever it raises on a damaged file: reading it as a picture refuses it
-        return False
-
-
 def _read_tiff(path: Path) -> _Picture:
     with _open_tiff(path) as file:
-        return _tiff_page(path, file)
+        return _tiff_page(path, file)._replace(preview=_PARK in file.pages[0].tags)
 
 
 @contextmanager
@@ -276,7 +275,7 @@ def _tiff_page(path: Path, file: Any) -> _Picture:
         inside = file.pages[1].asarray()
         if inside.shape == pixels.shape[:2]:
             clear = f"{np.count_nonzero(inside == 0)} pixels are missing, as the file's mask states"
-            picture = picture._replace(missing=inside == 0, notes=(clear,))
+            picture = picture._replace(missing=inside == 0, notes=(*picture.notes, clear))
     return _upright(picture, 1 if orientation is None else int(orientation.value))
 
 

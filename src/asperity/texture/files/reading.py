@@ -25,7 +25,7 @@ from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import doubts, sentinel_note
-from asperity.texture.files.images import IMAGE_SUFFIXES, is_park_tiff, read_image
+from asperity.texture.files.images import IMAGE_SUFFIXES, PreviewOnlyError, read_image
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
 from asperity.texture.files.nanonis import load_scan
@@ -253,15 +253,16 @@ def _load(
     known = [*_LOADERS]
     with reading(path, "heights", known, valid=_KNOWN, packed=PACKED, error=SurfaceError):
         load = _LOADERS[suffix]
-        if suffix in (".tif", ".tiff") and colour is None and is_park_tiff(path):
-            load = load_instrument
-        elif suffix == ".npz":
+        if suffix == ".npz":
             load = partial(load_npz, array=array)
         elif suffix in IMAGE_SUFFIXES:
             load = partial(read_image, colour=colour)
         elif suffix in TEXT_SUFFIXES or (suffix in _EITHER and _is_text(path)):
             load = partial(load_text, pixel_size=pixels[0] if pixels else None)
-        return load(path)
+        try:
+            return load(path)
+        except PreviewOnlyError:
+            return load_instrument(path)
 
 
 def _is_text(path: Path) -> bool:
