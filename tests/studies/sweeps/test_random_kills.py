@@ -118,8 +118,10 @@ def test_of_its_scheduler(study, whole, tmp_path):
                 check(path, whole[0])
             finally:
                 timer.join()
-    assert len(said) > KILLS // 2
-    assert all("\n" not in line for line in said)
-    assert sum("the scheduler went away" in line for line in said) > KILLS // 2
+    # How many are killed before the sweep has found them depends on the machine.
+    assert len(said) > KILLS // 4
+    for line in said:
+        assert "\n" not in line
+        assert "the scheduler went away" in line or "no scheduler answers" in line
     run_sweep(study, path, workers=0)
     check(path, whole[0])
