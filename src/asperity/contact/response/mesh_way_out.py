@@ -13,6 +13,7 @@ they are 1, and all choices are the same one: both walls. All between is continu
 
 A choice that has to leave all that a shorter one leaves, and more, is no separate way. It counts
 less the longer it is, up to a tenth, and not at all where the shorter one leaves nothing behind.
+One that is longer by a tenth takes nothing from it.
 """
 
 from __future__ import annotations
@@ -132,8 +133,9 @@ def _fill_shares(choices, rows, count):
                 continue
             more = _has_to_leave(choices, rows, c, other)
             if more > 0.0:
-                longer = smooth_step((length[c] / length[other] - 1.0) / _LONGER)
-                alone = choices.alone[other]
+                ratio = (length[c] / length[other] - 1.0) / _LONGER
+                longer = smooth_step(ratio)
+                alone = choices.alone[other] * smooth_step(ratio + 1.0)
                 share *= 1.0 - more * (longer + alone - longer * alone)
         choices.share[c] = share
 
@@ -236,11 +238,18 @@ def _soft_least(choices, count):
 
 @inner_kernel
 def _keep_near(choices, rows, count, s):
-    """Keep the choices that count at s; return how many there are."""
+    """Keep the choices that count at s; return how many there are.
+
+    Choices that are all but the same, as one that also leaves by a direction without depth, take
+    each other's share. Then s is the least length itself, and its gradient that of the first.
+    """
     ways, kept = choices.ways, 0
     for c in range(count):
-        if ways.length[c] >= RATIO * s:
+        # Those beyond RATIO do not count, but may take a share from one that does.
+        if ways.length[c] >= RATIO / (1.0 - _LONGER) * s or (kept > 0 and ways.length[0] == s):
             continue
+        if ways.length[c] == s:
+            kept = 0
         if kept != c:
             choices.members[kept], ways.length[kept] = choices.members[c], ways.length[c]
             for i in range(rows):
