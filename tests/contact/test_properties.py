@@ -125,9 +125,10 @@ def check(found):
     assert np.all(found.gap >= 0.0)
     assert np.linalg.norm(found.normal, axis=1) == pytest.approx(np.ones(len(found.depth)))
     # One way out has the whole stiffness; of several each has its share. Walls that lean towards
-    # each other have more: neither can be left without the other.
+    # each other have more: neither can be left without the other. A patch that is hardly deep has a
+    # large weight, so it is with its depth that it counts.
     assert np.all(found.weight > 0.0)
-    assert np.all(found.weight < 20.0)
+    assert np.all(found.weight * found.depth < 20.0 * found.depth.max(initial=0.0))
     if len(found.depth) == 1:
         assert found.weight[0] > 0.4
     scale = max(np.abs(found.force).sum(), 1e-12)

@@ -13,6 +13,7 @@ from asperity.scene.document import write_toml
 
 _CHILD = """
 import resource, sys
+sys.dont_write_bytecode = True
 from asperity.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFINITY))
 sys.exit(main(sys.argv[2:]))

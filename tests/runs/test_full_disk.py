@@ -13,6 +13,7 @@ from asperity.runs.recording_file import RecordingFile
 
 _CHILD = """
 import resource, sys
+sys.dont_write_bytecode = True
 import numpy as np
 from pathlib import Path
 from asperity.errors import OutputError

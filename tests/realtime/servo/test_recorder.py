@@ -51,6 +51,7 @@ def test_it_writes_what_is_in_the_ring_and_ends(tmp_path):
 
 RECORDER = textwrap.dedent("""
     import sys, resource
+    sys.dont_write_bytecode = True
     from pathlib import Path
     import asperity.realtime.servo.recorder as recorder
     class Report:

@@ -64,7 +64,7 @@ def test_a_hand_as_heavy_along_the_normal_does_not_press_evenly():
 
 
 def test_an_unknown_hand_is_refused():
-    with pytest.raises(AsperityError, match="choose from: constant, full"):
+    with pytest.raises(AsperityError, match="choose from: constant, guided, full"):
         drag_in_scene(Condition(spacing=2e-3, **MIDDLE), kind="left")
 
 

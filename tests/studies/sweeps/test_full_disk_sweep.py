@@ -12,8 +12,10 @@ from asperity.studies.sweeps.run import run_sweep
 from asperity.studies.sweeps.store import open_sweep
 from asperity.studies.sweeps.study import read_study
 
+# Python would write the byte code of what it imports later, and keep what fits.
 _CHILD = """
 import resource, sys
+sys.dont_write_bytecode = True
 from asperity.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
 sys.exit(main(["sweep", sys.argv[1], "--out", sys.argv[2], "--workers", "0"]))
