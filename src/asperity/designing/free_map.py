@@ -36,7 +36,7 @@ from asperity.designing.process import wavenumbers
 from asperity.errors import AsperityError, require_between, require_positive
 
 _GAIN_BANDS = 16
-_GAINS, _NOISE = slice(0, 16), slice(16, None)
+_GAINS, _NOISE = slice(_GAIN_BANDS), slice(_GAIN_BANDS, None)
 """Where they are among the unknowns, and where the noise is."""
 _LARGEST_GAIN = 4.0
 """Largest |g|: a factor of 55 on a band's heights."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from asperity.drawing.figure_style import SMALLEST
+from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
 from asperity.dynamics.dragged_hand.hand import Hand
 
 SHADES = LinearSegmentedColormap.from_list("share", ["#ffffff", "#9ecae1", "#08519c"])
@@ -92,6 +93,43 @@ def label_stiffness(axis: Axes, hands: Sequence[Hand]) -> None:
             (i + 0.5) * width, top + 0.1, f"k {value:g}", ha="center", va="bottom",
             fontsize=SMALLEST, color="#444444",
         )  # fmt: skip
+
+
+def hands_grid(
+    rows: Sequence[str],
+    columns: Sequence[tuple[str, Sequence[Hand]]],
+    shares_of: Callable[[int, int], NDArray[np.float64]],
+) -> Figure:
+    """Return pictures of `draw_hands` in rows and columns, with a scale of the shades below.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        What stands beside each row.
+    columns : sequence of (str, sequence of Hand)
+        Title and hands of each column.
+    shares_of : callable
+        Returns the shares (hands,) of a row and a column, by their numbers.
+    """
+    with style():
+        figure = Figure(figsize=(COLUMN_WIDTH, 6.3))
+        axes = figure.subplots(len(rows), len(columns), squeeze=False)
+        for i, text in enumerate(rows):
+            for j, (_, hands) in enumerate(columns):
+                draw_hands(axes[i, j], hands, shares_of(i, j))
+                if j > 0:
+                    axes[i, j].set_yticklabels([])
+            axes[i, 0].set_ylabel(f"{textwrap.fill(text, 17)}\n\nm [g]", fontsize=SMALLEST)
+        for axis, (title, hands) in zip(axes[0], columns, strict=True):
+            axis.set_title(title, loc="center", pad=20)
+            label_stiffness(axis, hands)
+        for axis in axes[:-1].flat:
+            axis.set_xticklabels([])
+        for axis in axes[-1]:
+            axis.set_xlabel("b [N s/m], within k [N/m]", fontsize=SMALLEST)
+        figure.tight_layout(w_pad=0.8, h_pad=1.0, rect=(0, 0.075, 1, 1))
+        draw_scale(figure, (0.72, 0.045, 0.26, 0.018), "share of the plates [%]")
+    return figure
 
 
 def draw_scale(figure: Figure, place: tuple[float, float, float, float], title: str) -> None:

@@ -218,10 +218,7 @@ class PassivityController:
         stored in it. Without this, the account would never cover it. NaN: there is no potential.
         """
         account = self._account
-        lacking = stored - float(account["energy"])
-        if lacking > 0.0:
-            account["granted"] += lacking
-            account["energy"] += lacking
+        self._give(stored - self.energy)
         if stored >= 0.0:
             account["owed"] = account["stored"] = stored
         account["unsent"][:] = 0.0
@@ -234,11 +231,13 @@ class PassivityController:
         without doing work for it, and the account stays empty however even the loop has become.
         So what is lacking is forgiven with the time constant `FORGIVING`.
         """
-        account = self._account
-        lacking = (held - float(account["energy"])) * min(seconds / FORGIVING, 1.0)
+        self._give((held - self.energy) * min(seconds / FORGIVING, 1.0))
+
+    def _give(self, lacking: float) -> None:
+        """Grant an energy [J] that the account lacks; nothing if that is not above 0, or NaN."""
         if lacking > 0.0:
-            account["granted"] += lacking
-            account["energy"] += lacking
+            self._account["granted"] += lacking
+            self._account["energy"] += lacking
 
     def sent(self, wrench: Array) -> None:
         """Report the wrench (6,) that was written, where limits changed what `correct` returned."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
-from asperity.drawing.shares import draw_hands, draw_scale, draw_shares, label_stiffness, make_bare
+from asperity.drawing.shares import draw_shares, hands_grid, make_bare
 from asperity.runs.vibration_metrics import METRICS
 from asperity.studies.ensemble.run import Answer, EnsembleResult
 
@@ -85,26 +83,11 @@ def hands_figure(result: EnsembleResult) -> Figure:
         ("RMS 20-200 Hz, dots", result.people, "band_rms"),
     )
     texts = {claim.id: claim.text for claim in result.people.claims}
-    with style():
-        figure = Figure(figsize=(COLUMN_WIDTH, 6.3))
-        axes = figure.subplots(len(_FLIPPING), len(columns), squeeze=False)
-        for line, claim in zip(axes, _FLIPPING, strict=True):
-            for axis, (_, answer, metric) in zip(line, columns, strict=True):
-                draw_hands(axis, answer.hands, _of_hands(answer, metric, claim))
-                if axis is not line[0]:
-                    axis.set_yticklabels([])
-            words = textwrap.fill(texts[claim], 17)
-            line[0].set_ylabel(f"{words}\n\nm [g]", fontsize=SMALLEST)
-        for axis, (title, answer, _) in zip(axes[0], columns, strict=True):
-            axis.set_title(title, loc="center", pad=20)
-            label_stiffness(axis, answer.hands)
-        for axis in axes[:-1].flat:
-            axis.set_xticklabels([])
-        for axis in axes[-1]:
-            axis.set_xlabel("b [N s/m], within k [N/m]", fontsize=SMALLEST)
-        figure.tight_layout(w_pad=0.8, h_pad=1.0, rect=(0, 0.075, 1, 1))
-        draw_scale(figure, (0.72, 0.045, 0.26, 0.018), "share of the plates [%]")
-    return figure
+    return hands_grid(
+        [texts[claim] for claim in _FLIPPING],
+        [(title, answer.hands) for title, answer, _ in columns],
+        lambda i, j: _of_hands(columns[j][1], columns[j][2], _FLIPPING[i]),
+    )
 
 
 def _of_hands(answer: Answer, metric: str, claim: str) -> np.ndarray:

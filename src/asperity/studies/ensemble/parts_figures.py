@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from asperity.drawing.figure_style import COLUMN_WIDTH, SMALLEST, style
-from asperity.drawing.shares import draw_hands, draw_scale, draw_shares, label_stiffness, make_bare
+from asperity.drawing.shares import draw_shares, hands_grid, make_bare
 from asperity.studies.ensemble.parts import PartsTable
 from asperity.studies.literature.halves_page import half_of, read_published_halves
 
@@ -125,24 +125,8 @@ def flips_figure(table: PartsTable) -> Figure:
     columns = (("paper", "max u''"), ("band", "RMS 20-200 Hz"), ("chosen", "choice"))
     ids = [finding.id for finding in table.findings]
     titles = {finding.id: finding.title for finding in table.findings}
-    with style():
-        figure = Figure(figsize=(COLUMN_WIDTH, 6.3))
-        axes = figure.subplots(len(FLIPPING), len(columns), squeeze=False)
-        for line, one in zip(axes, FLIPPING, strict=True):
-            for axis, (name, _) in zip(line, columns, strict=True):
-                shares = table.of(name)[..., ids.index(one)].mean(axis=1)
-                draw_hands(axis, table.hands, shares)
-                if axis is not line[0]:
-                    axis.set_yticklabels([])
-            words = textwrap.fill(titles[one], 17)
-            line[0].set_ylabel(f"{words}\n\nm [g]", fontsize=SMALLEST)
-        for axis, (_, title) in zip(axes[0], columns, strict=True):
-            axis.set_title(title, loc="center", pad=20)
-            label_stiffness(axis, table.hands)
-        for axis in axes[:-1].flat:
-            axis.set_xticklabels([])
-        for axis in axes[-1]:
-            axis.set_xlabel("b [N s/m], within k [N/m]", fontsize=SMALLEST)
-        figure.tight_layout(w_pad=0.8, h_pad=1.0, rect=(0, 0.075, 1, 1))
-        draw_scale(figure, (0.72, 0.045, 0.26, 0.018), "share of the plates [%]")
-    return figure
+    return hands_grid(
+        [titles[one] for one in FLIPPING],
+        [(title, table.hands) for _, title in columns],
+        lambda i, j: table.of(columns[j][0])[..., ids.index(FLIPPING[i])].mean(axis=1),
+    )
