@@ -1,4 +1,4 @@
-"""A sweep of 10,000 drags on two processes, beside a plain loop over the same drags in one.
+"""A sweep of 50,000 drags on two processes, beside a plain loop over the same drags in one.
 
     python benchmarks/bench_sweep.py
 
@@ -33,7 +33,7 @@ STUDY = {
     "schema": 1,
     "kind": "drag",
     "vary": {
-        "spacing": {"from": 0.5e-3, "to": 3.5e-3, "count": 40, "scale": "log"},
+        "spacing": {"from": 0.5e-3, "to": 3.5e-3, "count": 200, "scale": "log"},
         "diameter": {"from": 2e-3, "to": 4e-3, "count": 10},
         "normal_force": [0.29, 0.4, 0.58, 0.7, 0.87],
         "speed": [0.042, 0.06, 0.083, 0.12, 0.169],
