@@ -1,5 +1,7 @@
 """Targets taken from random surfaces are met from other starts."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -20,8 +22,12 @@ def _back(kind, seed, settings):
     """Return how far the nearest surface misses the metrics of a random one."""
     rng = np.random.default_rng(seed)
     unknown = PatternUnknown(kind)
-    x, start = rng.uniform(0.1, 0.9, (2, len(unknown.names)))
-    wanted = demands_of(at_parameters(unknown, unknown.parameters(x), BASE, settings))
+    wanted: tuple[Demand, ...] = ()
+    while not wanted:
+        x, start = rng.uniform(0.1, 0.9, (2, len(unknown.names)))
+        with suppress(AsperityError):  # a hand that stays in a notch feels no vibration
+            surface = at_parameters(unknown, unknown.parameters(x), BASE, settings)
+            wanted = demands_of(surface)
     try:
         found = search_pattern(unknown, wanted, settings, start=unknown.parameters(start))
     except UnreachableError as refused:
