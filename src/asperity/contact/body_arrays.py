@@ -121,9 +121,8 @@ def _around(surface: Surface, geom: Geom) -> float:
 
 
 @small_kernel
-def pair_friction(geometry, one, two, usual):
-    """Return Coulomb's coefficient between two surfaces: the larger, `usual` if none has any."""
-    a, b = geometry.friction[one], geometry.friction[two]
+def pair_friction(a, b, usual):
+    """Return Coulomb's coefficient between surfaces of two: the larger, `usual` if none has any."""
     if a != a:
         a = b
     elif b == b:
@@ -132,9 +131,8 @@ def pair_friction(geometry, one, two, usual):
 
 
 @small_kernel
-def pair_stiffness(geometry, one, two, usual):
+def pair_stiffness(a, b, usual):
     """Return the stiffness of two surfaces in series [N/m], `usual` if none has any."""
-    a, b = geometry.stiffness[one], geometry.stiffness[two]
     if a != a:
         a = b
     elif b == b:

@@ -6,7 +6,6 @@ import numpy as np
 
 from asperity._core.kernels import inner_kernel, kernel
 from asperity._core.stack import stack_array
-from asperity.contact.body_arrays import pair_friction, pair_stiffness
 from asperity.contact.broad_phase.facet_pairs import largest_displacement
 from asperity.contact.contacts import NO_ROOM
 from asperity.contact.manifold.mesh_manifold import (
@@ -102,9 +101,9 @@ def _clear_patch(memory, patch):
 
 
 @inner_kernel
-def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
+def _add_contact(scene, parameters, query, p, motion, memory, space, out):
     """Add the contact of patch `p` of the manifold and its forces to the output."""
-    scene, contacts = model.scene, out.contacts
+    manifold, contacts = space.manifold, out.contacts
     patch, result = manifold.patches[p], manifold.result[p]
     b, d, part = patch.body, patch.direction, patch.part
     if patch.weight <= 0.0:
@@ -116,10 +115,7 @@ def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
         manifold.count[0].dropped += 1
         return
     contacts.count[0] += 1
-    one, two = model.facets.first_surface[scene.tool], model.facets.first_surface[b]
-    friction = pair_friction(scene.geometry, one, two, parameters.friction)
-    own = pair_stiffness(scene.geometry, one, two, parameters.stiffness)
-    weight = patch.weight * own / parameters.stiffness
+    weight = patch.weight * space.stiffness[b] / parameters.stiffness
     write_contact(contacts, c, b, weight, result, motion.centre)
     for k in range(3):
         contacts.normal[c, k] = patch.normal[k]
@@ -129,7 +125,7 @@ def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
     for k in range(3):
         deflection[k] = memory.bristle[b, d, part, k]
     stiffness = parameters.bristle_stiffness * weight
-    bristle = Bristle(deflection, stiffness, friction)
+    bristle = Bristle(deflection, stiffness, space.friction[b])
     add_friction(out, c, result.point, scene.frames[b], bristle, motion)
     if query.dt > 0.0:
         for k in range(3):
@@ -138,7 +134,7 @@ def _add_contact(model, parameters, query, p, motion, memory, manifold, out):
 
 
 @inner_kernel
-def _add_rest(model, parameters, b, space, out):
+def _add_rest(b, space, out):
     """Add the part of the wrench with body `b` that belongs to no patch.
 
     The force is added to that of the contact with the largest weight.
@@ -147,11 +143,9 @@ def _add_rest(model, parameters, b, space, out):
     for c in range(contacts.count[0]):
         if contacts.body[c] == b and (largest < 0 or contacts.weight[c] > contacts.weight[largest]):
             largest = c
-    one, two = model.facets.first_surface[model.scene.tool], model.facets.first_surface[b]
-    stiffness = pair_stiffness(model.scene.geometry, one, two, parameters.stiffness)
-    space.energy[b] = 0.5 * stiffness * space.way_out[b] ** 2
+    space.energy[b] = 0.5 * space.stiffness[b] * space.way_out[b] ** 2
     for e in range(6):
-        push = -stiffness * space.way_out[b] * space.rest[b, e]
+        push = -space.stiffness[b] * space.way_out[b] * space.rest[b, e]
         out.wrench[e] += push
         if e < 3 and largest >= 0:
             contacts.force[largest, e] += push
@@ -185,10 +179,10 @@ def _mesh_tick(model, parameters, query, memory, space, workspace, out):
     motion = ToolFrames(tool_frame, memory.frame, moves, centre, query.dt)
     _fill_manifold(model, parameters, query, motion, step, memory, space, workspace)
     for p in range(manifold.count[0].patches):
-        _add_contact(model, parameters, query, p, motion, memory, manifold, out)
+        _add_contact(scene, parameters, query, p, motion, memory, space, out)
     for b in range(model.by_facets.size):
         if space.way_out[b] > 0.0:
-            _add_rest(model, parameters, b, space, out)
+            _add_rest(b, space, out)
     if query.dt > 0.0:
         _remember_frame(memory, tool_frame)
     contacts.count[1] += manifold.count[0].dropped

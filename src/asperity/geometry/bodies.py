@@ -168,6 +168,13 @@ class Body:
         return tuple(geom.surface or own for geom in self.geoms)
 
     @property
+    def largest_friction(self) -> float:
+        """Largest friction of a geom, or of a material of the mesh [-]; 0 if none has any."""
+        own = [surface.friction for surface in self.surfaces]
+        own += [] if self.mesh is None else [material.friction for material in self.mesh.materials]
+        return max(friction or 0.0 for friction in own)
+
+    @property
     def fields(self) -> tuple[HeightField, ...]:
         """The textures of all surfaces."""
         fields = (surface.texture for surface in self.surfaces)

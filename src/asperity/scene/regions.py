@@ -1,4 +1,4 @@
-"""One map for each material of a mesh, laid together in one texture.
+"""A texture, a friction and a stiffness for each material of a mesh.
 
 The contact knows one texture a body. So the maps of the materials lie above each other in it,
 sample by sample, and the mesh's texture coordinates point into it.
@@ -19,7 +19,7 @@ from asperity.errors import AsperityError, did_you_mean
 from asperity.geometry.bodies import Surface
 from asperity.geometry.mesh.mesh import Mesh
 from asperity.scene.document import PLACING, Table, at
-from asperity.scene.texture import body_texture
+from asperity.scene.texture import TOUCH, body_texture, with_touch
 from asperity.texture.height_field import HeightField
 
 _MARGIN = 12
@@ -40,14 +40,14 @@ class _Region(NamedTuple):
 def material_surface(
     mesh: Mesh | None, tables: Table, key: str, folder: Path | None, own: Surface
 ) -> tuple[Mesh, Surface]:
-    """Return a mesh and its surface with the textures of its materials.
+    """Return a mesh and its surface with textures, friction and stiffness of its materials.
 
     Parameters
     ----------
     mesh : Mesh
         From a file with materials.
     tables : mapping
-        The texture table of each material, by its name.
+        The table of each material, by its name: of its texture, with friction and stiffness.
     key : str
         Their dotted key.
     folder : Path or None
@@ -55,24 +55,34 @@ def material_surface(
     own : Surface
         Of the body; without a texture.
     """
-    if mesh is None or mesh.uv is None or not mesh.materials:
-        raise AsperityError(
-            f"{key}: valid for a mesh whose file has materials and texture coordinates"
-        )
-    if own.texture is not None:
-        raise AsperityError(f"{key}: valid without a texture of the whole body; leave one out")
-    names = [material.name for material in mesh.materials]
+    if mesh is None or not mesh.materials:
+        raise AsperityError(f"{key}: valid for a mesh whose file has materials or groups")
+    materials = list(mesh.materials)
+    names = [material.name for material in materials]
     fields: dict[int, HeightField] = {}
-    for name, table in tables.items():
+    for name, given in tables.items():
         where = f"{key}.{name}"
         if name not in names:
             hint = did_you_mean(name, names)
             raise AsperityError(f"{where}: no such material{hint}; it has: {', '.join(names)}")
+        number = names.index(name)
+        materials[number] = with_touch(materials[number], given, where)
+        table = {word: value for word, value in given.items() if word not in TOUCH}
+        if not table:
+            continue
+        if mesh.uv is None:
+            raise AsperityError(
+                f"{where}: valid for a mesh with texture coordinates; without them: friction, "
+                "stiffness"
+            )
+        if own.texture is not None:
+            raise AsperityError(f"{key}: valid without a texture of the whole body; leave one out")
         if any(table.get(word, "uv") != "uv" for word in PLACING):
             raise AsperityError(f"{where}: valid: mapping 'uv', and no offset")
         field, _ = body_texture(table, where, folder)
         if field is not None:
-            fields[names.index(name)] = field
+            fields[number] = field
+    mesh = replace(mesh, materials=tuple(materials))
     if not fields:
         return mesh, own
     laid, texture = at(key, partial(laid_together, mesh, fields))

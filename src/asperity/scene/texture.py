@@ -9,10 +9,11 @@ from __future__ import annotations
 import inspect
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from asperity.errors import AsperityError
 from asperity.geometry.bodies import Surface
+from asperity.geometry.mesh.materials import Material
 from asperity.scene.document import (
     PLACING,
     SURFACE,
@@ -25,6 +26,10 @@ from asperity.scene.document import (
 )
 from asperity.texture.height_field import HeightField
 from asperity.texture.patterns.patterns import PATTERNS
+
+T = TypeVar("T", Surface, Material)
+TOUCH = SURFACE[1:]
+"""Keys of a surface beside its texture."""
 
 
 def body_texture(
@@ -46,9 +51,14 @@ def body_texture(
 def body_surface(table: Table, key: str, folder: Path | None) -> Surface:
     """Return the surface that the table of a body or of a geom describes."""
     texture, placing = body_texture(table.get("texture", {}), f"{key}.texture", folder)
-    given = arguments({k: v for k, v in table.items() if k in SURFACE[1:]}, key, _touch)
     placed = at(f"{key}.texture", lambda: Surface(texture, **placing))
-    return at(key, lambda: replace(placed, **given))
+    return with_touch(placed, table, key)
+
+
+def with_touch(surface: T, table: Table, key: str) -> T:
+    """Return a surface, or a material, with the friction and the stiffness of its table."""
+    given = arguments({k: v for k, v in table.items() if k in TOUCH}, key, _touch)
+    return at(key, lambda: replace(surface, **given))
 
 
 def _touch(friction: float = 0.0, stiffness: float = 1.0) -> None:

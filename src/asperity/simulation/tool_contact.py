@@ -108,9 +108,8 @@ class ToolContact:
         self._choose_window()
         self._wavelength = scene.shortest_wavelength
         self._moved = Repeated(moved_most)
-        own = [surface.friction or 0.0 for body in scene.bodies for surface in body.surfaces]
-        self._of_geoms = max(own)
-        """Largest friction of a geom."""
+        self._of_bodies = max(body.largest_friction for body in scene.bodies)
+        """Largest friction of a body's own."""
         self._extent = max(float(scene.model.stat.extent), 1e-3)
         self.reset()
 
@@ -310,7 +309,7 @@ class ToolContact:
 
     @property
     def _has_friction(self) -> bool:
-        return self.scene.force.friction > 0.0 or self._of_geoms > 0.0
+        return self.scene.force.friction > 0.0 or self._of_bodies > 0.0
 
     @property
     def _is_coupled(self) -> bool:

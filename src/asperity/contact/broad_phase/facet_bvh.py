@@ -21,6 +21,7 @@ from asperity.contact.narrow_phase.surface_patch import PLANAR, TRIPLANAR
 from asperity.geometry.bodies import MAPPINGS, Body, Geom
 from asperity.geometry.facets.facets import MOST_SIDES, Facets, joined, mesh_facets, taken
 from asperity.geometry.facets.tessellate import geom_triangles, is_round
+from asperity.geometry.mesh.mesh import Mesh
 from asperity.geometry.mesh.texture_coordinates import places_on_texture
 from asperity.geometry.poses import rotation_of
 from asperity.texture.highest import texture_top
@@ -92,6 +93,12 @@ class FacetTable(NamedTuple):
     """Round geom that the facet approximates, -1 for a facet that is itself searched; (n,)."""
     slack: Array
     """How far the facets of a body may lie inside its smooth surface [m], (bodies,)."""
+    friction: Array
+    """Coulomb's coefficient [-], nan for that of the force law; (n,)."""
+    stiffness: Array
+    """Of contact [N/m], nan for that of the force law; (n,)."""
+    varies: NDArray[np.bool_]
+    """Whether friction or stiffness differ between the facets of a body, (bodies,)."""
     first_surface: NDArray[np.int64]
     """Number of the surface of a body's first geom, (bodies,)."""
     raised: Array
@@ -117,14 +124,16 @@ class FacetTable(NamedTuple):
 
 def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geometry) -> FacetTable:
     """Build the facets and trees of `bodies`."""
-    sets, geoms, surfaces, trees, roots, slacks = [], [], [], [], [], []
+    sets, geoms, surfaces, touches, trees, roots, slacks = [], [], [], [], [], [], []
     first_facet = first_node = first_geom = 0
     for body in bodies:
         facets, geom_of, is_round_geom, slack = _body_facets(body, first_geom)
         order, tree = _tree(facets.points, facets.sides)
-        sets.append(taken(facets, order))
+        facets = taken(facets, order)
+        sets.append(facets)
         geoms.append(np.where(is_round_geom, geom_of, -1)[order])
         surfaces.append(geometry.surface[geom_of[order]])
+        touches.append(_touch(body, facets.region, surfaces[-1], geometry))
         tree[2][tree[2] >= 0] += first_node
         trees.append((tree[0], tree[1], tree[2], tree[3] + first_facet, tree[4] + first_facet))
         roots.append(first_node)
@@ -151,6 +160,9 @@ def facet_table(bodies: Sequence[Body], textures: PackedTextures, geometry: Geom
         surface=surface, mapping=mapping,
         top=_tops(facets, surface, textures, geometry, place, mapping),
         shares=_shares(facets.axes[:, 2]), geom=np.concatenate(geoms),
+        friction=np.concatenate([touch[:, 0] for touch in touches]),
+        stiffness=np.concatenate([touch[:, 1] for touch in touches]),
+        varies=np.array([_varies(touch) for touch in touches]),
         slack=np.array(slacks), first_surface=geometry.surface[first_geoms], raised=raised,
         lowered=lowered, middle=0.5 * (low + high), reach=0.5 * (high - low), child=child,
         first=first, last=last, root=np.array(roots, dtype=np.int64),
@@ -183,7 +195,9 @@ def _body_facets(
     """Return a body's facets in its frame, the geom of each, whether it is round, and slack [m]."""
     if body.mesh is not None:
         mesh = body.mesh
-        facets = mesh_facets(mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body))
+        facets = mesh_facets(
+            mesh.vertices, mesh.faces, mesh.normals, places_on_texture(body), _regions(mesh)
+        )
         return facets, np.full(len(facets), first_geom), np.zeros(len(facets), bool), 0.0
     parts, slack, count = [], 0.0, len(body.geoms)
     for geom in body.geoms:
@@ -199,6 +213,33 @@ def _body_facets(
     which = np.repeat(np.arange(count), [len(part) for part in parts])
     round_geoms = np.array([is_round(geom) for geom in body.geoms])
     return joined(parts), first_geom + which, round_geoms[which], slack
+
+
+def _regions(mesh: Mesh) -> NDArray[np.int64] | None:
+    """Return the material of each triangle, -1 for those without a friction or stiffness."""
+    own = [m.friction is not None or m.stiffness is not None for m in mesh.materials]
+    if mesh.material is None or not any(own):
+        return None
+    return np.where(np.array([*own, False])[mesh.material], mesh.material, -1)
+
+
+def _touch(
+    body: Body, region: NDArray[np.int64], surface: NDArray[np.int64], geometry: Geometry
+) -> Array:
+    """Return friction and stiffness of each facet of a body (n, 2), nan for those of the law."""
+    out = np.column_stack([geometry.friction[surface], geometry.stiffness[surface]])
+    if body.mesh is None or _regions(body.mesh) is None:
+        return out
+    for number, material in enumerate(body.mesh.materials):
+        for column, value in enumerate((material.friction, material.stiffness)):
+            if value is not None:
+                out[region == number, column] = value
+    return out
+
+
+def _varies(touch: Array) -> bool:
+    """Return whether rows of friction and stiffness differ."""
+    return len(np.unique(np.nan_to_num(touch, nan=-1.0), axis=0)) > 1
 
 
 def _covered(facets: Facets, geoms: Sequence[Geom], own: Geom) -> NDArray[np.bool_]:

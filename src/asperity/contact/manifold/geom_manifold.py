@@ -103,8 +103,12 @@ def find_parts(textures, geometry, frames, centre, parameters, memory):
             continue
         count = fill_separations(geometry, pair, frame, rough, rows)
         one, two = geometry.surface[pair.geom_a], geometry.surface[pair.geom_b]
-        stiffness = pair_stiffness(geometry, one, two, parameters.stiffness)
-        friction = pair_friction(geometry, one, two, parameters.friction)
+        stiffness = pair_stiffness(
+            geometry.stiffness[one], geometry.stiffness[two], parameters.stiffness
+        )
+        friction = pair_friction(
+            geometry.friction[one], geometry.friction[two], parameters.friction
+        )
         for j in range(count):
             rows[j].rough, rows[j].friction = rough, friction
             rows[j].scale = math.sqrt(stiffness / parameters.stiffness)

@@ -30,6 +30,11 @@ from asperity.contact.broad_phase.neighbour_list import RelativePose, neighbour_
 from asperity.contact.manifold.directions import integrate_regions, search_directions
 from asperity.contact.manifold.mean_normal import add_normal_rates
 from asperity.contact.manifold.overlap_region import clip_depth, clip_pair
+from asperity.contact.manifold.properties import (
+    add_stiffness_rates,
+    contact_properties,
+    properties_vary,
+)
 from asperity.contact.manifold.region_gradient import add_piece_gradient, fill_polynomial
 from asperity.contact.manifold.residual import add_residual_gradient
 from asperity.contact.manifold.split import add_line_rates
@@ -137,7 +142,7 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     workspace : Workspace
     rest_out : (6,) array
         Gradient of the way out that is not felt at the patches, by the tool's translation and
-        rotation, world axes.
+        rotation, world axes; with that of the stiffness, where it varies.
 
     Returns
     -------
@@ -169,9 +174,17 @@ def add_mesh_manifold(model, parameters, query, overlap, memory, space, workspac
     clear(rest_out)
     if way_out == 0.0:
         return 0.0
+    b, table, region = query.body, model.facets, space.region
+    space.stiffness[b], space.friction[b] = contact_properties(
+        table, here, count, parameters, region
+    )
     _weigh(here, space, way_out, rest_out)
-    if _moves(space):
-        _add_rest(model.facets, here, count, space, rest_out)
+    varies = properties_vary(table, here)
+    if varies or _moves(space):
+        _fill_rates(table, count, space)
+        if varies:
+            add_stiffness_rates(table, count, parameters, space.stiffness[b], way_out, region)
+        _add_rest(table, here, count, space, rest_out)
     if query.first == query.body:
         _turn_round(space.manifold, first, rest_out)
     return way_out
@@ -277,9 +290,20 @@ def _is_flat(sums):
 
 
 @inner_kernel
+def _fill_rates(table, count, space):
+    """Fill `region.rates`: how the way out changes with the volume of each pair, by the normals."""
+    region = space.region
+    for i in range(count):
+        region.rates[i] = 0.0
+    for d in range(DIRECTIONS):
+        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
+            add_normal_rates(table, count, d, region, space.directions[d].turn, region.rates)
+
+
+@inner_kernel
 def _add_rest(table, query, count, space, rest_io):
     """Add the gradient of the way out by all but the depths, world axes."""
-    region, reach, rates = space.region, query.raised, space.region.rates
+    region, reach = space.region, query.raised
     centre, origin, gradient, q = (
         stack_array((3,)), stack_array((3,)), stack_array((6,)), stack_array((6,)),
     )  # fmt: skip
@@ -290,11 +314,6 @@ def _add_rest(table, query, count, space, rest_io):
     for d in range(DIRECTIONS):
         for c in range(DIRECTIONS):
             add_residual_gradient(table, query, count, (d, c), centre, space, gradient)
-    for i in range(count):
-        rates[i] = 0.0
-    for d in range(DIRECTIONS):
-        if space.directions[d].patches > 0 and not _is_flat(region.sums[d]):
-            add_normal_rates(table, count, d, region, space.directions[d].turn, rates)
     for i in range(count):
         f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
         fill_polynomial(table, g, i, space.directions, region, q)

@@ -51,8 +51,10 @@ class FacetSpace(NamedTuple):
     queue: NodeQueue
     lines: NDArray[np.float64]
     """Lines that bound sub-regions, `l_u u + l_v v + l_0 = 0`, (2, 3)."""
-    frames: NDArray[np.float64]
-    """Small rotations and places, (8, 3, 4)."""
+    stiffness: NDArray[np.float64]
+    """Of contact with each body [N/m], (bodies,)."""
+    friction: NDArray[np.float64]
+    """Coulomb's coefficient of contact with each body [-], (bodies,)."""
 
 
 def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
@@ -74,5 +76,6 @@ def facet_space(table: FacetTable, geoms: int) -> FacetSpace:
         energy=np.zeros(len(table.root)),
         queue=node_queue(),
         lines=np.zeros((2, 3)),
-        frames=np.zeros((8, 3, 4)),
+        stiffness=np.zeros(len(table.root)),
+        friction=np.zeros(len(table.root)),
     )

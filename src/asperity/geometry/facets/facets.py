@@ -54,6 +54,8 @@ class Facets:
         w0 [-], w1 and w2 [1/m] in rows.
     uv : (n, 2, 3) array
         u and v at a = 0 [m], and their derivatives by x and by y [-]; zeros without texture.
+    region : (n,) int64 array
+        Number of the region of the surface that it belongs to.
     """
 
     origin: Array
@@ -64,6 +66,7 @@ class Facets:
     half: Array
     w: Array
     uv: Array
+    region: Indices
 
     def __len__(self) -> int:
         return len(self.sides)
@@ -98,7 +101,9 @@ def joined(parts: list[Facets]) -> Facets:
     )
 
 
-def mesh_facets(vertices: Array, faces: Indices, normals: Array, uv: Array | None) -> Facets:
+def mesh_facets(
+    vertices: Array, faces: Indices, normals: Array, uv: Array | None, region: Indices | None = None
+) -> Facets:
     """Return the facets of a mesh.
 
     Parameters
@@ -111,11 +116,15 @@ def mesh_facets(vertices: Array, faces: Indices, normals: Array, uv: Array | Non
         Unit normals at the corners.
     uv : (m, 3, 2) array or None
         Texture coordinates of the corners [m].
+    region : (m,) int array, optional
+        Number of the region of each triangle; those of different regions are not merged.
     """
     points = vertices[faces]
     if uv is None:
         uv = np.zeros((len(faces), 3, 2))
-    single = _triangles(points, normals, uv)
+    if region is None:
+        region = np.zeros(len(faces), dtype=np.int64)
+    single = replace(_triangles(points, normals, uv), region=region)
     groups, planes = _plane_groups(faces, points, normals, single)
     alone, polygons = [], []
     for members in _members(planes):
@@ -185,6 +194,7 @@ def _triangles(points: Array, normals: Array, uv: Array) -> Facets:
     return Facets(
         origin, axes, np.full(len(points), 3), _padded(corners), np.ones((len(points), MOST_SIDES)),
         0.5 * (high - low), w, np.swapaxes(linear[:, :, 3:], 1, 2).copy(),
+        np.zeros(len(points), dtype=np.int64),
     )  # fmt: skip
 
 
@@ -212,7 +222,7 @@ def _plane_groups(
     close = level[i] & level[j] & np.all(np.abs(f[i] - f[j]) < 1e-7, axis=1)
     span = float(np.max(np.ptp(points.reshape(-1, 3), axis=0)))
     off = np.abs(np.einsum("ij,ij->i", single.origin[j] - single.origin[i], f[i]))
-    close &= off < 1e-8 * span
+    close &= (off < 1e-8 * span) & (single.region[i] == single.region[j])
     turn = np.abs(_in_space(single, i) - _in_space(single, j)).max(axis=(1, 2))
     there = np.abs(_at_origin(single, i) - _at_origin(single, j)).max(axis=1)
     same = close & (turn < 1e-7) & (there < 1e-7 * span)
@@ -277,4 +287,5 @@ def _polygon(single: Facets, one: int, corners: Array, hard: Array) -> Facets:
         (0.5 * (high - low))[None],
         single.w[one][None],
         uv[None],
+        single.region[one][None],
     )

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from asperity._core.files import text_of
 from asperity._core.text_table import is_number
+from asperity.errors import require_between
 
 FELT = ("displacement", "normal", "bump")
 """Kinds of maps that can be felt, the first that is there is used."""
@@ -75,12 +76,23 @@ class Material:
         Red, green, blue, 0 to 1 (sRGB), by which a picture of colours is multiplied.
     placing : Placing
         Of OBJ; glTF's is applied when the file is read.
+    friction, stiffness : float or None
+        Of contact with its triangles, in place of the body's: Coulomb's coefficient [-], 0 to 100,
+        and stiffness [N/m], 1e-6 to 1e9.
     """
 
     name: str
     maps: Mapping[str, MapImage] = field(default_factory=dict)
     colour: tuple[float, float, float] | None = None
     placing: Placing = _AS_IT_IS
+    friction: float | None = None
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.friction is not None:
+            require_between("friction", self.friction, 0.0, 100.0)
+        if self.stiffness is not None:
+            require_between("stiffness", self.stiffness, 1e-6, 1e9, "N/m")
 
     @property
     def felt(self) -> str | None:

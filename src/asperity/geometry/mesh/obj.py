@@ -17,6 +17,7 @@ from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, tri
 from asperity.geometry.mesh.materials import Material, read_mtl
 
 _KEYS = ("v", "vt", "vn")
+_REGIONS = ("usemtl ", "g ", "o ")
 _READ = ("v ", "vt ", "vn ", "f ", "fo ")
 _SPACE, _NEWLINE, _SLASH = map(ord, " \n/")
 _LEFT_OUT = {"l": "line", "p": "point", "curv": "curve", "surf": "free-form surface"}
@@ -31,7 +32,10 @@ class _Faces(NamedTuple):
 
 
 def read_obj(path: Path) -> Contents:
-    """Return the polygons of an OBJ file as triangles, a part for each material."""
+    """Return the polygons of an OBJ file as triangles, a part for each material.
+
+    In a file without materials its groups, or else its objects, stand for them.
+    """
     out = Contents()
     text = text_of(path.read_bytes()).replace("\\\n", " ").replace("\t", " ")
     lines = text.splitlines()
@@ -80,7 +84,7 @@ def _by_material(lines: list[str], at: dict[str, Indices]) -> tuple[list[str], d
     if any("-" in text for text in texts):
         for column, key in enumerate(_KEYS):
             seen[:, column] = np.searchsorted(at[f"{key} "], polygons)
-    changes = [(i, lines[i][7:].strip()) for i in other if lines[i].startswith("usemtl ")]
+    changes = next(filter(None, (_changes(lines, other, key) for key in _REGIONS)), [])
     starts = np.searchsorted(polygons, [i for i, _ in changes]).tolist()
     names = ["", *(name for _, name in changes)]
     pieces: dict[str, list[slice]] = {}
@@ -95,6 +99,11 @@ def _by_material(lines: list[str], at: dict[str, Indices]) -> tuple[list[str], d
         for name, own in pieces.items()
     }
     return [lines[i] for i in other], faces
+
+
+def _changes(lines: list[str], other: list[int], key: str) -> list[tuple[int, str]]:
+    """Return where a material, a group or an object begins: the line's number, and its name."""
+    return [(i, lines[i][len(key) :].strip()) for i in other if lines[i].startswith(key)]
 
 
 def _materials(

@@ -1,0 +1,69 @@
+"""Friction and stiffness of contact between meshes whose regions have different ones.
+
+Both are means over the overlap region, weighted by the volume of the overlap, so that a tool that
+crosses from one region to the next meets no step. The energy k s^2 / 2 then changes with k too, and
+the gradient has the part s^2 / 2 dk.
+"""
+
+from __future__ import annotations
+
+from asperity._core.kernels import inner_kernel
+from asperity.contact.body_arrays import pair_friction, pair_stiffness
+
+
+@inner_kernel
+def _stiffness_of(table, f, g, parameters):
+    """Return the stiffness of two facets [N/m]."""
+    return pair_stiffness(table.stiffness[f], table.stiffness[g], parameters.stiffness)
+
+
+@inner_kernel
+def _volume(region, i):
+    """Return the volume of the piece of pair `i` [m^3]."""
+    total = 0.0
+    for d in range(region.volumes.shape[1]):
+        total += region.volumes[i, d]
+    return total
+
+
+@inner_kernel
+def properties_vary(table, query):
+    """Return whether friction or stiffness are not the same all over both bodies."""
+    return table.varies[query.first] or table.varies[query.second]
+
+
+@inner_kernel
+def contact_properties(table, query, count, parameters, region):
+    """Return stiffness [N/m] and friction [-] of a contact, means over its `count` pairs."""
+    f, g = table.first[table.root[query.first]], table.first[table.root[query.second]]
+    stiffness = friction = total = 0.0
+    if properties_vary(table, query):
+        for i in range(count):
+            volume = _volume(region, i)
+            if volume > 0.0:
+                f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+                own = pair_friction(table.friction[f], table.friction[g], parameters.friction)
+                total += volume
+                stiffness += volume * _stiffness_of(table, f, g, parameters)
+                friction += volume * own
+    if total > 0.0:
+        return stiffness / total, friction / total
+    own = pair_friction(table.friction[f], table.friction[g], parameters.friction)
+    return _stiffness_of(table, f, g, parameters), own
+
+
+@inner_kernel
+def add_stiffness_rates(table, count, parameters, stiffness, way_out, region):
+    """Add to `region.rates` what the way out would change by for the same energy as k does.
+
+    dU = k s (ds + s / (2 k) dk), with dk by the volume of a pair (k_pair - k) / volume.
+    """
+    total = 0.0
+    for i in range(count):
+        total += _volume(region, i)
+    if total == 0.0:
+        return
+    for i in range(count):
+        f, g = region.facets.pairs[i, 0], region.facets.pairs[i, 1]
+        more = _stiffness_of(table, f, g, parameters) - stiffness
+        region.rates[i] += 0.5 * way_out * more / (stiffness * total)
