@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity._core.arrays import Array
+from asperity._core.arrays import Array, Indices
 from asperity.errors import AsperityError
 from asperity.geometry.mesh.checks import Corners, count_of
 from asperity.geometry.mesh.contents import Contents, FilePart, stated_unit, triangulated
@@ -103,29 +103,26 @@ def read_head(path: Path) -> Head:
 
 def read_elements(path: Path, head: Head, wanted: tuple[str, ...]) -> dict[str, Columns]:
     """Return the elements of a PLY file by name, up to the last of those that are wanted."""
-    data = path.read_bytes()[head.size :]
-    out: dict[str, Columns] = {}
-    words: Any = None
+    source: Any = path.read_bytes()
+    at = head.size
     if not head.order:
-        split = data.split()
+        split = source[at:].split()
         if max(map(len, split), default=0) > _LONGEST_WORD:
             raise AsperityError(f"{path}: it is damaged: behind its head stand no numbers")
-        words = np.array(split, dtype=bytes)
-    at = 0
+        source, at = np.array(split, dtype=bytes), 0
+    out: dict[str, Columns] = {}
     last = max((i for i, name in enumerate(head.elements) if name in wanted), default=-1)
     for name, (count, properties) in list(head.elements.items())[: last + 1]:
-        source = data if words is None else words
-        least = _width(properties, words is not None)
-        if at + count * least > len(source):
+        if at + count * _width(properties, not head.order) > len(source):
             raise AsperityError(
                 f"{path}: it is cut short: its head counts {count_of(count, name, name + 's')}, "
                 "and there is not so much behind it"
             )
         try:
-            if words is None:
-                out[name], at = _binary(data, at, count, properties, head.order)
+            if head.order:
+                out[name], at = _binary(source, at, count, properties, head.order)
             else:
-                out[name], at = _text(words, at, count, properties)
+                out[name], at = _text(source, at, count, properties)
         except (ValueError, OverflowError, IndexError):
             raise AsperityError(
                 f"{path}: it is damaged or cut short: its {name} elements do not fit its head"
@@ -168,36 +165,54 @@ def _binary(
                 columns[p.name] = rows[p.name]
                 if p.counter:
                     counts = np.full(count, lengths[p.name], dtype=np.int64)
-                    columns[p.name] = Lists(counts, rows[p.name].ravel())
+                    columns[p.name] = Lists(counts, _wide(rows[p.name]).reshape(-1))
             return columns, at + count * dtype.itemsize
     return _uneven(data, at, count, properties, order)
+
+
+def _wide(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values of lists as 64-bit numbers: in one step from where they lie in the file."""
+    return values.astype(np.float64 if values.dtype.kind == "f" else np.int64)
 
 
 def _uneven(
     data: bytes, at: int, count: int, properties: list[Property], order: str
 ) -> tuple[Columns, int]:
     """Return the columns of an element whose lists differ in length."""
-    found: dict[str, list[bytes]] = {p.name: [] for p in properties}
-    counts: dict[str, list[int]] = {p.name: [] for p in properties if p.counter}
     byteorder: Any = "little" if order == "<" else "big"
-    sizes = [
-        (p, np.dtype(p.counter or "u1").itemsize, np.dtype(p.type).itemsize) for p in properties
+    steps = [
+        (np.dtype(p.counter).itemsize if p.counter else 0, np.dtype(p.type).itemsize)
+        for p in properties
     ]
+    places: list[int] = []
+    lengths: list[int] = []
     for _ in range(count):
-        for p, counter, size in sizes:
+        for counter, size in steps:
             n = 1
-            if p.counter:
+            if counter == 1:
+                n = data[at]
+            elif counter:
                 n = int.from_bytes(data[at : at + counter], byteorder)
-                counts[p.name].append(n)
-                at += counter
-            if at + n * size > len(data):
-                raise ValueError
-            found[p.name].append(data[at : at + n * size])
+            at += counter
+            places.append(at)
+            lengths.append(n)
             at += n * size
+    if at > len(data):
+        raise ValueError
+    starts = np.array(places).reshape(count, -1)
+    sizes = np.array(lengths).reshape(count, -1)
     columns: Columns = {}
-    for p in properties:
-        values = np.frombuffer(b"".join(found[p.name]), order + p.type)
-        columns[p.name] = Lists(np.array(counts[p.name]), values) if p.counter else values
+    for k, p in enumerate(properties):
+        dtype = np.dtype(order + p.type)
+        # The numbers that begin at every byte, of which some are taken.
+        everywhere = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
+        if not p.counter:
+            columns[p.name] = everywhere[starts[:, k]]
+            continue
+        counts = sizes[:, k]
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        values = everywhere[np.repeat(starts[:, k], counts) + within * dtype.itemsize]
+        columns[p.name] = Lists(counts, _wide(values))
     return columns, at
 
 
@@ -205,9 +220,35 @@ def _text(
     words: NDArray[Any], at: int, count: int, properties: list[Property]
 ) -> tuple[Columns, int]:
     """Return the columns of an element that begins at a word, and the word behind it."""
-    if not any(p.counter for p in properties):
-        rows = words[at : at + count * len(properties)].reshape(count, len(properties))
-        return {p.name: _values(rows[:, i]) for i, p in enumerate(properties)}, at + rows.size
+    if count == 0:
+        return _empty(properties), at
+    # As if all lists were as long as the first, as above.
+    spans: list[tuple[int, int]] = []
+    here = 0
+    for p in properties:
+        n = int(words[at + here]) if p.counter else 1
+        here += bool(p.counter)
+        if n < 0:
+            raise ValueError
+        spans.append((here, here + n))
+        here += n
+    if at + count * here <= len(words):
+        rows = words[at : at + count * here].reshape(count, here)
+        ends = [start for (start, _), p in zip(spans, properties, strict=True) if p.counter]
+        if all((rows[:, k - 1] == rows[0, k - 1]).all() for k in ends):
+            columns: Columns = {}
+            for (start, end), p in zip(spans, properties, strict=True):
+                flat = _values(rows[:, start:end]).reshape(-1)
+                counts = np.full(count, end - start, dtype=np.int64)
+                columns[p.name] = Lists(counts, flat) if p.counter else flat
+            return columns, at + count * here
+    return _uneven_text(words, at, count, properties)
+
+
+def _uneven_text(
+    words: NDArray[Any], at: int, count: int, properties: list[Property]
+) -> tuple[Columns, int]:
+    """Return the columns of an element of text whose lists differ in length."""
     found: dict[str, list[Any]] = {p.name: [] for p in properties}
     counts: dict[str, list[int]] = {p.name: [] for p in properties if p.counter}
     for _ in range(count):
@@ -223,7 +264,7 @@ def _text(
             at += n
     columns: Columns = {}
     for p in properties:
-        flat = _values(np.concatenate(found[p.name])) if count else np.zeros(0)
+        flat = _values(np.concatenate(found[p.name]))
         columns[p.name] = Lists(np.array(counts[p.name]), flat) if p.counter else flat
     return columns, at
 
@@ -243,10 +284,18 @@ def positions(
 ) -> Array:
     """Return x, y and z (or others) of the vertices, (n, len(names))."""
     columns = elements.get("vertex", {})
-    try:
-        return np.stack([np.asarray(columns[c], dtype=np.float64) for c in names], axis=1)
-    except KeyError as error:
-        raise AsperityError(f"{path}: its vertices have no {error.args[0]}") from None
+    for name in names:
+        if not isinstance(columns.get(name), np.ndarray):
+            raise AsperityError(f"{path}: its vertices have no {name}")
+    return _beside([columns[name] for name in names])
+
+
+def _beside(columns: Sequence[Any]) -> Array:
+    """Return columns (n,) of any type as one array (n, k), which are copied once."""
+    out = np.empty((len(columns[0]), len(columns)))
+    for k, column in enumerate(columns):
+        out[:, k] = column
+    return out
 
 
 def read_ply(path: Path) -> Contents:
@@ -269,18 +318,22 @@ def read_ply(path: Path) -> Contents:
     if lists is None or not len(lists.values):
         return out
     vertices = positions(path, elements)
-    if not np.isfinite(np.asarray(lists.values, dtype=np.float64)).all():
+    if lists.values.dtype.kind == "f" and not np.isfinite(lists.values).all():
         raise AsperityError(f"{path}: a face names no vertex; valid: indices of vertices")
-    at = np.asarray(lists.values).astype(np.int64)
+    at = lists.values.astype(np.int64, copy=False)
     for wrong in (at.min(), at.max()):
         if not 0 <= wrong < len(vertices):
             raise AsperityError(
                 f"{path}: a face names vertex {wrong}; valid: 0 to {len(vertices) - 1}"
             )
-    triangles, _ = triangulated(vertices[at], lists.lengths)
-    if not len(triangles):
-        return out
-    corner, faces = triangles.ravel(), at[triangles]
+    corner: Indices | None = None  # those of the lists
+    if (lists.lengths == 3).all():
+        faces = at.reshape(-1, 3)
+    else:
+        corner, _ = triangulated(vertices[at], lists.lengths)
+        if not len(corner):
+            return out
+        faces = at[corner]
     normals = None
     if all(name in vertex for name in ("nx", "ny", "nz")):
         normals = positions(path, elements, ("nx", "ny", "nz"))[faces]
@@ -290,16 +343,16 @@ def read_ply(path: Path) -> Contents:
 
 
 def _coordinates(
-    face: Columns, vertex: Columns, lists: Lists, corner: Any, faces: Any
+    face: Columns, vertex: Columns, lists: Lists, corner: Indices | None, faces: Indices
 ) -> Array | None:
     """Return the texture coordinates (m, 3, 2) of corners, of faces or else of vertices."""
     there = face.get(_COORDINATES)
     if isinstance(there, Lists) and (there.lengths == 2 * lists.lengths).all():
         values = np.asarray(there.values, dtype=np.float64).reshape(-1, 2)
-        return values[corner].reshape(-1, 3, 2)
+        return values.reshape(-1, 3, 2) if corner is None else values[corner]
     for names in _AT_VERTICES:
         if all(name in vertex for name in names):
-            return np.stack([vertex[name] for name in names], axis=1, dtype=np.float64)[faces]
+            return _beside([vertex[name] for name in names])[faces]
     return None
 
 
