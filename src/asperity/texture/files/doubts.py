@@ -73,7 +73,7 @@ def sentinel_note(values: Array, low: float, high: float) -> str | None:
     low, high : float
         Least and largest of them; NaN if some are missing.
     """
-    some = values.ravel()[:: max(1, values.size // 20_000)]
+    some = values.ravel()[:: max(1, values.size // 4000)]
     inner = some[(some > low) & (some < high)]
     if inner.size > 1 and (_OFTEN_FAR + 1.0) * float(np.ptp(inner)) > high - low:
         return None  # most maps: their values fill their range
