@@ -147,7 +147,12 @@ HEIGHTS = {
 VICON = "Objects\n100\n,,Tool:Tool,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
 FRAMES = np.column_stack([np.arange(9), np.zeros(9), np.tile([0, 0, 0, 1, 5, 6, 7], (9, 1))])
 CLOCK = "".join(f"2024-01-10T10:31:0{k}.25,0,0,0.1,1,0,0,0\n" for k in range(9))
+ANGLES = "time,x,y,z,roll [deg],pitch [deg],yaw [deg]\n"
+MATRICES = np.insert(np.tile(np.eye(4)[:3], (9, 1, 1)).reshape(9, 12), 0, np.arange(9), axis=1)
 POSE_FILES = {
+    "angles.csv": (ANGLES + text(POSES[:, :7])).encode(),
+    "vectors.csv": ("t,x,y,z,rx,ry,rz\n" + text(0.1 * POSES[:, :7])).encode(),
+    "kitti.txt": text(MATRICES, " ").encode(),
     "vicon.csv": (VICON + text(FRAMES)).encode(),
     "clock.csv": ("time,x,y,z,qw,qx,qy,qz\n" + CLOCK).encode(),
     "head.csv": ("time,x [mm],y [mm],z [mm],qw,qx,qy,qz\n" + text(POSES)).encode(),

@@ -90,8 +90,9 @@ def test_frames_of_vicon_are_times_at_the_rate_above(tmp_path: Path) -> None:
     check(found)
     assert "times are frames at 100 Hz, as the file states" in found.notes
     (tmp_path / "b.csv").write_text(vicon("Tool", rate=""))
-    with pytest.raises(AsperityError, match="no column named time among Frame"):
+    with pytest.raises(AsperityError, match=r"named time among Frame,Sub Frame,RX.*rate_hz="):
         read_poses(tmp_path / "b.csv")
+    check(read_poses(tmp_path / "b.csv", rate_hz=100))
     (tmp_path / "c.csv").write_text(vicon("Tool", "Plate"))
     with pytest.raises(AsperityError, match="poses of 2 bodies, Global Angle Tool:Tool, Global"):
         read_poses(tmp_path / "c.csv")
@@ -153,21 +154,3 @@ def test_times_of_day_are_seconds(tmp_path: Path, separator: str, decimal: str, 
     found = read_poses(tmp_path / "a.csv")
     np.testing.assert_allclose(found.times - found.times[0], T, atol=1e-9)
     assert "times of day are turned into seconds" in found.notes
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (motive("tool", kind="XYZ"), "quaternions are wanted"),
-        ("time,x,y,z,rx_deg,ry_deg,rz_deg\n" + table(T, P, P), "angles are not read"),
-        (
-            table(np.ones((N, 12)), separator=" "),
-            r"12 numbers, as matrices without times",
-        ),
-    ],
-)
-def test_other_turns_are_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(AsperityError, match=words) as refused:
-        read_poses(tmp_path / "a.csv")
-    assert len(str(refused.value).replace(str(tmp_path), "")) <= 300

@@ -163,7 +163,8 @@ def test_a_tool_that_turns_over_is_doubted_and_a_change_of_sign_is_not(tmp_path:
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        ("time,x,y,z,roll,pitch,yaw\n", ["qw, qx, qy, qz", "quaternions are wanted"]),
+        ("time,x,y,z,roll,pitch,yaw\n", ["qw, qx, qy, qz", "degrees or radians", "angle_unit="]),
+        ("time,x,y,z,azimuth,elevation,roll\n", ["qw, qx, qy, qz", "quaternions are wanted"]),
         ("a,b,c,d,e,f,g\n", ["no column named time", "quat_w"]),
         ("time,tool_x,tip_x,y,z,qw,qx,qy,qz\n", ["several columns are x: tool_x, tip_x"]),
         ("T,X,Y,Z,W,X,Y,Z\n", ["several columns are x: X, X"]),

@@ -1,7 +1,8 @@
-"""Units of length and time as other programs write them, and the units that a heading names."""
+"""Units of length, time and angle as other programs write them, and those that a heading names."""
 
 from __future__ import annotations
 
+import math
 import re
 
 LENGTHS = {
@@ -25,6 +26,12 @@ TIMES = {
     "ns": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
 }  # fmt: skip
 """Units of time [s], in lower case."""
+ANGLES = {
+    "rad": 1.0, "rads": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3,
+    "deg": math.pi / 180.0, "degs": math.pi / 180.0, "degree": math.pi / 180.0,
+    "degrees": math.pi / 180.0, "°": math.pi / 180.0,
+}  # fmt: skip
+"""Units of angle [rad], in lower case."""
 SHORT = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 """Those that options take, and notes are written in [m]."""
 

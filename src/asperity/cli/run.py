@@ -65,7 +65,7 @@ class RunCommand:
     """slide, circle, press-and-slide, rotate, or a file of poses (.csv, .npy, .npz), also with
     options: poses.csv:unit=mm."""
     order: str | None = None
-    """Order of quaternions in a file of poses without names of columns: wxyz or xyzw."""
+    """Order of a file of poses without names: wxyz, xyzw, rotvec, rpy, matrix, matrix-columns."""
     seconds: Annotated[float | None, Range(0.01, 3600.0, "s")] = None
     """Duration of a scripted trajectory; with a device, of the session (default: until Ctrl-C)."""
     speed_mm_s: Annotated[float | None, Range(0.1, 1e4, "mm/s")] = None

@@ -10,16 +10,23 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from asperity._core.units import LENGTHS, TIMES, named_unit
+from asperity._core.units import ANGLES, LENGTHS, TIMES, named_unit
 from asperity.errors import AsperityError
+from asperity.scene.pose_angles import Turn, robot_columns, turn_of
 
 COLUMNS = ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
 """The columns of a pose, in asperity's order."""
+_PLACED = COLUMNS[:4]
+_QUATERNION = COLUMNS[4:]
 ORDERS = {
     "wxyz": COLUMNS,
-    "xyzw": ("time", "x", "y", "z", "qx", "qy", "qz", "qw"),
+    "xyzw": (*_PLACED, "qx", "qy", "qz", "qw"),
+    "rotvec": (*_PLACED, "rx", "ry", "rz"),
+    "rpy": (*_PLACED, "roll", "pitch", "yaw"),
 }
-"""Orders of columns that have no names; the second is that of ROS and TUM."""
+"""Orders of columns that have no names; the second is that of ROS and TUM, the third of UR."""
+MATRICES = ("matrix", "matrix-columns")
+"""Orders of matrices, (3, 4) or (4, 4), stored row by row (KITTI) or column by column."""
 
 
 def _set(words: str) -> frozenset[str]:
@@ -54,7 +61,11 @@ class Layout(NamedTuple):
     """Where a file has the columns of a pose, and in which units."""
 
     places: tuple[int, ...]
-    """Of time, x, y, z, qw, qx, qy, qz among the file's columns."""
+    """Of time, x, y, z, qw, qx, qy, qz among the file's columns; -1: of the time, there is none.
+
+    Of angles and vectors, the last three are about x, y, z. Of matrices, behind the time are the
+    rows of (3, 4).
+    """
     time_unit: float | None = None
     """[s]; None where no name states it."""
     unit: float | None = None
@@ -64,6 +75,12 @@ class Layout(NamedTuple):
     left_out: tuple[str, ...] = ()
     rate: float | None = None
     """Frames in a second, if the first column counts them."""
+    turn: str = "quaternion"
+    """Or as the kinds of `Turn`."""
+    angle_unit: float | None = None
+    """[rad]; None where no name states it."""
+    sequence: str = ""
+    """Axes of the angles, if lines above the names state them; upper case: moving axes."""
 
 
 def _words(name: str) -> list[str]:
@@ -71,7 +88,7 @@ def _words(name: str) -> list[str]:
     bare = re.sub(r"[\[(].*?[\])]", " ", name).strip(" \"'#%")
     bare = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare)
     words = [word.lower() for word in re.split(r"[^A-Za-z0-9]+", bare) if word]
-    while len(words) > 1 and (words[-1] in LENGTHS or words[-1] in TIMES):
+    while len(words) > 1 and any(words[-1] in units for units in (LENGTHS, TIMES, ANGLES)):
         if words[-1] in (*_FRACTIONS, "secs", "sec"):
             break
         words.pop()
@@ -103,13 +120,18 @@ def meaning_of(name: str) -> str | None:
 
 
 def layout_of(path: object, names: Sequence[str]) -> Layout:
-    """Return the layout of named columns.
+    """Return the layout of named columns; that of a robot's log wins.
 
     Raises
     ------
     AsperityError
-        A column that is not there, or of which there are two.
+        A column that is not there, but for the time; or of which there are two.
     """
+    robot = robot_columns(names)
+    if robot is not None:
+        times = [at for at, name in enumerate(names) if meaning_of(name) == "time"]
+        places = (times[0] if times else -1, *robot)
+        return Layout(places, unit=1.0, turn="vector", angle_unit=1.0)
     found: dict[str, list[int]] = {}
     for at, name in enumerate(names):
         meaning = meaning_of(name)
@@ -126,55 +148,96 @@ def layout_of(path: object, names: Sequence[str]) -> Layout:
     if all(bare[axis] for axis in "xyz") and (turned or "x" not in found):
         # Beside them, tx is a torque: it is left out.
         found |= {axis: bare.pop(axis) for axis in "xyz"}
-    for axis, places in bare.items():
-        if places and f"q{axis}" not in found:
-            found[f"q{axis}"] = places
-    return _checked(path, names, found)
+    for axis, alone in bare.items():
+        if alone and f"q{axis}" not in found:
+            found[f"q{axis}"] = alone
+    turn = None
+    if not all(name in found for name in _QUATERNION):
+        turn = turn_of(path, names, [_words(name) for name in names])
+    return _checked(path, names, found, turn)
 
 
-def _checked(path: object, names: Sequence[str], found: dict[str, list[int]]) -> Layout:
-    for name in COLUMNS[1:]:
+def _checked(
+    path: object, names: Sequence[str], found: dict[str, list[int]], turn: Turn | None
+) -> Layout:
+    wanted: tuple[str, ...] = COLUMNS if turn is None else _PLACED
+    if turn is not None and len(turn.places) == 12:
+        wanted = ("time",)
+    for name in wanted[1:]:
         if len(found.get(name, ())) > 1:
             both = ", ".join(names[at] for at in found[name][:3])
             raise AsperityError(
                 f"{path}: several columns are {name}: {both}; keep one of them in the file"
             )
-    lacking = [name for name in COLUMNS if name not in found]
-    if lacking:
-        turned = {"qw", "qx", "qy", "qz"} & {*lacking}
+    lacking = [name for name in wanted if name not in found]
+    if lacking and lacking != ["time"]:
+        turned = {*_QUATERNION} & {*lacking}
         what = "quaternions are wanted; " if turned else ""
         if turned and _ANGLES.search(" ".join(names).replace("_", " ")):
-            what = "angles are not read, as their order is not stated: quaternions are wanted; "
+            what = "quaternions are wanted, or roll, pitch, yaw; "
         shown = ", ".join(filter(None, names))
         raise AsperityError(
             f"{path}: no column named {', '.join(lacking)} among {shown[:70]}; "
             f"{what}valid: {_KNOWN}"
         )
-    places = tuple(found[name][0] for name in COLUMNS)
+    time_at = found.get("time", [-1])[0]
+    placed = tuple(found[name][0] for name in wanted[1:])
+    places = (time_at, *placed)
+    if turn is not None:
+        places = (time_at, *_in_rows(turn, placed))
     nanoseconds = found.get("nanoseconds", [None])[0]
-    time = named_unit(names[places[0]], TIMES)
-    lengths = {named_unit(names[at], LENGTHS) for at in places[1:4]}
+    time = named_unit(names[time_at], TIMES) if time_at >= 0 else None
+    lengths = {named_unit(names[at], LENGTHS) for at in placed[:3]} or {None}
     if len(lengths) > 1:
         raise AsperityError(f"{path}: x, y and z are in different units; valid: one unit")
     length = lengths.pop()
     used = {*places, nanoseconds}
     left_out = tuple(n.strip() for at, n in enumerate(names) if at not in used and n.strip())
-    return Layout(
-        places, time and time[1], length and length[1], nanoseconds, left_out
-    )  # fmt: skip
+    layout = Layout(places, time and time[1], length and length[1], nanoseconds, left_out)
+    return layout if turn is None else layout._replace(turn=turn.kind, angle_unit=turn.unit)
+
+
+def _in_rows(turn: Turn, placed: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the columns of a place and a turn; of a matrix, as rows of (3, 4)."""
+    if turn.kind != "matrix":
+        return (*placed, *turn.places)
+    if len(turn.places) == 12:
+        return turn.places
+    return tuple(at for k in range(3) for at in (*turn.places[3 * k : 3 * k + 3], placed[k]))
 
 
 def layout_in_order(path: object, order: str, count: int) -> Layout:
-    """Return the layout of columns in an order: a key of `ORDERS`, or their names with commas."""
+    """Return the layout of columns in an order: a key of `ORDERS`, or their names with commas.
+
+    The time may be left out.
+    """
     names = ORDERS.get(order) or tuple(re.split(r"[\s,;]+", order.strip().lower()))
-    if sorted(name for name in names if name in COLUMNS) != sorted(COLUMNS):
+    if order in ORDERS and count == len(names) - 1:
+        names = names[1:]
+    fits = [
+        (kind, columns)
+        for kind, columns in _TURNED.items()
+        if all(names.count(name) == 1 for name in columns) and names.count("time") < 2
+    ]
+    if not fits:
         raise AsperityError(
-            "order must be 'wxyz', 'xyzw', or the names of the columns with commas "
-            f"({', '.join(COLUMNS)}, and - for others), got {order!r}"
+            "order must be 'wxyz', 'xyzw', 'rotvec', 'rpy', 'matrix', 'matrix-columns', or the "
+            f"names of the columns with commas ({', '.join(COLUMNS)}, or rx, ry, rz or roll, "
+            f"pitch, yaw, and - for others), got {order!r}"
         )
     if len(names) > count:
         raise AsperityError(
             f"{path}: {count} numbers in a row, but order= names {len(names)} columns; valid: one "
             "for each"
         )
-    return Layout(tuple(names.index(name) for name in COLUMNS))
+    time = names.index("time") if "time" in names else -1
+    kind, columns = fits[0]
+    return Layout((time, *map(names.index, columns)), turn=kind)
+
+
+_TURNED = {
+    "quaternion": COLUMNS[1:],
+    "either": ORDERS["rotvec"][1:],
+    "roll": ORDERS["rpy"][1:],
+}
+"""Names of the columns behind the time, by the kind of the turn."""

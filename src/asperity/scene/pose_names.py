@@ -20,8 +20,12 @@ _SECTIONS = ("objects", "segments", "trajectories", "joints", "model outputs")
 _FRAMES = ("frame", "frame#", "frames", "frame number", "sample")
 
 
-def named_layout(path: object, text: TextTable, names: tuple[str, ...]) -> Layout:
-    """Return the layout of columns that lines above the rows name.
+def named_layout(
+    path: object, text: TextTable, names: tuple[str, ...], rate: float | None = None
+) -> Layout:
+    """Return the layout of columns that lines above the rows name, with the time if one has it.
+
+    `rate` are the frames in a second, by default those that the lines state.
 
     Raises
     ------
@@ -30,15 +34,21 @@ def named_layout(path: object, text: TextTable, names: tuple[str, ...]) -> Layou
     """
     cells = (_cells(line, text.separator, len(names)) for line in text.header)
     above = [line for line in cells if line is not None]
-    rate = frame_rate(text.header)
+    rate = rate or frame_rate(text.header)
     made = [names, *(_joined(line, names) for line in reversed(above))]
     errors: list[tuple[int, bool, AsperityError]] = []
+    timeless = None
     for columns in made:
         try:
-            return _layout(path, columns, rate)
+            layout = _layout(path, columns, rate)
+            if layout.places[0] >= 0:
+                return layout
+            timeless = timeless or layout
         except AsperityError as error:
             known = sum(meaning_of(name) is not None for name in columns)
             errors.append((known, "quaternions" in str(error), error))
+    if timeless is not None:
+        return timeless
     for line in above:
         bodies = dict(_bodies(path, line, made, rate))
         if len(bodies) == 1:

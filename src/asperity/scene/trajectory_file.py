@@ -13,11 +13,12 @@ import numpy as np
 from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity._core.text_table import TextTable, read_text_table
-from asperity._core.units import LENGTHS, TIMES
-from asperity.errors import AsperityError, require_choice
+from asperity._core.units import ANGLES, LENGTHS, TIMES
+from asperity.errors import AsperityError, require_choice, require_positive
 from asperity.scene.clock_times import in_seconds
-from asperity.scene.pose_columns import COLUMNS, ORDERS, Layout, layout_in_order
+from asperity.scene.pose_columns import COLUMNS, MATRICES, ORDERS, Layout, layout_in_order
 from asperity.scene.pose_names import named_layout
+from asperity.scene.pose_turns import CONVENTIONS, are_blocks, in_quaternions, matrix_layout
 from asperity.scene.trajectory import Trajectory
 
 ROUNDED = 0.02
@@ -36,8 +37,13 @@ _LENGTH_WORD = re.compile(
 _TIME_WORD = re.compile(r"(?<![A-Za-z_])(ms|us|µs|ns|(?:milli|micro|nano)sec\w+)(?![A-Za-z])")
 
 
+_ANGLE_WORD = re.compile(r"(?<![A-Za-z_])(deg(?:rees?)?|rad(?:ians?)?)(?![A-Za-z])", re.IGNORECASE)
+_SEQUENCE = re.compile(r"\b(?:rotation )?type\W+([XYZ]{3})\b", re.IGNORECASE)
+"""How OptiTrack states the axes of its angles, which are moving ones, in degrees."""
+
+
 class _Table(NamedTuple):
-    """Numbers of a file of poses in asperity's columns, as stored."""
+    """Numbers of a file of poses in its layout's columns, as stored."""
 
     values: Array
     layout: Layout
@@ -55,26 +61,41 @@ def read_poses(
     order: str | None = None,
     unit: str | None = None,
     time_unit: str | None = None,
+    angles: str | None = None,
+    angle_unit: str | None = None,
+    rate_hz: float | None = None,
 ) -> Trajectory:
     """Return a trajectory from a text file, or from `.npy` or `.npz`.
 
     Text: a row a pose, separated by commas, semicolons, tabs or spaces. A line above the rows, or
     behind #, names the columns, in any order: time, x, y, z, qw, qx, qy, qz, also as `tx`,
-    `pos_x`, `field.pose.orientation.w` and the like, with units (`x [mm]`, `time_ms`). Without
-    names the order is that one, and a note states it. `.npy`: an array (n, 8) of these columns.
-    `.npz`: arrays `times` (n,) and `poses` (n, 7).
+    `pos_x`, `field.pose.orientation.w` and the like, with units (`x [mm]`, `time_ms`); instead of
+    the quaternion also roll, pitch, yaw, or rx, ry, rz, or the entries of a matrix (`m00`). Without
+    names the order is the first, and a note states it; 12 or 16 numbers are matrices (3, 4) or
+    (4, 4) if they are rotations, as KITTI writes them, a time before them or not. `.npy`: an array
+    of these columns, or (n, 3, 4), (n, 4, 4). `.npz`: arrays `times` (n,) and `poses` (n, 7), or
+    matrices.
 
     Parameters
     ----------
     path : str or path
     order : str, optional
         Order of the columns, instead of what the names state: `"wxyz"` or `"xyzw"` (ROS, TUM) for
-        the quaternion behind time, x, y, z; or all names with commas.
+        the quaternion behind time, x, y, z, `"rotvec"` (UR) or `"rpy"` for the three angles there;
+        `"matrix"` by rows or `"matrix-columns"`; or all names with commas.
     unit : str, optional
         Unit of x, y and z (`"mm"`), by default what the names state, else m.
     time_unit : str, optional
         Unit of the times (`"ms"`), by default what the names state, else s; times since an epoch
         are in s, ms, us or ns by their size.
+    angles : str, optional
+        Meaning of three angles, by default what the names state or is usual, with a note:
+        `"rotvec"`, a rotation vector; `"xyz"` and other orders, about fixed axes one after the
+        other, `"XYZ"` about those of the tool.
+    angle_unit : {"rad", "deg"}, optional
+        By default what the names state.
+    rate_hz : float, optional
+        Poses in a second, above 0, for files without times.
 
     Returns
     -------
@@ -93,17 +114,23 @@ def read_poses(
         raise AsperityError(f"{path} is a folder; give a file of poses (.csv, .npy, .npz)")
     lengths = None if unit is None else LENGTHS[require_choice("unit", unit, UNITS)]
     times = None if time_unit is None else TIMES[require_choice("time_unit", time_unit, TIME_UNITS)]
+    if angles is not None:
+        require_choice("angles", angles, CONVENTIONS)
+    if rate_hz is not None:
+        require_positive("rate_hz", rate_hz, "[Hz]")
     if path.suffix.lower() in (".npy", ".npz"):
-        table = _read_arrays(path, order)
+        table = _read_arrays(path, order, rate_hz)
     else:
-        table = _read_text(path, order)
-    notes = [*table.notes]
-    poses = table.values[:, 1:]
+        table = _read_text(path, order, rate_hz)
+    values, turned = in_quaternions(path, table.values, table.layout, angles, angle_unit)
+    notes = [*table.notes, *turned]
+    poses = values[:, 1:]
     length = _unit(lengths, table.layout.unit, "x, y, z", "unit", LENGTHS, notes)
     poses[:, :3] *= length
     seconds = _seconds(table, times, notes)
     _normalise(poses, notes)
-    notes += _doubts(seconds, poses, table.named)
+    known = table.named or table.layout.turn != "quaternion"
+    notes += _doubts(seconds, poses, known)
     return Trajectory(seconds, poses, path.name, table.origins, tuple(notes))
 
 
@@ -190,13 +217,19 @@ def _tilt(quaternion: Array, scalar: int) -> float:
     return float(np.degrees(2.0 * np.arccos(min(abs(float(quaternion[scalar])), 1.0))))
 
 
-def _no_names(path: Path, order: str | None, count: int) -> tuple[Layout, tuple[str, ...]]:
-    """Return the layout of columns without names, and the note that states it."""
+def _no_names(path: Path, order: str | None, values: Array) -> tuple[Layout, tuple[str, ...]]:
+    """Return the layout of columns without names, and the notes that state it."""
+    count = values.shape[1]
+    if count in (12, 13, 16, 17) and (order is None or order in MATRICES):
+        layout, notes = matrix_layout(path, values, order)
+        return layout, tuple(notes)
+    if order in MATRICES:
+        raise AsperityError(f"{path}: {count} numbers in a row; valid for matrices: 12 or 16")
     if count != len(COLUMNS) and order is None:
         valid = ", ".join(COLUMNS)
-        matrices = ", as matrices without times (KITTI)" if count == 12 else ""
         raise AsperityError(
-            f"{path}, line 1: {count} numbers{matrices}; valid: 8 ({valid}), or names above"
+            f"{path}, line 1: {count} numbers; valid: 8 ({valid}), matrices of 12 or 16, names "
+            "above, or order="
         )
     usual = "xyzw" if path.suffix.lower() == ".tum" else "wxyz"
     layout = layout_in_order(path, order or usual, count)
@@ -207,57 +240,101 @@ def _no_names(path: Path, order: str | None, count: int) -> tuple[Layout, tuple[
     return layout, (f"no names of columns: taken as {names}; order={other!r} changes that",)
 
 
-def _read_arrays(path: Path, order: str | None) -> _Table:
+def _read_arrays(path: Path, order: str | None, rate: float | None) -> _Table:
     with reading(path, "poses", (".npy", ".npz")) as suffix, open(path, "rb") as stream:
         loaded = np.load(stream, allow_pickle=False)
         if suffix == ".npz":
             if not {"times", "poses"} <= set(loaded):
                 raise AsperityError(f"{path} needs the arrays times (n,) and poses (n, 7)")
             times, poses = loaded["times"], loaded["poses"]
-            if times.ndim != 1 or poses.shape != (len(times), 7):
+            flat = poses.reshape(len(poses), -1) if poses.ndim == 3 else poses
+            if times.ndim != 1 or flat.shape not in [(len(times), k) for k in (7, 12, 16)]:
                 shapes = f"times {times.shape} and poses {poses.shape}"
-                raise AsperityError(f"{path} has {shapes}; valid: (n,) and (n, 7)")
-            loaded = np.column_stack([times, poses])
+                raise AsperityError(
+                    f"{path} has {shapes}; valid: (n,) and (n, 7), (n, 3, 4) or (n, 4, 4)"
+                )
+            loaded = np.column_stack([times, flat])
         if loaded.dtype.kind not in "uif":
             raise AsperityError(f"{path} holds {loaded.dtype} values; valid: real numbers")
         values = np.array(loaded, dtype=np.float64)
-    if values.ndim != 2 or values.shape[1] != 8 or len(values) == 0:
+    if values.shape[1:] in ((3, 4), (4, 4)) and len(values):
+        values = values.reshape(len(values), -1)
+    if values.ndim != 2 or len(values) == 0 or (order is None and values.shape[1] not in _WIDTHS):
         raise AsperityError(
-            f"{path} has shape {values.shape}; valid: (n, 8), columns {', '.join(COLUMNS)}"
+            f"{path} has shape {values.shape}; valid: (n, 8), columns {', '.join(COLUMNS)}; "
+            "matrices (n, 3, 4) or (n, 4, 4); or order="
         )
-    layout, notes = _no_names(path, order, 8)
-    return _Table(values[:, layout.places], layout, notes)
+    layout, notes = _no_names(path, order, values)
+    values, timed = _timed(path, _chosen(values, layout), layout, rate)
+    return _Table(values, layout, (*notes, *timed))
 
 
-def _read_text(path: Path, order: str | None) -> _Table:
+_WIDTHS = (8, 12, 13, 16, 17)
+
+
+def _chosen(values: Array, layout: Layout) -> Array:
+    """Return the columns of a layout; a time that is not there is 0."""
+    found = values[:, layout.places]
+    if layout.places[0] < 0:
+        found[:, 0] = 0.0
+    return found
+
+
+def _timed(
+    path: Path, values: Array, layout: Layout, rate: float | None, names: str = ""
+) -> tuple[Array, tuple[str, ...]]:
+    """Return columns whose first is the time [s], of poses at a rate if one is given, and notes."""
+    rate_of_file = layout.rate
+    if layout.places[0] >= 0 and rate_of_file is None and rate is None:
+        return values, ()
+    if rate_of_file is not None:
+        values[:, 0] = (values[:, 0] - values[0, 0]) / rate_of_file
+        stated = "given" if rate is not None else "the file states"
+        return values, (f"times are frames at {rate_of_file:g} Hz, as {stated}",)
+    if rate is None:
+        among = f"no column named time{names}" if names else "no times"
+        raise AsperityError(
+            f"{path}: {among}; valid: times, or rate_hz=, the poses in a second (10 of KITTI)"
+        )
+    values[:, 0] = np.arange(len(values)) / rate
+    there = "; those of the file are left out" if layout.places[0] >= 0 else ""
+    return values, (f"times are those of {rate:g} poses in a second, as given{there}",)
+
+
+def _read_text(path: Path, order: str | None, rate: float | None) -> _Table:
     text, note = in_seconds(read_text_table(path, texts=True))
     origins = tuple(map("line {}".format, text.rows_at()))
     names = text.names
     notes: tuple[str, ...] = ()
+    shown = ""
     if names is None:
-        layout, notes = _no_names(path, order, text.columns)
+        values = text.values()
+        if order in (None, "matrix") and are_blocks(values):
+            values, origins = values.reshape(-1, 16), origins[::4]
+        layout, notes = _no_names(path, order, values)
     else:
-        layout = _named(path, text, names, order)
+        layout = _named(path, text, names, order, rate)
+        fullest = max(text.header, key=lambda line: sum(map(str.isalpha, line)))
+        shown = f" among {fullest[:70]}"
         if order is not None:
             known = ", ".join(names)[:90]
             notes = (f"columns in the order {order}, as given; their names: {known}",)
         elif layout.left_out:
             notes = (f"columns left out: {', '.join(layout.left_out)[:120]}",)
+        values = text.values([at for at in layout.places if at >= 0])
     notes = (*notes, note) if note else notes
-    if layout.unit is None:
-        layout = layout._replace(unit=_in_comments(text, _LENGTH_WORD, LENGTHS))
-    if layout.time_unit is None:
-        layout = layout._replace(time_unit=_in_comments(text, _TIME_WORD, TIMES))
-    columns = [*layout.places]
-    values = text.values(columns)
+    layout = _units_above(text, layout)
+    if names is None:
+        values = _chosen(values, layout)
+    elif layout.places[0] < 0:
+        values = np.column_stack([np.zeros(len(values)), values])
     start = 0.0
-    if np.abs(values[:1, 0]).max() > _EPOCH:
-        start, values[:, 0] = _exact(text, columns[0], values[:, 0])
+    if layout.places[0] >= 0 and np.abs(values[:1, 0]).max() > _EPOCH:
+        start, values[:, 0] = _exact(text, layout.places[0], values[:, 0])
     if layout.nanoseconds is not None:
         values[:, 0] += 1e-9 * text.values([layout.nanoseconds])[:, 0]
-    if layout.rate is not None:
-        values[:, 0] = (values[:, 0] - values[0, 0]) / layout.rate
-        notes = (*notes, f"times are frames at {layout.rate:g} Hz, as the file states")
+    values, timed = _timed(path, values, layout, rate, shown)
+    notes = (*notes, *timed)
     missing = np.atleast_1d(np.isnan(values[:, 1:]).all(axis=1))
     if missing.any() and not missing.all():
         count, where = int(np.count_nonzero(missing)), origins[int(np.argmax(missing))]
@@ -268,6 +345,23 @@ def _read_text(path: Path, order: str | None) -> _Table:
     return _Table(values, layout, notes, origins, names is not None or order is not None, start)
 
 
+def _units_above(text: TextTable, layout: Layout) -> Layout:
+    """Return a layout with the units and the axes that lines above the rows state."""
+    if layout.unit is None:
+        layout = layout._replace(unit=_in_comments(text, _LENGTH_WORD, LENGTHS))
+    if layout.time_unit is None:
+        layout = layout._replace(time_unit=_in_comments(text, _TIME_WORD, TIMES))
+    if layout.turn in ("quaternion", "matrix"):
+        return layout
+    sequence = _SEQUENCE.search("\n".join(text.header))
+    if sequence is not None:
+        layout = layout._replace(sequence=sequence.group(1).upper())
+    if layout.angle_unit is None:
+        unit = _in_comments(text, _ANGLE_WORD, ANGLES)
+        layout = layout._replace(angle_unit=ANGLES["deg"] if sequence and unit is None else unit)
+    return layout
+
+
 def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]) -> float | None:
     """Return the unit that lines above the rows state, but for the names; None unless it is one."""
     lines = [line for line in text.header if len(line.split(text.separator)) != text.columns]
@@ -275,10 +369,14 @@ def _in_comments(text: TextTable, word: re.Pattern[str], units: dict[str, float]
     return stated.pop() if len(stated) == 1 else None
 
 
-def _named(path: Path, text: TextTable, names: tuple[str, ...], order: str | None) -> Layout:
+def _named(
+    path: Path, text: TextTable, names: tuple[str, ...], order: str | None, rate: float | None
+) -> Layout:
+    if order in MATRICES:
+        return matrix_layout(path, text.values(), order)[0]
     if order is not None:
         return layout_in_order(path, order, text.columns)
-    return named_layout(path, text, names)
+    return named_layout(path, text, names, rate)
 
 
 def _exact(text: TextTable, column: int, values: Array) -> tuple[float, Array]:
