@@ -26,7 +26,9 @@ from asperity.texture.files.levels import smooth_levels as smooth_levels
 from asperity.texture.files.stored import MAX_SAMPLES, Stored, check_size
 from asperity.texture.files.tiff_scale import gdal_scale, tiff_pixel_size
 
-IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".exr")
+IMAGE_SUFFIXES = (
+    ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".tga", ".dds", ".exr",
+)  # fmt: skip
 _TURNS = {
     2: (True, 0, "mirrored"),
     3: (False, 2, "turned by 180 degrees"),

@@ -40,9 +40,9 @@ from asperity._core.arrays import Array
 from asperity._core.files import reading
 from asperity.errors import AsperityError, SurfaceError, require_choice, require_positive
 from asperity.texture.files.checks import checked_pixel_size
-from asperity.texture.files.colours import unit_vectors
 from asperity.texture.files.doubts import doubts
 from asperity.texture.files.images import IMAGE_SUFFIXES, read_pixels
+from asperity.texture.files.normal_channels import curl_agreement, normal_vectors
 from asperity.texture.files.reading import Heights
 from asperity.texture.files.stored import refuse
 
@@ -77,7 +77,7 @@ def read_normal_map(
     ----------
     path : str or path
         A colour image of 8 or 16 bits, or of floats (PNG, TIFF, JPEG, OpenEXR): red along u, blue
-        along the base's normal.
+        along the base's normal. Two channels (BC5) and red in alpha (DXT5) are recognised.
     pixel_size : float or (pu, pv)
         Distance between samples [m], above 0. The heights are proportional to it.
     convention : {"auto", "opengl", "directx"}
@@ -140,25 +140,6 @@ def _pair(pixel_size: float | Sequence[float]) -> tuple[Any, Any]:
     if len(given) != 2:
         raise AsperityError(f"pixel_size must be one number or two, got {pixel_size!r}")
     return given[0], given[1]
-
-
-def curl_agreement(vectors: Array) -> float:
-    """Return how well normals are those of a surface with green up: 1 fully, -1 with green down.
-
-    It is the correlation of the two cross derivatives of the heights, dh_u/dv and dh_v/du, which
-    are equal on a surface; about 0 where neither convention fits better than the other.
-
-    Parameters
-    ----------
-    vectors : (rows, columns, 3) array
-        Unit vectors, the bottom of the picture first.
-    """
-    along = np.maximum(vectors[..., 2], 0.05)
-    h_u, h_v = -vectors[..., 0] / along, -vectors[..., 1] / along
-    across_u = (h_v[1:-1, 2:] - h_v[1:-1, :-2]).ravel()
-    across_v = (h_u[2:, 1:-1] - h_u[:-2, 1:-1]).ravel()
-    power = float(across_u @ across_u + across_v @ across_v)
-    return 2.0 * float(across_u @ across_v) / power if power > 0.0 else 0.0
 
 
 def _convention(vectors: Array, given: str, name: str, notes: list[str]) -> str:
@@ -278,13 +259,13 @@ def _read_vectors(path: Path) -> tuple[Array, list[str]]:
 
 
 def _checked_vectors(path: Path, pixels: NDArray[Any]) -> tuple[Array, str]:
-    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
+    if pixels.ndim != 3 or pixels.shape[2] not in (2, 3, 4):
         refuse(path, "it has no colours; valid: a normal map, or kind='height'")
     if min(pixels.shape[:2]) < 4:
         refuse(path, f"{pixels.shape[:2]} pixels; valid: 4 or more along each axis")
     if pixels.dtype.kind == "f" and not np.isfinite(pixels[..., :3]).all():
         refuse(path, "some of its normals are NaN or infinite; valid: finite ones")
-    vectors, note = unit_vectors(pixels)
+    vectors, note = normal_vectors(pixels)
     if note == "-":
         refuse(path, "its colours are no unit vectors, blue along the normal; valid: a normal map")
     return vectors, note
