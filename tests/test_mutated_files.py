@@ -132,6 +132,10 @@ HEIGHTS = {
     "palette.png": saved(Image.fromarray(GREY).convert("P").save, "PNG"),
     "colour.png": picture("PNG", COLOUR),
     "grey.jpg": picture("JPEG", GREY),
+    "grey.tga": picture("TGA", GREY),
+    "grey.bmp": picture("BMP", GREY),
+    "grey.webp": picture("WEBP", COLOUR),
+    "colour.dds": picture("DDS", COLOUR),
     "grey.tif": tiff(H.astype(np.float32), extratags=[(42113, "s", 0, "-9999", True)]),
     "zip.tiff": tiff(GREY.astype(np.int16), compression="zlib"),
     "rgb.tif": tiff(COLOUR, photometric="rgb"),
@@ -144,6 +148,7 @@ HEIGHTS = {
     "wyko.asc": wyko(),
     "packed.txt.gz": gzip.compress((HEAD + text(H, "\t")).encode()),
 }
+COLOURED = ("colour.png", "rgb.tif", "grey.webp", "colour.dds")
 VICON = "Objects\n100\n,,Tool:Tool,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n"
 FRAMES = np.column_stack([np.arange(9), np.zeros(9), np.tile([0, 0, 0, 1, 5, 6, 7], (9, 1))])
 CLOCK = "".join(f"2024-01-10T10:31:0{k}.25,0,0,0.1,1,0,0,0\n" for k in range(9))
@@ -215,7 +220,7 @@ def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.Captu
         pytest.importorskip("SurfaceTopography", reason="reads files of instruments")
     scaled = ("gwyddion.txt", "a.x3p", "a.sdf", "a.sxm", "zygo.asc", "wyko.asc")
     options = {} if name in scaled else dict(SCALE)
-    colour = {"colour": "luminance"} if name in ("colour.png", "rgb.tif") else {}
+    colour = {"colour": "luminance"} if name in COLOURED else {}
     (tmp_path / name).write_bytes(HEIGHTS[name])
     HeightField.from_file(tmp_path / name, **options, **colour)  # it may compile
     assert tried(HeightField.from_file, tmp_path / name, HEIGHTS[name], **options, **colour) == ""
@@ -230,7 +235,7 @@ def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.Captu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["colour.png", "rgb.tif"])
+@pytest.mark.parametrize("name", COLOURED)
 def test_mutated_normal_maps(tmp_path: Path, name: str) -> None:
     rng = np.random.default_rng(2)
     for _ in range(TIMES):

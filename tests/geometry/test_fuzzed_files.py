@@ -110,6 +110,50 @@ def las():
     return head + b"".join(struct.pack("<3iHBBbBH", *np.int32(p * 1e4), *[0] * 6) for p in POINTS)
 
 
+USDA = """#usda 1.0
+( metersPerUnit = 1 )
+def Xform "World"
+{
+    double3 xformOp:translate = (0, 0, 1)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def Mesh "m" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        uniform token subdivisionScheme = "none"
+        int[] faceVertexCounts = [%s]
+        int[] faceVertexIndices = [%s]
+        point3f[] points = [%s]
+        texCoord2f[] primvars:st = [%s] ( interpolation = "vertex" )
+        rel material:binding = </World/w>
+    }
+    def Material "w"
+    {
+        token outputs:surface.connect = </World/w/s.outputs:surface>
+        def Shader "s"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor = (1, 0.5, 0)
+            token outputs:surface
+        }
+    }
+}
+"""
+
+
+def usd(suffix, folder):
+    """A mesh as text, in a crate, or in a package."""
+    Usd, UsdUtils = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdUtils"))
+    places = (", ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in POINTS),
+              ", ".join(f"({x:g}, {y:g})" for x, y, _ in POINTS))  # fmt: skip
+    text = USDA % (", ".join("3" * len(FACES)), ", ".join(map(str, FACES.ravel())), *places)
+    (folder / "seed.usda").write_text(text)
+    if suffix == ".usda":
+        return text.encode()
+    Usd.Stage.Open(str(folder / "seed.usda")).Export(str(folder / "seed.usdc"))
+    if suffix == ".usdz":
+        UsdUtils.CreateNewUsdzPackage(str(folder / "seed.usdc"), str(folder / "seed.usdz"))
+    return (folder / f"seed{suffix}").read_bytes()
+
+
 FILES = {
     "a.stl": (read_mesh, stl), "text.stl": (read_mesh, text_stl), "a.obj": (read_mesh, obj),
     "a.ply": (read_mesh, lambda: ply("ascii")),
@@ -175,6 +219,30 @@ def try_many(read, path, data, seed, count):
             assert "\n" not in said
             assert len(said) < 300 + len(str(path)), said
     return good
+
+
+@pytest.mark.parametrize("count", [30, pytest.param(1500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usdz"])
+def test_damaged_files_of_usd(tmp_path, suffix, count):
+    data = usd(suffix, tmp_path)
+    (tmp_path / f"a{suffix}").write_bytes(data)
+    assert len(read_mesh(tmp_path / f"a{suffix}").faces) == len(FACES)
+    # Each under a name of its own: usd-core keeps what it has read.
+    rng, said = np.random.default_rng(2), ""
+    for k in range(count):
+        path = tmp_path / f"{k}{suffix}"
+        path.write_bytes(mutated(data, rng))
+        began = time.perf_counter()
+        try:
+            read_mesh(path)
+        except AsperityError as error:
+            said = str(error)
+        assert time.perf_counter() - began < LONGEST
+        assert "\n" not in said
+        assert "Crate" not in said
+        assert len(said) < 300 + len(str(path)), said
+        path.unlink()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < MOST
 
 
 @pytest.mark.parametrize("name", FILES)

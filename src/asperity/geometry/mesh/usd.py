@@ -7,8 +7,10 @@ materials of their own, and the pictures of `UsdPreviewSurface`.
 from __future__ import annotations
 
 import importlib
+import io
 import zipfile
 from collections.abc import Iterator
+from contextlib import redirect_stderr
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +23,7 @@ from asperity.geometry.mesh.checks import UNITS, Corners
 from asperity.geometry.mesh.contents import Contents, FilePart, triangulated
 from asperity.geometry.mesh.gltf import placed
 from asperity.geometry.mesh.materials import MapImage, Material
+from asperity.geometry.mesh.usd_crate import is_damaged
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 _INPUTS = {
@@ -63,8 +66,11 @@ class _Quiet:
 
     def __enter__(self) -> None:
         self._delegate = self._pxr.UsdUtils.CoalescingDiagnosticDelegate()
+        self._printed = redirect_stderr(io.StringIO())
+        self._printed.__enter__()
 
     def __exit__(self, *_: object) -> None:
+        self._printed.__exit__(None, None, None)
         self._delegate.TakeUncoalescedDiagnostics()
         del self._delegate
 
@@ -79,34 +85,40 @@ class _Reader:
 
     def contents(self) -> Contents:
         """Return all parts in the frame of the stage, and the materials."""
-        usd, geom = self.pxr.Usd, self.pxr.UsdGeom
+        damaged = AsperityError(
+            f"{self.path}: cannot be read as a {self.path.suffix.lower()} file: damaged, or of "
+            "another kind"
+        )
+        if is_damaged(self.path):
+            raise damaged
         with _Quiet(self.pxr):
             try:
-                stage = usd.Stage.Open(str(self.path))
-            except self.pxr.Tf.ErrorException:
-                raise AsperityError(
-                    f"{self.path}: cannot be read as a {self.path.suffix.lower()} file: damaged, "
-                    "or of another kind"
-                ) from None
-            self._read_units(stage)
-            time = usd.TimeCode.EarliestTime()
-            frames = geom.XformCache(time)
-            for prim in usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()):
-                if not prim.IsA(geom.Mesh):
-                    if prim.IsA(geom.Gprim) and not prim.IsA(geom.Mesh):
-                        self._note(f"{prim.GetTypeName()} in it is left out: only meshes are read")
-                    continue
-                imageable = geom.Imageable(prim)
-                hidden = imageable.ComputeVisibility(time) == geom.Tokens.invisible
-                if hidden or imageable.ComputePurpose() in (geom.Tokens.proxy, geom.Tokens.guide):
-                    self._note("what is invisible, or a proxy or guide, is left out")
-                    continue
-                transform = np.array(frames.GetLocalToWorldTransform(prim)).T
-                for part in self._parts(prim, time):
-                    self.out.parts.append(part._replace(corners=placed(part.corners, transform)))
-                if len(self.out.parts) > _MOST_PARTS:
-                    raise AsperityError(f"{self.path}: more than {_MOST_PARTS} meshes are in it")
+                self._read(self.pxr.Usd.Stage.Open(str(self.path)))
+            except (self.pxr.Tf.ErrorException, RuntimeError):
+                raise damaged from None
         return self.out
+
+    def _read(self, stage: Any) -> None:
+        """Read the parts of an open stage."""
+        usd, geom = self.pxr.Usd, self.pxr.UsdGeom
+        self._read_units(stage)
+        time = usd.TimeCode.EarliestTime()
+        frames = geom.XformCache(time)
+        for prim in usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()):
+            if not prim.IsA(geom.Mesh):
+                if prim.IsA(geom.Gprim) and not prim.IsA(geom.Mesh):
+                    self._note(f"{prim.GetTypeName()} in it is left out: only meshes are read")
+                continue
+            imageable = geom.Imageable(prim)
+            hidden = imageable.ComputeVisibility(time) == geom.Tokens.invisible
+            if hidden or imageable.ComputePurpose() in (geom.Tokens.proxy, geom.Tokens.guide):
+                self._note("what is invisible, or a proxy or guide, is left out")
+                continue
+            transform = np.array(frames.GetLocalToWorldTransform(prim)).T
+            for part in self._parts(prim, time):
+                self.out.parts.append(part._replace(corners=placed(part.corners, transform)))
+            if len(self.out.parts) > _MOST_PARTS:
+                raise AsperityError(f"{self.path}: more than {_MOST_PARTS} meshes are in it")
 
     def _note(self, text: str) -> None:
         if text not in self.out.notes:
