@@ -147,7 +147,9 @@ def test_geoms_keep_their_own_friction_under_a_mesh(tmp_path):
 def test_what_materials_cannot_have_is_refused(folder):
     with pytest.raises(AsperityError, match=r"no such material .did you mean 'rubber'"):
         _scene(folder, materials={"ruber": {"friction": 0.2}})
-    with pytest.raises(AsperityError, match=r"materials.glass.*friction must lie between 0 and 100"):
+    with pytest.raises(
+        AsperityError, match=r"materials.glass.*friction must lie between 0 and 100"
+    ):
         _scene(folder, materials={"glass": {"friction": -0.2}})
     with pytest.raises(AsperityError, match=r"texture coordinates; without them: friction"):
         _scene(folder, materials={"glass": {"kind": "sinusoid"}})

@@ -111,6 +111,20 @@ def test_seconds_and_nanoseconds_are_added(tmp_path: Path) -> None:
     check(read_poses(tmp_path / "a.csv"))
 
 
+def test_nanoseconds_belong_to_their_seconds_and_not_to_a_whole_time(tmp_path: Path) -> None:
+    head = "Time,header.stamp.secs,header.stamp.nsecs,pose.position.x,pose.position.y,"
+    head += "pose.position.z,pose.orientation.x,pose.orientation.y,pose.orientation.z,"
+    head += "pose.orientation.w,pose.covariance_0\n"
+    parts = np.round(T * 1e9).astype(int) + 995_000_000  # the second changes on the way
+    rows = [
+        f"{1732523000.995 + t:.3f},{1732523000 + n // 10**9},{n % 10**9},"
+        + ",".join(map(repr, [*p, *x, 0.0]))
+        for t, n, p, x in zip(T, parts.tolist(), P.tolist(), XYZW.tolist(), strict=True)
+    ]
+    (tmp_path / "a.csv").write_text(head + "\n".join(rows))
+    check(read_poses(tmp_path / "a.csv"))
+
+
 def test_without_names_the_order_is_noted_and_may_be_set(tmp_path: Path) -> None:
     own = read_poses(write(tmp_path / "a.csv", "", T, P, Q))
     check(own)

@@ -121,6 +121,13 @@ def test_rotation_vectors_of_robots(tmp_path: Path) -> None:
     assert noted(found, "rotation vectors.*angles='xyz'")
     assert noted(found, "angles in rad; angle_unit='deg' changes that")
     check(read_poses(write(tmp_path / "b.csv", "", T, P, V), order="rotvec"))
+    check(
+        read_poses(
+            write(tmp_path / "f.csv", "t,tvec_x,tvec_y,tvec_z,rvec_x,rvec_y,rvec_z\n", T, P, V)
+        )
+    )
+    head = "t;TCP X [mm];TCP Y [mm];TCP Z [mm];TCP RX [rad];TCP RY [rad];TCP RZ [rad]\n"
+    check(read_poses(write(tmp_path / "g.csv", head, T, 1e3 * P, V, separator=";")))
     timeless = write(tmp_path / "c.csv", "", P, V)
     check(read_poses(timeless, order="rotvec", rate_hz=1000))
     with pytest.raises(AsperityError, match="no times; valid: times, or rate_hz="):
@@ -176,6 +183,14 @@ def test_four_rows_a_matrix_and_matrices_by_columns(tmp_path: Path) -> None:
 def test_named_matrices(tmp_path: Path, first: int) -> None:
     names = [f"m{i + first}{j + first}" for i in range(3) for j in range(4)]
     check(read_poses(write(tmp_path / "a.csv", ",".join(["time", *names]) + "\n", T, THREE)))
+    names = [f"T_{i + first}{j + first}" for i in range(4) for j in range(4)]
+    head = ",".join(["time", *names]) + "\n"
+    check(read_poses(write(tmp_path / "c.csv", head, T, FOUR)))
+    found = read_poses(write(tmp_path / "d.csv", head, T, FOUR.transpose(0, 2, 1)))
+    check(found)
+    assert noted(found, "the place is in the last row of its matrices: they are transposed")
+    with pytest.raises(AsperityError, match="the last row of its matrices is not 0 0 0 1"):
+        read_poses(write(tmp_path / "e.csv", head, T, FOUR + 0.1))
     names = [f"R[{i + first},{j + first}]" for i in range(3) for j in range(3)]
     head = ";".join(["time", "x_mm", "y_mm", "z_mm", *names]) + "\n"
     check(read_poses(write(tmp_path / "b.csv", head, T, 1e3 * P, R, separator=";")))

@@ -30,7 +30,7 @@ class Turn(NamedTuple):
     """Columns that turn the tool."""
 
     places: tuple[int, ...]
-    """Of three angles about x, y, z; or of the 9 or 12 entries of (3, 3) or (3, 4), by rows."""
+    """Of three angles about x, y, z; or of the entries of (3, 3), (3, 4) or (4, 4), by rows."""
     kind: str
     """"roll", "euler", "vector", "either" of the two, or "matrix"."""
     unit: float | None = None
@@ -97,8 +97,8 @@ def _matrix(names: Sequence[str]) -> Turn | None:
         if entry is not None:
             found.setdefault((int(entry.group(1)), int(entry.group(2))), at)
     first = 0 if (0, 0) in found else 1
-    for columns in (4, 3):
-        wanted = [(first + i, first + j) for i in range(3) for j in range(columns)]
+    for rows, columns in ((4, 4), (3, 4), (3, 3)):
+        wanted = [(first + i, first + j) for i in range(rows) for j in range(columns)]
         if all(entry in found for entry in wanted):
             return Turn(tuple(found[entry] for entry in wanted), "matrix")
     return None

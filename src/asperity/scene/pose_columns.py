@@ -43,11 +43,12 @@ _TURN = _set("q quat quaternion orientation rotation rot ori att attitude r o or
 _SHORT_TURN = _set("r o")
 """Words that mean a turn only where they stand alone before the axis."""
 _PLACE = _set(
-    "p pos position t trans translation loc location point tip tool tcp handle coordinate"
+    "p pos position t tvec trans translation loc location point tip tool tcp handle coordinate"
 )
 _OTHER = _set(
     "v vel velocity linear angular twist acc accel acceleration a gyro omega force torque f wrench "
-    "err error cov covariance std sigma bias bw ba mean residual euler roll pitch yaw scale normal"
+    "rvec rotvec rv axisangle rodrigues err error cov covariance std sigma bias bw ba mean "
+    "residual euler roll pitch yaw scale normal"
 )
 """Words of columns that are no poses."""
 _AXES = {"0": "w", "1": "x", "2": "y", "3": "z", "i": "x", "j": "y", "k": "z", "real": "w",
@@ -64,7 +65,7 @@ class Layout(NamedTuple):
     """Of time, x, y, z, qw, qx, qy, qz among the file's columns; -1: of the time, there is none.
 
     Of angles and vectors, the last three are about x, y, z. Of matrices, behind the time are the
-    rows of (3, 4).
+    rows of (3, 4) or (4, 4).
     """
     time_unit: float | None = None
     """[s]; None where no name states it."""
@@ -95,7 +96,10 @@ def _words(name: str) -> list[str]:
     out: list[str] = []
     for at, word in enumerate(words):
         fused = _FUSED.fullmatch(word)
-        out += fused.groups() if fused and at == len(words) - 1 and word != "time" else (word,)
+        if fused is None or at < len(words) - 1 or word == "time":
+            out.append(word)
+        else:  # "TCP RX" is a turn, "p_R_x" is the place of R
+            out += ("rot" if fused.group(1) == "r" else fused.group(1), fused.group(2))
     return out
 
 
@@ -161,7 +165,7 @@ def _checked(
     path: object, names: Sequence[str], found: dict[str, list[int]], turn: Turn | None
 ) -> Layout:
     wanted: tuple[str, ...] = COLUMNS if turn is None else _PLACED
-    if turn is not None and len(turn.places) == 12:
+    if turn is not None and len(turn.places) > 9:
         wanted = ("time",)
     for name in wanted[1:]:
         if len(found.get(name, ())) > 1:
@@ -180,12 +184,11 @@ def _checked(
             f"{path}: no column named {', '.join(lacking)} among {shown[:70]}; "
             f"{what}valid: {_KNOWN}"
         )
-    time_at = found.get("time", [-1])[0]
+    time_at, nanoseconds = _times(names, found)
     placed = tuple(found[name][0] for name in wanted[1:])
     places = (time_at, *placed)
     if turn is not None:
         places = (time_at, *_in_rows(turn, placed))
-    nanoseconds = found.get("nanoseconds", [None])[0]
     time = named_unit(names[time_at], TIMES) if time_at >= 0 else None
     lengths = {named_unit(names[at], LENGTHS) for at in placed[:3]} or {None}
     if len(lengths) > 1:
@@ -197,11 +200,25 @@ def _checked(
     return layout if turn is None else layout._replace(turn=turn.kind, angle_unit=turn.unit)
 
 
+def _times(names: Sequence[str], found: dict[str, list[int]]) -> tuple[int, int | None]:
+    """Return the column of the time, -1 without, and that of the nanoseconds beside its seconds.
+
+    A log may have a whole time too: nanoseconds belong to the seconds that are named as they are.
+    """
+    times = found.get("time", [-1])
+    parts = found.get("nanoseconds", [None])
+    if parts[0] is None or len(times) == 1:
+        return times[0], parts[0]
+    owner = _words(names[parts[0]])[:-1]
+    same = [at for at in times if _words(names[at])[:-1] == owner]
+    return (same[0], parts[0]) if same else (times[0], None)
+
+
 def _in_rows(turn: Turn, placed: tuple[int, ...]) -> tuple[int, ...]:
     """Return the columns of a place and a turn; of a matrix, as rows of (3, 4)."""
     if turn.kind != "matrix":
         return (*placed, *turn.places)
-    if len(turn.places) == 12:
+    if len(turn.places) > 9:
         return turn.places
     return tuple(at for k in range(3) for at in (*turn.places[3 * k : 3 * k + 3], placed[k]))
 

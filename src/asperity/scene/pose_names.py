@@ -35,7 +35,7 @@ def named_layout(
     cells = (_cells(line, text.separator, len(names)) for line in text.header)
     above = [line for line in cells if line is not None]
     rate = rate or frame_rate(text.header)
-    made = [names, *(_joined(line, names) for line in reversed(above))]
+    made = [names, *(_joined(line, names) for line in reversed(above) if line != names)]
     errors: list[tuple[int, bool, AsperityError]] = []
     timeless = None
     for columns in made:

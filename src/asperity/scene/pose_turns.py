@@ -61,14 +61,23 @@ def in_quaternions(
 def _of_matrices(path: object, values: Array) -> tuple[Array, list[str]]:
     from scipy.spatial.transform import Rotation  # slow to import
 
-    rows = values[:, 1:].reshape(-1, 3, 4)
+    notes = []
+    if values.shape[1] == 17:  # named: the place may stand in the last row
+        four = values[:, 1:].reshape(-1, 4, 4)
+        if not _same(four[:, 3]) and _same(four[:, :, 3]):
+            four = four.transpose(0, 2, 1)
+            notes.append("the place is in the last row of its matrices: they are transposed")
+        if not _same(four[:, 3]):
+            raise AsperityError(f"{path}: the last row of its matrices is not 0 0 0 1; {_MATRIX}")
+        rows = four[:, :3]
+    else:
+        rows = values[:, 1:].reshape(-1, 3, 4)
     turns = rows[:, :, :3]
     off = _off(turns)
     if not off <= _OFF:
         raise AsperityError(f"{path}: its matrices are no rotations ({_how(off)}); {_MATRIX}")
-    notes = ["matrices are turned into quaternions"]
-    if off > _EXACT:
-        notes = [f"matrices, off rotations by up to {off:.2g}, are turned into quaternions"]
+    rounded = f", off rotations by up to {off:.2g}," if off > _EXACT else ""
+    notes.append(f"matrices{rounded} are turned into quaternions")
     quaternions = Rotation.from_matrix(turns).as_quat()
     return _table(values[:, 0], rows[:, :, 3], quaternions), notes
 
