@@ -64,6 +64,16 @@ def test_a_path_is_pressed_to_a_force_from_above_and_from_below(stiffness, begin
     assert spring.asked < 40 * 16
 
 
+@pytest.mark.parametrize("through", [3.4e-4, 4e-4, 1e-3])
+def test_a_path_is_pressed_to_a_force_beyond_which_the_tool_is_let_go(through):
+    class Thin(Spring):
+        def wrench(self, pose):
+            return NOTHING if pose[2] < -through else super().wrench(pose)
+
+    height = find_pressing_height(Thin(), straight(), 0.305)
+    assert height == pytest.approx(-3.05e-4, rel=0.01)
+
+
 def test_a_path_that_meets_nothing_is_refused():
     with pytest.raises(AsperityError, match="at no height within 8 mm"):
         find_pressing_height(Spring(), raise_path(straight(), 0.1), 0.3)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from asperity.errors import require_choice
 from asperity.studies.baselines import (
     asperity_laws,
+    asperity_meshes,
     choi_tan,
     constraint,
     contact_levels,
@@ -38,6 +39,7 @@ METHODS: dict[str, Method] = {
         contact_levels.LOW_RESOLUTION,
         constraint.CONSTRAINT,
         full_meshes.FULL_MESHES,
+        asperity_meshes.MESHED,
         offset_sphere.OFFSET_SPHERE,
         convex_pieces.CONVEX_PIECES,
         local_minimum_distances.LOW,

@@ -189,9 +189,9 @@ def _model(bodies: Placed, method: ConstraintMethod, step: float, inertia: float
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     hard = {"condim": 1, "solref": [2.0 * step, 1.0], "solimp": [_HARDEST] * 2 + [1e-4, 0.5, 2.0]}
     for there in bodies.standing:
-        body = spec.worldbody.add_body(pos=there.position, quat=_quaternion(there.rotation))
+        body = spec.worldbody.add_body(pos=there.position, quat=quaternion_of(there.rotation))
         if there.body.texture is None:
-            _add_geoms(body, there.body, hard)
+            add_geoms(body, there.body, hard)
             continue
         for i, tile in enumerate(tiles_of(there.body, method.samples, method.tiles)):
             name = f"{there.body.name} {i}"
@@ -209,15 +209,16 @@ def _model(bodies: Placed, method: ConstraintMethod, step: float, inertia: float
     for axis in np.eye(3):
         tool.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     tool.add_joint(type=mujoco.mjtJoint.mjJNT_BALL, pos=bodies.centre)
-    _add_geoms(tool, bodies.tool, hard)
+    add_geoms(tool, bodies.tool, hard)
     return spec.compile()
 
 
-def _quaternion(rotation: Array) -> Array:
+def quaternion_of(rotation: Array) -> Array:
+    """Return the unit quaternion wxyz (4,) of a rotation (3, 3)."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
-def _add_geoms(body: mujoco.MjsBody, solid: Body, options: dict) -> None:
+def add_geoms(body: mujoco.MjsBody, solid: Body, options: dict) -> None:
     """Add the geoms of a body without texture."""
     for geom in solid.geoms:
         kind = getattr(mujoco.mjtGeom, f"mjGEOM_{geom.kind.upper()}")

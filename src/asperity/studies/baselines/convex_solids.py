@@ -226,7 +226,7 @@ def solid_of_geom(model: mujoco.MjModel, geom: int, sides: int) -> ConvexSolid:
     return solid.placed(turn.reshape(3, 3), np.array(model.geom_pos[geom]))
 
 
-def _inside(solid: ConvexSolid, points: Array, slack: float) -> NDArray[np.bool_]:
+def inside_solid(solid: ConvexSolid, points: Array, slack: float) -> NDArray[np.bool_]:
     """Return which points (n, 3) lie in a solid, or outside it by at most `slack` [m]."""
     if not len(solid.normals):
         ends = solid.vertices[[0, -1]]
@@ -259,7 +259,7 @@ def pieces_of(solids: Sequence[ConvexSolid]) -> PieceSet:
         covered = np.zeros(len(points), bool)
         for j in np.flatnonzero(away[i] <= 2.0 * slack).tolist():
             if j != i:
-                there = _inside(solids[j], points, slack)
+                there = inside_solid(solids[j], points, slack)
                 covered |= there
                 joined[i, j] |= there.any()
         real = np.ones(len(solid.normals), bool)

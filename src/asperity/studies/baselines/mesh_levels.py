@@ -10,7 +10,8 @@ The filter is that of Taubin (*A signal processing approach to fair surface desi
 along normals: it passes waves of more than about five edges and stops those of fewer than three.
 Without it, a vertex that stands for a whole wave overshoots (collapsing by quadrics alone gave
 0.7 mm of relief where the full surface has 0.2 mm). Corners of a body, and bodies without a
-texture, are not filtered.
+texture, are not filtered; of the latter the cheapest edges are collapsed first, so that flat faces
+stay flat.
 
 Deviations add up from level to level: with h the largest distance, in both directions, between a
 level's triangle and the finer level, `s = h + s of the finer one`. So they never decrease, and are
@@ -132,7 +133,8 @@ def build_levels(surface: DisplacedSurface, *, filters: bool) -> MeshLevels:
     surface : DisplacedSurface
         The full-detail mesh.
     filters : bool
-        Whether to filter a level before its edges are collapsed.
+        Whether to filter a level before its edges are collapsed, the shortest first; otherwise the
+        cheapest first.
     """
     mesh = _welded(surface)
     meshes = [mesh]
@@ -141,7 +143,7 @@ def build_levels(surface: DisplacedSurface, *, filters: bool) -> MeshLevels:
         smooth = _filtered(mesh) if filters else mesh.points
         points, faces = collapsed(
             (smooth - middle) / size, mesh.faces, max(len(mesh.faces) // _SHARE, _LEAST),
-            facing=_FACING, quality=_QUALITY, shortest=True,
+            facing=_FACING, quality=_QUALITY, shortest=filters,
         )  # fmt: skip
         if len(faces) > _STUCK * len(mesh.faces):
             break

@@ -34,7 +34,11 @@ from asperity.errors import require_between, require_positive
 from asperity.geometry.poses import rotation_of
 from asperity.scene.scene import Scene
 from asperity.simulation.tool_contact import announce_compiling
-from asperity.studies.baselines.low_resolution_contacts import LowCollider, LowContact
+from asperity.studies.baselines.low_resolution_contacts import (
+    LowCollider,
+    LowContact,
+    frame_along,
+)
 from asperity.studies.baselines.placement import centre_at, place_bodies
 from asperity.studies.baselines.projection import View, project, shapes_of
 from asperity.studies.baselines.protocol import NOTHING, Method, MethodWrench, Renderer
@@ -154,7 +158,7 @@ class PublishedRenderer(Renderer):
         middle = centre_at(pose, self._centre)
         force, torque, deepest, count = np.zeros(3), np.zeros(3), 0.0, 0
         for contact in self._collider.contacts(pose):
-            frame = _frame_along(contact.normal)
+            frame = frame_along(contact.normal)
             place, half = _window(contact, frame)
             view = self._view(contact, half + self._method.border)
             depth, by_u, by_v, *by_angle = self._depth(frame, place, view, own)
@@ -190,13 +194,6 @@ def _window(contact: LowContact, frame: Array) -> tuple[Array, float]:
     across = (contact.points - contact.place) @ frame[:2].T
     low, high = across.min(axis=0), across.max(axis=0)
     return contact.place + 0.5 * (low + high) @ frame[:2], 0.5 * float((high - low).max())
-
-
-def _frame_along(n: Array) -> Array:
-    """Return u, v and n in rows: right-handed, u chosen arbitrarily."""
-    u = np.cross(np.eye(3)[np.argmin(np.abs(n))], n)
-    u /= np.linalg.norm(u)
-    return np.array([u, np.cross(n, u), n])
 
 
 def _seen(frame: Array, place: Array, own: Array) -> Array:

@@ -97,8 +97,12 @@ def find_pressing_height(renderer: Renderer, poses: Array, force: float) -> floa
                 f"{force:.3g} N"
             )
         # The last step is shortened to end at the largest height.
-        high, step = sign * min(abs(high) + step, _FARTHEST), 2.0 * step
+        high = sign * min(abs(low) + step, _FARTHEST)
         off_high = over(high)
+        step *= 2.0
+        if sign < 0.0 and -force < off_low < off_high < 0.0:
+            # Not much deeper than needed: pressed through half its thickness, a tool may be let go.
+            step = min(step, 1.5 * off_high * (high - low) / (off_high - off_low))
     # Illinois variant of false position: the force is nearly a power of the depth.
     while abs(high - low) > 1e-8:
         middle = (low * off_high - high * off_low) / (off_high - off_low)
