@@ -214,6 +214,22 @@ def test_every_method_has_a_page():
     assert missing == []
 
 
+def test_every_row_stands_in_the_table_of_systems_with_a_test_that_exists():
+    """Of docs/methods/systems.md: system, rows, tests, figure."""
+    text = (DOCS / "methods/systems.md").read_text("utf-8")
+    table = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")][2:]
+    assert {len(cells) for cells in table} == {4}
+    rows = [name for cells in table for name in re.findall(r"`([^`]+)`", cells[1])]
+    later = ["recorded-vibration", "recorded-harmonic"]
+    assert sorted(rows + later) == sorted(METHODS)
+    assert all(f"`{name}`" in text for name in later)
+    tests = {path.name for path in (DOCS.parent / "tests").rglob("test_*.py")}
+    for cells in table:
+        named = re.findall(r"`(test_\w+\.py)`", cells[2])
+        assert named
+        assert set(named) <= tests
+
+
 def test_the_tangential_rms_is_that_of_a_sine():
     force = np.zeros((1000, 3))
     force[:, 2] = 0.5

@@ -250,8 +250,9 @@ class ConstraintMethod(Method):
     label: str = "constraint-based simulation"
     source: str = "Otaduy & Lin 2004, section 3.3; MuJoCo: Todorov, Erez & Tassa 2012"
     what_it_is_not: str = (
-        "Texture on level faces alone, as height fields, under a tool without any; its mass is "
-        "5 g, and MuJoCo's contacts give way by nanometres at rest."
+        "Texture on level faces alone, as height fields, under a tool without any: a mesh is its "
+        "convex hull to MuJoCo, so meshes are refused. Its mass is 5 g, and MuJoCo's contacts give "
+        "way by nanometres at rest."
     )
     mass: float = 5e-3
     substeps: int = 6
@@ -271,8 +272,8 @@ class ConstraintMethod(Method):
         for body in scene.bodies:
             if body.mesh is not None:
                 return (
-                    f"{body.name} is a mesh, and MuJoCo has texture on level faces alone, as "
-                    "height fields"
+                    f"{body.name} is a mesh, which MuJoCo replaces by its convex hull; it has "
+                    "texture on level faces alone, as height fields"
                 )
             if any(geom.surface is not None for geom in body.geoms):
                 return f"made for one texture on a body, and geoms of {body.name} have their own"
