@@ -25,7 +25,7 @@ def both(request):
 def test_the_power_near_v_over_lambda_is_kept(both):
     name, found = both
     rows = found["harmonic"][1]
-    # A peak at 46 Hz is narrower than an AR filter of order 20 resolves: missed, and told in docs.
+    # A peak at 35 Hz is narrower than an AR filter of order 20 resolves: missed; figures in docs.
     kept = rows[:, 0] > (0.04 if name == "P40" else 0.0)
     assert np.abs(rows[kept, 2] - rows[kept, 1]).max() < 0.1
     if name in ("waves", "dots"):  # the bar is one that noise alone misses

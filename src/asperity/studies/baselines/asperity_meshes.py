@@ -14,11 +14,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from asperity.contact.solver import ContactSolver
 from asperity.errors import require_between
 from asperity.geometry.bodies import Body, Geom
 from asperity.geometry.mesh.mesh import mesh_from_arrays
+from asperity.geometry.mesh.topology import crosses
 from asperity.scene.scene import Scene
 from asperity.simulation.tool_contact import announce_compiling
 from asperity.studies.baselines.asperity_laws import SolverRenderer
@@ -33,6 +35,8 @@ from asperity.studies.baselines.protocol import Method
 
 _PER_WAVE = 12.0
 """Sufficient number of points per shortest wave of a texture."""
+_NARROW = 2e-6
+"""Triangles at seams that are narrower have no normal to speak of, and are left out [m]."""
 
 
 def meshed_body(body: Body, points: int) -> Body:
@@ -44,12 +48,19 @@ def meshed_body(body: Body, points: int) -> Body:
     if body.texture is not None:
         finest = body.texture.shortest_wavelength / _PER_WAVE
         surface = displaced_surface(body, max(spacing_for(body, points), finest))
-        mesh = mesh_from_arrays(surface.points, surface.faces, hard_angle=0.0, name=body.name)
+        faces = surface.faces[_widths(surface.points[surface.faces]) > _NARROW]
+        mesh = mesh_from_arrays(surface.points, faces, hard_angle=0.0, name=body.name)
     if mesh is None:
         return body
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     box = Geom("mesh", np.maximum(0.5 * (high - low), 1e-6), 0.5 * (low + high))
     return Body(body.name, [box], mesh=mesh)
+
+
+def _widths(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return twice the areas of triangles (n, 3, 3) over their longest sides [m], (n,)."""
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    return np.asarray(np.linalg.norm(crosses(triangles), axis=1) / sides.max(axis=1))
 
 
 def meshed_model(scene: Scene, bodies: tuple[Body, ...]) -> mujoco.MjModel:

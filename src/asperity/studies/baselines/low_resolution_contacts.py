@@ -113,7 +113,6 @@ class LowCollider:
             found.append(LowContact(middles[i], along[i], deepest, points[members]))
         return found
 
-
     def _without_virtual(self, rows: list, real: NDArray[np.bool_], pairs: NDArray) -> list:
         """Return the rows that are `real`; of a body that has no such row, all."""
         bodies = self._model.geom_bodyid[pairs]
