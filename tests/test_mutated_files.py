@@ -94,6 +94,12 @@ def sxm() -> bytes:
     return head.encode() + b"\x1a\x04" + np.tile((1e-6 * H).astype(">f4"), (3, 1)).tobytes()
 
 
+def gsf() -> bytes:
+    head = b"Gwyddion Simple Field 1.0\nXRes = 16\nYRes = 12\nXReal = 1.6e-4\nYReal = 1.2e-4\n"
+    head += b"ZUnits = m\n"
+    return head + b"\0" * (4 - len(head) % 4) + (1e-6 * H).astype("<f4").tobytes()
+
+
 def surfer() -> bytes:
     ends = struct.pack("<4shh6d", b"DSBB", 16, 12, 0.0, 1.5e-4, 0.0, 1.1e-4, -2e-5, 2e-5)
     return ends + (1e-5 * H).astype("<f4").tobytes()
@@ -142,6 +148,7 @@ HEIGHTS = {
     "a.x3p": x3p(),
     "a.sdf": sdf(),
     "a.sxm": sxm(),
+    "a.gsf": gsf(),
     "a.grd": surfer(),
     "text.grd": ("DSAA\n16 12\n0 1.5e-4\n0 1.1e-4\n-2 2\n" + text(1e-5 * H, " ")).encode(),
     "zygo.asc": zygo(),
@@ -218,7 +225,7 @@ def tried(read, path: Path, content: bytes, **options: object) -> str:
 def test_mutated_files_of_heights(tmp_path: Path, name: str, capfd: pytest.CaptureFixture) -> None:
     if name in ("a.x3p", "a.sdf"):
         pytest.importorskip("SurfaceTopography", reason="reads files of instruments")
-    scaled = ("gwyddion.txt", "a.x3p", "a.sdf", "a.sxm", "zygo.asc", "wyko.asc")
+    scaled = ("gwyddion.txt", "a.x3p", "a.sdf", "a.sxm", "a.gsf", "zygo.asc", "wyko.asc")
     options = {} if name in scaled else dict(SCALE)
     colour = {"colour": "luminance"} if name in COLOURED else {}
     (tmp_path / name).write_bytes(HEIGHTS[name])

@@ -1,4 +1,4 @@
-"""Files of programs that no library here reads: Surfer, Nanonis, Zygo, Wyko, and packed text."""
+"""Files of programs that no library here reads: Surfer, Nanonis, Gwyddion, Zygo and Wyko."""
 
 from __future__ import annotations
 
@@ -126,6 +126,41 @@ def test_scans_without_heights_or_cut_short_are_refused(tmp_path: Path) -> None:
     for wrong in (scan()[:-3000], scan()[:200], scan().replace(b"SCAN_PIXELS", b"SCAN_PIXELZ")):
         path.write_bytes(wrong)
         with pytest.raises(SurfaceError, match=r"valid: the file as Nanonis wrote it$"):
+            read_heights(path)
+
+
+def field(**changes: str) -> bytes:
+    keys = {"XRes": f"{COLUMNS}", "YRes": f"{ROWS}", "XReal": f"{COLUMNS * STEP:g}",
+            "YReal": f"{ROWS * STEP:g}", "XYUnits": "m", "ZUnits": "m", "Title": "ö"}  # fmt: skip
+    keys |= changes
+    head = "Gwyddion Simple Field 1.0\n"
+    head += "".join(f"{key} = {value}\n" for key, value in keys.items() if value)
+    data = head.encode()
+    return data + b"\0" * (4 - len(data) % 4) + TOP.astype("<f4").tobytes()
+
+
+@pytest.mark.parametrize("title", ["a", "ab", "abc", "abcd"])
+def test_simple_fields_of_gwyddion_are_read_whatever_their_padding(tmp_path, title: str) -> None:
+    path = tmp_path / "a.gsf"
+    path.write_bytes(field(Title=title))
+    same(read_heights(path))
+    assert kind_of(path) == "heights"
+
+
+def test_simple_fields_without_a_size_in_volts_or_cut_short_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.gsf"
+    path.write_bytes(field(XReal="", ZUnits=""))
+    with pytest.raises(SurfaceError, match="choose a value for pixel_size"):
+        read_heights(path)
+    found = read_heights(path, pixel_size=STEP)
+    same(found)
+    assert any("no unit is stated" in note for note in found.notes)
+    path.write_bytes(field(ZUnits="V"))
+    with pytest.raises(SurfaceError, match="its values are in 'V'; valid: a channel of heights"):
+        read_heights(path)
+    for wrong in (field()[:-9], field(YRes=""), field(XRes="a"), b"GSF" + field()):
+        path.write_bytes(wrong)
+        with pytest.raises(SurfaceError, match="damaged"):
             read_heights(path)
 
 

@@ -364,3 +364,25 @@ def test_a_full_blue_beside_slopes_is_normalised(tmp_path: Path) -> None:
     found = read_normal_map(path, pixel_size=PIXEL)
     like(found, relief=tall * RELIEF, off=0.05)
     assert any("normalised to 1" in note for note in found.notes)
+
+
+def test_a_picture_is_read_by_what_it_is_and_not_by_its_name(tmp_path: Path) -> None:
+    levels = (np.arange(48, dtype=np.uint16).reshape(6, 8) ** 2) * 27
+    Image.fromarray(levels).save(tmp_path / "a.png")
+    tifffile.imwrite(tmp_path / "b.tif", levels)
+    (tmp_path / "a.png").rename(tmp_path / "c.tif")
+    (tmp_path / "b.tif").rename(tmp_path / "d.png")
+    found = [
+        read_heights(tmp_path / name, pixel_size=1e-5, height_range=1e-4).samples
+        for name in ("c.tif", "d.png")
+    ]
+    np.testing.assert_array_equal(*found)
+    assert len(np.unique(found[0])) == 48
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.csv", "a.npy", "a.x3p"])
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, name: str) -> None:
+    pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0a\nsize 12345\n"
+    (tmp_path / name).write_text(pointer)
+    with pytest.raises(SurfaceError, match=r"a pointer of Git LFS.*`git lfs pull`"):
+        read_heights(tmp_path / name)

@@ -24,6 +24,8 @@ _INSIDE = (
 
 MOST_UNPACKED = 2**28
 """Bytes that a packed text may have, unpacked."""
+_LFS, _POINTER = b"version https://git-lfs.github.com/spec/", 1024
+"""How a file begins that stands for one that was not fetched, and its largest size [bytes]."""
 _GZIP = b"\x1f\x8b"
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -149,6 +151,8 @@ def reading(
             refuse(f"unknown kind of file {suffix!r}; valid: {valid or ', '.join(suffixes)}")
         if path.stat().st_size == 0:
             refuse("the file is empty")
+        if path.stat().st_size < _POINTER and path.read_bytes().startswith(_LFS):
+            refuse("it is a pointer of Git LFS, not the file; valid: after `git lfs pull`")
         yield suffix
     except AsperityError:
         raise

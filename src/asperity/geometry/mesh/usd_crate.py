@@ -16,7 +16,7 @@ _PACKED = 256
 """Bytes that LZ4 unpacks from one, at most."""
 _INTEGERS = 4 * _PACKED
 """Whole numbers, of 2 bits or more before LZ4, that a byte stands for at most."""
-_COUNTED = (b"FIELDS", b"FIELDSETS", b"PATHS", b"SPECS")
+_COUNTED = (b"FIELDS", b"FIELDSETS", b"SPECS")
 
 
 def is_damaged(path: Path) -> bool:
@@ -66,4 +66,10 @@ def _counts_too_much(data: bytes, name: bytes, start: int, size: int) -> bool:
     if name == b"TOKENS":
         unpacked, packed = struct.unpack_from("<QQ", data, start + 8)
         return bool(packed > size or unpacked > _PACKED * size or count > unpacked)
-    return name in _COUNTED and bool(count > _INTEGERS * size)
+    if name == b"PATHS":
+        again, packed = struct.unpack_from("<QQ", data, start + 8)
+        return bool(max(count, again) > _INTEGERS * size or packed > size)
+    if name in _COUNTED:
+        (packed,) = struct.unpack_from("<Q", data, start + 8)
+        return bool(count > _INTEGERS * size or packed > size)
+    return False

@@ -45,6 +45,7 @@ The pixels are stored otherwise than they are seen; this makes them as they are 
 _NODATA = 42113
 """GDAL's tag for the value of missing pixels."""
 _ORIENTATION = 274
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PARK = 50432
 """Tag by which microscopes of Park Systems mark their files."""
 _AS_STORED = ("L", "LA", "RGB", "RGBA", "I", "F")
@@ -113,10 +114,10 @@ def _read(path: Path) -> _Picture:
     suffix = path.suffix.lower()
     if suffix == ".exr":
         return _read_exr(path)
-    if suffix in (".tif", ".tiff"):
-        return _read_tiff(path)
     with path.open("rb") as file:
         head = file.read(33)
+    if head.startswith(_TIFF):  # whatever its name states
+        return _read_tiff(path)
     if head.startswith(b"\x89PNG") and len(head) == 33:
         columns, rows, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", head[16:29])
         if depth == 16 and colour in _PNG_COLOURS:

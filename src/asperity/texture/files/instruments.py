@@ -20,12 +20,12 @@ from asperity.texture.files.points import profile
 from asperity.texture.files.stored import Stored, check_size, refuse
 
 _INSTRUMENTS = """
-    000 001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx di ezd frt grd gwy h5 hfm hgt ibw
+    000 001 002 003 004 005 al3d apx asc bcr bcrf cur dat datx di ezd frt grd gsf gwy h5 hfm hgt ibw
     jpk lext mat mdt mi mnt nc nid nms oir opd opdx os3d plu plux poir pro qep sdf spm stp sur sxm
     tmd tom top vk3 vk4 vk6 vk7 x3p xlsx xyz zip zmg zon
 """
 INSTRUMENT_SUFFIXES = tuple(f".{name}" for name in _INSTRUMENTS.split())
-"""Extensions of instruments' files; SurfaceTopography reads all but `.grd` and `.sxm`."""
+"""Extensions of instruments' files; SurfaceTopography reads all but `.grd`, `.gsf`, `.sxm`."""
 _UPWARDS = ("x3p", "sdf", "xyz", "nc", "h5", "mat")
 """Formats whose rows go upwards, by their norms or as arrays do; others are as seen, from the top:
 the reader has them such that rows from the top show what the instrument's program does."""

@@ -25,6 +25,7 @@ from asperity.errors import SurfaceError, require_choice
 from asperity.texture.files.arrays import ARRAY_SUFFIXES, load_npy, load_npz
 from asperity.texture.files.colours import COLOURS
 from asperity.texture.files.doubts import doubts, sentinel_note
+from asperity.texture.files.gwyddion_field import load_field
 from asperity.texture.files.images import IMAGE_SUFFIXES, PreviewOnlyError, read_image
 from asperity.texture.files.instruments import INSTRUMENT_SUFFIXES, load_instrument
 from asperity.texture.files.levels import smooth_levels
@@ -277,6 +278,7 @@ _LOADERS: dict[str, Callable[[Path], Stored]] = {
     **dict.fromkeys(TEXT_SUFFIXES, load_text),
     ".grd": load_grid,
     ".sxm": load_scan,
+    ".gsf": load_field,
 }
 
 
